@@ -1,0 +1,3 @@
+"""Model-mediated teleoperation of haptic texture."""
+
+__version__ = "0.1.0"

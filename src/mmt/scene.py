@@ -1,0 +1,337 @@
+"""What one run needs, read from a TOML file.
+
+A table that is absent is a part that does not exist in that run. Both services read the
+same file. Every key is documented in ``docs/reference/scene.md``.
+"""
+
+import os
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from mmt.errors import InputError
+from mmt.frames import Channel, ordered_channels
+
+ENVIRONMENT_PREFIX = "MMT_"
+"""``MMT_LINK__PORT=9000`` overrides ``port`` of ``[link]``."""
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Session(_Table):
+    """``[session]``: what every run has."""
+
+    name: str = Field("session", min_length=1, max_length=64, pattern=r"^[\w.-]+$")
+    duration_s: float = Field(18.0, gt=0, le=86_400)
+    rate_hz: Literal[1000] = 1000
+    seed: int = Field(1, ge=0, lt=2**63)
+
+
+class Link(_Table):
+    """``[link]``: the leader listens, the follower connects."""
+
+    host: str = "127.0.0.1"
+    port: int = Field(8765, ge=0, le=65_535)
+    frames_per_message: int = Field(1, ge=1, le=100)
+
+
+class Simulated(_Table):
+    """``[simulated]``: a robot, a surface of known texture and noisy sensors."""
+
+    surface: str = "plastic"
+    robot_bandwidth_hz: float = Field(15.0, ge=1, le=60)
+    surface_stiffness_n_mm: float = Field(5.0, ge=0.05, le=50)
+    noise: bool = True
+
+
+class Replay(_Table):
+    """``[replay]``: the follower sends a recorded session with its true timing."""
+
+    file: Path | None = None
+    speed: float = Field(1.0, gt=0, le=100)
+    loop: bool = False
+    gaps: Literal["keep", "skip"] = "keep"
+
+
+class Devices(_Table):
+    """``[devices]``: the follower reads real devices, named ``package.module:factory``."""
+
+    robot: str = Field(pattern=r"^[\w.]+:\w+$")
+    force_sensor: str | None = Field(None, pattern=r"^[\w.]+:\w+$")
+    accelerometer: str | None = Field(None, pattern=r"^[\w.]+:\w+$")
+
+
+class Hand(_Table):
+    """``[hand]``: a simulated hand holds the leader's interface and strokes."""
+
+    slowest_mm_s: float = Field(20.0, ge=5, le=300)
+    fastest_mm_s: float = Field(290.0, ge=5, le=500)
+    lightest_n: float = Field(0.2, ge=0.05, le=3)
+    strongest_n: float = Field(2.9, ge=0.05, le=5)
+    rest_share: float = Field(0.04, ge=0, le=0.9)
+
+    @model_validator(mode="after")
+    def _ranges(self) -> Self:
+        if self.fastest_mm_s <= self.slowest_mm_s:
+            raise ValueError("fastest_mm_s must exceed slowest_mm_s")
+        if self.strongest_n <= self.lightest_n:
+            raise ValueError("strongest_n must exceed lightest_n")
+        return self
+
+
+class Texture(_Table):
+    """``[texture]``: segment the stream, fit, and build the model."""
+
+    axis: Literal["x", "y", "z", "dft321"] = "z"
+    normal: Literal["x", "y", "z"] = "z"
+    order: int | Literal["auto"] = "auto"
+    update_period_s: float = Field(1.0, ge=0.1, le=10)
+    overlap_samples: int = Field(200, ge=0, le=2000)
+    straightness_mm: float = Field(1.0, gt=0, le=50)
+    stationarity: float = Field(0.12, gt=0, le=1)
+    shortest_samples: int = Field(120, ge=30, le=2000)
+    longest_samples: int = Field(1000, ge=100, le=5000)
+    least_speed_mm_s: float = Field(10.0, gt=0, le=300)
+    least_force_n: float = Field(0.1, gt=0, le=3)
+    start_distance: float = Field(7.5, gt=0)
+    stop_distance: float = Field(4.243, gt=0)
+    interpolate: Literal["variance", "power", "amplitude"] = "power"
+
+    @model_validator(mode="after")
+    def _order(self) -> Self:
+        if self.order != "auto" and not 1 <= self.order <= 64:
+            raise ValueError(f"order is {self.order}, allowed are 'auto' and 1 to 64")
+        if self.stop_distance > self.start_distance:
+            raise ValueError("stop_distance must not exceed start_distance")
+        if self.longest_samples < 2 * self.shortest_samples:
+            raise ValueError("longest_samples must be at least twice shortest_samples")
+        return self
+
+
+class Rendering(_Table):
+    """``[rendering]``: synthesize vibration from the model."""
+
+    model: Path | None = None
+    renewal_samples: int = Field(1, ge=1, le=1000)
+    crossfade_ms: float = Field(50.0, ge=0, le=1000)
+
+
+class Playout(_Table):
+    """``[playout]``: streamed vibration through a buffer that bridges jitter."""
+
+    delay_ms: float | Literal["auto"] = "auto"
+    longest_delay_ms: float = Field(100.0, gt=0, le=1000)
+
+
+class Actuator(_Table):
+    """``[actuator]``: what the vibration is written to."""
+
+    driver: str = "simulated"
+    limit_m_s2: float = Field(60.0, gt=0, le=1000)
+
+
+class ForceFeedback(_Table):
+    """``[force_feedback]``: the streamed force goes to the leader's interface."""
+
+    mode: Literal["streamed"] = "streamed"
+    limit_n: float = Field(3.3, gt=0, le=40)
+
+
+class Recording(_Table):
+    """``[recording]``: every frame received goes into an MCAP file."""
+
+    file: Path = Path("mmt-demo/session.mcap")
+
+
+class Scene(_Table):
+    """One run; a table that is absent (None) is a part that is left out."""
+
+    session: Session = Session()
+    link: Link | None = None
+    simulated: Simulated | None = None
+    replay: Replay | None = None
+    devices: Devices | None = None
+    hand: Hand | None = None
+    texture: Texture | None = None
+    rendering: Rendering | None = None
+    playout: Playout | None = None
+    actuator: Actuator | None = None
+    force_feedback: ForceFeedback | None = None
+    recording: Recording | None = None
+
+    @model_validator(mode="after")
+    def _combinations(self) -> Self:
+        for problem in _impossible(self):
+            raise ValueError(problem)
+        return self
+
+    @property
+    def source(self) -> Literal["simulated", "replay", "devices"] | None:
+        """The follower's source, None where the scene has no follower."""
+        for name in ("simulated", "replay", "devices"):
+            if getattr(self, name) is not None:
+                return name
+        return None
+
+    def channels(self) -> tuple[Channel, ...]:
+        """Return the channels that this scene needs on the wire, in the frame's order."""
+        wanted: set[Channel] = set()
+        if self.texture is not None or self.recording is not None:
+            wanted |= {"position", "force", "acceleration"}
+        if self.rendering is not None and self.hand is None:
+            wanted |= {"position", "force"}
+        if self.playout is not None:
+            wanted.add("acceleration")
+        if self.force_feedback is not None:
+            wanted.add("force")
+        return ordered_channels(wanted) if wanted else ()
+
+    def parts(self) -> dict[str, bool]:
+        """Return every part by its table's name and whether it runs."""
+        return {
+            name: getattr(self, name) is not None
+            for name in type(self).model_fields
+            if name != "session"
+        }
+
+    def dump(self) -> dict[str, Any]:
+        """Return the resolved scene as JSON-ready tables, absent ones left out."""
+        return self.model_dump(mode="json", exclude_none=True)
+
+
+def _impossible(scene: Scene) -> list[str]:
+    sources = [n for n in ("simulated", "replay", "devices") if getattr(scene, n) is not None]
+    needs_link = [
+        n
+        for n in ("texture", "playout", "force_feedback", "recording", *sources)
+        if getattr(scene, n) is not None
+    ]
+    rules = [
+        (
+            len(sources) > 1,
+            f"[{'] and ['.join(sources)}] are both given: a follower has one source, keep one",
+        ),
+        (
+            scene.link is None and bool(needs_link),
+            f"[{needs_link[0] if needs_link else ''}] needs a follower: add [link]",
+        ),
+        (
+            scene.link is not None and not sources,
+            "[link] needs a follower's source: add one of [simulated], [replay], [devices]",
+        ),
+        (
+            scene.simulated is not None and scene.hand is None,
+            "[simulated] follows motion commands: add [hand]",
+        ),
+        (
+            scene.replay is not None and scene.hand is not None,
+            "[replay] follows no commands: remove [hand] or take [simulated]",
+        ),
+        (
+            scene.actuator is None and (scene.rendering is not None or scene.playout is not None),
+            "[rendering] and [playout] drive an actuator: add [actuator]",
+        ),
+        (
+            scene.rendering is not None and scene.rendering.model is None and scene.texture is None,
+            "[rendering] needs a model: add [texture], or name a saved one with its key 'model'",
+        ),
+        (
+            scene.rendering is not None and scene.link is None and scene.hand is None,
+            "[rendering] needs a hand's speed and force: add [hand] or [link]",
+        ),
+        (
+            scene.link is not None and not scene.channels(),
+            "[link] would carry nothing: add [texture], [playout], [force_feedback] or [recording]",
+        ),
+    ]
+    return [problem for holds, problem in rules if holds]
+
+
+def load_scene(path: Path, overrides: Mapping[str, Any] | None = None) -> Scene:
+    """Read and validate a scene; the environment, then `overrides`, take precedence.
+
+    Parameters
+    ----------
+    path
+        A TOML file. Paths inside it are relative to the current directory.
+    overrides
+        Values by ``"table.key"``; a value of None changes nothing.
+
+    Raises
+    ------
+    InputError
+        The file is missing or no TOML, or a key, a value or a combination is not allowed;
+        the message names the key, the value and what is allowed.
+    """
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"scene {path}: {error.strerror or error}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"scene {path}: not valid TOML: {error}") from error
+    merged = {**environment_overrides(os.environ), **(overrides or {})}
+    return scene_from_tables(tables, merged, origin=str(path))
+
+
+def scene_from_tables(
+    tables: Mapping[str, Any], overrides: Mapping[str, Any] | None = None, *, origin: str = "scene"
+) -> Scene:
+    """Validate tables that are already parsed; see `load_scene`.
+
+    Raises
+    ------
+    InputError
+        A key, a value or a combination is not allowed.
+    """
+    resolved: dict[str, Any] = {
+        name: dict(table) if isinstance(table, Mapping) else table for name, table in tables.items()
+    }
+    for key, value in (overrides or {}).items():
+        if value is None:
+            continue
+        table_name, _, field = key.partition(".")
+        table = resolved.setdefault(table_name, {})
+        if isinstance(table, dict):
+            table[field] = value
+    try:
+        return Scene.model_validate(resolved)
+    except ValidationError as error:
+        raise InputError(f"{origin}: {_explain(error)}") from error
+
+
+def environment_overrides(environment: Mapping[str, str]) -> dict[str, str]:
+    """Return the overrides that ``MMT_TABLE__KEY`` variables ask for."""
+    overrides = {}
+    for name, value in environment.items():
+        if name.startswith(ENVIRONMENT_PREFIX) and "__" in name:
+            table, _, key = name.removeprefix(ENVIRONMENT_PREFIX).lower().partition("__")
+            overrides[f"{table}.{key}"] = value
+    return overrides
+
+
+def _explain(error: ValidationError) -> str:
+    sentences = []
+    for problem in error.errors(include_url=False):
+        place = ".".join(str(part) for part in problem["loc"] if part not in {"int", "float"})
+        if problem["type"] == "extra_forbidden":
+            sentences.append(f"{place} is not a key; allowed are {_allowed(problem['loc'])}")
+        elif problem["type"] == "value_error":
+            where = f"{place}: " if place else ""
+            sentences.append(where + problem["msg"].removeprefix("Value error, "))
+        else:
+            sentences.append(f"{place} is {problem['input']!r}: {problem['msg']}")
+    return "; ".join(sentences)
+
+
+def _allowed(location: tuple[int | str, ...]) -> str:
+    model: type[BaseModel] = Scene
+    for part in location[:-1]:
+        annotation = model.model_fields[str(part)].annotation
+        candidates = [annotation, *getattr(annotation, "__args__", ())]
+        model = next(c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel))
+    return ", ".join(model.model_fields)
