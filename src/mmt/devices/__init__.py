@@ -1,0 +1,1 @@
+"""Robots, sensors, interfaces and actuators, each behind one small protocol."""

@@ -1,0 +1,150 @@
+"""What a device must offer; a driver implements one of these and nothing else is asked.
+
+Every device shares one life cycle: ``connect``, ``calibrate``, then its own calls, then
+``close``. Axis z is the surface's normal: position z below zero presses into the surface,
+and the force of the surface on the tool has z above zero under contact. All calls come
+from one thread, and none may block for longer than a small part of a 1 ms tick.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+from mmt.arrays import FloatArray, RecordArray
+
+Vector = tuple[float, float, float]
+"""x, y, z as plain floats; per-tick code is several times slower on NumPy scalars."""
+
+
+class Device(Protocol):
+    """The life cycle that every device has."""
+
+    def connect(self) -> None:
+        """Open the device.
+
+        Raises
+        ------
+        MmtError
+            The device does not answer; the message says what to check.
+        """
+
+    def calibrate(self) -> None:
+        """Take biases and zero positions; the tool is free and at rest."""
+
+    def close(self) -> None:
+        """Release the device; calling it twice is harmless."""
+
+
+class Robot(Device, Protocol):
+    """The follower's arm, controlled in position."""
+
+    def read(self) -> Vector:
+        """Return the tip's measured position (mm)."""
+
+    def write(self, position_mm: Vector) -> None:
+        """Command the tip's position (mm); the last command holds until the next one."""
+
+
+class ForceSensor(Device, Protocol):
+    """A force sensor at the follower's tip."""
+
+    def read(self) -> Vector:
+        """Return the force of the surface on the tool (N), the bias removed."""
+
+
+class Accelerometer(Device, Protocol):
+    """An accelerometer at the follower's tip."""
+
+    def read(self) -> Vector:
+        """Return the proper acceleration (m/s2), gravity included as the sensor feels it."""
+
+
+class InterfaceState(NamedTuple):
+    """The leader's handle at one tick, known locally and therefore without delay."""
+
+    position_mm: Vector
+    """The handle's position, which is the follower's motion command."""
+    velocity_mm_s: Vector
+    """The handle's velocity."""
+    force_n: float
+    """The hand's own normal force on the surface, never negative."""
+    contact: bool
+    """Whether the hand presses on the surface."""
+
+
+class LeaderInterface(Device, Protocol):
+    """The handle that the operator holds."""
+
+    def read(self, elapsed_ticks: int) -> InterfaceState:
+        """Return the state now, `elapsed_ticks` (at least 1) ticks after the last call."""
+
+    def write(self, force_n: Vector) -> None:
+        """Display a force (N) to the hand: the kinesthetic feedback."""
+
+
+@dataclass(frozen=True, slots=True)
+class ActuatorStatistics:
+    """What an actuator was asked for since it was connected."""
+
+    samples: int
+    clipped: int
+    """Samples beyond the actuator's limit, written at the limit."""
+    rms_m_s2: float
+    """Root mean square of what was written."""
+    peak_m_s2: float
+    """Largest magnitude asked for, before the limit."""
+
+
+class VibrationActuator(Device, Protocol):
+    """A vibrotactile actuator on the leader's handle."""
+
+    def write(self, samples_m_s2: Sequence[float] | FloatArray) -> None:
+        """Play samples (n,), m/s2, at the session's rate, after those written before."""
+
+    @property
+    def statistics(self) -> ActuatorStatistics:
+        """Counts and levels so far."""
+
+
+class FollowerSource(Protocol):
+    """What a follower streams: real devices, a simulation or a recorded session."""
+
+    def start(self, start_time_ns: int) -> None:
+        """Begin at the follower's monotonic time of the first tick.
+
+        A source without a clock of its own stamps frame k with ``start_time_ns`` plus k
+        periods; one that reads devices stamps the time of the reading.
+        """
+
+    def step(self, elapsed: int, now_ns: int, command_position_mm: Vector | None) -> RecordArray:
+        """Return the frames of the ticks that passed since the last call.
+
+        Parameters
+        ----------
+        elapsed
+            Ticks since the last call, at least 1; more than 1 after missed ticks.
+        now_ns
+            The follower's monotonic time.
+        command_position_mm
+            The newest motion command, None before the first; a stale one is repeated.
+
+        Returns
+        -------
+        frames
+            Shape (n,), the scene's frame dtype; n equals `elapsed` unless the source
+            ends or lacks frames.
+        """
+
+    @property
+    def finished(self) -> bool:
+        """Whether no further frame will come."""
+
+    @property
+    def annotations(self) -> bytes:
+        """Opaque bytes that the leader stores in the recording; the simulated truth."""
+
+    def describe(self) -> str:
+        """Return one line for the person who starts the follower."""
+
+    def close(self) -> None:
+        """Release what the source holds; calling it twice is harmless."""
