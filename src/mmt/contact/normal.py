@@ -1,0 +1,160 @@
+"""Contact along the surface's normal: a law that never pulls, and a step that never heats.
+
+The law is linear-elastic with Kelvin-Voigt and Hunt-Crossley damping (Hunt and Crossley,
+"Coefficient of restitution interpreted as damping in vibroimpact", J. Appl. Mech. 42,
+1975). The step is the implicit midpoint rule with the discrete gradient of the elastic
+energy (Gonzalez, "Time integration and discrete Hamiltonian systems", J. Nonlinear Sci. 6,
+1996). In one dimension it needs no iteration: the equation is linear inside and outside
+the contact and quadratic where the surface is crossed.
+
+Stability: unconditional. Without damping the total energy is kept to rounding, also
+through impacts; with damping it never rises while the command stands still. The step
+sets the accuracy alone, see `substeps`. Cost: about 1 us a step in plain Python.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from mmt.errors import InputError
+
+STEP_ANGLE: Final = 0.3
+"""Largest phase (rad) of the fastest vibration within one sub-step; the midpoint rule is
+then slow by less than 1 % of a period."""
+
+
+@dataclass(frozen=True, slots=True)
+class ContactLaw:
+    """Unilateral contact of a tip with a flat surface at height zero.
+
+    Parameters
+    ----------
+    stiffness_n_m
+        Elastic stiffness k, above 0.
+    damping_n_s_m
+        Kelvin-Voigt damping c, at least 0.
+    dissipation_s_m
+        Hunt-Crossley dissipation a, at least 0: damping ``a k d`` at depth d, which
+        starts from zero at touch and leaves no jump in the force.
+
+    Raises
+    ------
+    InputError
+        A value is out of range or not finite.
+    """
+
+    stiffness_n_m: float
+    damping_n_s_m: float = 0.0
+    dissipation_s_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.stiffness_n_m) and self.stiffness_n_m > 0.0):
+            raise InputError(f"stiffness_n_m is {self.stiffness_n_m}, it must be above 0")
+        for name in ("damping_n_s_m", "dissipation_s_m"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise InputError(f"{name} is {value}, it must be 0 or above")
+
+    def force_n(self, depth_m: float, depth_rate_m_s: float) -> float:
+        """Return ``max(0, k d + (c + a k d) d')`` under contact and 0 above the surface."""
+        if depth_m <= 0.0:
+            return 0.0
+        damping = self.damping_n_s_m + self.dissipation_s_m * self.stiffness_n_m * depth_m
+        return max(0.0, self.stiffness_n_m * depth_m + damping * depth_rate_m_s)
+
+    def energy_j(self, height_m: float) -> float:
+        """Return the elastic energy stored with the tip at this height."""
+        return 0.5 * self.stiffness_n_m * min(height_m, 0.0) ** 2
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """A mass held by a spring and a damper: a tip under impedance control.
+
+    The spring pulls towards the commanded position; the damper acts against the ground,
+    so that the drive stays passive while the command stands still.
+    """
+
+    mass_kg: float
+    stiffness_n_m: float
+    damping_n_s_m: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.mass_kg) and self.mass_kg > 0.0):
+            raise InputError(f"mass_kg is {self.mass_kg}, it must be above 0")
+        for name in ("stiffness_n_m", "damping_n_s_m"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise InputError(f"{name} is {value}, it must be 0 or above")
+
+
+def substeps(drive: Drive, law: ContactLaw, tick_s: float) -> int:
+    """Return how many sub-steps of a tick keep the phase within `STEP_ANGLE` each."""
+    fastest = math.sqrt((drive.stiffness_n_m + law.stiffness_n_m) / drive.mass_kg)
+    return max(1, math.ceil(fastest * tick_s / STEP_ANGLE))
+
+
+def step_normal(
+    drive: Drive,
+    law: ContactLaw,
+    state: tuple[float, float],
+    command_m: float,
+    step_s: float,
+) -> tuple[float, float, float]:
+    """Advance the tip along the normal by one step.
+
+    Parameters
+    ----------
+    drive, law
+        What moves the tip and what it touches.
+    state
+        Height (m) and velocity (m/s) at the start; negative heights press into the
+        surface.
+    command_m
+        Commanded height, constant within the step.
+    step_s
+        Length of the step.
+
+    Returns
+    -------
+    height_m, velocity_m_s
+        State at the end.
+    force_n
+        Mean contact force over the step, never negative.
+    """
+    height_m, velocity_m_s = state
+    # With s = the step's travel, momentum reads: inertia * s - push = contact force(s).
+    inertia = 2.0 * drive.mass_kg / (step_s * step_s) + 0.5 * drive.stiffness_n_m
+    inertia += drive.damping_n_s_m / step_s
+    push = 2.0 * drive.mass_kg * velocity_m_s / step_s
+    push += drive.stiffness_n_m * (command_m - height_m)
+    travel, force = _travel(law, height_m, inertia, push, step_s)
+    return height_m + travel, 2.0 * travel / step_s - velocity_m_s, force
+
+
+def _travel(
+    law: ContactLaw, height: float, inertia: float, push: float, step_s: float
+) -> tuple[float, float]:
+    free = push / inertia
+    if height >= 0.0 and height + free >= 0.0:
+        return free, 0.0
+    stiffness = law.stiffness_n_m
+    depth = max(-height, -0.5 * (height + free), 0.0)
+    damping = (law.damping_n_s_m + law.dissipation_s_m * stiffness * depth) / step_s
+    total = inertia + damping
+    if height >= 0.0:
+        # Entering: the root that ends below the surface; the other is the way back.
+        half = push - stiffness * height
+        curve = total + 0.5 * stiffness
+        root = math.sqrt(max(half * half - 2.0 * curve * stiffness * height * height, 0.0))
+        travel = 0.5 * (half - root) / curve
+    else:
+        travel = (push - stiffness * height) / (total + 0.5 * stiffness)
+        if height + travel > 0.0:
+            # Leaving: the spring gives back no more than it holds.
+            root = math.sqrt(push * push + 2.0 * total * stiffness * height * height)
+            travel = 0.5 * (push + root) / total
+    force = inertia * travel - push
+    if force < 0.0:
+        return free, 0.0
+    return travel, force
