@@ -1,0 +1,346 @@
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.integrate
+import scipy.signal
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mmt.arrays import RecordArray
+from mmt.errors import InputError
+from mmt.frames import empty_frames
+from mmt.texture.biquad import BiquadFilter, butterworth_high_pass
+from mmt.texture.filtering import LARGEST_MEASUREMENT, AlignedBlock, StreamFilter
+
+RATE_HZ = 1000.0
+GRAVITY_M_S2 = 9.81
+
+
+def make_frames(count: int, first: int = 0) -> RecordArray:
+    frames = empty_frames(count)
+    frames["sequence"] = np.arange(first, first + count)
+    frames["time_ns"] = 5_000 + frames["sequence"].astype(np.int64) * 1_000_000
+    return frames
+
+
+def random_frames(count: int, seed: int = 1) -> RecordArray:
+    generator = np.random.default_rng(seed)
+    frames = make_frames(count)
+    frames["position_mm"] = np.cumsum(generator.normal(size=(count, 3)), axis=0)
+    frames["force_n"] = 1.0 + generator.normal(size=(count, 3))
+    frames["acceleration_m_s2"] = GRAVITY_M_S2 + generator.normal(size=(count, 3))
+    return frames
+
+
+def in_blocks(stream: StreamFilter, frames: RecordArray, lengths: list[int]) -> AlignedBlock:
+    blocks, at = [], 0
+    for length in lengths:
+        blocks.append(stream.process(frames[at : at + length]))
+        at += length
+    blocks.append(stream.process(frames[at:]))
+    return AlignedBlock.concatenate(blocks)
+
+
+def assert_identical(one: AlignedBlock, other: AlignedBlock) -> None:
+    for field in fields(AlignedBlock):
+        left, right = getattr(one, field.name), getattr(other, field.name)
+        assert left.dtype == right.dtype
+        np.testing.assert_array_equal(left, right, err_msg=field.name)
+
+
+@st.composite
+def damaged_streams(draw: st.DrawFn) -> tuple[RecordArray, list[int]]:
+    """Frames with gaps, repeats, late ones and broken numbers, and a cut into blocks."""
+    count = draw(st.integers(0, 260))
+    frames = random_frames(count, seed=draw(st.integers(0, 50)))
+    positions = st.integers(0, max(count - 1, 0))
+    if count:
+        for _ in range(draw(st.integers(0, 3))):
+            frames["sequence"][draw(positions) :] += np.uint32(draw(st.integers(1, 5000)))
+        for _ in range(draw(st.integers(0, 2))):
+            frames[draw(positions)] = frames[draw(positions)]
+        for _ in range(draw(st.integers(0, 2))):
+            broken = draw(st.sampled_from([np.nan, np.inf, -np.inf, 3e38]))
+            frames[draw(st.sampled_from(["position_mm", "force_n", "acceleration_m_s2"]))][
+                draw(positions)
+            ] = broken
+    return frames, draw(st.lists(st.integers(0, 60), max_size=12))
+
+
+@given(damaged=damaged_streams(), axis=st.sampled_from(["x", "z", "dft321"]))
+@settings(max_examples=120, deadline=None)
+def test_partition_into_blocks_does_not_matter(
+    damaged: tuple[RecordArray, list[int]], axis: Any
+) -> None:
+    frames, lengths = damaged
+    whole = StreamFilter(axis=axis).process(frames)
+    assert_identical(in_blocks(StreamFilter(axis=axis), frames, lengths), whole)
+    assert_identical(in_blocks(StreamFilter(axis=axis), frames, [1] * len(frames)), whole)
+
+
+@given(damaged=damaged_streams())
+@settings(max_examples=100, deadline=None)
+def test_gives_out_received_frames_only_and_finite_numbers(
+    damaged: tuple[RecordArray, list[int]],
+) -> None:
+    frames, _ = damaged
+    stream = StreamFilter()
+    aligned = stream.process(frames)
+    received = dict(zip(frames["sequence"].tolist(), frames["time_ns"].tolist(), strict=True))
+    assert np.all(np.diff(aligned.index) > 0)
+    assert set(aligned.index.tolist()) <= set(received)
+    for field in fields(AlignedBlock):
+        assert np.isfinite(getattr(aligned, field.name)).all()
+    assert (aligned.normal_force_n >= 0.0).all()
+
+
+def test_each_run_of_frames_loses_its_newest_ones_and_its_warm_up() -> None:
+    stream = StreamFilter()
+    first, second = make_frames(300, first=7), make_frames(200, first=400)
+    aligned = stream.process(np.concatenate([first, second]))
+    delay, warm_up = stream.delay_samples, stream.warm_up_samples
+    expected = np.r_[7 : 307 - delay, 400 : 600 - delay]
+    np.testing.assert_array_equal(aligned.index, expected)
+    np.testing.assert_array_equal(aligned.time_ns, 5_000 + expected * 1_000_000)
+    age = np.where(expected < 400, expected - 7, expected - 400)
+    np.testing.assert_array_equal(aligned.valid, age >= warm_up)
+
+
+def test_channels_equal_scipys_filters() -> None:
+    frames = random_frames(500)
+    stream = StreamFilter(normal="y", axis="x")
+    aligned = stream.process(frames)
+    low = scipy.signal.bessel(2, 20.0, fs=RATE_HZ, norm="mag")
+    high = scipy.signal.butter(2, 10.0, "highpass", fs=RATE_HZ)
+
+    def settled(taps: tuple[np.ndarray, np.ndarray], x: np.ndarray) -> np.ndarray:
+        state = scipy.signal.lfilter_zi(*taps)[:, None] * x[:1]
+        return scipy.signal.lfilter(*taps, x, axis=0, zi=state)[0]
+
+    delay = stream.delay_samples
+    position_mm = settled(low, frames["position_mm"].astype(float))
+    velocity_mm_s = np.diff(position_mm, axis=0, prepend=position_mm[:1]) * RATE_HZ
+    np.testing.assert_allclose(aligned.position_mm, position_mm[delay:], atol=1e-10)
+    np.testing.assert_allclose(
+        aligned.speed_mm_s, np.linalg.norm(velocity_mm_s[delay:, [0, 2]], axis=1), atol=1e-7
+    )
+    force_n = settled(low, frames["force_n"][:, 1:2].astype(float))[delay:, 0]
+    np.testing.assert_allclose(aligned.normal_force_n, np.maximum(force_n, 0.0), atol=1e-10)
+    vibration = settled(high, frames["acceleration_m_s2"][:, :1].astype(float))
+    np.testing.assert_allclose(aligned.vibration_m_s2, vibration[:-delay], atol=1e-10)
+
+
+def test_equals_the_filter_of_the_streamed_vibration() -> None:
+    frames = random_frames(300)
+    aligned = StreamFilter(axis="z").process(frames)
+    stepped = BiquadFilter(butterworth_high_pass(10.0, RATE_HZ))
+    streamed = [stepped.step(value) for value in frames["acceleration_m_s2"][:, 2].tolist()]
+    np.testing.assert_allclose(
+        aligned.vibration_m_s2[:, 0], streamed[: len(aligned)], rtol=0.0, atol=1e-12
+    )
+
+
+def lag_samples(channel: np.ndarray, truth: np.ndarray, index: np.ndarray) -> float:
+    """By how many samples a channel lags behind the truth: the correlation's vertex.
+
+    The truth is known around the channel too, so that no shift loses samples at the ends.
+    """
+    shifts = np.arange(-30, 31)
+    match = [np.corrcoef(channel, truth[index - shift])[0, 1] for shift in shifts]
+    peak = int(np.argmax(match))
+    below, top, above = match[peak - 1 : peak + 2]
+    return float(shifts[peak] + 0.5 * (below - above) / (below - 2.0 * top + above))
+
+
+def modulation(kind: str, time_s: np.ndarray) -> np.ndarray:
+    if kind == "chirp":
+        return scipy.signal.chirp(time_s, 0.3, time_s[-1], 5.0, phi=-90.0)
+    phases = np.random.default_rng(2).uniform(0.0, 2.0 * np.pi, 12)
+    tones = [
+        np.sin(2.0 * np.pi * at_hz * time_s + phase)
+        for at_hz, phase in zip(np.linspace(0.4, 4.0, 12), phases, strict=True)
+    ]
+    return np.sum(tones, axis=0) / 6.0
+
+
+@pytest.mark.parametrize("kind", ["chirp", "tones"])
+@pytest.mark.parametrize("carrier_hz", [90.0, 240.0])
+@pytest.mark.parametrize("cutoff_hz", [12.0, 20.0, 40.0])
+def test_channels_belong_to_the_same_instant(
+    kind: str, carrier_hz: float, cutoff_hz: float
+) -> None:
+    frames = make_frames(8000)
+    time_s = np.arange(8000) / RATE_HZ
+    truth = 1.0 + 0.4 * modulation(kind, time_s)
+    travel_mm = scipy.integrate.cumulative_trapezoid(50.0 * truth, time_s, initial=0.0)
+    frames["position_mm"][:, 0] = 0.6 * travel_mm
+    frames["position_mm"][:, 1] = 0.8 * travel_mm
+    frames["force_n"][:, 2] = truth
+    carrier = np.sin(2.0 * np.pi * carrier_hz * time_s)
+    frames["acceleration_m_s2"][:, 2] = GRAVITY_M_S2 + 10.0 * truth * carrier
+    stream = StreamFilter(motion_cutoff_hz=cutoff_hz)
+    aligned = stream.process(frames)
+    kept = aligned[600:-600]
+    envelope = np.abs(scipy.signal.hilbert(aligned.vibration_m_s2[:, 0]))[600:-600]
+    speed = lag_samples(kept.speed_mm_s, truth, kept.index)
+    force = lag_samples(kept.normal_force_n, truth, kept.index)
+    vibration = lag_samples(envelope, truth, kept.index)
+    assert max(abs(speed - vibration), abs(force - vibration)) < 1.0
+    assert abs(vibration) < 0.5
+    # The low-pass delays as reported; a channel's lag is against its frame's own instant.
+    assert speed == pytest.approx(stream.delays.speed - stream.delay_samples, abs=0.05)
+    assert force == pytest.approx(stream.delays.force - stream.delay_samples, abs=0.05)
+
+
+def test_reported_delays() -> None:
+    delays = StreamFilter().delays
+    assert delays.position == delays.force == pytest.approx(10.82, abs=0.01)
+    assert delays.speed == pytest.approx(11.32, abs=0.01)
+    assert delays.vibration == pytest.approx(0.23, abs=0.01)
+    assert delays.alignment == 11
+    for motion_cutoff_hz in (5.0, 20.0, 60.0, 400.0):
+        residual = StreamFilter(motion_cutoff_hz=motion_cutoff_hz).delays.residual()
+        assert max(abs(lag) for lag in residual.values()) <= 1.0
+
+
+def test_position_ramp_lies_at_its_place() -> None:
+    frames = make_frames(600)
+    frames["position_mm"][:, 1] = 0.1 * np.arange(600)
+    aligned = StreamFilter().process(frames)
+    kept = aligned[200:]
+    # 100 mm/s: the residual delay of 0.18 samples is 0.018 mm.
+    assert np.abs(kept.position_mm[:, 1] - 0.1 * kept.index).max() < 0.02
+    np.testing.assert_allclose(kept.speed_mm_s, 100.0, rtol=1e-4)
+
+
+def test_gravity_and_slow_tilt_do_not_pass() -> None:
+    frames = make_frames(3000)
+    tilt = np.sin(2.0 * np.pi * 0.3 * np.arange(3000) / RATE_HZ)
+    frames["acceleration_m_s2"][:, 2] = GRAVITY_M_S2 * (1.0 - 0.1 * tilt)
+    aligned = StreamFilter().process(frames)
+    assert np.abs(aligned[300:].vibration_m_s2).max() < 0.001
+
+
+def test_speed_lies_in_the_tangential_plane_and_force_on_the_normal() -> None:
+    frames = make_frames(400)
+    frames["position_mm"] = np.arange(400)[:, None] * np.array([0.03, 0.04, 0.12])
+    frames["force_n"] = [1.0, 2.0, -3.0]
+    expected = {"x": (np.hypot(40, 120), 1.0), "y": (np.hypot(30, 120), 2.0), "z": (50.0, 0.0)}
+    for normal, (speed_mm_s, force_n) in expected.items():
+        aligned = StreamFilter(normal=normal).process(frames)  # type: ignore[arg-type]
+        np.testing.assert_allclose(aligned.speed_mm_s[-100:], speed_mm_s, rtol=1e-4)
+        np.testing.assert_allclose(aligned.normal_force_n, force_n, rtol=1e-6)
+
+
+def test_restarts_behind_a_gap_as_if_new() -> None:
+    before, after = random_frames(300, seed=1), random_frames(300, seed=2)
+    after["sequence"] += 301  # one frame is missing
+    after["position_mm"] += 500.0
+    stream = StreamFilter(axis="dft321")
+    joined = stream.process(np.concatenate([before, after]))
+    fresh = StreamFilter(axis="dft321").process(after)
+    assert_identical(joined[-len(fresh) :], fresh)
+    assert joined[: len(joined) - len(fresh)].speed_mm_s.max() < 1e4
+
+
+def test_reset_forgets_the_session() -> None:
+    frames = random_frames(200)
+    stream = StreamFilter()
+    first = stream.process(frames)
+    stream.reset()
+    assert_identical(stream.process(frames), first)
+
+
+def test_what_a_restart_leaves_is_small_when_samples_become_valid() -> None:
+    frames = random_frames(1500)
+    frames["position_mm"][:, 0] = 0.1 * np.arange(1500)
+    frames["position_mm"][:, 1:] = 0.0
+    long_running = StreamFilter().process(frames)
+    restarted = StreamFilter().process(frames[700:])
+    same = long_running[700:]
+    start = int(np.argmax(restarted.valid))
+    speed_error = np.abs(restarted.speed_mm_s - same.speed_mm_s)[start:]
+    assert speed_error.max() < 0.05 * 100.0
+    vibration_error = np.abs(restarted.vibration_m_s2 - same.vibration_m_s2)[start:]
+    assert vibration_error.max() < 0.15  # of 1 m/s2 rms
+
+
+def test_a_late_or_repeated_frame_is_ignored() -> None:
+    frames = random_frames(200)
+    tangled = np.insert(frames, [50, 120, 120], frames[[49, 3, 119]])
+    assert_identical(StreamFilter().process(tangled), StreamFilter().process(frames))
+
+
+@pytest.mark.parametrize("broken", [np.nan, np.inf, -np.inf, 2.0 * LARGEST_MEASUREMENT])
+def test_a_broken_number_counts_as_a_missing_frame(broken: float) -> None:
+    frames = random_frames(400)
+    missing = np.delete(frames, 200)
+    frames["acceleration_m_s2"][200, 2] = broken
+    assert_identical(StreamFilter().process(frames), StreamFilter().process(missing))
+
+
+def test_a_broken_number_in_an_unused_channel_does_no_harm() -> None:
+    frames = random_frames(400)
+    expected = StreamFilter(axis="z").process(frames)
+    frames["acceleration_m_s2"][200, 0] = np.nan
+    frames["force_n"][201, 1] = np.nan
+    assert_identical(StreamFilter(axis="z").process(frames), expected)
+
+
+@pytest.mark.parametrize("count", [0, 1, 11, 12])
+def test_few_frames(count: int) -> None:
+    aligned = StreamFilter(axis="dft321").process(random_frames(count))
+    assert len(aligned) == max(0, count - 11)
+    assert aligned.position_mm.shape == (len(aligned), 3)
+    assert aligned.vibration_m_s2.shape == (len(aligned), 3)
+
+
+def test_all_broken_gives_nothing() -> None:
+    frames = random_frames(300)
+    frames["position_mm"] = np.nan
+    assert len(StreamFilter().process(frames)) == 0
+
+
+def test_standing_still_has_no_speed() -> None:
+    frames = make_frames(400)
+    frames["position_mm"] = [123.0, -45.0, 6.0]
+    aligned = StreamFilter().process(frames)
+    assert aligned.speed_mm_s.max() < 1e-8
+    np.testing.assert_allclose(aligned.position_mm, [[123.0, -45.0, 6.0]] * len(aligned))
+
+
+def test_a_teleporting_position_is_bounded_and_passes() -> None:
+    frames = make_frames(1000)
+    frames["position_mm"][500:, 0] = LARGEST_MEASUREMENT
+    aligned = StreamFilter().process(frames)
+    assert aligned.speed_mm_s.max() < LARGEST_MEASUREMENT * RATE_HZ
+    assert aligned.speed_mm_s[800:].max() < 1.0
+
+
+def test_slow_strokes_stay_steady_with_quantised_position_and_noisy_force() -> None:
+    generator = np.random.default_rng(4)
+    for direction in np.radians([0.0, 3.0, 45.0]):
+        frames = make_frames(3000)
+        travel_mm = 20.0 * np.arange(3000) / RATE_HZ
+        path_mm = np.outer(travel_mm, [np.cos(direction), np.sin(direction), 0.0])
+        frames["position_mm"] = 0.03 * np.round(path_mm / 0.03)
+        frames["force_n"][:, 2] = 0.2 + 0.005 * generator.normal(size=3000)
+        aligned = StreamFilter().process(frames)
+        kept = aligned[200:]
+        assert kept.speed_mm_s.std() / kept.speed_mm_s.mean() < 0.04
+        assert kept.normal_force_n.std() / kept.normal_force_n.mean() < 0.01
+        assert kept.speed_mm_s.mean() == pytest.approx(20.0, rel=0.01)
+
+
+def test_frames_without_a_channel_are_refused() -> None:
+    with pytest.raises(InputError, match="frames without force"):
+        StreamFilter().process(empty_frames(3, ["position", "acceleration"]))
+
+
+def test_impossible_cutoffs_are_refused() -> None:
+    with pytest.raises(InputError, match="cutoff"):
+        StreamFilter(motion_cutoff_hz=0.0)
+    with pytest.raises(InputError, match="cutoff"):
+        StreamFilter(vibration_cutoff_hz=500.0)
