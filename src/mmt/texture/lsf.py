@@ -22,17 +22,23 @@ from mmt.compiled import kernel
 from mmt.texture.settings import LARGEST_ORDER
 
 
-def _bit_reversed_orders(largest: int) -> IntArray:
-    """Return, in row h, the numbers 0 ... h-1 in bit-reversed (van der Corput) order."""
-    bits = max(1, (largest - 1).bit_length())
-    reversed_numbers = [int(f"{number:0{bits}b}"[::-1], 2) for number in range(2**bits)]
+def _leja_orders(largest: int) -> IntArray:
+    """Return, in row h, the numbers 0 ... h-1 in the Leja order of h evenly spread angles.
+
+    Each next point is the one whose distances to the points before it, on the cosine's
+    scale, have the greatest product; ties go to the lower number.
+    """
     orders = np.zeros((largest + 1, largest), dtype=np.int64)
     for count in range(1, largest + 1):
-        orders[count, :count] = [number for number in reversed_numbers if number < count]
+        x = np.cos((np.arange(count) + 0.5) * np.pi / count)
+        product = np.ones(count)
+        for place in range(1, count):
+            product *= 2.0 * np.abs(x - x[orders[count, place - 1]])
+            orders[count, place] = np.argmax(np.round(product / product.max(), 9))
     return orders
 
 
-_PRODUCT_ORDERS: Final = _bit_reversed_orders((LARGEST_ORDER + 1) // 2)
+_PRODUCT_ORDERS: Final = _leja_orders((LARGEST_ORDER + 1) // 2)
 
 
 @kernel("void(f8[::1], i8, i8, f8[::1])")
@@ -40,9 +46,9 @@ def _half_product(lsf: FloatArray, first: int, count: int, half: FloatArray) -> 
     """Multiply out ``prod (1 - 2 cos(w) z^-1 + z^-2)`` over every second frequency.
 
     The product is a palindrome of degree 2 * count; its coefficients 0 ... count are written
-    to `half`. The factors are taken in bit-reversed order: partial products over neighbours
-    grow far beyond the final coefficients and lose their digits, partial products over
-    frequencies spread evenly do not.
+    to `half`. Partial products over neighbours grow far beyond the final coefficients and lose
+    their digits; in the order of Leja points they do not (Calvetti and Reichel, "On the
+    evaluation of polynomial coefficients", Numer. Algorithms 33 (2003), 153-161).
     """
     half[0] = 1.0
     for done in range(count):
