@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from mmt.errors import InputError
 from mmt.frames import Channel, ordered_channels
+from mmt.texture.settings import ModellingSettings
 
 ENVIRONMENT_PREFIX = "MMT_"
 """``MMT_LINK__PORT=9000`` overrides ``port`` of ``[link]``."""
@@ -38,6 +39,7 @@ class Link(_Table):
     host: str = "127.0.0.1"
     port: int = Field(8765, ge=0, le=65_535)
     frames_per_message: int = Field(1, ge=1, le=100)
+    patience_s: float = Field(10.0, ge=0.5, le=3600)
 
 
 class Simulated(_Table):
@@ -112,6 +114,11 @@ class Texture(_Table):
             raise ValueError("longest_samples must be at least twice shortest_samples")
         return self
 
+    def settings(self, rate_hz: float) -> ModellingSettings:
+        """Return the same values as the numerics take them."""
+        values = self.model_dump(exclude={"update_period_s"})
+        return ModellingSettings(**values, rate_hz=rate_hz)
+
 
 class Rendering(_Table):
     """``[rendering]``: synthesize vibration from the model."""
@@ -129,16 +136,14 @@ class Playout(_Table):
 
 
 class Actuator(_Table):
-    """``[actuator]``: what the vibration is written to."""
+    """``[actuator]``: what the vibration is written to; here a simulated Haptuator."""
 
-    driver: str = "simulated"
     limit_m_s2: float = Field(60.0, gt=0, le=1000)
 
 
 class ForceFeedback(_Table):
     """``[force_feedback]``: the streamed force goes to the leader's interface."""
 
-    mode: Literal["streamed"] = "streamed"
     limit_n: float = Field(3.3, gt=0, le=40)
 
 
@@ -245,6 +250,10 @@ def _impossible(scene: Scene) -> list[str]:
             "[rendering] needs a hand's speed and force: add [hand] or [link]",
         ),
         (
+            scene.force_feedback is not None and scene.hand is None,
+            "[force_feedback] is shown on the leader's interface: add [hand]",
+        ),
+        (
             scene.link is not None and not scene.channels(),
             "[link] would carry nothing: add [texture], [playout], [force_feedback] or [recording]",
         ),
@@ -252,7 +261,9 @@ def _impossible(scene: Scene) -> list[str]:
     return [problem for holds, problem in rules if holds]
 
 
-def load_scene(path: Path, overrides: Mapping[str, Any] | None = None) -> Scene:
+def load_scene(
+    path: Path, overrides: Mapping[str, Any] | None = None, *, replay: Path | None = None
+) -> Scene:
     """Read and validate a scene; the environment, then `overrides`, take precedence.
 
     Parameters
@@ -261,6 +272,9 @@ def load_scene(path: Path, overrides: Mapping[str, Any] | None = None) -> Scene:
         A TOML file. Paths inside it are relative to the current directory.
     overrides
         Values by ``"table.key"``; a value of None changes nothing.
+    replay
+        A recorded session that takes the place of the scene's own follower; without a
+        follower that obeys commands there is no hand, and no force to feed back to it.
 
     Raises
     ------
@@ -274,6 +288,10 @@ def load_scene(path: Path, overrides: Mapping[str, Any] | None = None) -> Scene:
         raise InputError(f"scene {path}: {error.strerror or error}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"scene {path}: not valid TOML: {error}") from error
+    if replay is not None:
+        for name in ("simulated", "devices", "hand", "force_feedback"):
+            tables.pop(name, None)
+        tables["replay"] = {**tables.get("replay", {}), "file": str(replay)}
     merged = {**environment_overrides(os.environ), **(overrides or {})}
     return scene_from_tables(tables, merged, origin=str(path))
 

@@ -1,0 +1,52 @@
+"""Numerics of haptic texture: arrays in, arrays out.
+
+The names below are loaded on first use, so that a program which needs none of them starts
+without numba or scipy::
+
+    from mmt.texture import TextureModel, Synthesizer
+    model = TextureModel.load(Path("plastic.npz"))
+    vibration_m_s2 = Synthesizer(model, seed=1).render(speed_mm_s, force_n)
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mmt.texture.autoregression import lsf_to_ar, reflection_to_lsf
+    from mmt.texture.burg import burg
+    from mmt.texture.filtering import StreamFilter
+    from mmt.texture.model import TextureModel, TextureSamples
+    from mmt.texture.modelling import OnlineModeller
+    from mmt.texture.segmentation import OnlineSegmenter
+    from mmt.texture.synthesis import Synthesizer
+
+_HOMES = {
+    "OnlineModeller": "modelling",
+    "OnlineSegmenter": "segmentation",
+    "StreamFilter": "filtering",
+    "Synthesizer": "synthesis",
+    "TextureModel": "model",
+    "TextureSamples": "model",
+    "burg": "burg",
+    "lsf_to_ar": "autoregression",
+    "reflection_to_lsf": "autoregression",
+}
+
+__all__ = [
+    "OnlineModeller",
+    "OnlineSegmenter",
+    "StreamFilter",
+    "Synthesizer",
+    "TextureModel",
+    "TextureSamples",
+    "burg",
+    "lsf_to_ar",
+    "reflection_to_lsf",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        message = f"module {__name__!r} has no attribute {name!r}"
+        raise AttributeError(message)
+    return getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)

@@ -1,0 +1,43 @@
+"""What the modelling of a texture can be told; plain values, nothing compiled."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Axis = Literal["x", "y", "z"]
+VibrationAxis = Literal["x", "y", "z", "dft321"]
+Interpolated = Literal["variance", "power", "amplitude"]
+
+MAXIMUM_SPEED_MM_S = 300.0
+"""Paper A, section V.B: the plane ends here; faster strokes count as this fast."""
+
+MAXIMUM_FORCE_N = 3.0
+"""Paper A, section V.B: the plane ends here; stronger forces count as this strong."""
+
+LARGEST_ORDER = 64
+"""The highest autoregressive order that a model may have."""
+
+
+@dataclass(frozen=True)
+class ModellingSettings:
+    """Settings of the online modelling; the meaning of each is in the scene reference.
+
+    ``axis`` (what becomes the vibration), ``normal`` (the surface's normal axis), ``order``
+    ("auto" or 1 to 64), ``overlap_samples``, ``straightness_mm`` (tau_1), ``stationarity``
+    (tau_2), ``shortest_samples``, ``longest_samples``, ``least_speed_mm_s``,
+    ``least_force_n``, ``start_distance``, ``stop_distance``, ``interpolate``, ``rate_hz``.
+    """
+
+    axis: VibrationAxis = "z"
+    normal: Axis = "z"
+    order: int | Literal["auto"] = "auto"
+    overlap_samples: int = 200
+    straightness_mm: float = 1.0
+    stationarity: float = 0.12
+    shortest_samples: int = 120
+    longest_samples: int = 1000
+    least_speed_mm_s: float = 10.0
+    least_force_n: float = 0.1
+    start_distance: float = 7.5
+    stop_distance: float = 4.243
+    interpolate: Interpolated = "power"
+    rate_hz: float = 1000.0

@@ -1,0 +1,105 @@
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mmt.errors import InputError
+from mmt.scene import Scene, environment_overrides, load_scene, scene_from_tables
+
+CONFIGS = sorted((Path(__file__).parents[1] / "configs").glob("*.toml"))
+SIMULATED: dict[str, Any] = {"link": {}, "simulated": {}, "hand": {}, "recording": {}}
+
+
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+def test_every_example_scene_is_valid(path: Path) -> None:
+    scene = load_scene(path)
+    assert scene_from_tables(scene.dump()) == scene
+
+
+@pytest.mark.parametrize(
+    ("tables", "words"),
+    [
+        ({"linkk": {}}, ["linkk", "allowed are", "link"]),
+        ({"link": {"prt": 1}}, ["link.prt", "allowed are", "port"]),
+        ({"link": {"port": 70000}}, ["link.port", "70000", "65535"]),
+        ({"link": {"port": "abc"}}, ["link.port", "'abc'"]),
+        ({"link": 3}, ["link", "3"]),
+        ({"session": {"rate_hz": 500}}, ["session.rate_hz", "1000"]),
+        ({"session": {"duration_s": float("nan")}}, ["session.duration_s", "finite"]),
+        ({**SIMULATED, "texture": {"order": 99}}, ["order is 99", "1 to 64"]),
+        ({**SIMULATED, "texture": {"order": "some"}}, ["texture.order", "'some'"]),
+        ({**SIMULATED, "texture": {"axis": "w"}}, ["texture.axis", "dft321"]),
+        ({**SIMULATED, "texture": {"stop_distance": 9.0}}, ["stop_distance"]),
+        ({**SIMULATED, "hand": {"fastest_mm_s": 10.0}}, ["fastest_mm_s", "slowest_mm_s"]),
+        ({"texture": {}}, ["[texture]", "add [link]"]),
+        ({"link": {}, "texture": {}}, ["source", "[simulated], [replay], [devices]"]),
+        ({**SIMULATED, "replay": {}}, ["[simulated] and [replay]", "keep one"]),
+        ({"link": {}, "simulated": {}, "recording": {}}, ["[simulated]", "add [hand]"]),
+        ({"link": {}, "replay": {}, "hand": {}, "recording": {}}, ["remove [hand]"]),
+        ({**SIMULATED, "playout": {}}, ["add [actuator]"]),
+        ({"hand": {}, "rendering": {}, "actuator": {}}, ["needs a model"]),
+        ({"rendering": {"model": "m.npz"}, "actuator": {}}, ["add [hand] or [link]"]),
+        ({"link": {}, "simulated": {}, "hand": {}}, ["would carry nothing"]),
+        (
+            {"link": {}, "replay": {}, "recording": {}, "force_feedback": {}},
+            ["[force_feedback]", "add [hand]"],
+        ),
+    ],
+)
+def test_a_wrong_scene_names_key_value_and_what_is_allowed(
+    tables: dict[str, Any], words: list[str]
+) -> None:
+    with pytest.raises(InputError) as caught:
+        scene_from_tables(tables, origin="my.toml")
+    message = str(caught.value)
+    assert message.startswith("my.toml: ")
+    for word in words:
+        assert word in message
+
+
+def test_files_that_are_no_scene(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="No such file"):
+        load_scene(tmp_path / "none.toml")
+    bad = tmp_path / "bad.toml"
+    bad.write_bytes(b"[link\n")
+    with pytest.raises(InputError, match="not valid TOML"):
+        load_scene(bad)
+    bad.write_bytes(b"\xff\xfe")
+    with pytest.raises(InputError, match="not valid TOML"):
+        load_scene(bad)
+
+
+def test_only_the_channels_that_the_scene_needs() -> None:
+    def channels(tables: dict[str, Any]) -> tuple[str, ...]:
+        return scene_from_tables({"link": {}, "simulated": {}, "hand": {}, **tables}).channels()
+
+    assert channels({"playout": {}, "actuator": {}}) == ("acceleration",)
+    assert channels({"force_feedback": {}}) == ("force",)
+    assert channels({"texture": {}}) == ("position", "force", "acceleration")
+    assert Scene().channels() == ()
+
+
+def test_flags_override_the_environment_which_overrides_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text("[link]\nport = 1\n[simulated]\n[hand]\n[recording]\n[session]\nseed = 5\n")
+    monkeypatch.setenv("MMT_LINK__PORT", "2")
+    monkeypatch.setenv("MMT_SESSION__NAME", "from-environment")
+    scene = load_scene(path, {"link.port": 3, "session.duration_s": None})
+    assert scene.link is not None
+    assert scene.link.port == 3
+    assert scene.session.name == "from-environment"
+    assert scene.session.seed == 5
+    assert environment_overrides({"MMT_LINK__PORT": "2", "PATH": "x", "MMT_HOME": "y"}) == {
+        "link.port": "2"
+    }
+
+
+def test_replay_takes_the_place_of_follower_and_hand() -> None:
+    scene = load_scene(CONFIGS[0].with_name("demo.toml"), replay=Path("x.mcap"))
+    assert scene.source == "replay"
+    assert scene.hand is None
+    assert scene.force_feedback is None
+    assert scene.replay is not None
+    assert scene.replay.file == Path("x.mcap")
