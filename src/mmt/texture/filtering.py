@@ -10,9 +10,8 @@ Vibration for the actuator must not wait for that: before the switch to the mode
 takes the acceleration along one axis through a `mmt.texture.biquad.BiquadFilter`.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Final, Self
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from mmt.arrays import BoolArray, FloatArray, IntArray, RecordArray
 from mmt.compiled import kernel
 from mmt.errors import InputError
 from mmt.frames import FIELD_OF_CHANNEL
+from mmt.texture.aligned import AlignedBlock
 from mmt.texture.biquad import SMALLEST, Biquad, bessel_low_pass, butterworth_high_pass
 from mmt.texture.settings import Axis, VibrationAxis
 
@@ -31,39 +31,6 @@ LARGEST_MEASUREMENT: Final = 1e6
 """No position (mm), force (N) or acceleration (m/s2) is beyond this: a broken number."""
 
 _AXES: Final = "xyz"
-
-
-@dataclass(frozen=True, eq=False)
-class AlignedBlock:
-    """Filtered channels that belong to the same instants, one element a frame.
-
-    ``index`` (n,) is the frame's sequence number, strictly ascending, with jumps where
-    frames are missing; ``time_ns`` (n,) its time. ``position_mm`` (n, 3) is low-passed.
-    ``speed_mm_s`` (n,) is the speed in the plane orthogonal to the normal axis.
-    ``normal_force_n`` (n,) is positive when pressing, else 0. ``vibration_m_s2`` is high-
-    passed, (n, 1) for an axis and (n, 3) for DFT321, which is applied to whole segments.
-    ``valid`` (n,) is False while the filters settle after a gap.
-    """
-
-    index: IntArray
-    time_ns: IntArray
-    position_mm: FloatArray
-    speed_mm_s: FloatArray
-    normal_force_n: FloatArray
-    vibration_m_s2: FloatArray
-    valid: BoolArray
-
-    def __len__(self) -> int:
-        return len(self.index)
-
-    def __getitem__(self, part: slice) -> Self:
-        return type(self)(*(getattr(self, field.name)[part] for field in fields(self)))
-
-    @classmethod
-    def concatenate(cls, blocks: Sequence[Self]) -> Self:
-        """Join blocks, at least one, that follow each other."""
-        columns = ([getattr(block, field.name) for block in blocks] for field in fields(cls))
-        return cls(*(np.concatenate(column) for column in columns))
 
 
 @dataclass(frozen=True)
