@@ -1,0 +1,146 @@
+"""Online segmentation against one pass with everything known, on strokes as hands make them."""
+
+import time
+
+import numpy as np
+import pytest
+import scipy.signal
+
+from mmt.frames import empty_frames
+from mmt.texture.aligned import AlignedBlock
+from mmt.texture.filtering import StreamFilter
+from mmt.texture.segmentation import OnlineSegmenter, SampleRange, segment
+
+RATE_HZ = 1000.0
+
+
+def wander(generator: np.random.Generator, count: int, corner_hz: float) -> np.ndarray:
+    """Noise of unit deviation that changes no faster than a hand."""
+    pole = np.exp(-2.0 * np.pi * corner_hz / RATE_HZ)
+    poles = np.poly([pole, pole])
+    raw = scipy.signal.lfilter([1.0], poles, generator.normal(size=count + 4000))[4000:]
+    return raw / raw.std()
+
+
+def as_measured(
+    generator: np.random.Generator, speed_mm_s: np.ndarray, force_n: np.ndarray, heading: np.ndarray
+) -> AlignedBlock:
+    """Encoders of 0.03 mm, 5 mN of force noise, filtered as online."""
+    count = len(speed_mm_s)
+    frames = empty_frames(count)
+    frames["sequence"] = np.arange(count)
+    path_mm = np.cumsum(speed_mm_s[:, None] * np.c_[np.cos(heading), np.sin(heading)], axis=0)
+    position_mm = np.c_[path_mm / RATE_HZ, -force_n / 5.0]
+    frames["position_mm"] = 0.03 * np.round(position_mm / 0.03)
+    frames["force_n"][:, 2] = force_n
+    frames["force_n"] += 0.005 * generator.normal(size=(count, 3))
+    frames["acceleration_m_s2"] = 9.81 + generator.normal(size=(count, 3))
+    return StreamFilter().process(frames)
+
+
+def strokes(seed: int, count: int) -> AlignedBlock:
+    """Straight strokes to and fro at random speed and force, now and then a rest."""
+    generator = np.random.default_rng(seed)
+    speed, force, heading, direction = [], [], [], 0.0
+    while sum(map(len, speed)) < count:
+        samples = int(generator.integers(250, 1200))
+        ramp = 0.5 - 0.5 * np.cos(np.pi * np.arange(80) / 80)
+        profile = np.r_[ramp, np.ones(samples - 160), ramp[::-1]]
+        speed.append(generator.uniform(20.0, 290.0) * profile)
+        force.append(np.full(samples, generator.uniform(0.2, 2.9)))
+        if generator.random() < 0.15:
+            speed[-1] = np.r_[speed[-1], np.zeros(200)]
+            force[-1] = np.r_[force[-1], np.zeros(200)]
+        heading.append(np.full(len(speed[-1]), direction))
+        direction += np.pi + generator.uniform(-0.6, 0.6)
+    force_n = np.concatenate(force)[:count]
+    force_n = scipy.signal.lfilter([0.04], [1.0, -0.96], force_n)
+    return as_measured(
+        generator,
+        np.concatenate(speed)[:count] * (1.0 + 0.06 * wander(generator, count, 2.0)),
+        force_n * (1.0 + 0.06 * wander(generator, count, 2.0)),
+        np.concatenate(heading)[:count],
+    )
+
+
+def circles(seed: int, count: int, radius_mm: float = 60.0) -> AlignedBlock:
+    """One movement without a stop, always bending, speed and force changing all the time."""
+    generator = np.random.default_rng(seed)
+    speed_mm_s = 140.0 * np.exp(0.4 * wander(generator, count, 0.3))
+    force_n = 1.2 * np.exp(0.4 * wander(generator, count, 0.3))
+    heading = np.cumsum(speed_mm_s / RATE_HZ / radius_mm)
+    return as_measured(generator, speed_mm_s, force_n, heading)
+
+
+def run_online(block: AlignedBlock, period: int) -> list[SampleRange]:
+    segmenter, live = OnlineSegmenter(), set()
+    for start in range(0, len(block), period):
+        change = segmenter.update(block[start : start + period])
+        live -= set(change.removed)
+        live |= {SampleRange(found.start, found.stop) for found in change.added}
+    return sorted(live)
+
+
+def share_near(ours: list[SampleRange], others: list[SampleRange]) -> float:
+    """Return the share of our boundaries that have one of the others within 10 samples."""
+    mine, theirs = np.unique(ours), np.unique(others)
+    return float((np.abs(mine[:, None] - theirs).min(axis=1) <= 10).mean())
+
+
+@pytest.mark.parametrize("period", [250, 500, 1000, 2000])
+def test_strokes_are_cut_online_as_offline(period: int) -> None:
+    there, back = [], []
+    for seed in range(5):
+        block = strokes(seed, 30_000)
+        offline = [SampleRange(found.start, found.stop) for found in segment(block)]
+        found = run_online(block, period)
+        assert len(offline) > 25
+        there.append(share_near(offline, found))
+        back.append(share_near(found, offline))
+    assert min(there + back) >= 0.97
+
+
+@pytest.mark.parametrize("period", [250, 500, 1000, 2000])
+def test_a_movement_without_a_stop_is_cut_online_nearly_as_offline(period: int) -> None:
+    there, back = [], []
+    for seed in range(5):
+        block = circles(seed, 30_000)
+        offline = [SampleRange(found.start, found.stop) for found in segment(block)]
+        found = run_online(block, period)
+        assert len(offline) > 25
+        there.append(share_near(offline, found))
+        back.append(share_near(found, offline))
+    assert min(there) >= 0.9
+    # Provisional segments that later cuts make too short to be replaced stay, so that online
+    # has some more.
+    assert min(back) >= 0.8
+
+
+@pytest.mark.parametrize("speed_mm_s", [20.0, 250.0])
+def test_sensor_noise_does_not_break_a_steady_stroke(speed_mm_s: float) -> None:
+    generator = np.random.default_rng(1)
+    count = 900
+    block = as_measured(
+        generator, np.full(count, speed_mm_s), np.full(count, 0.2), np.full(count, 0.2)
+    )
+    (found,) = segment(block)
+    assert found.stop - found.start >= 780
+    assert found.speed_mm_s == pytest.approx(speed_mm_s, rel=0.01)
+    assert found.force_n == pytest.approx(0.2, rel=0.01)
+
+
+def test_most_of_what_is_steady_is_found() -> None:
+    block = strokes(11, 30_000)
+    covered = sum(found.stop - found.start for found in segment(block))
+    assert covered > 0.65 * len(block)
+
+
+def test_an_update_takes_a_small_part_of_its_period() -> None:
+    block = strokes(0, 12_000)
+    segmenter = OnlineSegmenter()
+    durations_s = []
+    for start in range(0, len(block), 1000):
+        begin = time.perf_counter()
+        segmenter.update(block[start : start + 1000])
+        durations_s.append(time.perf_counter() - begin)
+    assert np.median(durations_s) < 0.05  # of 1 s; measured 0.0004
