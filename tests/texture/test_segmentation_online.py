@@ -1,6 +1,7 @@
 """Online segmentation against one pass with everything known, on strokes as hands make them."""
 
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from mmt.texture.filtering import StreamFilter
 from mmt.texture.segmentation import OnlineSegmenter, SampleRange, segment
 
 RATE_HZ = 1000.0
+RECORDED = Path(__file__).parents[2] / "../shared/data/bilateral_1dof"
 
 
 def wander(generator: np.random.Generator, count: int, corner_hz: float) -> np.ndarray:
@@ -114,6 +116,24 @@ def test_a_movement_without_a_stop_is_cut_online_nearly_as_offline(period: int) 
     # Provisional segments that later cuts make too short to be replaced stay, so that online
     # has some more.
     assert min(back) >= 0.8
+
+
+@pytest.mark.skipif(not RECORDED.is_dir(), reason="recorded teleoperation is not here")
+@pytest.mark.parametrize("run", ["question1a_free_motion", "question1e_free_motion"])
+def test_a_persons_strokes_are_found_online_as_offline(run: str) -> None:
+    with np.load(RECORDED / f"{run}.npz") as recorded:
+        angle_rad = recorded["follower_position_rad"][::2].astype(float)
+        arm_mm = 1000.0 * float(recorded["arm_length_m"])
+    frames = empty_frames(len(angle_rad))
+    frames["sequence"] = np.arange(len(angle_rad))
+    frames["position_mm"][:, 0] = arm_mm * np.sin(angle_rad)
+    frames["position_mm"][:, 1] = arm_mm * np.cos(angle_rad)
+    frames["force_n"][:, 2] = 1.0
+    block = StreamFilter().process(frames)
+    offline = [SampleRange(found.start, found.stop) for found in segment(block)]
+    assert len(offline) >= 8  # strokes to and fro at about 2 Hz for 5 s, some too curved
+    for period in (250, 1000):
+        assert share_near(offline, run_online(block, period)) >= 0.9
 
 
 @pytest.mark.parametrize("speed_mm_s", [20.0, 250.0])
