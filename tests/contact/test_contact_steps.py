@@ -19,7 +19,7 @@ def _energy(drive, law, height, velocity, command):
     return (
         0.5 * drive.mass_kg * velocity**2
         + 0.5 * drive.stiffness_n_m * (command - height) ** 2
-        + law.energy_j(height)
+        + 0.5 * law.stiffness_n_m * min(height, 0.0) ** 2
     )
 
 
@@ -99,11 +99,25 @@ def test_hunt_crossley_restitution():
     assert velocity / 0.2 == pytest.approx(1 - 2 / 3 * 0.3 * 0.2, abs=2e-3)
 
 
-def test_law_never_pulls_and_is_zero_above():
+@settings(max_examples=100, deadline=None)
+@given(
+    STIFFNESS,
+    st.floats(0.0, 100.0),
+    st.floats(0.0, 10.0),
+    st.floats(1e-4, 5e-3),
+    st.floats(-2.0, 2.0),
+)
+def test_a_short_step_has_the_force_of_the_law(stiffness, damping, dissipation, depth, velocity):
+    law = ContactLaw(stiffness, damping, dissipation)
+    _, _, force = step_normal(Drive(0.08, 0.0, 0.0), law, (-depth, velocity), 0.0, 1e-9)
+    expected = stiffness * depth - (damping + dissipation * stiffness * depth) * velocity
+    assert force == pytest.approx(max(expected, 0.0), rel=1e-4, abs=1e-3)
+
+
+def test_nothing_touches_above_the_surface():
     law = ContactLaw(5000.0, 20.0, 0.5)
-    assert law.force_n(-0.001, 1.0) == 0.0
-    assert law.force_n(0.001, -10.0) == 0.0
-    assert law.force_n(0.001, 0.0) == pytest.approx(5.0)
+    state = step_normal(Drive(0.08, 0.0, 0.0), law, (0.001, -0.5), 0.0, 1e-3)
+    assert state == pytest.approx((0.0005, -0.5, 0.0))
 
 
 def test_substeps_follow_stiffness_and_mass():

@@ -27,6 +27,8 @@ then slow by less than 1 % of a period."""
 class ContactLaw:
     """Unilateral contact of a tip with a flat surface at height zero.
 
+    At depth d the force is ``max(0, k d + (c + a k d) d')``; above the surface it is 0.
+
     Parameters
     ----------
     stiffness_n_m
@@ -54,17 +56,6 @@ class ContactLaw:
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
                 raise InputError(f"{name} is {value}, it must be 0 or above")
-
-    def force_n(self, depth_m: float, depth_rate_m_s: float) -> float:
-        """Return ``max(0, k d + (c + a k d) d')`` under contact and 0 above the surface."""
-        if depth_m <= 0.0:
-            return 0.0
-        damping = self.damping_n_s_m + self.dissipation_s_m * self.stiffness_n_m * depth_m
-        return max(0.0, self.stiffness_n_m * depth_m + damping * depth_rate_m_s)
-
-    def energy_j(self, height_m: float) -> float:
-        """Return the elastic energy stored with the tip at this height."""
-        return 0.5 * self.stiffness_n_m * min(height_m, 0.0) ** 2
 
 
 @dataclass(frozen=True, slots=True)
