@@ -1,7 +1,8 @@
 """The parts that a known texture is made of: how each follows speed and normal force.
 
-Every part is one second-order resonator driven by white noise of its own. What sets a
-texture apart is how its parts' power, frequency and bandwidth follow speed and force.
+Every part is one resonator driven by white noise of its own: a damped rotation, whose
+spectrum is a Lorentzian peak. What sets a texture apart is how its parts' power, frequency
+and bandwidth follow speed and force.
 Each map is written with arithmetic alone, so that the same line of code serves one tick
 (floats) and the whole plane (arrays).
 """
@@ -77,8 +78,3 @@ class Line:
 
 
 Mode = Resonance | Line
-
-
-def excitation(b: Number, c: Number) -> Number:
-    """Return the noise variance that gives ``y[n] = b y[n-1] - c y[n-2] + e[n]`` unit power."""
-    return (1.0 - c) * ((1.0 + c) ** 2 - b * b) / (1.0 + c)

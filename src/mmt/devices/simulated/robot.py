@@ -19,6 +19,9 @@ DISSIPATION_S_M: Final = 0.3
 START_MM: Final[Vector] = (0.0, 0.0, 5.0)
 """Where the tip waits above the surface until the first command."""
 
+WORKSPACE_MM: Final = 200.0
+"""The arm reaches so far from its centre along each axis; commands beyond are cut to it."""
+
 _THREE_POLES = math.sqrt(2.0 ** (1.0 / 3.0) - 1.0)
 """Bandwidth (-3 dB) of three equal real poles, over the pole."""
 
@@ -85,7 +88,8 @@ class SimulatedRobot:
         """Move for one tick towards the command; return the state at its end."""
         smoothed = self._command
         for axis in range(3):
-            smoothed[axis] += self._smoothing * (0.001 * command_mm[axis] - smoothed[axis])
+            wanted_mm = max(-WORKSPACE_MM, min(command_mm[axis], WORKSPACE_MM))
+            smoothed[axis] += self._smoothing * (0.001 * wanted_mm - smoothed[axis])
         before = tuple(self._velocity)
         force = [0.0, 0.0, 0.0]
         for _ in range(self._count):

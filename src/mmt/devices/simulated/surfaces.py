@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from mmt.arrays import FloatArray
 from mmt.devices.simulated import RATE_HZ
-from mmt.devices.simulated.modes import Line, Mode, Resonance, excitation
+from mmt.devices.simulated.modes import Line, Mode, Resonance
 from mmt.errors import InputError
 
 HIGH_PASS_POLE: Final = 0.95
@@ -74,17 +74,16 @@ class Surface:
         """
         speed, force = _plane(speed_mm_s, force_n)
         omega = 2.0 * np.pi / RATE_HZ * np.atleast_1d(np.asarray(frequencies_hz, np.float64))
-        cosine, cosine_double = np.cos(omega), np.cos(2.0 * omega)
         density = np.zeros((speed.size, omega.size))
         for mode in self.modes:
             power, frequency, bandwidth = mode.maps(speed, force)
-            radius = np.exp(-np.pi / RATE_HZ * bandwidth)
-            b = (2.0 * radius * np.cos(2.0 * np.pi / RATE_HZ * frequency))[:, None]
-            c = (radius * radius)[:, None]
-            gain = power[:, None] * excitation(b, c)
-            squared = 1.0 + b * b + c * c - 2.0 * b * (1.0 + c) * cosine + 2.0 * c * cosine_double
-            density += gain / squared
-        return density * (2.0 / RATE_HZ) * _high_pass(cosine)
+            radius = np.exp(-np.pi / RATE_HZ * bandwidth)[:, None]
+            turn = (2.0 * np.pi / RATE_HZ * frequency)[:, None]
+            unit, double = 1.0 + radius * radius, 2.0 * radius
+            above = 1.0 / (unit - double * np.cos(omega - turn))
+            below = 1.0 / (unit - double * np.cos(omega + turn))
+            density += power[:, None] * (1.0 - radius * radius) * (above + below)
+        return density / RATE_HZ * _high_pass(np.cos(omega))
 
     def power(self, speed_mm_s: npt.ArrayLike, force_n: npt.ArrayLike) -> FloatArray:
         """Return the exact power of the vibration along the normal, shape (k,), (m/s2)^2.

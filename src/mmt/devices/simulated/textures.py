@@ -93,8 +93,8 @@ _RUBBER = Surface(
 _GLASS = Surface(
     "glass",
     (
-        Resonance(0.0045, 1.0, 0.5, 260.0, 90.0, speed_shift_hz=50.0),
-        Resonance(0.0035, 0.9, 0.5, 120.0, 320.0),
+        Resonance(0.009, 1.0, 0.5, 260.0, 90.0, speed_shift_hz=50.0),
+        Resonance(0.007, 0.9, 0.5, 120.0, 320.0),
     ),
     friction_coefficient=0.15,
 )
