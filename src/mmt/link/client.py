@@ -1,0 +1,236 @@
+"""The follower's side of the link: it connects, streams, and comes back after a break."""
+
+import asyncio
+import struct
+import time
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import socketio
+
+from mmt.arrays import RecordArray
+from mmt.errors import MmtError
+from mmt.frames import COMMAND_DTYPE, frame_dtype
+from mmt.link.clock import clock_id
+from mmt.link.counting import gather
+from mmt.link.dialling import ATTEMPT_S, CLOSE_TIMEOUT_S, Line, check_url
+from mmt.link.direct import client_send
+from mmt.link.events import FollowerEvents, call
+from mmt.link.log import LOG
+from mmt.link.outbox import Outbox
+from mmt.link.protocol import (
+    COMMANDS,
+    END,
+    FRAMES,
+    MAX_RECORDS_PER_MESSAGE,
+    STOP,
+    WELCOME,
+    FollowerHello,
+    LinkStatistics,
+    encode_event,
+    reason_of,
+)
+from mmt.link.reading import BlockReader
+from mmt.ticking import TimeHistogram
+
+__all__ = ["FollowerClient", "FollowerEvents"]
+
+_MESSAGES_WAITING: Final = 1000
+"""Messages that wait for a stalled link: they carry data that the leader records."""
+_BETWEEN_ATTEMPTS_S: Final = 0.2
+
+
+class FollowerClient:
+    """Connect to a leader, stream frames to it and receive its commands.
+
+    Parameters
+    ----------
+    url
+        Of the leader: ``http://host:port``, or ``https`` behind a proxy.
+    hello
+        What the follower says of itself; sent again with every connection.
+    events
+        What to call.
+
+    Raises
+    ------
+    InputError
+        `url` is none.
+    """
+
+    def __init__(self, url: str, hello: FollowerHello, events: FollowerEvents) -> None:
+        check_url(url)
+        self._url = url
+        self._hello = hello
+        self._events = events
+        self._dtype = frame_dtype(hello.channels)
+        self._gathered = bytearray()
+        self._last_frame = b""
+        self._reader = BlockReader(COMMAND_DTYPE, "commands")
+        self._outbox = Outbox(_MESSAGES_WAITING)
+        self._round_trip = TimeHistogram()
+        self._line: Line | None = None
+        self._refusal: str | None = None
+        self._connected = False
+        self._ended = False
+        self._told_to_stop = False
+
+    @property
+    def connected(self) -> bool:
+        """Whether the link is up."""
+        return self._connected
+
+    @property
+    def statistics(self) -> LinkStatistics:
+        """What was counted since the start; a few hundred microseconds to compute."""
+        return gather(
+            self._reader,
+            self._outbox,
+            frames=self._outbox.records,
+            commands=self._reader.records,
+            round_trip=self._round_trip,
+        )
+
+    async def connect(self, timeout_s: float) -> None:
+        """Connect, waiting so long for a leader that is not there yet.
+
+        Once connected, a link that breaks is taken up again until `disconnect`.
+
+        Raises
+        ------
+        MmtError
+            No leader answered in time, or it refused; the message says why.
+        """
+        loop = asyncio.get_running_loop()
+        deadline_s = loop.time() + timeout_s
+        while True:
+            problem = await self._attempt(min(ATTEMPT_S, max(timeout_s, 0.1)))
+            if problem is None:
+                return
+            if self._refusal is not None:
+                raise MmtError(f"the leader at {self._url} refused: {self._refusal}")
+            if loop.time() + _BETWEEN_ATTEMPTS_S > deadline_s:
+                raise MmtError(
+                    f"no leader answered at {self._url} within {timeout_s:g} s ({problem}): "
+                    "start mmt-leader there, and check host, port and firewall"
+                )
+            await asyncio.sleep(_BETWEEN_ATTEMPTS_S)
+
+    def send_frames(self, frames: RecordArray) -> None:
+        """Queue frames for the leader; never waits.
+
+        They go out as soon as the hello's ``frames_per_message`` are gathered. When the link
+        is down or stalled, the oldest are given up and counted.
+
+        Parameters
+        ----------
+        frames
+            Shape (n,), of the dtype of the hello's channels; their ``sequence`` must
+            increase.
+
+        Raises
+        ------
+        ValueError
+            They are of another dtype.
+        """
+        if frames.dtype != self._dtype:
+            message = f"frames are of dtype {frames.dtype}: the hello's channels have {self._dtype}"
+            raise ValueError(message)
+        self._gathered += frames.tobytes()
+        if len(self._gathered) >= self._hello.frames_per_message * self._dtype.itemsize:
+            self._send_gathered()
+
+    async def end(self, reason: str) -> None:
+        """Send what waits, tell the leader that the session ends, and wait until it knows.
+
+        Nothing happens where the link is not up, or the session has ended before.
+        """
+        if self._line is None or not self._connected or self._ended:
+            return
+        self._ended = True
+        self._send_gathered()
+        await self._outbox.finish(CLOSE_TIMEOUT_S)
+        sent = struct.unpack_from("<I", self._last_frame)[0] + 1 if self._last_frame else 0
+        payload = {"reason": reason, "frames": sent}
+        try:
+            await self._line.client.call(END, payload, timeout=CLOSE_TIMEOUT_S)
+        except socketio.exceptions.SocketIOError:
+            LOG.warning("the leader did not acknowledge the end of the session")
+
+    async def disconnect(self) -> None:
+        """Close the link for good; nothing happens where there is none."""
+        self._ended = True
+        line, self._line = self._line, None
+        if line is not None:
+            await line.close()
+        self._connected = False
+        self._outbox.close()
+
+    # --- what python-socketio calls
+
+    def _on_connect(self) -> None:
+        self._connected = True
+        self._reader.restart()
+        if self._line is not None:
+            self._outbox.open(client_send(self._line.client))
+
+    def _on_refused(self, problem: object = None) -> None:
+        if isinstance(problem, Mapping) and "message" in problem:
+            self._refusal = str(problem["message"])
+            LOG.warning("refused by the leader: %s", self._refusal)
+
+    def _on_disconnect(self, reason: str) -> None:
+        self._connected = False
+        self._outbox.close()
+        if not self._ended and not self._told_to_stop:
+            call(self._events.on_lost, reason, on_error=self._events.on_error)
+
+    def _on_welcome(self, *arguments: object) -> None:
+        payload = arguments[0] if len(arguments) == 1 else None
+        if isinstance(payload, Mapping):
+            self._reader.compare_clocks(payload.get("clock_id") == clock_id())
+
+    def _on_commands(self, *arguments: object) -> None:
+        arrival_ns = time.monotonic_ns()
+        block = self._reader.read(arguments, arrival_ns)
+        if block is None:
+            return
+        newest = block[-1]
+        echo_time_ns = int(newest["echo_time_ns"])
+        if echo_time_ns:
+            self._round_trip.add(arrival_ns - echo_time_ns - int(newest["echo_age_ns"]))
+        call(self._events.on_commands, block, arrival_ns, on_error=self._events.on_error)
+
+    def _on_stop(self, *arguments: object) -> None:
+        reason = reason_of(arguments[0]) if len(arguments) == 1 else None
+        self._told_to_stop = True
+        call(self._events.on_stop, reason or "no reason given", on_error=self._events.on_error)
+
+    # --- the rest
+
+    async def _attempt(self, timeout_s: float) -> str | None:
+        """Try once to connect; return what stood in the way."""
+        self._refusal = None
+        handlers: dict[str, Callable[..., None]] = {
+            "connect": self._on_connect,
+            "connect_error": self._on_refused,
+            "disconnect": self._on_disconnect,
+            WELCOME: self._on_welcome,
+            COMMANDS: self._on_commands,
+            STOP: self._on_stop,
+        }
+        self._line = line = Line.make(handlers)
+        try:
+            return await line.open(self._url, self._hello.to_auth(), timeout_s)
+        finally:
+            if not self._connected:
+                self._line = None
+                await line.close()
+
+    def _send_gathered(self) -> None:
+        gathered, size = bytes(self._gathered), self._dtype.itemsize
+        self._gathered.clear()
+        for start in range(0, len(gathered), MAX_RECORDS_PER_MESSAGE * size):
+            part = gathered[start : start + MAX_RECORDS_PER_MESSAGE * size]
+            self._outbox.put(len(part) // size, encode_event(FRAMES, part))
+            self._last_frame = part[-size:]

@@ -1,0 +1,91 @@
+"""Make, open and close the follower's Socket.IO connection."""
+
+import asyncio
+import urllib.parse
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import aiohttp
+import socketio
+
+from mmt.errors import InputError
+from mmt.link.log import LOG, wire_logger
+from mmt.link.protocol import MAX_MESSAGE_BYTES
+
+ATTEMPT_S: Final = 3.0
+"""How long one attempt to connect may take."""
+CLOSE_TIMEOUT_S: Final = 2.0
+"""How long the closing may take before the connection is dropped."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A Socket.IO client, and the HTTP session that it uses."""
+
+    client: socketio.AsyncClient
+    session: aiohttp.ClientSession
+
+    @classmethod
+    def make(cls, handlers: Mapping[str, Callable[..., None]]) -> "Line":
+        """Make one that is not connected, with a handler for each event."""
+        session = aiohttp.ClientSession(
+            timeout=aiohttp.ClientTimeout(total=ATTEMPT_S, sock_connect=ATTEMPT_S)
+        )
+        client = socketio.AsyncClient(
+            serializer="msgpack",
+            handle_sigint=False,
+            http_session=session,
+            request_timeout=CLOSE_TIMEOUT_S,
+            websocket_extra_options={"max_msg_size": MAX_MESSAGE_BYTES},
+            logger=wire_logger(),
+            engineio_logger=wire_logger(),
+        )
+        for event, handler in handlers.items():
+            client.on(event, handler)
+        return cls(client, session)
+
+    async def open(self, url: str, auth: Mapping[str, object], timeout_s: float) -> str | None:
+        """Connect; return None, or what stood in the way.
+
+        A connection that breaks later is taken up again with the same `auth`.
+        """
+        try:
+            async with asyncio.timeout(timeout_s):
+                await self.client.connect(
+                    url, auth=dict(auth), transports=["websocket"], wait_timeout=timeout_s
+                )
+        except (socketio.exceptions.ConnectionError, TimeoutError) as error:
+            return _first_cause(error)
+        return None
+
+    async def close(self) -> None:
+        """Close whatever is open, and take up nothing again; in bounded time."""
+        try:
+            async with asyncio.timeout(CLOSE_TIMEOUT_S):
+                await self.client.shutdown()
+                await self.client.disconnect()
+        except TimeoutError:
+            LOG.info("the leader did not answer the closing of the link")
+        finally:
+            await self.session.close()
+
+
+def check_url(url: str) -> None:
+    """Raise InputError unless this is the URL of a leader."""
+    try:
+        parts = urllib.parse.urlsplit(url)
+        good = parts.scheme in {"http", "https", "ws", "wss"} and bool(parts.hostname)
+        good = good and (parts.port is None or parts.port > 0)
+    except ValueError:
+        good = False
+    if not good:
+        raise InputError(f"leader's URL {url!r}: allowed is http://HOST:PORT")
+
+
+def _first_cause(error: BaseException) -> str:
+    """Return the sentence of the error that all others came from."""
+    cause: BaseException | None = error
+    while cause is not None:
+        error, cause = cause, cause.__cause__ or cause.__context__
+    return str(error) or type(error).__name__

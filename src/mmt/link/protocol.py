@@ -1,0 +1,195 @@
+"""What goes over the link: event names, the follower's hello, limits, and the counts kept.
+
+The layout for other clients is documented in ``docs/reference/wire.md``.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final, TypeVar
+
+import msgpack
+
+from mmt.errors import InputError
+from mmt.frames import Channel, ordered_channels
+from mmt.link.clock import clock_id
+
+PROTOCOL_VERSION: Final = 1
+
+FRAMES: Final = "frames"
+"""Follower to leader: bytes, 1 to 100 frames."""
+END: Final = "end"
+"""Follower to leader: ``{"reason": str, "frames": int}``, then the follower disconnects."""
+COMMANDS: Final = "commands"
+"""Leader to follower: bytes, 1 to 100 commands."""
+WELCOME: Final = "welcome"
+"""Leader to follower, once after it was accepted: ``{"protocol": int, "clock_id": str}``."""
+STOP: Final = "stop"
+"""Leader to follower: ``{"reason": str}``; the follower is to end."""
+
+MAX_RECORDS_PER_MESSAGE: Final = 100
+"""Most frames or commands in one message."""
+MAX_ANNOTATIONS_BYTES: Final = 65_536
+MAX_MESSAGE_BYTES: Final = 131_072
+"""A longer WebSocket message closes the link."""
+MAX_TEXT: Final = 256
+"""Most characters of a reason, a source's name or a clock's name."""
+
+PING_INTERVAL_S: Final = 1
+PING_TIMEOUT_S: Final = 3
+"""A peer that has not answered a ping for so long is lost."""
+
+Value = TypeVar("Value")
+
+_MSGPACK_EVENT: Final = 2
+_EVENT_NAMESPACE: Final = "/"
+
+
+@dataclass(frozen=True)
+class FollowerHello:
+    """What a follower says of itself when it connects.
+
+    Parameters
+    ----------
+    channels
+        The channels of each frame, put into the frame's order.
+    source
+        What it streams: "simulated", "replay", "devices", or another short name.
+    rate_hz
+        Frames a second.
+    frames_per_message
+        Frames gathered before they are sent, 1 to 100.
+    annotations
+        Opaque bytes which the leader stores with the recording and never opens.
+    clock_id
+        Names the clock of the frames' times; see `mmt.link.clock.clock_id`.
+    protocol
+        Version of the layout on the wire.
+
+    Raises
+    ------
+    InputError
+        A value is not allowed.
+    """
+
+    channels: tuple[Channel, ...]
+    source: str
+    rate_hz: int = 1000
+    frames_per_message: int = 1
+    annotations: bytes = b""
+    clock_id: str = field(default_factory=clock_id)
+    protocol: int = PROTOCOL_VERSION
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "channels", ordered_channels(self.channels))
+        if not 1 <= self.frames_per_message <= MAX_RECORDS_PER_MESSAGE:
+            raise InputError(
+                f"frames_per_message is {self.frames_per_message}: "
+                f"allowed is 1 to {MAX_RECORDS_PER_MESSAGE}"
+            )
+        if len(self.annotations) > MAX_ANNOTATIONS_BYTES:
+            raise InputError(
+                f"annotations are {len(self.annotations)} bytes: "
+                f"at most {MAX_ANNOTATIONS_BYTES} are allowed"
+            )
+        for name in ("source", "clock_id"):
+            if len(getattr(self, name)) > MAX_TEXT:
+                raise InputError(f"{name} is longer than the {MAX_TEXT} characters allowed")
+
+    def to_auth(self) -> dict[str, object]:
+        """Return the ``auth`` of the Socket.IO connection."""
+        return {
+            "protocol": self.protocol,
+            "rate_hz": self.rate_hz,
+            "channels": list(self.channels),
+            "frames_per_message": self.frames_per_message,
+            "source": self.source,
+            "clock_id": self.clock_id,
+            "annotations": self.annotations,
+        }
+
+    @classmethod
+    def from_auth(cls, auth: object) -> "FollowerHello":
+        """Read the ``auth`` of a connection that anybody may have made.
+
+        Raises
+        ------
+        InputError
+            It is no hello of this protocol version; the sentence is for the follower's user.
+        """
+        if not isinstance(auth, Mapping):
+            raise InputError("the hello is missing: connect with an mmt follower's auth")
+        protocol = _read(auth, "protocol", int)
+        if protocol != PROTOCOL_VERSION:
+            raise InputError(
+                f"the follower speaks link protocol {protocol}, the leader {PROTOCOL_VERSION}: "
+                "install the same version of mmt on both"
+            )
+        channels = _read(auth, "channels", list)
+        return cls(
+            channels=ordered_channels(str(channel)[:MAX_TEXT] for channel in channels),
+            source=_read(auth, "source", str),
+            rate_hz=_read(auth, "rate_hz", int),
+            frames_per_message=_read(auth, "frames_per_message", int),
+            annotations=_read(auth, "annotations", bytes),
+            clock_id=_read(auth, "clock_id", str),
+        )
+
+
+@dataclass(frozen=True)
+class LinkStatistics:
+    """Counts of one side of the link since it was made, over all connections.
+
+    The latencies are None where they cannot be known: one way needs a common clock, the
+    round trip is measured by the follower alone.
+    """
+
+    frames: int
+    """Frames sent (follower) or accepted (leader)."""
+    commands: int
+    """Commands accepted (follower) or sent (leader)."""
+    messages_sent: int
+    bytes_sent: int
+    dropped: int
+    """Frames (follower) or commands (leader) given up: the queue was full or the link down."""
+    messages_received: int
+    bytes_received: int
+    lost: int
+    """Sequence numbers that never came, or came too late."""
+    out_of_order: int
+    """Came after a newer one, and was thrown away."""
+    repeated: int
+    """Came twice, and was thrown away."""
+    rejected: dict[str, int]
+    """By reason; messages, or single frames or commands for the reason "not finite"."""
+    latency_p50_ms: float | None
+    """One way, from the time that a frame or command carries to its arrival."""
+    latency_p99_ms: float | None
+    round_trip_p50_ms: float | None
+    """From a frame's time to the arrival of a command that echoes it, less the echo's age."""
+    round_trip_p99_ms: float | None
+
+
+def encode_event(event: str, payload: bytes) -> bytes:
+    """Return the Engine.IO message of a Socket.IO event with one binary argument."""
+    packet = {"type": _MSGPACK_EVENT, "data": [event, payload], "nsp": _EVENT_NAMESPACE}
+    encoded: bytes = msgpack.packb(packet)
+    return encoded
+
+
+def reason_of(payload: object) -> str | None:
+    """Return the reason that an ``end`` or ``stop`` carries, None where it carries none."""
+    if not isinstance(payload, Mapping):
+        return None
+    reason = payload.get("reason")
+    return reason[:MAX_TEXT] if isinstance(reason, str) else None
+
+
+def _read(auth: Mapping[object, object], key: str, kind: type[Value]) -> Value:
+    if key not in auth:
+        raise InputError(f"the hello lacks {key!r}")
+    value = auth[key]
+    if not isinstance(value, kind) or isinstance(value, bool):
+        raise InputError(
+            f"the hello's {key!r} is a {type(value).__name__}: allowed is {kind.__name__}"
+        )
+    return value

@@ -1,0 +1,148 @@
+"""Check, count and time the blocks that arrive from the other side."""
+
+import math
+import struct
+from typing import Any, Final
+
+import numpy as np
+
+from mmt.arrays import RecordArray
+from mmt.link.log import LOG, RateLimit
+from mmt.link.protocol import MAX_RECORDS_PER_MESSAGE
+from mmt.ticking import TimeHistogram
+
+_CODES: Final = {"<u4": "I", "<i8": "q", "<f4": "f"}
+_WINDOW: Final = 256
+"""How many sequence numbers back a repeated one is told from a late one."""
+_MASK: Final = (1 << _WINDOW) - 1
+
+
+class BlockReader:
+    """Turn a message's bytes into a block whose numbers can be trusted.
+
+    What is malformed, not finite, repeated or out of order is thrown away and counted; what
+    was lost shows as a jump in ``sequence``. About 2 us a message and 1 us a record.
+
+    Parameters
+    ----------
+    dtype
+        Packed little-endian dtype whose first fields are ``sequence`` (u4) and ``time_ns``
+        (i8), all others numbers.
+    kind
+        What one record is called in the log.
+    """
+
+    def __init__(self, dtype: np.dtype[np.void], kind: str) -> None:
+        self._dtype = dtype
+        self._layout = _layout(dtype)
+        self._kind = kind
+        self._limit = RateLimit()
+        self._started = False
+        self._fresh = True
+        self._newest = -1
+        self._seen = 0
+        self._compares_clocks = False
+        self.latency = TimeHistogram()
+        self.messages = self.bytes = self.records = 0
+        self.lost = self.repeated = self.out_of_order = 0
+        self.rejected: dict[str, int] = {}
+
+    def restart(self) -> None:
+        """Expect a new connection: of the same sender, which goes on counting, or of another.
+
+        A sequence number at or below those seen then means that the sender is a new one.
+        """
+        self._fresh = True
+        self._compares_clocks = False
+
+    def compare_clocks(self, same: bool) -> None:
+        """Say whether the sender's ``time_ns`` can be compared with the time here."""
+        self._compares_clocks = same
+
+    def read(self, arguments: tuple[object, ...], arrival_ns: int) -> RecordArray | None:
+        """Return the good records of an event, shape (n,), read-only, or None.
+
+        Parameters
+        ----------
+        arguments
+            The event's arguments, as anybody may have sent them.
+        arrival_ns
+            Monotonic time of the arrival.
+        """
+        data = arguments[0] if len(arguments) == 1 else None
+        if not isinstance(data, bytes):
+            self.reject("not bytes")
+            return None
+        count, rest = divmod(len(data), self._dtype.itemsize)
+        if rest or not count:
+            self.reject("size")
+            return None
+        if count > MAX_RECORDS_PER_MESSAGE:
+            self.reject("too many")
+            return None
+        self.messages += 1
+        self.bytes += len(data)
+        good = [self._accept(record, arrival_ns) for record in self._layout.iter_unpack(data)]
+        accepted = sum(good)
+        self.records += accepted
+        block: RecordArray = np.frombuffer(data, dtype=self._dtype)
+        if accepted == count:
+            return block
+        return block[np.array(good)] if accepted else None
+
+    def reject(self, reason: str) -> None:
+        """Count something that cannot be used, and log it at a bounded rate."""
+        self.rejected[reason] = self.rejected.get(reason, 0) + 1
+        times = self._limit.allow(reason)
+        if times:
+            LOG.warning("%s rejected: %s (%d times)", self._kind, reason, times)
+
+    def end(self, sent: int) -> None:
+        """Count as lost what the sender sent after the last record that came.
+
+        Parameters
+        ----------
+        sent
+            One more than the sequence number of the last record that the sender had.
+        """
+        self.lost += max(0, min(sent, 2**32) - self._newest - 1)
+
+    def _accept(self, record: tuple[Any, ...], arrival_ns: int) -> bool:
+        if not self._in_order(record[0]):
+            return False
+        if not math.isfinite(sum(record[1:])):  # doubles cannot overflow by adding f4s
+            self.reject("not finite")
+            return False
+        if self._compares_clocks:
+            self.latency.add(arrival_ns - record[1])
+        return True
+
+    def _in_order(self, sequence: int) -> bool:
+        ahead = sequence - self._newest
+        if self._fresh:
+            if self._started and ahead > 0:
+                self.lost += ahead - 1
+            self._started, self._fresh = True, False
+            self._newest, self._seen = sequence, 1
+            return True
+        if ahead > 0:
+            self.lost += ahead - 1
+            self._newest = sequence
+            self._seen = (self._seen << ahead | 1) & _MASK if ahead < _WINDOW else 1
+            return True
+        if self._seen >> -ahead & 1:
+            self.repeated += 1
+        else:
+            self.out_of_order += 1
+            if -ahead < _WINDOW:
+                self._seen |= 1 << -ahead
+        return False
+
+
+def _layout(dtype: np.dtype[np.void]) -> struct.Struct:
+    """Return the struct layout of a packed record dtype."""
+    codes = []
+    for name in dtype.names or ():
+        field = dtype[name]
+        codes.append(f"{math.prod(field.shape)}{_CODES[field.base.str]}")
+    return struct.Struct("<" + "".join(codes))

@@ -1,0 +1,282 @@
+"""The leader's side of the link: it listens, and serves one follower at a time."""
+
+import asyncio
+import time
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import socketio
+from aiohttp import web
+
+from mmt.arrays import RecordArray
+from mmt.errors import InputError, MmtError
+from mmt.frames import COMMAND_DTYPE, Channel, frame_dtype, ordered_channels
+from mmt.link.clock import clock_id
+from mmt.link.counting import gather
+from mmt.link.direct import Send, ServerSockets
+from mmt.link.events import LeaderEvents, call
+from mmt.link.log import LOG, wire_logger
+from mmt.link.outbox import Outbox
+from mmt.link.protocol import (
+    COMMANDS,
+    END,
+    FRAMES,
+    MAX_MESSAGE_BYTES,
+    MAX_RECORDS_PER_MESSAGE,
+    PING_INTERVAL_S,
+    PING_TIMEOUT_S,
+    PROTOCOL_VERSION,
+    STOP,
+    WELCOME,
+    FollowerHello,
+    LinkStatistics,
+    encode_event,
+    reason_of,
+)
+from mmt.link.reading import BlockReader
+from mmt.scene import Link
+
+__all__ = ["LeaderEvents", "LeaderServer"]
+
+_COMMANDS_WAITING: Final = 50
+"""Commands that wait for a stalled link, 50 ms at 1 kHz: older ones are of no use."""
+_CLOSE_TIMEOUT_S: Final = 1.0
+
+
+@dataclass
+class _Follower:
+    sid: str
+    hello: FollowerHello
+    ended: bool = False
+
+
+class LeaderServer:
+    """Serve the link on Socket.IO (WebSocket alone, msgpack) to one follower at a time.
+
+    Parameters
+    ----------
+    settings
+        Where to listen; port 0 takes any free one.
+    channels
+        The channels that the leader's scene needs in each frame.
+    events
+        What to call.
+    rate_hz
+        Frames a second that the scene expects.
+
+    Raises
+    ------
+    InputError
+        The channels are none or unknown.
+    """
+
+    def __init__(
+        self,
+        settings: Link,
+        channels: Iterable[Channel],
+        events: LeaderEvents,
+        *,
+        rate_hz: int = 1000,
+    ) -> None:
+        self._settings = settings
+        self._channels = ordered_channels(channels)
+        self._events = events
+        self._rate_hz = rate_hz
+        self._reader = BlockReader(frame_dtype(self._channels), "frames")
+        self._outbox = Outbox(_COMMANDS_WAITING)
+        self._follower: _Follower | None = None
+        self._left = asyncio.Event()
+        self._stopping = False
+        self._greeting: asyncio.Task[None] | None = None
+        self._runner: web.AppRunner | None = None
+        self._server = socketio.AsyncServer(
+            async_mode="aiohttp",
+            serializer="msgpack",
+            transports=["websocket"],
+            async_handlers=False,
+            max_http_buffer_size=MAX_MESSAGE_BYTES,
+            ping_interval=PING_INTERVAL_S,
+            ping_timeout=PING_TIMEOUT_S,
+            logger=wire_logger(),
+            engineio_logger=wire_logger(),
+        )
+        self._application = web.Application()
+        self._server.attach(self._application)
+        self._sockets = ServerSockets(self._server, self._application)
+        self._server.on("connect", self._on_connect)
+        self._server.on("disconnect", self._on_disconnect)
+        self._server.on(FRAMES, self._on_frames)
+        self._server.on(END, self._on_end)
+
+    @property
+    def port(self) -> int:
+        """The port that is listened on, 0 before `start`."""
+        addresses = self._runner.addresses if self._runner is not None else []
+        return int(addresses[0][1]) if addresses else 0
+
+    @property
+    def connected(self) -> bool:
+        """Whether a follower is there that has not ended the session."""
+        return self._follower is not None and not self._follower.ended
+
+    @property
+    def statistics(self) -> LinkStatistics:
+        """What was counted since the start; a few hundred microseconds to compute."""
+        return gather(
+            self._reader,
+            self._outbox,
+            frames=self._reader.records,
+            commands=self._outbox.records,
+        )
+
+    async def start(self) -> None:
+        """Listen.
+
+        Raises
+        ------
+        MmtError
+            The host or the port cannot be had.
+        """
+        runner = web.AppRunner(
+            self._application, access_log=None, shutdown_timeout=_CLOSE_TIMEOUT_S
+        )
+        await runner.setup()
+        host, port = self._settings.host, self._settings.port
+        try:
+            await web.TCPSite(runner, host, port).start()
+        except OSError as error:
+            await runner.cleanup()
+            raise MmtError(
+                f"cannot listen on {host} port {port} ({error.strerror or error}): "
+                "set host and port of [link] to an address of this machine and a free port"
+            ) from error
+        self._runner = runner
+
+    async def request_stop(self, reason: str) -> None:
+        """Ask the follower to end, and wait a second at most until it has left."""
+        if self._follower is None:
+            return
+        if not self._follower.ended:
+            await self._server.emit(STOP, {"reason": reason}, to=self._follower.sid)
+        try:
+            await asyncio.wait_for(self._left.wait(), _CLOSE_TIMEOUT_S)
+        except TimeoutError:
+            LOG.info("the follower did not leave within %g s", _CLOSE_TIMEOUT_S)
+
+    async def stop(self) -> None:
+        """Drop the follower, if there is one, and stop listening."""
+        self._stopping = True
+        self._outbox.close()
+        if self._greeting is not None:
+            self._greeting.cancel()
+        if self._runner is None:
+            return
+        await self._sockets.close(_CLOSE_TIMEOUT_S)
+        await self._server.shutdown()
+        await self._runner.cleanup()
+        self._runner = None
+
+    def send_commands(self, commands: RecordArray) -> None:
+        """Queue motion commands for the follower; never waits.
+
+        Nothing happens while there is no follower. When the link is stalled the oldest
+        commands are given up and counted.
+
+        Parameters
+        ----------
+        commands
+            Shape (n,), of `mmt.frames.COMMAND_DTYPE`; their ``sequence`` must increase.
+
+        Raises
+        ------
+        ValueError
+            They are of another dtype.
+        """
+        if commands.dtype != COMMAND_DTYPE:
+            message = f"commands are of dtype {commands.dtype}: allowed is COMMAND_DTYPE"
+            raise ValueError(message)
+        if self._follower is None or not self._outbox.is_open:
+            return
+        for start in range(0, len(commands), MAX_RECORDS_PER_MESSAGE):
+            part = commands[start : start + MAX_RECORDS_PER_MESSAGE]
+            self._outbox.put(len(part), encode_event(COMMANDS, part.tobytes()))
+
+    # --- what python-socketio calls
+
+    def _on_connect(self, sid: str, environ: Mapping[str, object], auth: object = None) -> None:
+        try:
+            hello = FollowerHello.from_auth(auth)
+            self._check(hello)
+            self._events.on_follower(hello)
+        except MmtError as error:
+            LOG.warning("refused a follower: %s", error)
+            raise socketio.exceptions.ConnectionRefusedError(str(error)) from error
+        except Exception as error:
+            self._events.on_error(error)
+            raise socketio.exceptions.ConnectionRefusedError("the leader failed") from error
+        self._follower = _Follower(sid, hello)
+        self._left.clear()
+        self._reader.restart()
+        self._reader.compare_clocks(hello.clock_id == clock_id())
+        send = self._sockets.send(sid, environ)
+        self._greeting = asyncio.get_running_loop().create_task(self._greet(sid, send))
+
+    def _on_disconnect(self, sid: str, reason: str) -> None:
+        follower = self._follower
+        if follower is None or follower.sid != sid:
+            return
+        self._follower = None
+        self._outbox.close()
+        self._left.set()
+        if not follower.ended and not self._stopping:
+            call(self._events.on_lost, reason, on_error=self._events.on_error)
+
+    def _on_frames(self, sid: str, *arguments: object) -> None:
+        arrival_ns = time.monotonic_ns()
+        if not self._expects(sid):
+            return
+        block = self._reader.read(arguments, arrival_ns)
+        if block is not None:
+            call(self._events.on_frames, block, arrival_ns, on_error=self._events.on_error)
+
+    def _on_end(self, sid: str, *arguments: object) -> None:
+        if not self._expects(sid) or self._follower is None:
+            return
+        payload = arguments[0] if len(arguments) == 1 else None
+        reason = reason_of(payload)
+        sent = payload.get("frames") if isinstance(payload, Mapping) else None
+        if reason is None or not isinstance(sent, int):
+            self._reader.reject("malformed end")
+            return
+        self._reader.end(sent)
+        self._follower.ended = True
+        self._outbox.close()
+        call(self._events.on_end, reason, on_error=self._events.on_error)
+
+    # --- the rest
+
+    def _expects(self, sid: str) -> bool:
+        """Whether this is the follower, and still in its session."""
+        follower = self._follower
+        return follower is not None and follower.sid == sid and not follower.ended
+
+    def _check(self, hello: FollowerHello) -> None:
+        if self._follower is not None:
+            raise MmtError("another follower is connected: one leader serves one follower")
+        if hello.rate_hz != self._rate_hz:
+            raise InputError(
+                f"the follower streams at {hello.rate_hz} Hz, the leader's scene expects "
+                f"{self._rate_hz} Hz: use the same scene on both"
+            )
+        if hello.channels != self._channels:
+            raise InputError(
+                f"the follower sends {', '.join(hello.channels)}, the leader's scene needs "
+                f"{', '.join(self._channels)}: use the same scene on both"
+            )
+
+    async def _greet(self, sid: str, send: Send) -> None:
+        greeting = {"protocol": PROTOCOL_VERSION, "clock_id": clock_id()}
+        await self._server.emit(WELCOME, greeting, to=sid)
+        if self._follower is not None and self._follower.sid == sid:
+            self._outbox.open(send)
