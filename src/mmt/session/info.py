@@ -1,0 +1,78 @@
+"""Say what a session file holds."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from mmt.frames import Channel
+from mmt.session.mcap_reader import scan_mcap, session_of
+from mmt.session.reading import read_session
+from mmt.session.recorded import RecordedSession, duration_s, missing_frames
+
+
+@dataclass(frozen=True)
+class SessionInfo:
+    """What a session file holds."""
+
+    path: Path
+    size_bytes: int
+    duration_s: float
+    frames: int
+    missing_frames: int
+    rate_hz: float | None
+    """Frames a second by the recorded times, gaps counted as frames; None below two."""
+    channels: tuple[Channel, ...]
+    scene: str | None
+    """The scene's name, None where the file holds no scene."""
+    truth: bool
+    """Whether the follower attached annotations, such as the simulated truth."""
+    models: int
+    events: int
+    outputs: int
+    """Samples of the leader's output."""
+    complete: bool
+    """False for a file that was cut off, mended or not."""
+
+
+def info(path: Path) -> SessionInfo:
+    """Return what a session file of any readable kind holds, a cut-off MCAP file included.
+
+    Raises
+    ------
+    InputError
+        The file is missing, of another kind or not valid.
+    """
+    is_mcap = path.suffix.lower() == ".mcap"
+    session = session_of(scan_mcap(path)) if is_mcap else read_session(path)
+    frames = session.frames
+    return SessionInfo(
+        path=path,
+        size_bytes=path.stat().st_size,
+        duration_s=duration_s(frames),
+        frames=len(frames),
+        missing_frames=missing_frames(frames),
+        rate_hz=_rate_hz(session),
+        channels=session.channels,
+        scene=_scene_name(session),
+        truth=bool(session.annotations),
+        models=len(session.models),
+        events=len(session.events),
+        outputs=sum(len(output.vibration_m_s2) for output in session.outputs),
+        complete=session.complete,
+    )
+
+
+def _rate_hz(session: RecordedSession) -> float | None:
+    frames = session.frames
+    if len(frames) < 2:
+        return None
+    span_ns = int(frames["time_ns"][-1]) - int(frames["time_ns"][0])
+    steps = int(frames["sequence"][-1]) - int(frames["sequence"][0])
+    return steps * 1e9 / span_ns if span_ns > 0 else None
+
+
+def _scene_name(session: RecordedSession) -> str | None:
+    if session.scene is None:
+        return None
+    table = session.scene.get("session", {})
+    name = table.get("name") if isinstance(table, dict) else None
+    return None if name is None else str(name)

@@ -1,0 +1,28 @@
+"""Frames and sessions that the tests of this folder share."""
+
+import numpy as np
+import numpy.typing as npt
+
+from mmt.arrays import RecordArray
+from mmt.frames import CHANNELS, FIELD_OF_CHANNEL, Channel, frame_dtype
+
+START_NS = 12_345_678_901_234
+
+
+def made_frames(
+    count: int,
+    channels: tuple[Channel, ...] = CHANNELS,
+    *,
+    seed: int = 1,
+    steps: npt.ArrayLike | None = None,
+) -> RecordArray:
+    """Frames with random values and jittered times; `steps` are the sequence's jumps."""
+    rng = np.random.default_rng(seed)
+    frames = np.zeros(count, dtype=frame_dtype(channels))
+    jumps = np.ones(max(0, count - 1), dtype=np.int64) if steps is None else np.asarray(steps)
+    sequence = np.concatenate([[0], np.cumsum(jumps)])[:count]
+    frames["sequence"] = sequence
+    frames["time_ns"] = START_NS + sequence * 1_000_000 + rng.integers(0, 20_000, count)
+    for channel in channels:
+        frames[FIELD_OF_CHANNEL[channel]] = rng.normal(size=(count, 3)) * 10
+    return frames

@@ -1,0 +1,343 @@
+"""What is written into a session file comes back, for this package and for any other."""
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap.writer import Writer
+from session_samples import START_NS, made_frames
+
+from mmt.errors import InputError, MmtError
+from mmt.frames import CHANNELS, FIELD_OF_CHANNEL, frame_dtype
+from mmt.session import OutputBlock, read_session, write_session
+from mmt.session.info import info
+from mmt.session.mcap_writer import SessionWriter
+from mmt.session.messages import FrameCodec
+
+SCENE = {"session": {"name": "wood", "rate_hz": 1000}, "link": {"port": 8765}}
+
+
+@given(
+    count=st.integers(0, 130),
+    channels=st.sets(st.sampled_from(CHANNELS), min_size=1),
+    seed=st.integers(0, 2**32 - 1),
+    data=st.data(),
+)
+@settings(max_examples=30, deadline=None)
+def test_frames_come_back_as_they_were_written(tmp_path_factory, count, channels, seed, data):
+    ordered = tuple(channel for channel in CHANNELS if channel in channels)
+    steps = data.draw(st.lists(st.integers(1, 5000), min_size=count, max_size=count))
+    frames = made_frames(count, ordered, seed=seed, steps=steps[: max(0, count - 1)])
+    path = tmp_path_factory.mktemp("session") / "run.mcap"
+    write_session(path, frames)
+    session = read_session(path)
+    assert session.frames.dtype == frames.dtype
+    np.testing.assert_array_equal(session.frames, frames)
+    assert session.channels == ordered
+    assert session.complete
+
+
+@given(sizes=st.lists(st.integers(1, 90), min_size=1, max_size=12))
+@settings(max_examples=20, deadline=None)
+def test_blocks_of_any_size_come_back(tmp_path_factory, sizes):
+    frames = made_frames(sum(sizes))
+    path = tmp_path_factory.mktemp("session") / "run.mcap"
+    with path.open("wb") as stream:
+        writer = SessionWriter(stream, CHANNELS)
+        first = 0
+        for size in sizes:
+            writer.write_frames(frames[first : first + size], first)
+            first += size
+        writer.finish()
+    np.testing.assert_array_equal(read_session(path).frames, frames)
+
+
+def test_extreme_numbers_come_back(tmp_path):
+    frames = made_frames(8)
+    tiny, huge = np.finfo(np.float32).smallest_subnormal, np.finfo(np.float32).max
+    frames["position_mm"] = np.array([np.nan, np.inf, -np.inf, 0, -0.0, tiny, huge, -huge])[:, None]
+    frames["sequence"][-1] = 2**32 - 1
+    frames["time_ns"][:2] = [-5, 2**62]
+    write_session(tmp_path / "run.mcap", frames)
+    assert read_session(tmp_path / "run.mcap").frames.tobytes() == frames.tobytes()
+
+
+def test_everything_beside_the_frames_comes_back(tmp_path):
+    models = [(0.25, b"first model"), (0.75, b"\x00\xff" * 40_000)]
+    events = [
+        {"time_s": 0.1, "event": "mode", "mode": "streamed"},
+        {"time_s": 0.6, "event": "mark", "list": [1, 2], "nothing": None},
+    ]
+    outputs = [
+        OutputBlock(0.1, "streamed", np.arange(20.0)),
+        OutputBlock(0.2, "model", np.array([0.5])),
+    ]
+    path = tmp_path / "run.mcap"
+    write_session(
+        path,
+        made_frames(1000),
+        scene=SCENE,
+        annotations=b"\x00truth\xff",
+        models=models,
+        events=events,
+        outputs=outputs,
+    )
+    session = read_session(path)
+    assert session.scene == SCENE
+    assert session.annotations == b"\x00truth\xff"
+    assert session.models == models
+    assert session.events == events
+    assert [(o.time_s, o.mode) for o in session.outputs] == [(0.1, "streamed"), (0.2, "model")]
+    np.testing.assert_array_equal(session.outputs[0].vibration_m_s2, np.arange(20.0))
+    assert session.path == path
+    assert not list(tmp_path.glob("*.part"))
+
+
+def test_numbers_that_json_lacks_do_not_break_an_event(tmp_path):
+    event = {
+        "time_s": 0.0,
+        "distance": float("nan"),
+        "numpy": np.float32(2.5),
+        "array": np.arange(2),
+        "path": Path("a/b"),
+        "tuple": (1, np.inf),
+    }
+    write_session(tmp_path / "run.mcap", made_frames(1), events=[event])
+    assert read_session(tmp_path / "run.mcap").events == [
+        {
+            "time_s": 0.0,
+            "distance": None,
+            "numpy": 2.5,
+            "array": [0, 1],
+            "path": "a/b",
+            "tuple": [1, None],
+        }
+    ]
+
+
+def test_a_session_without_frames_is_a_session(tmp_path):
+    path = tmp_path / "run.mcap"
+    write_session(path, made_frames(0, ("force",)), scene=SCENE)
+    session = read_session(path)
+    assert len(session.frames) == 0
+    assert session.channels == ("force",)
+    described = info(path)
+    assert (described.frames, described.duration_s, described.rate_hz) == (0, 0.0, None)
+    assert described.scene == "wood"
+
+
+def _classes(reader):
+    """Decoders made from nothing but the file."""
+    classes = {}
+    for schema in reader.get_summary().schemas.values():
+        if schema.encoding == "protobuf":
+            pool = descriptor_pool.DescriptorPool()
+            for described in descriptor_pb2.FileDescriptorSet.FromString(schema.data).file:
+                pool.Add(described)
+            found = pool.FindMessageTypeByName(schema.name)
+            classes[schema.name] = message_factory.GetMessageClass(found)
+    return classes
+
+
+def test_a_plain_mcap_reader_decodes_it_from_the_file_alone(tmp_path):
+    frames = made_frames(1010)
+    path = tmp_path / "run.mcap"
+    outputs = [OutputBlock(0.5, "model", np.array([1.5, -2.5]))]
+    write_session(
+        path,
+        frames,
+        scene=SCENE,
+        annotations=b"truth",
+        models=[(0.5, b"npz")],
+        events=[{"time_s": 0.5, "event": "mark"}],
+        outputs=outputs,
+    )
+    with path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        classes = _classes(reader)
+        blocks, plots = [], []
+        for schema, channel, message in reader.iter_messages():
+            if channel.topic == "/events":
+                assert json.loads(message.data) == {"time_s": 0.5, "event": "mark"}
+                assert message.log_time == frames["time_ns"][0] + 500_000_000
+                continue
+            decoded = classes[schema.name].FromString(message.data)
+            if channel.topic == "/frames":
+                assert message.publish_time == decoded.time_ns[0]
+                blocks.append(decoded)
+            elif channel.topic == "/plot":
+                plots.append(decoded)
+            else:
+                assert (decoded.mode, list(decoded.vibration_m_s2)) == ("model", [1.5, -2.5])
+        attachments = {a.name: a.data for a in reader.iter_attachments()}
+        metadata = {m.name: m.metadata for m in reader.iter_metadata()}
+    assert [len(block.sequence) for block in blocks] == [20] * 50 + [10]
+    for field in FIELD_OF_CHANNEL.values():
+        flat = [value for block in blocks for value in getattr(block, field)]
+        np.testing.assert_array_equal(np.reshape(flat, (-1, 3)), frames[field])
+    assert [t for block in blocks for t in block.time_ns] == frames["time_ns"].tolist()
+    first = frames[:20]
+    assert plots[0].position_y_mm == pytest.approx(first["position_mm"][:, 1].mean(), rel=1e-6)
+    assert plots[0].force_z_n == pytest.approx(first["force_n"][:, 2].mean(), rel=1e-6)
+    vibration = first["acceleration_m_s2"] - first["acceleration_m_s2"].mean(axis=0)
+    rms = np.sqrt((vibration**2).sum(axis=1).mean())
+    assert plots[0].vibration_rms_m_s2 == pytest.approx(rms, rel=1e-6)
+    assert attachments == {"annotations": b"truth", "model-0001.npz": b"npz"}
+    assert json.loads(metadata["mmt.scene"]["json"]) == SCENE
+    assert metadata["mmt.session"]["channels"] == "position,force,acceleration"
+    assert metadata["mmt.session"]["format_version"] == "1"
+
+
+def test_only_the_channels_present_are_in_the_schema(tmp_path):
+    path = tmp_path / "run.mcap"
+    write_session(path, made_frames(30, ("force",)))
+    with path.open("rb") as stream:
+        classes = _classes(make_reader(stream))
+    fields = [field.name for field in classes["mmt.FrameBlock"].DESCRIPTOR.fields]
+    assert fields == ["sequence", "time_ns", "force_n"]
+    plotted = [field.name for field in classes["mmt.PlotSample"].DESCRIPTOR.fields]
+    assert plotted == ["time_ns", "force_x_n", "force_y_n", "force_z_n"]
+
+
+def test_chunks_are_small_and_compressed(tmp_path):
+    path = tmp_path / "run.mcap"
+    write_session(path, made_frames(6000))
+    with path.open("rb") as stream:
+        chunks = make_reader(stream).get_summary().chunk_indexes
+    assert {chunk.compression for chunk in chunks} == {"zstd"}
+    assert max(chunk.uncompressed_size for chunk in chunks) < 64 * 1024 + 2000
+    assert len(chunks) > 3
+
+
+def test_an_existing_file_stays_when_writing_fails(tmp_path, monkeypatch):
+    path = tmp_path / "run.mcap"
+    path.write_bytes(b"precious")
+
+    def fail(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(SessionWriter, "finish", fail)
+    with pytest.raises(MmtError, match="No space left on device"):
+        write_session(path, made_frames(100))
+    assert path.read_bytes() == b"precious"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"", "the file is empty"),
+        (b"time_s,position_x_mm\n0,1\n", "no MCAP file"),
+        (b"\x89MCAP", "no MCAP file"),
+        (b"\x89MCAP0\r\n", "nothing in it can be read"),
+    ],
+)
+@pytest.mark.parametrize("ask", [info, read_session])
+def test_a_file_of_another_kind_is_refused(tmp_path, content, reason, ask):
+    path = tmp_path / "run.mcap"
+    path.write_bytes(content)
+    if content == b"\x89MCAP0\r\n" and ask is read_session:
+        reason = "mmt session recover"
+    with pytest.raises(InputError, match=reason):
+        ask(path)
+
+
+def test_missing_files_folders_and_suffixes_are_named(tmp_path):
+    with pytest.raises(InputError, match=r"absent\.mcap: No such file"):
+        read_session(tmp_path / "absent.mcap")
+    (tmp_path / "folder.mcap").mkdir()
+    with pytest.raises(InputError, match="Is a directory"):
+        read_session(tmp_path / "folder.mcap")
+    with pytest.raises(InputError, match=r"\.wav cannot be read.*\.mcap, \.npz, \.csv"):
+        read_session(tmp_path / "sound.wav")
+    with pytest.raises(InputError, match=r"cannot write.*No such file"):
+        write_session(tmp_path / "nowhere" / "run.mcap", made_frames(1))
+
+
+def test_somebody_elses_mcap_is_refused_with_its_topics(tmp_path):
+    path = tmp_path / "other.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("imu", "jsonschema", b"{}")
+        channel = writer.register_channel("/imu", "json", schema)
+        writer.add_message(channel, 1, b"{}", 1)
+        writer.finish()
+    with pytest.raises(InputError, match=r"without the topic /frames.*its topics: /imu"):
+        read_session(path)
+
+
+def test_a_newer_format_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("mmt.session.mcap_writer.FORMAT_VERSION", 2)
+    write_session(tmp_path / "new.mcap", made_frames(5))
+    with pytest.raises(InputError, match=r"format version 2.*update mmt-haptics"):
+        read_session(tmp_path / "new.mcap")
+
+
+def test_frames_whose_fields_differ_in_length_are_refused():
+    codec = FrameCodec.of_channels(("force",))
+    one_sequence_more = bytes([0x0A, 1, 7])  # field 1, packed, one byte long, the number 7
+    with pytest.raises(InputError, match="do not fit their schema: cannot reshape"):
+        codec.decode([codec.encode(made_frames(20, ("force",))) + one_sequence_more])
+    with pytest.raises(InputError, match="do not fit their schema"):
+        codec.decode([b"\xff\xff\xff"])
+
+
+def test_info_says_what_a_file_holds(tmp_path):
+    steps = np.ones(999, dtype=int)
+    steps[[100, 500]] = [4, 11]
+    path = tmp_path / "run.mcap"
+    frames = made_frames(1000, steps=steps)
+    frames["time_ns"] = START_NS + frames["sequence"].astype(np.int64) * 1_001_000
+    write_session(
+        path,
+        frames,
+        scene=SCENE,
+        annotations=b"truth",
+        models=[(0.1, b"m")],
+        events=[{"event": "mark"}] * 3,
+        outputs=[OutputBlock(0.0, "model", np.zeros(20))] * 2,
+    )
+    said = info(path)
+    assert said.frames == 1000
+    assert said.missing_frames == 13
+    assert said.duration_s == pytest.approx((999 + 13) * 1.001e-3 + 1e-3)
+    assert said.rate_hz == pytest.approx(1000 / 1.001)
+    assert (said.scene, said.truth, said.complete) == ("wood", True, True)
+    assert (said.models, said.events, said.outputs) == (1, 3, 40)
+    assert said.size_bytes == path.stat().st_size
+
+
+def test_a_demo_session_is_read_fast(tmp_path):
+    path = tmp_path / "run.mcap"
+    write_session(path, made_frames(18_000))
+    seconds = []
+    for _ in range(5):
+        begin = time.perf_counter()
+        read_session(path)
+        seconds.append(time.perf_counter() - begin)
+    assert min(seconds) < 1.0  # 0.015 s measured; a wide margin for a loaded machine
+
+
+def test_neither_scipy_nor_numba_is_imported():
+    program = (
+        "import sys, mmt.session, mmt.session.recording, mmt.session.replay, mmt.session.recover,"
+        " mmt.session.info, mmt.session.npz_file, mmt.session.csv_file, mmt.session.samples\n"
+        "heavy = {'scipy', 'numba', 'pandas', 'pyarrow', 'h5py', 'matplotlib'}\n"
+        "sys.exit(', '.join(heavy & set(sys.modules)) or None)"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
+
+
+def test_the_dtype_read_is_that_of_frames(tmp_path):
+    write_session(tmp_path / "run.mcap", made_frames(3, ("position", "acceleration")))
+    read = read_session(tmp_path / "run.mcap").frames
+    assert read.dtype == frame_dtype(("position", "acceleration"))
