@@ -1,0 +1,208 @@
+"""Recording never disturbs the caller and loses nothing on a clean close."""
+
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from session_samples import START_NS, made_frames
+
+from mmt.errors import InputError
+from mmt.frames import CHANNELS
+from mmt.session import read_session
+from mmt.session.mcap_writer import SessionWriter
+from mmt.session.recording import McapRecorder
+from mmt.session.recover import recover
+
+
+@given(sizes=st.lists(st.integers(0, 70), max_size=40))
+@settings(max_examples=15, deadline=None)
+def test_frames_recorded_are_frames_read(tmp_path_factory, sizes):
+    path = tmp_path_factory.mktemp("session") / "run.mcap"
+    frames = made_frames(sum(sizes))
+    recorder = McapRecorder(path, channels=CHANNELS)
+    first = 0
+    for size in sizes:
+        recorder.record_frames(frames[first : first + size])
+        first += size
+    recorder.close()
+    assert (recorder.frames, recorder.dropped, recorder.error) == (len(frames), 0, None)
+    np.testing.assert_array_equal(read_session(path).frames, frames)
+
+
+def test_single_frames_become_blocks_of_twenty_with_their_arrival(tmp_path):
+    path = tmp_path / "run.mcap"
+    frames = made_frames(50)
+    now = iter(range(1_000_000_000, 2_000_000_000, 1_000_000))
+    with McapRecorder(path, channels=CHANNELS, clock=lambda: next(now)) as recorder:
+        for index in range(50):
+            recorder.record_frames(frames[index : index + 1])
+    from mcap.reader import make_reader
+
+    with path.open("rb") as stream:
+        messages = [m for _, _, m in make_reader(stream).iter_messages(topics=["/frames"])]
+    # A partial block may end early where the flush fell into this run.
+    assert messages[0].log_time == 1_000_000_000
+    firsts = [message.sequence for message in messages]
+    assert [m.log_time for m in messages] == [1_000_000_000 + f * 1_000_000 for f in firsts]
+    assert [m.publish_time for m in messages] == [int(frames["time_ns"][f]) for f in firsts]
+    assert max(np.diff([*firsts, 50])) <= 20
+
+
+def test_everything_recorded_comes_back_at_its_time(tmp_path):
+    path = tmp_path / "runs" / "deep" / "run.mcap"
+    clock_ns = [7_000_000_000]
+    recorder = McapRecorder(
+        path, channels=CHANNELS, scene={"session": {"name": "x"}}, clock=lambda: clock_ns[0]
+    )
+    recorder.attach_annotations(b"truth")
+    recorder.record_frames(made_frames(100))
+    clock_ns[0] += 250_000_000
+    recorder.record_event({"event": "now"})
+    recorder.record_event({"time_s": 0.125, "event": "then"})
+    recorder.record_event({"time_s": float("nan"), "event": "unclear"})
+    recorder.attach_model(b"npz", 0.5)
+    for index in range(45):
+        mode = "streamed" if index < 30 else "model"
+        recorder.record_output(7_000_000_000 + index * 1_000_000, mode, [float(index)])
+    recorder.close()
+    session = read_session(path)
+    assert session.annotations == b"truth"
+    assert session.scene == {"session": {"name": "x"}}
+    assert session.models == [(0.5, b"npz")]
+    assert session.events[:2] == [
+        {"time_s": 0.25, "event": "now"},
+        {"time_s": 0.125, "event": "then"},
+    ]
+    samples = np.concatenate([output.vibration_m_s2 for output in session.outputs])
+    np.testing.assert_array_equal(samples, np.arange(45.0))
+    for output in session.outputs:
+        assert output.time_s == pytest.approx(output.vibration_m_s2[0] / 1000)
+        expected = "streamed" if output.vibration_m_s2[0] < 30 else "model"
+        assert output.mode == expected
+
+
+def test_a_slow_disk_costs_the_oldest_frames_and_counts_them(tmp_path, monkeypatch):
+    blocked = threading.Event()
+    write = SessionWriter.write_frames
+
+    def slow(self, frames, log_time_ns):
+        blocked.wait()
+        write(self, frames, log_time_ns)
+
+    monkeypatch.setattr(SessionWriter, "write_frames", slow)
+    path = tmp_path / "run.mcap"
+    frames = made_frames(3000)
+    recorder = McapRecorder(path, channels=CHANNELS, queue_limit=500)
+    for index in range(0, 2000, 2):
+        recorder.record_frames(frames[index : index + 2])
+    recorder.attach_model(b"never dropped", 0.0)
+    assert recorder.dropped >= 800
+    blocked.set()
+    recorder.close()
+    session = read_session(path)
+    assert recorder.dropped + recorder.frames == 2000
+    assert recorder.dropped >= 800
+    assert [data for _, data in session.models] == [b"never dropped"]
+    # The newest are kept, in order.
+    assert session.frames["sequence"][-1] == 1999
+    assert len(session.frames) == recorder.frames
+    assert np.all(np.diff(session.frames["sequence"].astype(int)) > 0)
+
+
+def test_a_write_error_is_reported_once_and_stops_nobody(tmp_path, monkeypatch):
+    def full(self):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(SessionWriter, "flush", full)
+    reasons: list[str] = []
+    frames = made_frames(100)
+    recorder = McapRecorder(tmp_path / "run.mcap", channels=CHANNELS, on_error=reasons.append)
+    recorder.record_frames(frames)
+    deadline = time.monotonic() + 20
+    while recorder.error is None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert recorder.error == "No space left on device"
+    recorder.record_frames(frames)
+    recorder.record_event({"event": "late"})
+    recorder.record_output(1, "model", [1.0])
+    recorder.close()
+    recorder.close()
+    assert reasons == ["No space left on device"]
+    assert recorder.frames == 0
+    assert recorder.dropped == 200
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_disk_that_is_full_from_the_start(tmp_path):
+    link = tmp_path / "run.mcap"
+    link.symlink_to("/dev/full")
+    recorder = McapRecorder(link, channels=CHANNELS)
+    recorder.record_frames(made_frames(100))
+    recorder.close()
+    assert recorder.error == "No space left on device"
+    assert (recorder.frames, recorder.dropped) == (0, 100)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits the size of files")
+def test_a_disk_that_fills_up_leaves_a_file_to_recover(tmp_path):
+    program = (
+        "import resource, sys, time, pathlib\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))\n"
+        "sys.path.insert(0, sys.argv[2])\n"
+        "from session_samples import made_frames\n"
+        "from mmt.session.recording import McapRecorder\n"
+        "frames = made_frames(6000)\n"
+        "recorder = McapRecorder(pathlib.Path(sys.argv[1]), channels=frames_channels)\n"
+        "for first in range(0, 6000, 500):\n"
+        "    recorder.record_frames(frames[first:first + 500]); time.sleep(0.15)\n"
+        "recorder.close()\n"
+        "print(recorder.error, recorder.frames, recorder.dropped, sep='|')\n"
+    ).replace("frames_channels", repr(CHANNELS))
+    path = tmp_path / "run.mcap"
+    arguments = [sys.executable, "-c", program, str(path), str(Path(__file__).parent)]
+    done = subprocess.run(arguments, check=True, capture_output=True, text=True, timeout=60)
+    error, frames, dropped = done.stdout.strip().split("|")
+    assert error == "File too large"
+    assert 500 <= int(frames) < 6000
+    assert int(frames) + int(dropped) == 6000
+    saved = recover(path, tmp_path / "saved.mcap")
+    assert saved.frames >= int(frames)
+    expected = made_frames(6000)[: saved.frames]
+    np.testing.assert_array_equal(read_session(saved.path).frames, expected)
+
+
+def test_what_cannot_be_recorded_is_refused_at_once(tmp_path):
+    with pytest.raises(InputError, match="Is a directory"):
+        McapRecorder(tmp_path, channels=CHANNELS)
+    with McapRecorder(tmp_path / "run.mcap", channels=("force",)) as recorder:
+        with pytest.raises(InputError, match="expected"):
+            recorder.record_frames(made_frames(3))
+        recorder.record_frames(made_frames(3, ("force",)))
+    assert len(read_session(tmp_path / "run.mcap").frames) == 3
+
+
+def test_frames_after_the_close_are_counted_as_dropped(tmp_path):
+    recorder = McapRecorder(tmp_path / "run.mcap", channels=CHANNELS)
+    recorder.record_frames(made_frames(30))
+    recorder.close()
+    recorder.record_frames(made_frames(5))
+    assert (recorder.frames, recorder.dropped) == (30, 5)
+
+
+def test_a_pause_of_the_stream_leaves_no_frame_behind(tmp_path):
+    """Fewer frames than a block are in the file although the recording goes on."""
+    path = tmp_path / "run.mcap"
+    with McapRecorder(path, channels=CHANNELS) as recorder:
+        recorder.record_frames(made_frames(7))
+        deadline = time.monotonic() + 20
+        while recorder.frames < 7 and time.monotonic() < deadline:
+            time.sleep(0.02)
+        saved = recover(path, tmp_path / "saved.mcap")
+    assert saved.frames == 7
+    assert read_session(saved.path).frames["time_ns"][0] >= START_NS
