@@ -1,0 +1,109 @@
+"""Save what is readable of a session file that was cut off or damaged."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from mmt.errors import InputError
+from mmt.session.mcap_reader import Scan, frames_of, scan_mcap
+from mmt.session.mcap_writer import RECOVERY_METADATA, SCENE_METADATA, open_writer
+from mmt.session.recorded import duration_s, missing_frames
+from mmt.session.replacing import replacing
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """What was saved."""
+
+    path: Path
+    """The file that was written."""
+    frames: int
+    missing_frames: int
+    """Jumps in the sequence of what was saved: lost on the way, or with a damaged chunk."""
+    duration_s: float
+    chunks: int
+    damaged_chunks: int
+    problem: str
+    """What was wrong with the file; empty where nothing was."""
+
+
+def recover(path: Path, out: Path) -> Recovery:
+    """Write every readable record of a session file into a whole one.
+
+    All chunks that are complete are saved; of a chunk that was cut off nothing is, since a
+    chunk is compressed as one block. A recorder ends its chunk every 0.5 s or less, so that is
+    what a crash can cost. The file that was cut off is not touched.
+
+    Raises
+    ------
+    InputError
+        The file is missing, of another kind, or holds nothing to save, or `out` is the
+        same file or cannot be made.
+    MmtError
+        Writing failed.
+    """
+    if out.exists() and path.exists() and out.samefile(path):
+        raise InputError(f"recover {path}: name another file to write to, this one is kept")
+    scan = scan_mcap(path)
+    frames = frames_of(scan)
+    problem = scan.problem or (f"{scan.damaged} damaged chunks" if scan.damaged else "")
+    recovery = Recovery(
+        path=out,
+        frames=len(frames),
+        missing_frames=missing_frames(frames),
+        duration_s=duration_s(frames),
+        chunks=scan.chunks,
+        damaged_chunks=scan.damaged,
+        problem=problem,
+    )
+    with replacing(out) as part, part.open("wb") as stream:
+        _copy(scan, recovery, stream)
+    return recovery
+
+
+def _copy(scan: Scan, recovery: Recovery, stream: BinaryIO) -> None:
+    writer = open_writer(stream)
+    for record in scan.metadata:
+        if record.name == SCENE_METADATA and not _is_json(record.metadata.get("json", "")):
+            continue  # metadata has no checksum; the frames are worth more than the scene
+        writer.add_metadata(record.name, record.metadata)
+    if recovery.problem:
+        writer.add_metadata(
+            RECOVERY_METADATA, {"problem": recovery.problem, "frames": str(recovery.frames)}
+        )
+    for attachment in scan.attachments:
+        writer.add_attachment(
+            attachment.create_time,
+            attachment.log_time,
+            attachment.name,
+            attachment.media_type,
+            attachment.data,
+        )
+    schemas = {0: 0}  # 0 stands for "no schema" in MCAP
+    for key, schema in scan.schemas.items():
+        schemas[key] = writer.register_schema(schema.name, schema.encoding, schema.data)
+    channels = {
+        key: writer.register_channel(
+            c.topic, c.message_encoding, schemas.get(c.schema_id, 0), c.metadata
+        )
+        for key, c in scan.channels.items()
+    }
+    for message in scan.messages:
+        if message.channel_id in channels:
+            writer.add_message(
+                channels[message.channel_id],
+                message.log_time,
+                message.data,
+                message.publish_time,
+                message.sequence,
+            )
+    writer.finish()  # type: ignore[no-untyped-call]
+
+
+def _is_json(text: str) -> bool:
+    try:
+        json.loads(text)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,203 @@
+"""A file that was cut off or damaged gives back every whole chunk."""
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from session_samples import made_frames
+
+from mmt.errors import InputError
+from mmt.frames import CHANNELS
+from mmt.session import OutputBlock, read_session, write_session
+from mmt.session.info import info
+from mmt.session.mcap_writer import SessionWriter
+from mmt.session.recover import recover
+
+FLUSH_FRAMES = 500
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A session of ten flushes as a recorder makes it, and the bytes after each flush."""
+    path = tmp_path_factory.mktemp("whole") / "run.mcap"
+    frames = made_frames(5000)
+    ends = []
+    with path.open("wb") as stream:
+        writer = SessionWriter(stream, CHANNELS, {"session": {"name": "wood"}})
+        writer.write_annotations(b"truth", 0)
+        for first in range(0, 5000, 20):
+            writer.write_frames(frames[first : first + 20], first)
+            if (first + 20) % FLUSH_FRAMES == 0:
+                writer.write_event('{"event": "flush"}', first)
+                writer.write_model(b"npz", first)
+                writer.flush()
+                ends.append(stream.tell())
+        writer.finish()
+    return path, frames, ends
+
+
+@given(data=st.data())
+@settings(max_examples=40, deadline=None)
+def test_a_cut_costs_at_most_one_flush(tmp_path_factory, whole, data):
+    path, frames, ends = whole
+    content = path.read_bytes()
+    length = data.draw(st.integers(ends[0], len(content) - 1))
+    folder = tmp_path_factory.mktemp("cut")
+    cut = folder / "cut.mcap"
+    cut.write_bytes(content[:length])
+    with pytest.raises(InputError, match=r"mmt session recover .*cut\.mcap"):
+        read_session(cut)
+    described = info(cut)
+    saved = recover(cut, folder / "saved.mcap")
+    flushed = sum(end <= length for end in ends) * FLUSH_FRAMES
+    assert flushed <= saved.frames <= flushed + FLUSH_FRAMES
+    assert described.frames == saved.frames
+    assert not described.complete
+    assert saved.problem
+    session = read_session(saved.path)
+    assert not session.complete
+    np.testing.assert_array_equal(session.frames, frames[: saved.frames])
+    assert session.annotations == b"truth"
+    assert session.scene == {"session": {"name": "wood"}}
+    assert abs(len(session.events) - saved.frames // FLUSH_FRAMES) <= 1
+    assert cut.read_bytes() == content[:length]
+
+
+@given(place=st.floats(0, 1), value=st.integers(1, 255))
+@settings(max_examples=40, deadline=None)
+def test_a_flipped_byte_never_gives_a_wrong_frame(tmp_path_factory, whole, place, value):
+    path, frames, _ = whole
+    content = bytearray(path.read_bytes())
+    content[8 + int(place * (len(content) - 9))] ^= value
+    folder = tmp_path_factory.mktemp("flip")
+    flipped = folder / "flipped.mcap"
+    flipped.write_bytes(content)
+    try:
+        saved = recover(flipped, folder / "saved.mcap")
+    except InputError:
+        return  # the damage made it another kind of file, and the person is told so
+    read = read_session(saved.path).frames
+    sequence = read["sequence"].astype(int)
+    np.testing.assert_array_equal(read, frames[sequence])
+
+
+def test_a_damaged_chunk_costs_its_own_frames_only(tmp_path, whole):
+    path, frames, _ = whole
+    with path.open("rb") as stream:
+        chunks = make_reader(stream).get_summary().chunk_indexes
+    content = bytearray(path.read_bytes())
+    for chunk in (chunks[0], chunks[4]):
+        middle = chunk.chunk_start_offset + chunk.chunk_length // 2
+        content[middle : middle + 8] = b"\xa5" * 8
+    damaged = tmp_path / "damaged.mcap"
+    damaged.write_bytes(content)
+    with pytest.raises(InputError, match="2 damaged chunks"):
+        read_session(damaged)
+    saved = recover(damaged, tmp_path / "saved.mcap")
+    assert (saved.damaged_chunks, saved.chunks) == (2, len(chunks) - 2)
+    assert saved.frames == 4000
+    assert saved.missing_frames == 500
+    kept = np.delete(frames, np.r_[:500, 2000:2500])
+    np.testing.assert_array_equal(read_session(saved.path).frames, kept)
+
+
+def test_a_damaged_scene_does_not_cost_the_frames(tmp_path, whole):
+    path, frames, _ = whole
+    damaged = tmp_path / "damaged.mcap"
+    damaged.write_bytes(path.read_bytes().replace(b'"wood"', b'"wood?', 1))
+    with pytest.raises(InputError, match="the scene is not valid JSON"):
+        read_session(damaged)
+    saved = recover(damaged, tmp_path / "saved.mcap")
+    assert read_session(saved.path).scene is None
+    np.testing.assert_array_equal(read_session(saved.path).frames, frames)
+
+
+def test_a_tail_of_zeros_is_cut_off(tmp_path, whole):
+    path, frames, ends = whole
+    broken = tmp_path / "zeros.mcap"
+    broken.write_bytes(path.read_bytes()[: ends[3]] + bytes(10_000))
+    saved = recover(broken, tmp_path / "saved.mcap")
+    np.testing.assert_array_equal(read_session(saved.path).frames, frames[:2000])
+
+
+def test_a_whole_file_is_copied_whole(tmp_path):
+    path, out = tmp_path / "run.mcap", tmp_path / "copy.mcap"
+    write_session(
+        path,
+        made_frames(300),
+        scene={"a": 1},
+        annotations=b"truth",
+        models=[(0.1, b"npz")],
+        events=[{"time_s": 0.2, "event": "mark"}],
+        outputs=[OutputBlock(0.1, "model", np.ones(3))],
+    )
+    saved = recover(path, out)
+    assert (saved.problem, saved.damaged_chunks, saved.frames) == ("", 0, 300)
+    before, after = read_session(path), read_session(out)
+    assert after.complete
+    np.testing.assert_array_equal(after.frames, before.frames)
+    for name in ("scene", "annotations", "models", "events"):
+        assert getattr(after, name) == getattr(before, name)
+    assert after.outputs[0].mode == "model"
+
+
+def test_the_file_itself_and_hopeless_files_are_refused(tmp_path, whole):
+    path, _, _ = whole
+    with pytest.raises(InputError, match="name another file"):
+        recover(path, path)
+    with pytest.raises(InputError, match="No such file"):
+        recover(tmp_path / "absent.mcap", tmp_path / "out.mcap")
+    hopeless = tmp_path / "hopeless.mcap"
+    hopeless.write_bytes(path.read_bytes()[:200])
+    with pytest.raises(InputError, match="nothing in it can be read"):
+        recover(hopeless, tmp_path / "out.mcap")
+    with pytest.raises(InputError, match="cannot write"):
+        recover(path, tmp_path / "nowhere" / "out.mcap")
+    assert not (tmp_path / "out.mcap").exists()
+
+
+WRITER = """
+import sys, time, pathlib
+sys.path.insert(0, sys.argv[2])
+from session_samples import made_frames
+from mmt.frames import CHANNELS
+from mmt.session.recording import McapRecorder
+frames = made_frames(60_000)
+recorder = McapRecorder(pathlib.Path(sys.argv[1]), channels=CHANNELS)
+start = time.monotonic()
+sent = 0
+while True:
+    due = int((time.monotonic() - start) * 1000)
+    for index in range(sent, due):
+        recorder.record_frames(frames[index:index + 1])
+    sent = max(sent, due)
+    print(sent, recorder.frames, flush=True)
+    time.sleep(0.005)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sends SIGKILL")
+def test_a_killed_recorder_loses_at_most_the_last_flush(tmp_path):
+    path = tmp_path / "run.mcap"
+    arguments = [sys.executable, "-c", WRITER, str(path), str(Path(__file__).parent)]
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as child:
+        assert child.stdout is not None
+        for line in child.stdout:
+            sent, flushed = map(int, line.split())
+            if sent > 1300 and flushed > 0:
+                break
+        child.send_signal(signal.SIGKILL)
+    with pytest.raises(InputError, match="mmt session recover"):
+        read_session(path)
+    saved = recover(path, tmp_path / "saved.mcap")
+    # A recorder on a loaded machine may be late with its flush, but never loses one.
+    assert saved.frames >= flushed > 0
+    assert saved.missing_frames == 0
+    expected = made_frames(60_000)[: saved.frames]
+    np.testing.assert_array_equal(read_session(saved.path).frames, expected)
