@@ -1,0 +1,233 @@
+"""The online update of a texture model: stream in, immutable models out.
+
+Awan et al., section V.C: once a period the newest samples are filtered, cut into segments and
+fitted; the fits join the sample set and a new model is triangulated. The same class serves the
+live leader and the evaluation of recorded sessions.
+
+Cost of an update: O(new samples x order) for filtering and fitting, O(n log n) for the
+triangulation of all n samples.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mmt.arrays import FloatArray, RecordArray
+from mmt.texture.autoregression import output_power, reflection_to_lsf
+from mmt.texture.burg import burg_batch
+from mmt.texture.completion import CompletionMonitor
+from mmt.texture.filtering import StreamFilter
+from mmt.texture.model import TextureModel, TextureSamples
+from mmt.texture.ordering import choose_order
+from mmt.texture.segmentation import OnlineSegmenter, Segment, SegmentationSettings
+from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, ModellingSettings
+
+SEGMENTS_FOR_ORDER: Final = 5
+"""With "auto", the common order is chosen from this many first segments, then it stays."""
+
+SegmentRange = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """One segment as a sample of the model."""
+
+    segment: Segment
+    lsf: FloatArray
+    variance: float
+    power: float
+
+
+@dataclass(frozen=True)
+class ModelUpdate:
+    """What one update did.
+
+    ``time_s`` is the session time of the newest frame, ``distance`` the completion sum,
+    ``durations_s`` the seconds spent on each stage.
+    """
+
+    time_s: float
+    samples: int
+    added: int
+    removed: int
+    distance: float
+    order: int | None
+    started: bool
+    stopped: bool
+    model: TextureModel | None
+    durations_s: dict[str, float]
+
+
+class OnlineModeller:
+    """Build a texture model from a stream of frames.
+
+    Parameters
+    ----------
+    settings
+        See `ModellingSettings`.
+    accept
+        Asked for each segment whether it may enter the model; the evaluation holds
+        segments out with it.
+    """
+
+    def __init__(
+        self,
+        settings: ModellingSettings | None = None,
+        accept: Callable[[Segment], bool] | None = None,
+    ) -> None:
+        self.settings = settings or ModellingSettings()
+        self._accept = accept
+        self._filter = StreamFilter(
+            normal=self.settings.normal,
+            axis=self.settings.axis,
+            rate_hz=self.settings.rate_hz,
+        )
+        self._segmenter = OnlineSegmenter(
+            SegmentationSettings(
+                straightness_mm=self.settings.straightness_mm,
+                stationarity=self.settings.stationarity,
+                shortest_samples=self.settings.shortest_samples,
+                longest_samples=self.settings.longest_samples,
+                least_speed_mm_s=self.settings.least_speed_mm_s,
+                least_force_n=self.settings.least_force_n,
+            ),
+            overlap_samples=self.settings.overlap_samples,
+        )
+        self.completion = CompletionMonitor(
+            self.settings.start_distance, self.settings.stop_distance
+        )
+        self.order: int | None = None if self.settings.order == "auto" else self.settings.order
+        self.fits: dict[SegmentRange, Fit] = {}
+        self._waiting: dict[SegmentRange, Segment] = {}
+        self._first_sequence: int | None = None
+        self._time_s = 0.0
+        self.model: TextureModel | None = None
+
+    @property
+    def delay_samples(self) -> int:
+        """Samples by which segments lag behind the newest frame, from the filters."""
+        return self._filter.delay_samples
+
+    def update(self, frames: RecordArray) -> ModelUpdate:
+        """Take the newest frames and return the new state.
+
+        Parameters
+        ----------
+        frames
+            Shape (n,), with position, force and acceleration; in order, with jumps in
+            ``sequence`` where frames are missing. May be empty.
+        """
+        clock = _Stopwatch()
+        if len(frames):
+            if self._first_sequence is None:
+                self._first_sequence = int(frames["sequence"][0])
+            elapsed = int(frames["sequence"][-1]) + 1 - self._first_sequence
+            self._time_s = elapsed / self.settings.rate_hz
+        aligned = self._filter.process(frames)
+        clock.lap("filter")
+        change = self._segmenter.update(aligned)
+        added = [s for s in change.added if self._accept is None or self._accept(s)]
+        clock.lap("segment")
+        removed = self._remove([(s.start, s.stop) for s in change.removed])
+        self._fit(added)
+        clock.lap("fit")
+        if added or removed or (self.model is None and self.fits):
+            self._rebuild()
+        clock.lap("triangulate")
+        self.completion.update(self._points(), self._time_s)
+        clock.lap("completion")
+        return ModelUpdate(
+            time_s=self._time_s,
+            samples=len(self.fits),
+            added=len(added),
+            removed=removed,
+            distance=self.completion.distance,
+            order=self.order,
+            started=self.completion.started,
+            stopped=self.completion.stopped,
+            model=self.model,
+            durations_s=clock.laps,
+        )
+
+    def _remove(self, ranges: list[SegmentRange]) -> int:
+        count = 0
+        for key in ranges:
+            count += self.fits.pop(key, None) is not None
+            self._waiting.pop(key, None)
+        return count
+
+    def _fit(self, segments: list[Segment]) -> None:
+        """Fit the segments, or keep them waiting until the order is chosen."""
+        if self.order is None:
+            self._waiting.update({(s.start, s.stop): s for s in segments})
+            if len(self._waiting) < SEGMENTS_FOR_ORDER:
+                return
+            segments = list(self._waiting.values())
+            self._waiting.clear()
+            largest = min(24, self.settings.shortest_samples // 4)
+            self.order = choose_order([s.vibration_m_s2 for s in segments], largest=largest)
+        usable = [s for s in segments if len(s.vibration_m_s2) > self.order]
+        if not usable:
+            return
+        fits = burg_batch([s.vibration_m_s2 for s in usable], self.order)
+        lsf = reflection_to_lsf(fits.reflection)
+        power = output_power(fits.variance, fits.reflection)
+        for index, segment in enumerate(usable):
+            if not _is_filter(lsf[index], fits.variance[index], power[index]):
+                continue
+            self.fits[segment.start, segment.stop] = Fit(
+                segment, lsf[index], float(fits.variance[index]), float(power[index])
+            )
+
+    def _rebuild(self) -> None:
+        if not self.fits:
+            self.model = None
+            return
+        self.model = TextureModel(
+            self._samples(),
+            interpolate=self.settings.interpolate,
+            rate_hz=self.settings.rate_hz,
+        )
+
+    def _samples(self) -> TextureSamples:
+        fits = list(self.fits.values())
+        return TextureSamples(
+            speed_mm_s=np.array([fit.segment.speed_mm_s for fit in fits]),
+            force_n=np.array([fit.segment.force_n for fit in fits]),
+            lsf=np.array([fit.lsf for fit in fits]),
+            variance=np.array([fit.variance for fit in fits]),
+            power=np.array([fit.power for fit in fits]),
+        )
+
+    def _points(self) -> FloatArray:
+        if self.model is not None:
+            return self.model.points
+        return (
+            np.empty((0, 2))
+            if not self.fits
+            else self._samples().normalised(MAXIMUM_SPEED_MM_S, MAXIMUM_FORCE_N)
+        )
+
+
+def _is_filter(lsf: FloatArray, variance: float, power: float) -> bool:
+    """Say whether a fit can stand in a model.
+
+    A segment without any vibration, or one whose power overflows, has no filter that could
+    be interpolated with others.
+    """
+    ascending = bool((np.diff(lsf, prepend=0.0, append=np.pi) > 0).all())
+    return ascending and np.isfinite(power) and np.isfinite(variance)
+
+
+class _Stopwatch:
+    def __init__(self) -> None:
+        self.laps: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, name: str) -> None:
+        now = time.perf_counter()
+        self.laps[name] = now - self._last
+        self._last = now

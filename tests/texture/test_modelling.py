@@ -1,0 +1,127 @@
+import itertools
+
+import numpy as np
+import pytest
+
+from mmt.arrays import RecordArray
+from mmt.devices.simulated.offline import simulate_session
+from mmt.devices.simulated.textures import get_surface
+from mmt.frames import empty_frames
+from mmt.scene import Scene
+from mmt.texture.modelling import ModelUpdate, OnlineModeller
+from mmt.texture.settings import ModellingSettings
+
+FREQUENCIES_HZ = np.linspace(10, 490, 121)
+
+
+@pytest.fixture(scope="module")
+def frames() -> RecordArray:
+    return simulate_session(Scene(), "plastic", 12.0, 1)[0]
+
+
+def feed(modeller: OnlineModeller, frames: RecordArray, block: int = 1000) -> list[ModelUpdate]:
+    return [
+        modeller.update(frames[start : start + block]) for start in range(0, len(frames), block)
+    ]
+
+
+def test_it_models_a_known_surface_until_both_criteria_are_met(frames: RecordArray) -> None:
+    modeller = OnlineModeller()
+    updates = feed(modeller, frames)
+    assert [u.started for u in updates] == sorted(u.started for u in updates)
+    assert updates[-1].stopped
+    assert modeller.completion.start_s is not None
+    assert modeller.completion.stop_s is not None
+    assert modeller.completion.start_s < modeller.completion.stop_s <= 12.0
+    assert modeller.model is not None
+    expected = get_surface("plastic").spectrum(150.0, 1.5, FREQUENCIES_HZ).ravel()
+    error_db = 10 * np.log10(modeller.model.spectrum(150.0, 1.5, FREQUENCIES_HZ)[0] / expected)
+    assert np.sqrt(np.mean(error_db**2)) < 3.0
+
+
+def test_no_stretch_enters_twice(frames: RecordArray) -> None:
+    modeller = OnlineModeller()
+    feed(modeller, frames)
+    ranges = sorted(modeller.fits)
+    assert len(ranges) > 10
+    assert all(a[1] <= b[0] for a, b in itertools.pairwise(ranges))
+
+
+def test_the_same_stream_gives_the_same_model(frames: RecordArray) -> None:
+    models = []
+    for _ in range(2):
+        modeller = OnlineModeller()
+        feed(modeller, frames)
+        assert modeller.model is not None
+        models.append(modeller.model.vertices)
+    np.testing.assert_array_equal(*models)
+
+
+def test_an_order_of_its_own(frames: RecordArray) -> None:
+    for order in (1, 7, 64):
+        modeller = OnlineModeller(ModellingSettings(order=order))
+        updates = feed(modeller, frames)
+        assert updates[-1].order == order
+        assert modeller.model is not None
+        assert modeller.model.order == order
+
+
+def test_the_automatic_order_is_chosen_once(frames: RecordArray) -> None:
+    orders = [u.order for u in feed(OnlineModeller(), frames)]
+    chosen = {order for order in orders if order is not None}
+    assert len(chosen) == 1
+    assert orders == sorted(orders, key=lambda order: order is not None)
+
+
+def test_segments_that_are_not_accepted_stay_out(frames: RecordArray) -> None:
+    everything = OnlineModeller()
+    feed(everything, frames)
+    start, stop = sorted(everything.fits)[4]
+    without = OnlineModeller(accept=lambda s: s.stop <= start or s.start >= stop)
+    feed(without, frames)
+    assert len(without.fits) >= len(everything.fits) - 3
+    assert not any(a < stop and b > start for a, b in without.fits)
+
+
+def test_missing_and_broken_frames_are_not_modelled(frames: RecordArray) -> None:
+    hurt = frames[:9000].copy()
+    hurt["acceleration_m_s2"][2000:2300] = np.nan
+    hurt["force_n"][4000] = np.inf
+    hurt["position_mm"][5000] = 1e30
+    keep = np.ones(len(hurt), dtype=bool)
+    keep[6000:6100] = False
+    modeller = OnlineModeller()
+    feed(modeller, hurt[keep])
+    assert modeller.model is not None
+    assert np.isfinite(modeller.model.vertices).all()
+    bad = [(2000, 2300), (4000, 4001), (5000, 5001), (6000, 6100)]
+    for start, stop in modeller.fits:
+        assert not any(start < b and stop > a for a, b in bad)
+
+
+@pytest.mark.parametrize("value", [0.0, 9.81])
+def test_without_contact_or_motion_there_is_no_model(value: float) -> None:
+    still = empty_frames(3000)
+    still["sequence"] = np.arange(3000)
+    still["acceleration_m_s2"] = value
+    modeller = OnlineModeller()
+    update = feed(modeller, still)[-1]
+    assert update.model is None
+    assert update.samples == 0
+    assert not update.started
+
+
+def test_a_silent_surface_gives_a_silent_model(frames: RecordArray) -> None:
+    silent = frames.copy()
+    silent["acceleration_m_s2"] = 9.81
+    modeller = OnlineModeller()
+    update = feed(modeller, silent)[-1]
+    assert update.model is not None
+    assert update.stopped
+    assert (update.model.at(150.0, 1.5)[1] == 0.0).all()
+
+
+def test_an_empty_block_changes_nothing() -> None:
+    update = OnlineModeller().update(empty_frames(0))
+    assert update.samples == 0
+    assert update.time_s == 0.0
