@@ -1,0 +1,1 @@
+"""The leader service: one file a task, joined by bounded queues."""

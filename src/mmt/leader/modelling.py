@@ -1,0 +1,106 @@
+"""Model the texture beside the rendering: one update a period, in a worker thread.
+
+Frames wait in a bounded queue; a full one drops the oldest and counts it. The worker runs
+compiled code that releases the interpreter lock, so that the 1 kHz tick is not delayed.
+"""
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Final
+
+import numpy as np
+
+from mmt.arrays import RecordArray
+from mmt.texture.modelling import ModelUpdate, OnlineModeller
+from mmt.texture.settings import ModellingSettings
+
+_LONGEST_QUEUE_S: Final = 10.0
+
+
+class ModellingTask:
+    """Collect frames and update the model once a period.
+
+    Parameters
+    ----------
+    settings
+        Of the modelling.
+    period_s
+        Time between updates.
+    on_update
+        Called on the event loop after each update, with it and the seconds it took.
+    """
+
+    def __init__(
+        self,
+        settings: ModellingSettings,
+        period_s: float,
+        on_update: Callable[[ModelUpdate, float], None],
+    ) -> None:
+        self._settings = settings
+        self._period_frames = max(1, round(period_s * settings.rate_hz))
+        self._longest_queue = max(self._period_frames, round(_LONGEST_QUEUE_S * settings.rate_hz))
+        self._on_update = on_update
+        self._modeller = OnlineModeller(settings)
+        self._queue: deque[RecordArray] = deque()
+        self._queued = 0
+        self._first_sequence: int | None = None
+        self._due = asyncio.Event()
+        self._generation = 0
+        self.dropped_frames = 0
+        self.working = False
+        self.finished = False
+
+    def take(self, frames: RecordArray) -> None:
+        """Queue frames; never blocks."""
+        if self.finished:
+            return
+        self._queue.append(frames)
+        self._queued += len(frames)
+        while self._queued > self._longest_queue:
+            dropped = len(self._queue.popleft())
+            self._queued -= dropped
+            self.dropped_frames += dropped
+            self._first_sequence = None
+        if self._first_sequence is None:
+            self._first_sequence = int(self._queue[0]["sequence"][0])
+        if int(frames["sequence"][-1]) - self._first_sequence >= self._period_frames - 1:
+            self._due.set()
+
+    def reset(self) -> None:
+        """Start a new model; an update that is under way is thrown away."""
+        self._generation += 1
+        self._modeller = OnlineModeller(self._settings)
+        self._clear_queue()
+        self.finished = False
+
+    async def run(self) -> None:
+        """Update until cancelled; modelling pauses once the stop criterion is met."""
+        with ThreadPoolExecutor(max_workers=1, thread_name_prefix="modelling") as worker:
+            loop = asyncio.get_running_loop()
+            while True:
+                await self._due.wait()
+                frames = self._clear_queue()
+                generation, modeller = self._generation, self._modeller
+                started = time.perf_counter()
+                self.working = True
+                try:
+                    update = await loop.run_in_executor(worker, modeller.update, frames)
+                finally:
+                    self.working = False
+                if generation != self._generation:
+                    continue
+                if update.stopped:
+                    self.finished = True
+                    self._clear_queue()
+                self._on_update(update, time.perf_counter() - started)
+
+    def _clear_queue(self) -> RecordArray:
+        frames = np.concatenate(list(self._queue)) if self._queue else np.empty(0)
+        self._queue.clear()
+        self._queued = 0
+        self._first_sequence = None
+        self._due.clear()
+        return frames

@@ -1,0 +1,132 @@
+"""Build the parts that a scene asks for; a part that is absent is not even imported."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from mmt.devices.protocols import LeaderInterface, VibrationActuator
+from mmt.leader.feedback import StreamedForce
+from mmt.leader.playout import PlayoutBuffer
+from mmt.leader.rendering import VibrationSwitch
+from mmt.leader.stream import StreamedMotion, StreamedVibration
+from mmt.scene import Scene, Simulated, Texture
+
+if TYPE_CHECKING:
+    from mmt.leader.modelling import ModellingTask
+    from mmt.session.recording import McapRecorder
+    from mmt.texture.modelling import ModelUpdate
+    from mmt.texture.synthesis import Synthesizer
+
+
+@dataclass
+class LeaderParts:
+    """The leader's parts; None where the scene leaves one out."""
+
+    hand: LeaderInterface | None = None
+    actuator: VibrationActuator | None = None
+    playout: PlayoutBuffer | None = None
+    streamed_vibration: StreamedVibration | None = None
+    streamed_motion: StreamedMotion | None = None
+    feedback: StreamedForce | None = None
+    modelling: "ModellingTask | None" = None
+    synthesizer: "Synthesizer | None" = None
+    switch: VibrationSwitch | None = None
+    recorder: "McapRecorder | None" = None
+
+    def connect(self) -> None:
+        """Open the devices."""
+        for device in (self.hand, self.actuator):
+            if device is not None:
+                device.connect()
+                device.calibrate()
+
+    def close(self) -> None:
+        """Release the devices and finish the recording; what was recorded is kept."""
+        try:
+            for device in (self.hand, self.actuator):
+                if device is not None:
+                    device.close()
+        finally:
+            if self.recorder is not None:
+                self.recorder.close()
+
+
+def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None]) -> LeaderParts:
+    """Import, compile and assemble what the scene needs.
+
+    Raises
+    ------
+    InputError
+        A file that the scene names cannot be used.
+    MmtError
+        A device does not answer.
+    """
+    parts = LeaderParts()
+    rate_hz = float(scene.session.rate_hz)
+    geometry = scene.texture or Texture()
+    if scene.hand is not None:
+        from mmt.devices.simulated.hand import SimulatedHand
+        from mmt.devices.simulated.robot import nominal_compliance_mm_n
+
+        parts.hand = SimulatedHand(
+            scene.hand,
+            scene.session.seed,
+            compliance_mm_n=nominal_compliance_mm_n(scene.simulated or Simulated()),
+        )
+    if scene.texture is not None:
+        from mmt.leader.modelling import ModellingTask
+
+        parts.modelling = ModellingTask(
+            scene.texture.settings(rate_hz), scene.texture.update_period_s, on_update
+        )
+    if scene.playout is not None:
+        parts.playout = PlayoutBuffer(
+            scene.playout.delay_ms, scene.playout.longest_delay_ms, round(1e9 / rate_hz)
+        )
+        parts.streamed_vibration = StreamedVibration(
+            parts.playout, geometry.axis, geometry.normal, rate_hz
+        )
+    if scene.rendering is not None and scene.hand is None:
+        parts.streamed_motion = StreamedMotion(geometry.normal, rate_hz)
+    if scene.force_feedback is not None and parts.hand is not None:
+        parts.feedback = StreamedForce(parts.hand, limit_n=scene.force_feedback.limit_n)
+    if scene.actuator is not None:
+        _build_vibration(scene, parts)
+    if scene.recording is not None:
+        from mmt.session.recording import McapRecorder
+
+        parts.recorder = McapRecorder(
+            scene.recording.file, channels=scene.channels(), scene=scene.dump()
+        )
+    return parts
+
+
+def _build_vibration(scene: Scene, parts: LeaderParts) -> None:
+    assert scene.actuator is not None  # noqa: S101 - the caller has looked
+    from mmt.devices.simulated.actuator import SimulatedActuator
+
+    limit_m_s2 = scene.actuator.limit_m_s2
+    parts.actuator = SimulatedActuator(limit_m_s2=limit_m_s2)
+    crossfade_ms = 0.0
+    if scene.rendering is not None:
+        from mmt.texture.synthesis import Synthesizer
+
+        crossfade_ms = scene.rendering.crossfade_ms
+        parts.synthesizer = Synthesizer(
+            seed=scene.session.seed,
+            renewal_samples=scene.rendering.renewal_samples,
+            limit_m_s2=limit_m_s2,
+        )
+        if scene.rendering.model is not None:
+            from mmt.texture.model import TextureModel
+
+            parts.synthesizer.model = TextureModel.load(scene.rendering.model)
+    parts.switch = VibrationSwitch(
+        parts.playout.pull if parts.playout is not None else None,
+        parts.synthesizer,
+        crossfade_samples=round(crossfade_ms * scene.session.rate_hz / 1000),
+        limit_m_s2=limit_m_s2,
+        period_ns=round(1e9 / scene.session.rate_hz),
+    )
+    if parts.synthesizer is not None and parts.synthesizer.model is not None:
+        parts.switch.use_model(True)

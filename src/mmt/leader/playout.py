@@ -1,0 +1,154 @@
+"""Streamed vibration through a buffer that bridges the network's jitter.
+
+Samples are played in the order of their sequence numbers, one a tick, a delay after the
+quickest frame would have arrived. The delay follows the jitter that is seen. A sample that is
+missing when its turn comes is bridged by fading out within five samples; when the stream
+stops, the buffer runs empty and the output is silent, so that nothing older than the buffer is
+ever played.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Final, Literal
+
+_RING: Final = 4096
+_FADE_STEP: Final = 0.2
+_WINDOW_TICKS: Final = 2000
+_SPREAD_EVERY: Final = 100
+_SLIP_EVERY: Final = 20
+_RESYNC_SAMPLES: Final = 50
+_MARGIN_SAMPLES: Final = 2
+
+
+@dataclass(frozen=True)
+class PlayoutStatistics:
+    """What the buffer did.
+
+    ``delay_ms`` is the present distance between the newest frame's instant and the sample
+    that is played; ``bridged`` counts samples that were missing at their turn, ``late`` those
+    that came after it, ``slips`` single samples skipped or repeated to hold the delay and
+    ``resyncs`` jumps after an interruption.
+    """
+
+    delay_ms: float
+    played: int
+    bridged: int
+    late: int
+    slips: int
+    resyncs: int
+
+
+class PlayoutBuffer:
+    """A jitter buffer for one channel of vibration.
+
+    Parameters
+    ----------
+    delay_ms
+        Fixed delay, or "auto": the 99th percentile of the arrivals' lateness over the last
+        two seconds and two samples more.
+    longest_delay_ms
+        Bound of the automatic delay.
+    period_ns
+        Time between samples.
+    """
+
+    def __init__(
+        self,
+        delay_ms: float | Literal["auto"] = "auto",
+        longest_delay_ms: float = 100.0,
+        period_ns: int = 1_000_000,
+    ) -> None:
+        self._period_ns = period_ns
+        self._automatic = delay_ms == "auto"
+        self._longest = max(1, round(longest_delay_ms * 1e6 / period_ns))
+        fixed = _MARGIN_SAMPLES if delay_ms == "auto" else round(delay_ms * 1e6 / period_ns)
+        self._delay = min(max(fixed, 0), self._longest)
+        self._values = [0.0] * _RING
+        self._sequences = [-1] * _RING
+        self._newest = -1
+        self._next: int | None = None
+        self._lags: deque[int] = deque(maxlen=_WINDOW_TICKS)
+        self._anchor: tuple[int, int] | None = None  # (sequence, time_ns) of the newest frame
+        self._quickest_ns = 0
+        self._gain = 0.0
+        self._last = 0.0
+        self._ticks = 0
+        self._played = self._bridged = self._late = self._slips = self._resyncs = 0
+
+    def push(self, sequence: int, time_ns: int, arrival_ns: int, value: float) -> None:
+        """Take one sample with the follower's time stamp and the leader's arrival time."""
+        lag = arrival_ns - time_ns
+        self._lags.append(lag)
+        if self._anchor is None or lag < self._quickest_ns:
+            self._quickest_ns = lag
+        if self._next is not None and sequence < self._next:
+            self._late += 1
+        if sequence > self._newest:
+            self._newest = sequence
+            self._anchor = (sequence, time_ns)
+        place = sequence % _RING
+        self._values[place] = value
+        self._sequences[place] = sequence
+
+    def pull(self, now_ns: int) -> float:
+        """Return the sample of this tick; call once for each tick, missed ones included."""
+        self._ticks += 1
+        if self._anchor is None:
+            return 0.0
+        if self._ticks % _SPREAD_EVERY == 0:
+            self._follow_jitter()
+        due = self._due(now_ns)
+        if self._next is None:
+            if due < 0 or self._newest < 0:
+                return 0.0
+            self._next = max(due, 0)
+        self._hold_delay(due)
+        sequence = self._next
+        self._next = sequence + 1
+        place = sequence % _RING
+        if self._sequences[place] == sequence:
+            self._last = self._values[place]
+            self._gain = min(1.0, self._gain + _FADE_STEP)
+            self._played += 1
+        else:
+            self._gain = max(0.0, self._gain - _FADE_STEP)
+            if sequence <= self._newest + self._longest:
+                self._bridged += 1
+        return self._gain * self._last
+
+    def statistics(self) -> PlayoutStatistics:
+        """Return the counts so far."""
+        return PlayoutStatistics(
+            delay_ms=self._delay * self._period_ns / 1e6,
+            played=self._played,
+            bridged=self._bridged,
+            late=self._late,
+            slips=self._slips,
+            resyncs=self._resyncs,
+        )
+
+    def _due(self, now_ns: int) -> int:
+        """Return the sequence number whose turn it is at this time."""
+        sequence, time_ns = self._anchor or (0, 0)
+        since = now_ns - self._quickest_ns - time_ns
+        return sequence + since // self._period_ns - self._delay
+
+    def _follow_jitter(self) -> None:
+        lags = sorted(self._lags)
+        self._quickest_ns = lags[0]
+        if not self._automatic:
+            return
+        spread = lags[min(len(lags) - 1, (99 * len(lags)) // 100)] - lags[0]
+        wanted = -(-spread // self._period_ns) + _MARGIN_SAMPLES
+        self._delay = min(int(wanted), self._longest)
+
+    def _hold_delay(self, due: int) -> None:
+        """Slip by one sample now and then, jump after an interruption."""
+        assert self._next is not None  # noqa: S101 - set by the caller
+        off = due - self._next
+        if abs(off) > _RESYNC_SAMPLES:
+            self._next = due
+            self._resyncs += 1
+        elif abs(off) > 1 and self._ticks % _SLIP_EVERY == 0:
+            self._next += 1 if off > 0 else -1
+            self._slips += 1

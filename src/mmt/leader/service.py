@@ -1,0 +1,343 @@
+"""The leader service: one event loop that ticks, receives, models and records."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from mmt.arrays import RecordArray
+from mmt.devices.protocols import InterfaceState
+from mmt.errors import MmtError
+from mmt.frames import COMMAND_DTYPE
+from mmt.leader.parts import LeaderParts, build_parts
+from mmt.leader.summary import LeaderStatus, LeaderSummary, RunLog, summarise
+from mmt.process import ProcessMeter, prefer_even_ticks
+from mmt.scene import Scene
+from mmt.ticking import Ticker
+
+if TYPE_CHECKING:
+    from mmt.link.protocol import FollowerHello
+    from mmt.link.server import LeaderServer
+    from mmt.texture.modelling import ModelUpdate
+
+_STATUS_PERIOD_S: Final = 0.2
+_STREAM_REST_TICKS: Final = 100
+
+
+class LeaderService:
+    """Run one scene's leader from start to summary.
+
+    Parameters
+    ----------
+    scene
+        What to run.
+    on_status
+        Called five times a second with the live status.
+    on_event
+        Called with a sentence whenever something happens that a person wants to know.
+
+    Raises
+    ------
+    MmtError
+        A part cannot be built; the message says which and why.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        on_status: Callable[[LeaderStatus], None] | None = None,
+        on_event: Callable[[str], None] | None = None,
+    ) -> None:
+        self.scene = scene
+        self._on_status = on_status or (lambda _: None)
+        self._say = on_event or (lambda _: None)
+        self._period_ns = round(1e9 / scene.session.rate_hz)
+        self.parts: LeaderParts = build_parts(scene, self._on_update)
+        self._server: LeaderServer | None = None
+        self._ticker = Ticker(self._period_ns, self._tick)
+        self._ended = asyncio.Event()
+        self.log = RunLog()
+        self._last_tick_ns = 0
+        self._first_sequence: int | None = None
+        self._newest_sequence = -1
+        self._newest_time_ns = 0
+        self._newest_arrival_ns = 0
+        self._command_sequence = 0
+        self._mode = self.parts.switch.mode if self.parts.switch is not None else "silent"
+        self._meter = ProcessMeter()
+        self._lost_deadline: asyncio.TimerHandle | None = None
+        self._rest_ticks = 0
+
+    @property
+    def port(self) -> int | None:
+        """The port that is listened on, None without a link."""
+        return None if self._server is None else self._server.port
+
+    @property
+    def time_s(self) -> float:
+        """Session time: that of the newest frame, or of the ticks where there is no link."""
+        rate_hz = self.scene.session.rate_hz
+        if self.scene.link is None:
+            return self._ticker.statistics.ticks / rate_hz if self._ticker.running else 0.0
+        if self._first_sequence is None:
+            return 0.0
+        return (self._newest_sequence + 1 - self._first_sequence) / rate_hz
+
+    async def run(self, on_ready: Callable[[], None] | None = None) -> LeaderSummary:
+        """Listen, run until the session ends, and return the summary.
+
+        Everything that was recorded is kept whatever happens.
+        """
+        parts = self.parts
+        tasks: list[asyncio.Task[None]] = []
+        try:
+            parts.connect()
+            if self.scene.link is not None:
+                await self._listen()
+            prefer_even_ticks()
+            tasks.append(asyncio.create_task(self._report_status()))
+            if parts.modelling is not None:
+                tasks.append(asyncio.create_task(parts.modelling.run()))
+            self._ticker.start()
+            tasks.append(asyncio.create_task(self._ticker.wait()))
+            if on_ready is not None:
+                on_ready()
+            await self._until_ended(tasks)
+        finally:
+            duration_s = self.time_s
+            self._ticker.stop()
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            if self._server is not None:
+                await self._server.stop()
+            self._record_last_model()
+            parts.close()
+        return self._summary(duration_s)
+
+    def stop(self, outcome: str = "stopped") -> None:
+        """End the session; `run` returns with the summary."""
+        if not self._ended.is_set():
+            self.log.outcome = outcome
+            self._ended.set()
+
+    def reset_model(self) -> None:
+        """Forget the model and return to streamed vibration, for a new surface."""
+        if self.parts.modelling is None:
+            return
+        self.parts.modelling.reset()
+        self.log.update = self.log.start_s = self.log.stop_s = None
+        if self.parts.switch is not None:
+            self.parts.switch.use_model(False)
+        self._event("model reset")
+
+    async def _until_ended(self, tasks: list[asyncio.Task[None]]) -> None:
+        """Wait for the end, or for a task that fails."""
+        ended = asyncio.create_task(self._ended.wait())
+        try:
+            await asyncio.wait([ended, *tasks], return_when=asyncio.FIRST_COMPLETED)
+            for task in tasks:
+                if task.done() and not task.cancelled():
+                    task.result()
+        finally:
+            ended.cancel()
+        if self._server is not None:
+            await self._server.request_stop(self.log.outcome)
+
+    async def _listen(self) -> None:
+        from mmt.link.server import LeaderEvents, LeaderServer
+
+        assert self.scene.link is not None  # noqa: S101 - the caller has looked
+        self._server = LeaderServer(
+            self.scene.link,
+            self.scene.channels(),
+            LeaderEvents(
+                on_follower=self._on_follower,
+                on_frames=self._on_frames,
+                on_end=self._on_end,
+                on_lost=self._on_lost,
+            ),
+        )
+        await self._server.start()
+
+    # --- what the link reports
+
+    def _on_follower(self, hello: "FollowerHello") -> None:
+        if self._lost_deadline is not None:
+            self._lost_deadline.cancel()
+            self._lost_deadline = None
+        if self.parts.recorder is not None and hello.annotations:
+            self.parts.recorder.attach_annotations(hello.annotations)
+        self._event(f"follower connected ({hello.source})")
+
+    def _on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
+        parts = self.parts
+        if self._first_sequence is None:
+            self._first_sequence = int(frames["sequence"][0])
+            self._meter = ProcessMeter()
+        newest = frames[-1]
+        self._newest_sequence = int(newest["sequence"])
+        self._newest_time_ns = int(newest["time_ns"])
+        self._newest_arrival_ns = arrival_ns
+        self._rest_ticks = 0
+        if parts.recorder is not None:
+            parts.recorder.record_frames(frames)
+        if parts.streamed_vibration is not None:
+            parts.streamed_vibration.take(frames, arrival_ns)
+        if parts.streamed_motion is not None:
+            parts.streamed_motion.take(frames)
+        if parts.feedback is not None:
+            parts.feedback.take(frames)
+        if parts.modelling is not None:
+            parts.modelling.take(frames)
+        if self.time_s >= self.scene.session.duration_s:
+            self.stop("completed")
+
+    def _on_end(self, reason: str) -> None:
+        self._event(f"follower ended: {reason}")
+        self.stop("source ended")
+
+    def _on_lost(self, reason: str) -> None:
+        assert self.scene.link is not None  # noqa: S101 - there is a link to lose
+        patience_s = self.scene.link.patience_s
+        self._event(f"follower lost ({reason}), waiting {patience_s:g} s for its return")
+        if self.parts.streamed_motion is not None:
+            self.parts.streamed_motion.rest()
+        loop = asyncio.get_running_loop()
+        self._lost_deadline = loop.call_later(patience_s, self.stop, "follower lost")
+
+    # --- what happens every millisecond
+
+    def _tick(self, elapsed: int) -> None:
+        now_ns = time.monotonic_ns()
+        parts = self.parts
+        if parts.modelling is not None and parts.modelling.working and self._last_tick_ns:
+            late_ns = now_ns - self._last_tick_ns - self._period_ns
+            self.log.late_while_modelling.add(max(0, late_ns))
+        self._last_tick_ns = now_ns
+        if self.scene.link is not None and not self._streaming:
+            return
+        state = self._read_hand(elapsed, now_ns)
+        if parts.feedback is not None:
+            parts.feedback.tick(elapsed)
+        if parts.switch is not None and parts.actuator is not None:
+            speed_mm_s, force_n = self._drive(state, elapsed)
+            vibration = parts.switch.render(
+                now_ns, np.full(elapsed, speed_mm_s), np.full(elapsed, force_n)
+            )
+            parts.actuator.write(vibration)
+            if parts.recorder is not None:
+                first_ns = now_ns - (elapsed - 1) * self._period_ns
+                parts.recorder.record_output(first_ns, parts.switch.mode, vibration)
+            if parts.switch.mode != self._mode:
+                self._mode = parts.switch.mode
+                self.log.switches.append({"time_s": round(self.time_s, 3), "mode": self._mode})
+                self._event(f"vibration {self._mode}", mode=self._mode)
+        if self.scene.link is None and self.time_s >= self.scene.session.duration_s:
+            self.stop("completed")
+
+    @property
+    def _streaming(self) -> bool:
+        return self._server is not None and self._server.connected
+
+    def _read_hand(self, elapsed: int, now_ns: int) -> InterfaceState | None:
+        if self.parts.hand is None:
+            return None
+        state = self.parts.hand.read(elapsed)
+        if self._server is not None:
+            command = np.zeros(1, dtype=COMMAND_DTYPE)
+            echoed = self._newest_arrival_ns
+            command[0] = (
+                self._command_sequence,
+                now_ns,
+                self._newest_time_ns,
+                now_ns - echoed if echoed else 0,
+                state.position_mm,
+            )
+            self._command_sequence += 1
+            self._server.send_commands(command)
+        return state
+
+    def _drive(self, state: InterfaceState | None, elapsed: int) -> tuple[float, float]:
+        """Return the speed and force that drive the model: the hand's own where there is one."""
+        if state is not None:
+            x, y, _ = state.velocity_mm_s
+            return (x * x + y * y) ** 0.5, state.force_n if state.contact else 0.0
+        motion = self.parts.streamed_motion
+        if motion is None:
+            return 0.0, 0.0
+        self._rest_ticks += elapsed
+        if self._rest_ticks > _STREAM_REST_TICKS:
+            motion.rest()
+        return motion.speed_mm_s, motion.force_n
+
+    # --- modelling and reporting
+
+    def _on_update(self, update: "ModelUpdate", seconds: float) -> None:
+        first = self.log.update is None or not self.log.update.started
+        self.log.update = update
+        self.log.update_seconds.append(seconds)
+        if self.parts.synthesizer is not None and update.model is not None:
+            self.parts.synthesizer.model = update.model
+        if update.started and first:
+            self.log.start_s = update.time_s
+            self._event(f"start criterion met at {update.time_s:.1f} s", distance=update.distance)
+            self._record_model(update)
+            if self.parts.switch is not None:
+                self.parts.switch.use_model(True)
+        if update.stopped:
+            self.log.stop_s = update.time_s
+            self._event(f"stop criterion met at {update.time_s:.1f} s", distance=update.distance)
+
+    def _record_model(self, update: "ModelUpdate") -> None:
+        if self.parts.recorder is not None and update.model is not None:
+            self.parts.recorder.attach_model(update.model.to_bytes(), update.time_s)
+
+    def _record_last_model(self) -> None:
+        if self.log.update is not None:
+            self._record_model(self.log.update)
+
+    def _event(self, sentence: str, **details: object) -> None:
+        self._say(sentence)
+        if self.parts.recorder is not None:
+            self.parts.recorder.record_event(
+                {"time_s": round(self.time_s, 3), "event": sentence, **details}
+            )
+
+    async def _report_status(self) -> None:
+        while True:
+            await asyncio.sleep(_STATUS_PERIOD_S)
+            self._on_status(self.status())
+            recorder = self.parts.recorder
+            if recorder is not None and recorder.error is not None:
+                raise MmtError(f"recording {recorder.path}: {recorder.error}")
+
+    def status(self) -> LeaderStatus:
+        """Return the live status."""
+        server, playout, update = self._server, self.parts.playout, self.log.update
+        link = server.statistics if server is not None else None
+        return LeaderStatus(
+            phase="streaming" if self._streaming or server is None else "waiting",
+            mode=self._mode,
+            time_s=self.time_s,
+            frames=link.frames if link is not None else 0,
+            frames_lost=link.lost if link is not None else 0,
+            samples=update.samples if update is not None else 0,
+            distance=update.distance if update is not None else None,
+            tick_p99_ms=self._ticker.statistics.period_p99_ms,
+            playout_delay_ms=playout.statistics().delay_ms if playout is not None else None,
+        )
+
+    def _summary(self, duration_s: float) -> LeaderSummary:
+        return summarise(
+            self.log,
+            self.parts,
+            name=self.scene.session.name,
+            duration_s=duration_s,
+            link=self._server.statistics if self._server is not None else None,
+            ticks=self._ticker.statistics,
+            cost=self._meter.read(),
+        )

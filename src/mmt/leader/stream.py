@@ -1,0 +1,90 @@
+"""What the leader takes from each frame at once: vibration to play, motion, force.
+
+Plain Python filters, a few microseconds a frame, so that a leader that only streams needs
+neither numba nor scipy.
+"""
+
+import math
+from typing import Final
+
+from mmt.arrays import RecordArray
+from mmt.leader.playout import PlayoutBuffer
+from mmt.texture.biquad import BiquadFilter, bessel_low_pass, butterworth_high_pass
+from mmt.texture.settings import Axis, VibrationAxis
+
+_AXES: Final[dict[str, int]] = {"x": 0, "y": 1, "z": 2}
+_MOTION_CUTOFF_HZ: Final = 20.0
+_VIBRATION_CUTOFF_HZ: Final = 10.0
+
+
+class StreamedVibration:
+    """High-pass the streamed acceleration and hand it to the playout buffer.
+
+    With DFT321 the model combines three axes; a causal stream cannot, so that the surface's
+    normal axis is played until the model takes over.
+    """
+
+    def __init__(
+        self, buffer: PlayoutBuffer, axis: VibrationAxis, normal: Axis, rate_hz: float
+    ) -> None:
+        self._buffer = buffer
+        self._axis = _AXES[normal if axis == "dft321" else axis]
+        self._filter = BiquadFilter(butterworth_high_pass(_VIBRATION_CUTOFF_HZ, rate_hz))
+        self._next: int | None = None
+
+    def take(self, frames: RecordArray, arrival_ns: int) -> None:
+        """Filter frames (n,) and queue their vibration; a gap restarts the filter at rest."""
+        values = frames["acceleration_m_s2"][:, self._axis].tolist()
+        sequences = frames["sequence"].tolist()
+        times_ns = frames["time_ns"].tolist()
+        for sequence, time_ns, value in zip(sequences, times_ns, values, strict=True):
+            if sequence != self._next:
+                self._filter.reset()
+            self._next = sequence + 1
+            self._buffer.push(sequence, time_ns, arrival_ns, self._filter.step(value))
+
+
+class StreamedMotion:
+    """The follower's speed and normal force, for a scene without a hand at the leader.
+
+    Low-passed at 20 Hz (Bessel); they trail the follower by the network's delay and about
+    11 ms of the filter.
+    """
+
+    def __init__(self, normal: Axis, rate_hz: float) -> None:
+        self._normal = _AXES[normal]
+        self._tangential = tuple(axis for axis in range(3) if axis != self._normal)
+        self._rate_hz = rate_hz
+        lowpass = bessel_low_pass(_MOTION_CUTOFF_HZ, rate_hz)
+        self._filters = tuple(BiquadFilter(lowpass) for _ in range(3))
+        self._position = (0.0, 0.0)
+        self._next: int | None = None
+        self.speed_mm_s = 0.0
+        self.force_n = 0.0
+
+    def take(self, frames: RecordArray) -> None:
+        """Follow the newest frames (n,)."""
+        first, second = self._tangential
+        positions = frames["position_mm"].tolist()
+        forces = frames["force_n"][:, self._normal].tolist()
+        sequences = frames["sequence"].tolist()
+        for sequence, position, force in zip(sequences, positions, forces, strict=True):
+            raw = (position[first], position[second], force)
+            if sequence != self._next:
+                for lowpass in self._filters:
+                    lowpass.reset()
+                self._position = raw[:2]
+            self._next = sequence + 1
+            x, y, smooth_force = (
+                lowpass.step(value) for lowpass, value in zip(self._filters, raw, strict=True)
+            )
+            step_mm = math.hypot(x - self._position[0], y - self._position[1])
+            self._position = (x, y)
+            self.speed_mm_s = step_mm * self._rate_hz
+            self.force_n = max(0.0, smooth_force)
+
+    def rest(self) -> None:
+        """Forget the motion: the stream has stopped."""
+        self._next = None
+        self.speed_mm_s = 0.0
+        self.force_n = 0.0

@@ -1,0 +1,142 @@
+"""What the leader says of itself: a status several times a second, a summary at the end."""
+
+import statistics
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from mmt.leader.parts import LeaderParts
+from mmt.process import ProcessCost
+from mmt.ticking import TickStatistics, TimeHistogram
+
+if TYPE_CHECKING:
+    from mmt.link.protocol import LinkStatistics
+    from mmt.texture.modelling import ModelUpdate
+
+
+@dataclass(frozen=True)
+class LeaderStatus:
+    """One line of live progress."""
+
+    phase: str
+    mode: str
+    time_s: float
+    frames: int
+    frames_lost: int
+    samples: int
+    distance: float | None
+    tick_p99_ms: float | None
+    playout_delay_ms: float | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the status for a program."""
+        return asdict(self)
+
+
+@dataclass
+class RunLog:
+    """What the service notes while it runs."""
+
+    outcome: str = "completed"
+    update: "ModelUpdate | None" = None
+    update_seconds: list[float] = field(default_factory=list)
+    switches: list[dict[str, Any]] = field(default_factory=list)
+    late_while_modelling: TimeHistogram = field(default_factory=TimeHistogram)
+    start_s: float | None = None
+    stop_s: float | None = None
+    ready_s: float | None = None
+
+
+@dataclass(frozen=True)
+class LeaderSummary:
+    """The whole run, in tables of plain values; a part that did not run has an empty table.
+
+    ``outcome`` is "completed" (the wanted duration), "source ended", "stopped" (by the
+    person), or "follower lost". Times are seconds of the session.
+    """
+
+    outcome: str
+    session: dict[str, Any]
+    link: dict[str, Any]
+    texture: dict[str, Any]
+    vibration: dict[str, Any]
+    ticks: dict[str, Any]
+    process: dict[str, Any]
+    recording: dict[str, Any]
+
+    @property
+    def failed(self) -> bool:
+        """Whether the run ended in a way that nobody wanted."""
+        return self.outcome == "follower lost" or bool(self.recording.get("error"))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the summary for a program, empty tables left out."""
+        return {name: table for name, table in asdict(self).items() if table}
+
+
+def summarise(
+    log: RunLog,
+    parts: LeaderParts,
+    *,
+    name: str,
+    duration_s: float,
+    link: "LinkStatistics | None",
+    ticks: TickStatistics,
+    cost: ProcessCost,
+) -> LeaderSummary:
+    """Gather the summary of a run that has ended."""
+    return LeaderSummary(
+        outcome=log.outcome,
+        session={"name": name, "duration_s": round(duration_s, 3)},
+        link=asdict(link) if link is not None else {},
+        texture=_texture(log, parts),
+        vibration=_vibration(log, parts),
+        ticks={
+            **asdict(ticks),
+            "late_while_modelling_p99_ms": log.late_while_modelling.quantile_ms(0.99),
+        },
+        process={
+            "ready_s": log.ready_s,
+            "core_share": round(cost.core_share, 3),
+            "memory_mb": round(cost.memory_mb, 1),
+        },
+        recording=_recording(parts),
+    )
+
+
+def _texture(log: RunLog, parts: LeaderParts) -> dict[str, Any]:
+    if parts.modelling is None:
+        return {}
+    update, seconds = log.update, log.update_seconds
+    return {
+        "samples": update.samples if update else 0,
+        "order": update.order if update else None,
+        "distance": round(update.distance, 3) if update else None,
+        "start_s": log.start_s,
+        "stop_s": log.stop_s,
+        "updates": len(seconds),
+        "update_median_ms": round(1e3 * statistics.median(seconds), 2) if seconds else None,
+        "update_longest_ms": round(1e3 * max(seconds), 2) if seconds else None,
+        "dropped_frames": parts.modelling.dropped_frames,
+    }
+
+
+def _vibration(log: RunLog, parts: LeaderParts) -> dict[str, Any]:
+    if parts.switch is None or parts.actuator is None:
+        return {}
+    table: dict[str, Any] = {"mode": parts.switch.mode, "switches": log.switches}
+    table["actuator"] = asdict(parts.actuator.statistics)
+    if parts.playout is not None:
+        table["playout"] = asdict(parts.playout.statistics())
+    return table
+
+
+def _recording(parts: LeaderParts) -> dict[str, Any]:
+    recorder = parts.recorder
+    if recorder is None:
+        return {}
+    return {
+        "file": str(recorder.path),
+        "frames": recorder.frames,
+        "dropped": recorder.dropped,
+        "error": str(recorder.error) if recorder.error is not None else None,
+    }

@@ -1,0 +1,120 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mmt.leader.playout import PlayoutBuffer
+
+MS = 1_000_000
+
+
+def play(
+    buffer: PlayoutBuffer,
+    frames: list[tuple[int, int, int, float]],
+    ticks: int,
+    start_ns: int = 0,
+) -> np.ndarray:
+    """Feed (sequence, time, arrival, value) by arrival while the clock ticks."""
+    waiting = sorted(frames, key=lambda frame: frame[2])
+    output = []
+    for tick in range(ticks):
+        now = start_ns + tick * MS
+        while waiting and waiting[0][2] <= now:
+            buffer.push(*waiting.pop(0))
+        output.append(buffer.pull(now))
+    return np.array(output)
+
+
+def stream(
+    count: int, delay_ms: float, jitter_ms: float = 0.0, seed: int = 0, offset_ns: int = 0
+) -> list[tuple[int, int, int, float]]:
+    generator = np.random.default_rng(seed)
+    lateness = generator.uniform(0, jitter_ms, count) if jitter_ms else np.zeros(count)
+    return [
+        (k, k * MS + offset_ns, int((k + delay_ms + lateness[k]) * MS), float(k + 1))
+        for k in range(count)
+    ]
+
+
+def test_samples_come_out_in_order_and_once() -> None:
+    buffer = PlayoutBuffer(delay_ms=5.0)
+    output = play(buffer, stream(1000, 3.0), 900)
+    played = output[output == np.round(output)]
+    played = played[played > 5]
+    np.testing.assert_array_equal(np.diff(played), 1.0)
+    assert buffer.statistics().bridged == 0
+    assert buffer.statistics().late == 0
+
+
+@pytest.mark.parametrize("offset_ns", [0, 10**15, -(10**15)])
+def test_the_two_clocks_need_not_agree(offset_ns: int) -> None:
+    buffer = PlayoutBuffer(delay_ms=5.0)
+    output = play(buffer, stream(500, 3.0, offset_ns=offset_ns), 400)
+    assert output[-1] == pytest.approx(400 - 3 - 5, abs=2)
+
+
+def test_the_automatic_delay_bridges_jitter() -> None:
+    buffer = PlayoutBuffer("auto")
+    play(buffer, stream(6000, 4.0, jitter_ms=8.0), 6000)
+    statistics = buffer.statistics()
+    assert 8 <= statistics.delay_ms <= 14
+    settled = PlayoutBuffer("auto")
+    frames = stream(6000, 4.0, jitter_ms=8.0)
+    play(settled, frames[:3000], 3000)
+    bridged = settled.statistics().bridged
+    play(settled, frames[3000:], 2990, start_ns=3000 * MS)
+    assert settled.statistics().bridged - bridged < 60
+
+
+def test_the_automatic_delay_is_bounded() -> None:
+    buffer = PlayoutBuffer("auto", longest_delay_ms=20.0)
+    play(buffer, stream(4000, 4.0, jitter_ms=80.0), 4000)
+    assert buffer.statistics().delay_ms == 20.0
+
+
+def test_nothing_stale_is_played_after_the_stream_stops() -> None:
+    buffer = PlayoutBuffer(delay_ms=10.0)
+    output = play(buffer, stream(500, 2.0), 1500)
+    last = np.flatnonzero(output)[-1]
+    assert last <= 500 + 2 + 10 + 6
+    assert (output[last + 1 :] == 0.0).all()
+
+
+def test_a_lost_sample_fades_and_does_not_click() -> None:
+    frames = [(k, t, a, 1.0) for k, t, a, _ in stream(600, 2.0) if not 300 <= k < 320]
+    buffer = PlayoutBuffer(delay_ms=4.0)
+    output = play(buffer, frames, 590)
+    assert np.abs(np.diff(output[50:])).max() <= 0.2 + 1e-12
+    assert buffer.statistics().bridged == 20
+    assert output[315] == 0.0
+    assert output[400] == 1.0
+
+
+def test_a_stream_that_comes_back_is_played_again() -> None:
+    first = stream(300, 2.0)
+    again = [(300 + k, (2000 + k) * MS, (2002 + k) * MS, 1.0) for k in range(500)]
+    buffer = PlayoutBuffer(delay_ms=4.0)
+    output = play(buffer, first + again, 2400)
+    assert (output[1000:1990] == 0.0).all()
+    assert (output[2060:2400] == 1.0).all()
+    assert buffer.statistics().resyncs >= 1
+
+
+def test_a_fast_clock_is_followed_by_single_slips() -> None:
+    frames = [(k, int(k * MS), int(k * MS * 0.999) + 3 * MS, float(k)) for k in range(8000)]
+    buffer = PlayoutBuffer("auto")
+    play(buffer, frames, 7900)
+    assert buffer.statistics().resyncs == 0
+    assert 3 <= buffer.statistics().slips <= 20
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 3000), st.integers(-(10**9), 10**12), st.integers(0, 10**10)),
+        max_size=80,
+    )
+)
+def test_any_frames_leave_the_output_bounded(frames: list[tuple[int, int, int]]) -> None:
+    output = play(PlayoutBuffer("auto"), [(*frame, 1.0) for frame in frames], 400)
+    assert (np.abs(output) <= 1.0).all()

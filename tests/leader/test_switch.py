@@ -1,0 +1,117 @@
+import numpy as np
+import pytest
+
+from mmt.leader.rendering import VibrationSwitch
+
+ONES = np.ones
+
+
+class Constant:
+    def __init__(self, value: float) -> None:
+        self.value = value
+
+    def render(self, speed_mm_s: np.ndarray, force_n: np.ndarray) -> np.ndarray:
+        return np.full(len(speed_mm_s), self.value)
+
+
+class Noise:
+    def __init__(self, seed: int) -> None:
+        self.generator = np.random.default_rng(seed)
+
+    def render(self, speed_mm_s: np.ndarray, force_n: np.ndarray) -> np.ndarray:
+        return self.generator.standard_normal(len(speed_mm_s))
+
+    def __call__(self, now_ns: int) -> float:
+        return float(self.generator.standard_normal())
+
+
+def make(streamed: float = 1.0, synthesized: float = 2.0, fade: int = 50) -> VibrationSwitch:
+    return VibrationSwitch(
+        lambda now_ns: streamed, Constant(synthesized), crossfade_samples=fade, limit_m_s2=10.0
+    )
+
+
+def run(switch: VibrationSwitch, count: int) -> np.ndarray:
+    return np.concatenate([switch.render(0, ONES(1), ONES(1)) for _ in range(count)])
+
+
+def test_it_fades_to_the_model_and_back() -> None:
+    switch = make()
+    assert switch.mode == "streamed"
+    assert (run(switch, 10) == 1.0).all()
+    switch.use_model(True)
+    there = run(switch, 60)
+    assert switch.mode == "synthesized"
+    assert (there[50:] == 2.0).all()
+    assert np.abs(np.diff(there)).max() < 0.1
+    switch.use_model(False)
+    assert switch.mode == "fading"
+    back = run(switch, 60)
+    assert switch.mode == "streamed"
+    assert (back[50:] == 1.0).all()
+    assert np.abs(np.diff(np.concatenate([there, back]))).max() < 0.1
+
+
+def test_turning_round_in_mid_fade_makes_no_step() -> None:
+    switch = make()
+    switch.use_model(True)
+    output = [run(switch, 20)]
+    switch.use_model(False)
+    output.append(run(switch, 5))
+    switch.use_model(True)
+    output.append(run(switch, 60))
+    assert np.abs(np.diff(np.concatenate(output))).max() < 0.1
+    assert switch.mode == "synthesized"
+
+
+def test_the_fade_keeps_the_power_of_uncorrelated_signals() -> None:
+    powers = []
+    for seed in range(300):
+        switch = VibrationSwitch(
+            Noise(seed), Noise(seed + 10_000), crossfade_samples=100, limit_m_s2=100.0
+        )
+        switch.use_model(True)
+        powers.append(run(switch, 100) ** 2)
+    by_tenth = np.mean(powers, axis=0).reshape(10, 10).mean(axis=1)
+    np.testing.assert_allclose(by_tenth, 1.0, atol=0.12)
+
+
+def test_without_a_stream_it_fades_from_silence() -> None:
+    switch = VibrationSwitch(None, Constant(2.0), crossfade_samples=10, limit_m_s2=10.0)
+    assert switch.mode == "silent"
+    assert (run(switch, 5) == 0.0).all()
+    switch.use_model(True)
+    assert run(switch, 20)[-1] == 2.0
+
+
+def test_without_a_model_it_stays_with_the_stream() -> None:
+    switch = VibrationSwitch(lambda now_ns: 1.0, None, crossfade_samples=10, limit_m_s2=10.0)
+    switch.use_model(True)
+    assert (run(switch, 20) == 1.0).all()
+    assert switch.mode == "streamed"
+
+
+def test_no_crossfade_switches_at_once() -> None:
+    switch = make(fade=0)
+    switch.use_model(True)
+    assert run(switch, 1)[0] == pytest.approx(2.0)
+
+
+def test_the_output_is_bounded() -> None:
+    switch = make(streamed=-500.0, synthesized=500.0)
+    assert run(switch, 1)[0] == -10.0
+    switch.use_model(True)
+    assert np.abs(run(switch, 100)).max() == 10.0
+
+
+def test_each_missed_tick_gets_its_own_time_and_sample() -> None:
+    seen: list[int] = []
+
+    def streamed(now_ns: int) -> float:
+        seen.append(now_ns)
+        return float(len(seen))
+
+    switch = VibrationSwitch(streamed, None, crossfade_samples=0, limit_m_s2=10.0)
+    output = switch.render(10_000_000, ONES(3), ONES(3))
+    assert output.tolist() == [1.0, 2.0, 3.0]
+    assert seen == [8_000_000, 9_000_000, 10_000_000]
