@@ -1,0 +1,189 @@
+"""The follower service: one event loop that ticks, measures and streams."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+from mmt.arrays import RecordArray
+from mmt.devices.protocols import Vector
+from mmt.follower.sources import build_source
+from mmt.link.client import FollowerClient, FollowerEvents
+from mmt.link.protocol import FollowerHello
+from mmt.process import ProcessMeter, prefer_even_ticks
+from mmt.scene import Link, Scene
+from mmt.ticking import Ticker
+
+_STATUS_PERIOD_S: Final = 0.2
+
+
+@dataclass(frozen=True)
+class FollowerSummary:
+    """What the follower did; ``outcome`` is "source ended", "leader stopped (...)",
+    "leader lost" or "stopped" (by the person).
+    """  # noqa: D205 - one sentence
+
+    outcome: str
+    link: dict[str, Any]
+    ticks: dict[str, Any]
+    process: dict[str, Any]
+
+    @property
+    def failed(self) -> bool:
+        """Whether the run ended in a way that nobody wanted."""
+        return self.outcome == "leader lost"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the summary for a program."""
+        return asdict(self)
+
+
+class FollowerService:
+    """Stream one scene's source to the leader.
+
+    Parameters
+    ----------
+    scene
+        What to run; it must have a source.
+    url
+        Of the leader, ``http://host:port``; None takes the scene's ``[link]``.
+    on_event
+        Called with a sentence whenever something happens that a person wants to know.
+    on_status
+        Called five times a second with the number of frames sent.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        url: str | None = None,
+        *,
+        on_event: Callable[[str], None] | None = None,
+        on_status: Callable[[int], None] | None = None,
+    ) -> None:
+        self.scene = scene
+        self._link = scene.link or Link()
+        self.url = url or f"http://{self._link.host}:{self._link.port}"
+        self._say = on_event or (lambda _: None)
+        self._on_status = on_status or (lambda _: None)
+        self.source = build_source(scene)
+        self._client = FollowerClient(
+            self.url,
+            FollowerHello(
+                channels=scene.channels(),
+                source=scene.source or "",
+                rate_hz=scene.session.rate_hz,
+                frames_per_message=self._link.frames_per_message,
+                annotations=self.source.annotations,
+            ),
+            FollowerEvents(
+                on_commands=self._on_commands, on_stop=self._on_stop, on_lost=self._on_lost
+            ),
+        )
+        self._ticker = Ticker(round(1e9 / scene.session.rate_hz), self._tick)
+        self._command: Vector | None = None
+        self._ended = asyncio.Event()
+        self._outcome = "source ended"
+        self._lost_deadline: asyncio.TimerHandle | None = None
+
+    async def run(self, on_ready: Callable[[], None] | None = None) -> FollowerSummary:
+        """Connect, stream until the source or the leader ends, and return the summary.
+
+        Raises
+        ------
+        MmtError
+            The leader does not answer, refuses, or a device fails.
+        """
+        prefer_even_ticks()
+        if on_ready is not None:
+            on_ready()
+        status: asyncio.Task[None] | None = None
+        meter = ProcessMeter()
+        try:
+            await self._connect()
+            if not self._ended.is_set():
+                meter = ProcessMeter()
+                self.source.start(time.monotonic_ns())
+                self._ticker.start()
+                status = asyncio.create_task(self._report_status())
+                await self._until_ended()
+        finally:
+            self._ticker.stop()
+            if status is not None:
+                status.cancel()
+            await self._client.end(self._outcome)
+            await self._client.disconnect()
+            self.source.close()
+        cost = meter.read()
+        return FollowerSummary(
+            outcome=self._outcome,
+            link=asdict(self._client.statistics),
+            ticks=asdict(self._ticker.statistics),
+            process={
+                "core_share": round(cost.core_share, 3),
+                "memory_mb": round(cost.memory_mb, 1),
+            },
+        )
+
+    def stop(self, outcome: str = "stopped") -> None:
+        """End the session; `run` returns with the summary."""
+        if not self._ended.is_set():
+            self._outcome = outcome
+            self._ended.set()
+
+    async def _connect(self) -> None:
+        """Connect, unless the person stops first."""
+        connecting = asyncio.create_task(self._client.connect(self._link.patience_s))
+        ended = asyncio.create_task(self._ended.wait())
+        try:
+            await asyncio.wait([connecting, ended], return_when=asyncio.FIRST_COMPLETED)
+            if connecting.done():
+                connecting.result()
+        finally:
+            connecting.cancel()
+            ended.cancel()
+            await asyncio.gather(connecting, ended, return_exceptions=True)
+
+    async def _until_ended(self) -> None:
+        """Wait for the end, or for a tick that fails."""
+        ended = asyncio.create_task(self._ended.wait())
+        ticking = asyncio.create_task(self._ticker.wait())
+        try:
+            await asyncio.wait([ended, ticking], return_when=asyncio.FIRST_COMPLETED)
+            if ticking.done():
+                ticking.result()
+        finally:
+            ended.cancel()
+            ticking.cancel()
+            await asyncio.gather(ended, ticking, return_exceptions=True)
+
+    def _tick(self, elapsed: int) -> None:
+        frames = self.source.step(elapsed, time.monotonic_ns(), self._command)
+        if len(frames):
+            self._client.send_frames(frames)
+        if self.source.finished:
+            self.stop("source ended")
+
+    def _on_commands(self, commands: RecordArray, arrival_ns: int) -> None:  # noqa: ARG002
+        x, y, z = commands["position_mm"][-1].tolist()
+        self._command = (x, y, z)
+
+    def _on_stop(self, reason: str) -> None:
+        self._say(f"the leader ended the session: {reason}")
+        self.stop(f"leader stopped ({reason})")
+
+    def _on_lost(self, reason: str) -> None:
+        patience_s = self._link.patience_s
+        self._say(f"leader lost ({reason}), trying again for {patience_s:g} s")
+        loop = asyncio.get_running_loop()
+        self._lost_deadline = loop.call_later(patience_s, self._give_up)
+
+    def _give_up(self) -> None:
+        if not self._client.connected:
+            self.stop("leader lost")
+
+    async def _report_status(self) -> None:
+        while True:
+            await asyncio.sleep(_STATUS_PERIOD_S)
+            self._on_status(self._client.statistics.frames)

@@ -1,0 +1,55 @@
+"""Build the source that a scene names; the other two are not even imported."""
+
+from mmt.devices.protocols import FollowerSource
+from mmt.errors import InputError
+from mmt.scene import Devices, Replay, Scene, Simulated
+
+
+def build_source(scene: Scene) -> FollowerSource:
+    """Return the scene's source.
+
+    Raises
+    ------
+    InputError
+        The scene has no source, or its file, surface or device cannot be used.
+    """
+    if scene.simulated is not None:
+        return _simulated(scene, scene.simulated)
+    if scene.replay is not None:
+        return _replay(scene, scene.replay)
+    if scene.devices is not None:
+        return _devices(scene, scene.devices)
+    raise InputError("the scene has no follower: add one of [simulated], [replay], [devices]")
+
+
+def _simulated(scene: Scene, table: Simulated) -> FollowerSource:
+    from mmt.devices.simulated.follower import SimulatedFollower
+
+    return SimulatedFollower(table, channels=scene.channels(), seed=scene.session.seed)
+
+
+def _replay(scene: Scene, table: Replay) -> FollowerSource:
+    if table.file is None:
+        raise InputError("[replay] names no file: set its key 'file' or give --replay FILE")
+    from mmt.session.reading import read_session
+    from mmt.session.replay import ReplaySource
+
+    return ReplaySource(
+        read_session(table.file),
+        channels=scene.channels(),
+        speed=table.speed,
+        loop=table.loop,
+        gaps=table.gaps,
+    )
+
+
+def _devices(scene: Scene, table: Devices) -> FollowerSource:
+    from mmt.devices.loading import load_device
+    from mmt.devices.source import DeviceSource
+
+    return DeviceSource(
+        load_device(table.robot),
+        load_device(table.force_sensor) if table.force_sensor else None,
+        load_device(table.accelerometer) if table.accelerometer else None,
+        scene.channels(),
+    )
