@@ -1,0 +1,90 @@
+"""What the three command lines share: errors, JSON, progress as lines, interruption."""
+
+import asyncio
+import json
+import signal
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import typer
+from rich.console import Console
+
+import mmt
+from mmt.errors import InputError, MmtError
+from mmt.scene import Scene
+
+output = Console()
+"""For results."""
+
+messages = Console(stderr=True)
+"""For progress, notes and errors."""
+
+
+def run_app(app: typer.Typer) -> None:
+    """Run a command line; an error for a person is printed without a traceback."""
+    try:
+        app()
+    except MmtError as error:
+        messages.print(f"[red]error:[/] {error}", highlight=False, soft_wrap=True)
+        sys.exit(error.exit_code)
+    except KeyboardInterrupt:
+        messages.print("stopped")
+        sys.exit(130)
+
+
+def version(wanted: bool) -> None:
+    """Print the version and leave, as an eager option does."""
+    if wanted:
+        output.print(f"mmt-haptics {mmt.__version__}", highlight=False)
+        raise typer.Exit
+
+
+def write_json(path: Path | None, content: object) -> None:
+    """Write a result for programs; None writes nothing.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    """
+    if path is None:
+        return
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"--json {path}: {error.strerror or error}") from error
+
+
+def write_line(kind: str, **content: Any) -> None:
+    """Write one JSON line to standard output, for the program that reads it."""
+    sys.stdout.write(json.dumps({"kind": kind, **content}) + "\n")
+    sys.stdout.flush()
+
+
+def print_parts(scene: Scene, mine: Iterable[str]) -> None:
+    """Say which of the parts that concern a service run, and which are left out."""
+    parts = scene.parts()
+    concerned = [name for name in parts if name in set(mine)]
+    running = [name for name in concerned if parts[name]]
+    left_out = [name for name in concerned if not parts[name]]
+    messages.print(f"runs:     {', '.join(running) or 'nothing'}", highlight=False)
+    messages.print(f"left out: {', '.join(left_out) or 'nothing'}", highlight=False)
+
+
+def numerics_are_compiled() -> bool:
+    """Say whether an earlier start has left compiled kernels behind."""
+    cache = Path(mmt.__file__).parent / "texture" / "__pycache__"
+    return any(cache.glob("*.nbi"))
+
+
+def stop_on_signals(stop: Callable[[], None]) -> None:
+    """End the running service on Ctrl-C and on termination, with its summary."""
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        try:
+            loop.add_signal_handler(number, stop)
+        except NotImplementedError:  # Windows: asyncio raises KeyboardInterrupt instead
+            signal.signal(number, lambda *_: loop.call_soon_threadsafe(stop))

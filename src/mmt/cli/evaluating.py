@@ -1,0 +1,36 @@
+"""``mmt evaluate``: recorded sessions, faster than real time."""
+
+from pathlib import Path
+
+from rich.progress import track
+
+from mmt.cli.common import messages, output, write_json
+from mmt.cli.reporting import evaluate, scene_of
+from mmt.evaluation.report import write_report
+from mmt.evaluation.results import evaluations_as_dict
+from mmt.evaluation.table import evaluation_table
+from mmt.session import read_session
+
+
+def evaluate_files(
+    paths: list[Path],
+    *,
+    scene_file: Path | None,
+    step_s: float,
+    seed: int,
+    json_file: Path | None,
+    report: Path | None,
+) -> None:
+    """Evaluate session files, print the table, and write what is asked for."""
+    evaluations = []
+    for path in track(paths, "evaluating", console=messages, transient=True):
+        session = read_session(path)
+        scene = scene_of(session, scene_file)
+        evaluations.append(evaluate(session, scene, step_s=step_s, seed=seed))
+    output.print(evaluation_table(evaluations))
+    for evaluation in evaluations:
+        output.print(f"{evaluation.name}: {evaluation.coverage.remark}", highlight=False)
+    write_json(json_file, evaluations_as_dict(evaluations))
+    if report is not None:
+        write_report(report, evaluations, title="Evaluation")
+        messages.print(f"report: {report / 'report.html'}", highlight=False)

@@ -1,0 +1,82 @@
+"""``mmt-follower``: measure and stream."""
+
+import asyncio
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mmt.cli.common import (
+    messages,
+    output,
+    print_parts,
+    run_app,
+    stop_on_signals,
+    version,
+    write_json,
+    write_line,
+)
+from mmt.follower.service import FollowerService, FollowerSummary
+from mmt.scene import Scene, load_scene
+
+PARTS = ("link", "simulated", "replay", "devices")
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def follower(
+    scene_file: Annotated[Path, typer.Argument(metavar="SCENE", help="The scene's TOML file.")],
+    leader: Annotated[
+        str | None, typer.Option(metavar="URL", help="The leader; the scene's \\[link] if absent.")
+    ] = None,
+    replay: Annotated[Path | None, typer.Option(help="Replay this recorded session.")] = None,
+    speed: Annotated[
+        float | None, typer.Option(help="Replay so many times faster than real time.")
+    ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Write the summary there.")
+    ] = None,
+    json_lines: Annotated[
+        bool, typer.Option("--json-lines", help="Events and summary as JSON lines on stdout.")
+    ] = False,
+    _: Annotated[
+        bool, typer.Option("--version", callback=version, is_eager=True, help="Print it.")
+    ] = False,
+) -> None:
+    """Stream one session: read the scene's source and send it to the leader."""
+    scene = load_scene(scene_file, {"replay.speed": speed}, replay=replay)
+    if not json_lines:
+        print_parts(scene, PARTS)
+    summary = asyncio.run(_stream(scene, leader, json_lines))
+    write_json(json_file, summary.as_dict())
+    if json_lines:
+        write_line("summary", **summary.as_dict())
+    else:
+        from mmt.cli.tables import summary_table
+
+        output.print(summary_table("follower", summary.as_dict()))
+    if summary.failed:
+        raise typer.Exit(1)
+
+
+async def _stream(scene: Scene, url: str | None, json_lines: bool) -> FollowerSummary:
+    def say(sentence: str) -> None:
+        if json_lines:
+            write_line("event", event=sentence)
+        else:
+            messages.print(sentence, highlight=False)
+
+    service = FollowerService(scene, url, on_event=say)
+    stop_on_signals(service.stop)
+    say(f"{service.source.describe()}; leader {service.url}")
+    return await service.run()
+
+
+def run() -> None:
+    """Run ``mmt-follower``."""
+    run_app(app)
+
+
+if __name__ == "__main__":
+    run()

@@ -1,0 +1,163 @@
+"""``mmt-leader``: model and render."""
+
+import asyncio
+import signal
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from mmt.cli.common import (
+    messages,
+    numerics_are_compiled,
+    output,
+    print_parts,
+    run_app,
+    stop_on_signals,
+    version,
+    write_json,
+    write_line,
+)
+from mmt.leader.summary import LeaderStatus, LeaderSummary
+from mmt.scene import Scene, load_scene
+
+PARTS = (
+    "link",
+    "hand",
+    "texture",
+    "rendering",
+    "playout",
+    "actuator",
+    "force_feedback",
+    "recording",
+)
+
+_STARTED_S = time.perf_counter()
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def leader(
+    scene_file: Annotated[Path, typer.Argument(metavar="SCENE", help="The scene's TOML file.")],
+    replay: Annotated[
+        Path | None, typer.Option(help="The follower replays this session: leave the hand out.")
+    ] = None,
+    record: Annotated[Path | None, typer.Option(help="Record into this MCAP file.")] = None,
+    model: Annotated[Path | None, typer.Option(help="Render from this saved model.")] = None,
+    report: Annotated[
+        Path | None, typer.Option(help="Write a report of the recording there.")
+    ] = None,
+    duration: Annotated[float | None, typer.Option(help="Seconds of the session.")] = None,
+    port: Annotated[
+        int | None, typer.Option(help="Listen on this port; 0 takes any free one.")
+    ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Write the summary there.")
+    ] = None,
+    json_lines: Annotated[
+        bool, typer.Option("--json-lines", help="Status and summary as JSON lines on stdout.")
+    ] = False,
+    _: Annotated[
+        bool, typer.Option("--version", callback=version, is_eager=True, help="Print it.")
+    ] = False,
+) -> None:
+    """Serve one session: receive the follower's stream, model the texture, render it."""
+    overrides = {
+        "session.duration_s": duration,
+        "link.port": port,
+        "recording.file": str(record) if record else None,
+        "rendering.model": str(model) if model else None,
+    }
+    scene = load_scene(scene_file, overrides, replay=replay)
+    if report is not None and scene.recording is None:
+        messages.print("--report needs a recording: give --record FILE or add \\[recording]")
+        raise typer.Exit(2)
+    if not json_lines:
+        print_parts(scene, PARTS)
+    summary = asyncio.run(_serve(scene, json_lines))
+    write_json(json_file, summary.as_dict())
+    if json_lines:
+        write_line("summary", **summary.as_dict())
+    else:
+        _print_summary(summary)
+    if report is not None and scene.recording is not None:
+        _write_report(report, scene.recording.file, summary)
+    if summary.failed:
+        raise typer.Exit(1)
+
+
+async def _serve(scene: Scene, json_lines: bool) -> LeaderSummary:
+    needs_numerics = scene.texture is not None or scene.rendering is not None
+    if needs_numerics and not numerics_are_compiled():
+        sentence = "compiling the numerics, at the first start only (about a minute)"
+        write_line("event", event=sentence) if json_lines else messages.print(sentence)
+    from mmt.leader.service import LeaderService
+
+    service = LeaderService(
+        scene,
+        on_status=_write_status if json_lines else _print_status,
+        on_event=_write_event if json_lines else _print_event,
+    )
+
+    def ready() -> None:
+        service.log.ready_s = round(time.perf_counter() - _STARTED_S, 2)
+        where = f"{scene.link.host}:{service.port}" if scene.link is not None else "no link"
+        if json_lines:
+            write_line("ready", port=service.port, ready_s=service.log.ready_s)
+        else:
+            messages.print(f"ready after {service.log.ready_s} s: {where}", highlight=False)
+
+    stop_on_signals(service.stop)
+    if hasattr(signal, "SIGUSR1"):
+        asyncio.get_running_loop().add_signal_handler(signal.SIGUSR1, service.reset_model)
+    return await service.run(ready)
+
+
+def _write_status(status: LeaderStatus) -> None:
+    write_line("status", **status.as_dict())
+
+
+def _write_event(sentence: str) -> None:
+    write_line("event", event=sentence)
+
+
+def _print_status(status: LeaderStatus) -> None:
+    if not messages.is_terminal:
+        return
+    distance = f"{status.distance:5.2f}" if status.distance is not None else "  -  "
+    late = f"{status.tick_p99_ms:.2f}" if status.tick_p99_ms is not None else "-"
+    messages.print(
+        f"{status.time_s:6.1f} s  {status.mode:11s}  samples {status.samples:4d}  "
+        f"distance {distance}  lost {status.frames_lost}  tick p99 {late} ms",
+        end="\r",
+        highlight=False,
+    )
+
+
+def _print_event(sentence: str) -> None:
+    messages.print(f"\n{sentence}" if messages.is_terminal else sentence, highlight=False)
+
+
+def _print_summary(summary: LeaderSummary) -> None:
+    from mmt.cli.tables import summary_table
+
+    tables: dict[str, Any] = summary.as_dict()
+    output.print(summary_table("leader", tables))
+
+
+def _write_report(directory: Path, recording: Path, summary: LeaderSummary) -> None:
+    from mmt.cli.reporting import report_recording
+
+    report_recording(directory, recording, {"leader": summary.as_dict()})
+    messages.print(f"report: {directory / 'report.html'}", highlight=False)
+
+
+def run() -> None:
+    """Run ``mmt-leader``."""
+    run_app(app)
+
+
+if __name__ == "__main__":
+    run()

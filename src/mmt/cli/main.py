@@ -1,0 +1,92 @@
+"""``mmt``: sessions, evaluation, benchmarks and the demonstration."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mmt.cli import sessions
+from mmt.cli.common import messages, output, run_app, version, write_json
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Model-mediated teleoperation of haptic texture.",
+)
+app.add_typer(sessions.app, name="session")
+
+DEFAULT_SCENE = Path("configs/demo.toml")
+
+
+@app.callback()
+def main(
+    _: Annotated[
+        bool, typer.Option("--version", callback=version, is_eager=True, help="Print it.")
+    ] = False,
+) -> None:
+    """Take the options that stand before a command."""
+
+
+@app.command()
+def demo(
+    scene_file: Annotated[Path, typer.Argument(metavar="[SCENE]")] = DEFAULT_SCENE,
+    output_directory: Annotated[
+        Path, typer.Option("--output", help="Where recording and report go.")
+    ] = Path("mmt-demo"),
+    duration: Annotated[float | None, typer.Option(help="Seconds of the session.")] = None,
+    replay: Annotated[Path | None, typer.Option(help="Replay this recorded session.")] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+) -> None:
+    """Run leader and follower on loopback, then report what was modelled."""
+    from mmt.cli.demo import run_demo
+
+    good = run_demo(
+        scene_file, output_directory, duration_s=duration, replay=replay, json_file=json_file
+    )
+    if not good:
+        raise typer.Exit(1)
+
+
+@app.command()
+def evaluate(
+    sessions: Annotated[list[Path], typer.Argument(metavar="SESSION...")],
+    scene_file: Annotated[
+        Path | None, typer.Option("--scene", help="Take \\[texture] from this scene.")
+    ] = None,
+    step: Annotated[float, typer.Option(help="Seconds between the rows.")] = 2.5,
+    seed: Annotated[int, typer.Option(help="Chooses the segments that are held out.")] = 0,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+    report: Annotated[Path | None, typer.Option(help="Write a report there.")] = None,
+) -> None:
+    """Evaluate recorded sessions: distance and fit against session time."""
+    from mmt.cli.evaluating import evaluate_files
+
+    evaluate_files(
+        sessions, scene_file=scene_file, step_s=step, seed=seed, json_file=json_file, report=report
+    )
+
+
+@app.command()
+def bench(
+    what: Annotated[list[str] | None, typer.Argument(metavar="[link] [tick] [evaluate]")] = None,
+    duration: Annotated[float, typer.Option(help="Seconds for each measurement.")] = 60.0,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+) -> None:
+    """Measure the link, the services and the evaluation on this machine."""
+    from mmt.cli.benching import run_benches
+
+    tables, figures = run_benches(what or [], duration)
+    for table in tables:
+        output.print(table)
+    write_json(json_file, figures)
+    messages.print("ratios within one run are to be trusted, absolute times are not")
+
+
+def run() -> None:
+    """Run ``mmt``."""
+    run_app(app)
+
+
+if __name__ == "__main__":
+    run()

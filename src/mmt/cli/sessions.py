@@ -1,0 +1,94 @@
+"""``mmt session``: make, convert, look at, mend."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mmt.cli.common import messages, output, write_json
+from mmt.cli.tables import summary_table
+from mmt.scene import Scene, load_scene
+from mmt.session import export_session, import_session, read_session, write_session
+
+app = typer.Typer(no_args_is_help=True, help="Make, convert, look at and mend sessions.")
+
+SourceFile = Annotated[Path, typer.Argument(metavar="FILE")]
+TargetFile = Annotated[Path, typer.Argument(metavar="OUT")]
+
+
+@app.command()
+def simulate(
+    target: TargetFile,
+    surface: Annotated[str, typer.Option(help="The known texture to touch.")] = "plastic",
+    duration: Annotated[float, typer.Option(help="Seconds.")] = 18.0,
+    seed: Annotated[int, typer.Option(help="Of hand and noise.")] = 1,
+    path: Annotated[
+        Path | None, typer.Option(help="A recorded stroke (.npz) in place of the hand.")
+    ] = None,
+    motion_scale: Annotated[float, typer.Option(help="Factor on the stroke's motion.")] = 1.0,
+    force_scale: Annotated[float, typer.Option(help="Factor on the stroke's force.")] = 1.0,
+    scene_file: Annotated[
+        Path | None, typer.Option("--scene", help="Take \\[simulated] and \\[hand] from it.")
+    ] = None,
+) -> None:
+    """Simulate a session on a known texture; its truth travels with the file."""
+    from mmt.devices.simulated.offline import simulate_session
+
+    scene = load_scene(scene_file) if scene_file is not None else Scene()
+    frames, annotations = simulate_session(
+        scene,
+        surface,
+        duration,
+        seed,
+        path=path,
+        motion_scale=motion_scale,
+        force_scale=force_scale,
+    )
+    write_session(target, frames, annotations=annotations)
+    messages.print(f"{len(frames)} frames on {surface} written to {target}", highlight=False)
+
+
+@app.command("import")
+def import_file(source: SourceFile, target: TargetFile) -> None:
+    """Import a .npz or .csv recording at any rate, resampled to 1 kHz."""
+    session = import_session(source)
+    export_session(session, target)
+    messages.print(f"{len(session.frames)} frames written to {target}", highlight=False)
+
+
+@app.command()
+def info(
+    source: SourceFile,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write it there.")] = None,
+) -> None:
+    """Say what a session file holds."""
+    from mmt.session.info import info as session_info
+
+    content = {
+        name: str(value) if isinstance(value, Path) else value
+        for name, value in asdict(session_info(source)).items()
+    }
+    output.print(summary_table(source.name, {"session": content}))
+    write_json(json_file, content)
+
+
+@app.command()
+def export(source: SourceFile, target: TargetFile) -> None:
+    """Export to .csv, .npz, .parquet, .h5 or .mcap, by the suffix of OUT."""
+    session = read_session(source)
+    export_session(session, target)
+    messages.print(f"{len(session.frames)} frames written to {target}", highlight=False)
+
+
+@app.command()
+def recover(source: SourceFile, target: TargetFile) -> None:
+    """Save what is readable of a session file that was cut off."""
+    from mmt.session.recover import recover as recover_session
+
+    saved = recover_session(source, target)
+    messages.print(
+        f"{saved.frames} frames ({saved.duration_s:.1f} s) saved to {saved.path}; "
+        f"{saved.problem or 'the file was whole'}",
+        highlight=False,
+    )
