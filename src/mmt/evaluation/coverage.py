@@ -1,0 +1,96 @@
+"""Where in the speed-force plane a hand has been, and which cells it left out."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from mmt.arrays import FloatArray, RecordArray
+from mmt.evaluation.results import Cell, Coverage
+from mmt.texture.completion import CELL_CENTRES, cell_distances
+from mmt.texture.filtering import StreamFilter
+from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, ModellingSettings
+
+_PERCENTILES: Final = (5.0, 95.0)
+
+
+def coverage(
+    frames: RecordArray, points: FloatArray, settings: ModellingSettings, *, stopped: bool
+) -> Coverage:
+    """Say where the hand was and which of the nine cells its samples leave far.
+
+    Parameters
+    ----------
+    frames
+        The whole session, shape (n,).
+    points
+        Normalised (speed, force) of the model's samples, shape (k, 2).
+    settings
+        Of the modelling.
+    stopped
+        Whether the stop criterion was met.
+    """
+    share = settings.stop_distance / len(CELL_CENTRES)
+    cells = tuple(
+        Cell(
+            speed_mm_s=float(centre[0] * MAXIMUM_SPEED_MM_S),
+            force_n=float(centre[1] * MAXIMUM_FORCE_N),
+            distance=float(distance),
+            far=bool(distance > share),
+        )
+        for centre, distance in zip(CELL_CENTRES, cell_distances(points), strict=True)
+    )
+    speed_mm_s, force_n = _strokes(frames, settings)
+    ranges = (_range(speed_mm_s), _range(force_n)) if len(speed_mm_s) else (None, None)
+    return Coverage(
+        cells=cells,
+        stroking_s=len(speed_mm_s) / settings.rate_hz,
+        speed_mm_s=ranges[0],
+        force_n=ranges[1],
+        remark=_remark(cells, ranges, settings, stopped=stopped),
+    )
+
+
+def _strokes(frames: RecordArray, settings: ModellingSettings) -> tuple[FloatArray, FloatArray]:
+    """Return speed and force of the samples at which the tool strokes the surface."""
+    motion = StreamFilter(
+        normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz
+    ).process(frames)
+    stroking = (
+        motion.valid
+        & (motion.speed_mm_s >= settings.least_speed_mm_s)
+        & (motion.normal_force_n >= settings.least_force_n)
+    )
+    return motion.speed_mm_s[stroking], motion.normal_force_n[stroking]
+
+
+def _range(values: FloatArray) -> tuple[float, float]:
+    low, high = np.percentile(values, _PERCENTILES)
+    return float(low), float(high)
+
+
+def _remark(
+    cells: Sequence[Cell],
+    ranges: tuple[tuple[float, float] | None, tuple[float, float] | None],
+    settings: ModellingSettings,
+    *,
+    stopped: bool,
+) -> str:
+    speed, force = ranges
+    if speed is None or force is None:
+        return (
+            f"The tool never stroked the surface: at no time were speed and force above "
+            f"{settings.least_speed_mm_s:g} mm/s and {settings.least_force_n:g} N."
+        )
+    hand = (
+        f"the hand stroked at {speed[0]:.0f} to {speed[1]:.0f} mm/s "
+        f"with {force[0]:.2f} to {force[1]:.2f} N (5th to 95th percentile)"
+    )
+    if stopped:
+        return f"The stop criterion was met; {hand}."
+    far = ", ".join(
+        f"({cell.speed_mm_s:.0f} mm/s, {cell.force_n:.1f} N)" for cell in cells if cell.far
+    )
+    return (
+        f"The stop criterion was not met; {hand}. Few samples lie near the cells centred at {far}."
+    )

@@ -1,0 +1,176 @@
+"""A document of a few kinds of blocks, written as Markdown and as one self-contained HTML file."""
+
+import base64
+import html
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A heading of level 1 (the title) to 3."""
+
+    text: str
+    level: int = 2
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """Running text."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of cells that are already text; numeric columns stand to the right."""
+
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    caption: str = ""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A PNG: `source` is its place beside the Markdown file, `png` its content."""
+
+    source: str
+    png: bytes
+    caption: str
+
+
+@dataclass(frozen=True)
+class Listing:
+    """Text to be shown as it is, folded away in HTML under its title."""
+
+    title: str
+    text: str
+
+
+Block = Heading | Paragraph | Table | Picture | Listing
+
+_STYLE: Final = """
+:root { color-scheme: light dark; --line: #c9ced6; --soft: #f3f5f8; --text: #1b1f24;
+  --page: #ffffff; --quiet: #57606a; }
+@media (prefers-color-scheme: dark) { :root { --line: #3a424d; --soft: #1d232b;
+  --text: #d7dde4; --page: #12161b; --quiet: #93a0ae; } }
+* { box-sizing: border-box; }
+body { font: 16px/1.55 system-ui, sans-serif; color: var(--text); background: var(--page);
+  max-width: 66rem; margin: 2rem auto; padding: 0 1.2rem; }
+h1 { font-size: 1.7rem; line-height: 1.2; margin: 0 0 1rem; }
+h2 { font-size: 1.3rem; margin: 2.4rem 0 .6rem; padding-bottom: .25rem;
+  border-bottom: 1px solid var(--line); }
+h3 { font-size: 1.05rem; margin: 1.6rem 0 .4rem; }
+p { max-width: 46rem; }
+.scroll { overflow-x: auto; margin: 1rem 0; }
+table { border-collapse: collapse; font-size: .92rem; font-variant-numeric: tabular-nums; }
+caption { text-align: left; color: var(--quiet); padding-bottom: .35rem; }
+th, td { padding: .3rem .75rem; border-bottom: 1px solid var(--line); text-align: left;
+  vertical-align: top; }
+th { background: var(--soft); font-weight: 600; }
+.number { text-align: right; white-space: nowrap; }
+figure { margin: 1.2rem 0; }
+figure img { max-width: 100%; height: auto; background: #ffffff; border-radius: 6px;
+  border: 1px solid var(--line); }
+figcaption { color: var(--quiet); font-size: .92rem; max-width: 46rem; }
+summary { cursor: pointer; margin-top: 1rem; }
+pre { background: var(--soft); padding: .8rem 1rem; overflow-x: auto; border-radius: 6px;
+  font-size: .85rem; line-height: 1.4; }
+"""
+
+
+def to_markdown(blocks: Sequence[Block]) -> str:
+    """Return the blocks as Markdown; pictures are referred to by their source."""
+    return "\n".join(_markdown(block) for block in blocks)
+
+
+def to_html(title: str, blocks: Sequence[Block]) -> str:
+    """Return the blocks as one HTML page that needs no other file and no network."""
+    body = "\n".join(_html(block) for block in blocks)
+    return (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{html.escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n"
+        f"<body>\n{body}\n</body>\n</html>\n"
+    )
+
+
+def _markdown(block: Block) -> str:
+    if isinstance(block, Heading):
+        return f"{'#' * block.level} {block.text}\n"
+    if isinstance(block, Paragraph):
+        return f"{block.text}\n"
+    if isinstance(block, Picture):
+        return f"![{block.caption}]({block.source})\n\n*{block.caption}*\n"
+    if isinstance(block, Listing):
+        return f"{block.title}:\n\n```\n{block.text.rstrip()}\n```\n"
+    return _markdown_table(block)
+
+
+def _markdown_table(table: Table) -> str:
+    def line(cells: Sequence[str]) -> str:
+        escaped = (" ".join(cell.split()).replace("|", r"\|") for cell in cells)
+        return f"| {' | '.join(escaped)} |"
+
+    rulers = ["---:" if numeric else "---" for numeric in numeric_columns(table)]
+    lines = [line(table.columns), line(rulers), *(line(row) for row in table.rows)]
+    caption = f"{table.caption}\n\n" if table.caption else ""
+    return caption + "\n".join(lines) + "\n"
+
+
+def _html(block: Block) -> str:
+    if isinstance(block, Heading):
+        return f"<h{block.level}>{html.escape(block.text)}</h{block.level}>"
+    if isinstance(block, Paragraph):
+        return f"<p>{html.escape(block.text)}</p>"
+    if isinstance(block, Picture):
+        data = base64.b64encode(block.png).decode("ascii")
+        caption = html.escape(block.caption, quote=True)
+        return (
+            f'<figure><img src="data:image/png;base64,{data}" alt="{caption}">'
+            f"<figcaption>{caption}</figcaption></figure>"
+        )
+    if isinstance(block, Listing):
+        return (
+            f"<details><summary>{html.escape(block.title)}</summary>"
+            f"<pre>{html.escape(block.text)}</pre></details>"
+        )
+    return _html_table(block)
+
+
+def _html_table(table: Table) -> str:
+    numeric = numeric_columns(table)
+
+    def cells(tag: str, texts: Sequence[str]) -> str:
+        return "".join(
+            f"<{tag}{' class=number' if right else ''}>{html.escape(text)}</{tag}>"
+            for text, right in zip(texts, numeric, strict=True)
+        )
+
+    caption = f"<caption>{html.escape(table.caption)}</caption>" if table.caption else ""
+    rows = "\n".join(f"<tr>{cells('td', row)}</tr>" for row in table.rows)
+    return (
+        f'<div class="scroll"><table>{caption}<thead><tr>{cells("th", table.columns)}</tr>'
+        f"</thead><tbody>\n{rows}\n</tbody></table></div>"
+    )
+
+
+def numeric_columns(table: Table) -> list[bool]:
+    """Say per column whether all its cells are numbers, dashes left aside."""
+    columns = [[row[index] for row in table.rows] for index in range(len(table.columns))]
+    return [
+        any(map(_is_number, cells)) and all(_is_number(cell) or cell in _EMPTY for cell in cells)
+        for cells in columns
+    ]
+
+
+_EMPTY: Final = frozenset({"", "-", "never"})
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.removesuffix("%").strip())
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,121 @@
+"""Evaluate a recorded session as paper A does.
+
+Awan et al., Model-Mediated Teleoperation for Remote Haptic Texture Sharing, section VII: the
+model is built as the live leader builds it; five random samples of the finished model are
+held out, the model is built again without them, and every 2.5 s of session time their
+recorded vibration is compared with what the model renders in their place. Where the texture
+is known, the leader's model is compared with it over the whole plane as well.
+"""
+
+import time
+
+import numpy as np
+
+from mmt.errors import InputError
+from mmt.evaluation.building import build, update_blocks
+from mmt.evaluation.coverage import coverage
+from mmt.evaluation.held_out import choose_held_out, outside
+from mmt.evaluation.results import Evaluation
+from mmt.evaluation.scoring import Scorer
+from mmt.evaluation.truth import known_texture
+from mmt.session.recorded import RecordedSession, missing_frames
+from mmt.texture.settings import ModellingSettings
+
+
+def evaluate_session(
+    session: RecordedSession,
+    settings: ModellingSettings | None = None,
+    *,
+    period_s: float = 1.0,
+    step_s: float = 2.5,
+    seed: int = 0,
+) -> Evaluation:
+    """Evaluate one session; the same session, settings and seed give the same figures.
+
+    Parameters
+    ----------
+    session
+        With position, force and acceleration.
+    settings
+        Of the modelling.
+    period_s
+        Time between two updates of the model. At any moment the leader has the model of its
+        last update: with updates every second, at 2.5 s the one of 2 s.
+    step_s
+        Time between two scores.
+    seed
+        Of the choice of held-out segments and of the synthesis.
+
+    Raises
+    ------
+    InputError
+        The session has no frames, or lacks a channel; a period or step is not positive.
+
+    Notes
+    -----
+    Costs two passes of the modelling, and a few milliseconds for every moment scored.
+    """
+    started = time.perf_counter()
+    settings = settings or ModellingSettings()
+    _check(session, period_s, step_s)
+    blocks = list(update_blocks(session.frames, max(1, round(period_s * settings.rate_hz))))
+    leader = build(blocks, settings)
+    held_out = choose_held_out(leader.finished, seed)
+    rebuilt = build(blocks, settings, outside(held_out))
+    truth, basis_reason = known_texture(session.annotations, settings)
+    scorer = Scorer(
+        leader=leader,
+        rebuilt=rebuilt,
+        held_out=held_out,
+        truth=truth,
+        rate_hz=settings.rate_hz,
+        seed=seed,
+    )
+
+    first = int(session.frames["sequence"][0])
+    duration_s = (int(session.frames["sequence"].max()) + 1 - first) / settings.rate_hz
+    final_s = duration_s if leader.stop_s is None else leader.stop_s
+    model = leader.model(leader.number(final_s))
+    worst, errors = scorer.errors(final_s)
+    steps = np.arange(1, int(duration_s / step_s + 1e-9) + 1) * step_s
+    return Evaluation(
+        name=session.path.stem or "session",
+        path=str(session.path),
+        surface=truth.surface.name if truth is not None else None,
+        duration_s=duration_s,
+        complete=session.complete,
+        missing_frames=missing_frames(session.frames),
+        settings=settings,
+        period_s=period_s,
+        step_s=step_s,
+        seed=seed,
+        order=leader.updates[-1].order,
+        basis="held-out" if truth is None else "truth",
+        basis_reason=basis_reason,
+        start_s=leader.start_s,
+        stop_s=leader.stop_s,
+        steps=tuple(scorer.score(float(at_s)) for at_s in steps),
+        at_start=None if leader.start_s is None else scorer.score(leader.start_s),
+        at_stop=None if leader.stop_s is None else scorer.score(leader.stop_s),
+        at_end=scorer.score(duration_s),
+        worst=worst,
+        coverage=coverage(
+            session.frames,
+            np.empty((0, 2)) if model is None else model.points,
+            settings,
+            stopped=leader.stop_s is not None,
+        ),
+        held_out=scorer.segments(final_s, first),
+        distances=np.array([(update.time_s, update.distance) for update in leader.updates]),
+        models=tuple((update.time_s, update.model) for update in leader.updates),
+        power_map=errors,
+        processing_s=time.perf_counter() - started,
+    )
+
+
+def _check(session: RecordedSession, period_s: float, step_s: float) -> None:
+    if len(session.frames) == 0:
+        raise InputError(f"session {session.path}: it holds no frames, nothing can be evaluated")
+    for name, value in (("period_s", period_s), ("step_s", step_s)):
+        if not (np.isfinite(value) and value > 0):
+            raise InputError(f"{name} is {value}: it must be positive and finite")

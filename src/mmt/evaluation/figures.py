@@ -1,0 +1,301 @@
+"""The figures of a report; every function returns a figure that is bound to no window."""
+
+import io
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PatchCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from mmt.evaluation.results import Evaluation, HeldOutSegment, Score
+from mmt.evaluation.truth import SHAPE_HZ
+from mmt.texture.completion import CELL_CENTRES, DIVISIONS, cell_distances
+from mmt.texture.metrics import JND_DB
+from mmt.texture.model import TextureModel
+from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
+
+COLOURS: Final = (
+    "#0072b2",
+    "#d55e00",
+    "#009e73",
+    "#cc79a7",
+    "#56b4e9",
+    "#e69f00",
+    "#4d4d4d",
+    "#8c6d1f",
+)
+"""Okabe and Ito's, which people with any kind of colour vision tell apart."""
+
+_MARKERS: Final = "osD^vP*X"
+_DOTS_PER_INCH: Final = 130
+_GREY: Final = "#8a9099"
+_RED: Final = "#b2182b"
+_CELL_MAP: Final = "GnBu"
+_ERROR_MAP: Final = "RdBu_r"
+_LARGEST_ERROR_DB: Final = 6.0
+
+
+def to_png(figure: Figure) -> bytes:
+    """Return a figure as PNG."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=_DOTS_PER_INCH)
+    return buffer.getvalue()
+
+
+def model_growth(evaluation: Evaluation, panels: int = 4) -> Figure:
+    """Draw the leader's model as it grows, as paper A's Fig. 3 does.
+
+    Samples, triangulation, and the nine cells, each in the shade of its distance.
+    """
+    times_s = _growth_times(evaluation, panels)
+    figure = Figure(figsize=(3.0 * len(times_s) + 0.9, 3.2), layout="constrained")
+    axes = figure.subplots(1, len(times_s), sharey=True, squeeze=False)[0]
+    limit = 2.0 * evaluation.settings.stop_distance / len(CELL_CENTRES)
+    cells = None
+    for axis, time_s in zip(axes, times_s, strict=True):
+        model = evaluation.model_at(time_s)
+        cells = _draw_cells(axis, model, limit)
+        if model is not None:
+            _draw_model(axis, model)
+        count = 0 if model is None else len(model.samples)
+        axis.set_title(f"{time_s:g} s, {count} samples", fontsize=10)
+        axis.set_xlabel("speed (mm/s)")
+        axis.set(xlim=(0, MAXIMUM_SPEED_MM_S), ylim=(0, MAXIMUM_FORCE_N))
+    axes[0].set_ylabel("normal force (N)")
+    if cells is not None:
+        bar = figure.colorbar(cells, ax=axes, pad=0.01, extend="max")
+        bar.set_label("distance to 3 nearest samples", fontsize=9)
+    return figure
+
+
+def distance_over_time(evaluations: Sequence[Evaluation]) -> Figure:
+    """Draw the completion distance of every update, with both thresholds."""
+    figure, axis = _time_axes(evaluations)
+    for number, evaluation in enumerate(evaluations):
+        time_s, distance = evaluation.distances.T
+        axis.plot(time_s, distance, label=evaluation.name, **_line(number))
+    settings = evaluations[0].settings
+    for value, text in ((settings.start_distance, "start"), (settings.stop_distance, "stop")):
+        axis.axhline(value, color=_GREY, linestyle="--", linewidth=1.0)
+        axis.annotate(
+            f"{text} {value:.4g}",
+            (1.0, value),
+            xycoords=("axes fraction", "data"),
+            xytext=(-4, 3),
+            textcoords="offset points",
+            ha="right",
+            color="#5d636b",
+            fontsize=9,
+        )
+    largest = max(float(evaluation.distances[:, 1].max()) for evaluation in evaluations)
+    axis.set_ylim(0, min(1.05 * largest, 2.2 * settings.start_distance))
+    axis.set_ylabel("distance (sum over nine cells)")
+    _legend(axis, evaluations)
+    return figure
+
+
+def gfc_over_time(evaluations: Sequence[Evaluation]) -> Figure:
+    """Draw the held-out GFC at every step, its ceiling, and 0.9, as paper A's Fig. 4 does."""
+    figure, axis = _time_axes(evaluations)
+    for number, evaluation in enumerate(evaluations):
+        time_s = [step.time_s for step in evaluation.steps]
+        style = _line(number)
+        axis.plot(time_s, _column(evaluation.steps, "gfc"), label=evaluation.name, **style)
+        axis.plot(
+            time_s,
+            _column(evaluation.steps, "gfc_ceiling"),
+            color=style["color"],
+            linestyle=":",
+            linewidth=1.0,
+        )
+    axis.axhline(0.9, color=_GREY, linestyle="--", linewidth=1.0)
+    axis.plot([], [], color=_GREY, linestyle=":", label="ceiling (model against itself)")
+    lowest = min(
+        (step.gfc for e in evaluations for step in e.steps if step.gfc is not None), default=0.8
+    )
+    axis.set_ylim(min(0.8, np.floor(lowest * 20) / 20), 1.0)
+    axis.set_ylabel("GFC of held-out segments")
+    _legend(axis, evaluations)
+    return figure
+
+
+def power_error_over_time(evaluations: Sequence[Evaluation]) -> Figure:
+    """Draw the power error at every step beside the just noticeable difference."""
+    figure, axis = _time_axes(evaluations)
+    for number, evaluation in enumerate(evaluations):
+        axis.plot(
+            [step.time_s for step in evaluation.steps],
+            _column(evaluation.steps, "power_error_db"),
+            label=f"{evaluation.name} ({evaluation.basis})",
+            **_line(number),
+        )
+    axis.axhline(JND_DB, color=_GREY, linestyle="--", linewidth=1.0, label="just noticeable")
+    axis.set_ylim(bottom=0)
+    axis.set_ylabel("power error (dB rms)")
+    _legend(axis, evaluations)
+    return figure
+
+
+def held_out_spectra(evaluation: Evaluation) -> Figure:
+    """Draw measured and synthesized spectra of the held-out segments (paper A, Fig. 5)."""
+    segments = evaluation.held_out
+    figure = Figure(figsize=(2.7 * len(segments) + 0.6, 3.3), layout="constrained")
+    axes = figure.subplots(1, len(segments), sharey=True, squeeze=False)[0]
+    for axis, segment in zip(axes, segments, strict=True):
+        _draw_spectra(axis, segment)
+    axes[0].set_ylabel("amplitude (m/s² per √Hz)")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+    return figure
+
+
+def power_error_map(evaluation: Evaluation) -> Figure:
+    """Draw power error and GFC against the known texture over the plane."""
+    errors = evaluation.power_map
+    if errors is None:
+        message = "a map needs a known texture and a model"
+        raise ValueError(message)
+    figure = Figure(figsize=(9.6, 3.9), layout="constrained")
+    level, shape = figure.subplots(1, 2, sharey=True)
+    power = level.pcolormesh(
+        errors.speed_mm_s,
+        errors.force_n,
+        errors.power_error_db,
+        cmap=_ERROR_MAP,
+        vmin=-_LARGEST_ERROR_DB,
+        vmax=_LARGEST_ERROR_DB,
+        shading="nearest",
+    )
+    figure.colorbar(power, ax=level, extend="both")
+    level.set_title("power error (dB)", fontsize=10)
+    fit = shape.pcolormesh(
+        errors.speed_mm_s,
+        errors.force_n,
+        errors.gfc,
+        cmap="cividis",
+        vmin=min(0.9, float(errors.gfc.min())),
+        vmax=1.0,
+        shading="nearest",
+    )
+    figure.colorbar(fit, ax=shape)
+    shape.set_title("GFC", fontsize=10)
+    model = evaluation.model_at(evaluation.final.time_s)
+    for axis in (level, shape):
+        if model is not None:
+            samples = model.samples
+            axis.scatter(
+                samples.speed_mm_s, samples.force_n, s=11, c="#1b1f24", edgecolors="w", lw=0.5
+            )
+        axis.set(xlim=(0, MAXIMUM_SPEED_MM_S), ylim=(0, MAXIMUM_FORCE_N))
+        axis.set_xlabel("speed (mm/s)")
+    level.set_ylabel("normal force (N)")
+    for worst, axis in zip(evaluation.worst, (level, shape), strict=True):
+        axis.plot(worst.speed_mm_s, worst.force_n, "o", ms=15, mfc="none", mec="k", mew=1.2)
+    return figure
+
+
+def _growth_times(evaluation: Evaluation, panels: int) -> list[float]:
+    """Spread times over the growth of the model, the last one where it was finished."""
+    final_s = evaluation.final.time_s
+    times_s = [t for t, model in evaluation.models if t <= final_s and model is not None]
+    if not times_s:
+        return [final_s]
+    chosen = np.unique(np.linspace(0, len(times_s) - 1, panels).round().astype(int))
+    return [times_s[index] for index in chosen]
+
+
+def _draw_cells(axis: Axes, model: TextureModel | None, limit: float) -> PatchCollection:
+    points = np.empty((0, 2)) if model is None else model.points
+    width, height = MAXIMUM_SPEED_MM_S / DIVISIONS, MAXIMUM_FORCE_N / DIVISIONS
+    corners = (CELL_CENTRES - 0.5 / DIVISIONS) * (MAXIMUM_SPEED_MM_S, MAXIMUM_FORCE_N)
+    cells = PatchCollection(
+        [Rectangle((x, y), width, height) for x, y in corners],
+        cmap=_CELL_MAP,
+        alpha=0.75,
+        edgecolor="white",
+        linewidth=1.5,
+        zorder=0,
+    )
+    cells.set_array(np.minimum(cell_distances(points), 3.0))
+    cells.set_clim(0.0, limit)
+    axis.add_collection(cells)
+    return cells
+
+
+def _draw_model(axis: Axes, model: TextureModel) -> None:
+    vertices = model.vertices[:, :2] * (model.maximum_speed_mm_s, model.maximum_force_n)
+    corners = model.triangles[:, :3]
+    axis.triplot(vertices[:, 0], vertices[:, 1], corners, color="#6b7280", lw=0.5, zorder=1)
+    axis.scatter(
+        vertices[:, 0],
+        vertices[:, 1],
+        s=10,
+        c="w",
+        edgecolors="#6b7280",
+        lw=0.7,
+        zorder=2,
+        clip_on=False,
+    )
+    axis.scatter(
+        model.points[:, 0] * model.maximum_speed_mm_s,
+        model.points[:, 1] * model.maximum_force_n,
+        s=17,
+        c=_RED,
+        edgecolors="w",
+        lw=0.5,
+        zorder=3,
+    )
+
+
+def _draw_spectra(axis: Axes, segment: HeldOutSegment) -> None:
+    if segment.truth is not None:
+        axis.semilogy(SHAPE_HZ, segment.truth, color=_GREY, lw=1.0, label="known texture (exact)")
+    spectra = ((segment.measured, "measured"), (segment.synthesized, "synthesized"))
+    for colour, (spectrum, name) in zip(COLOURS, spectra, strict=False):
+        if spectrum is not None:
+            axis.semilogy(segment.frequencies_hz, spectrum, color=colour, lw=1.7, label=name)
+    score = "" if segment.gfc is None else f"\nGFC {segment.gfc:.3f}"
+    axis.set_title(f"{segment.speed_mm_s:.0f} mm/s, {segment.force_n:.2f} N{score}", fontsize=9)
+    axis.set_xlim(SHAPE_HZ[0], SHAPE_HZ[-1])
+    axis.set_xlabel("frequency (Hz)")
+    axis.grid(color="#e3e6ea", linewidth=0.6)
+
+
+def _time_axes(evaluations: Sequence[Evaluation]) -> tuple[Figure, Axes]:
+    figure = Figure(figsize=(8.4, 3.8), layout="constrained")
+    axis = figure.subplots()
+    axis.set_xlabel("session time (s)")
+    axis.set_xlim(0, 1.02 * max(evaluation.duration_s for evaluation in evaluations))
+    axis.grid(color="#e3e6ea", linewidth=0.6)
+    axis.set_axisbelow(True)
+    axis.spines[["top", "right"]].set_visible(False)
+    return figure, axis
+
+
+def _line(number: int) -> dict[str, Any]:
+    turn, place = divmod(number, len(COLOURS))
+    return {
+        "color": COLOURS[place],
+        "marker": _MARKERS[place],
+        "markersize": 4.5,
+        "linewidth": 1.5,
+        "linestyle": ("-", "--", "-.")[turn % 3],
+    }
+
+
+def _column(steps: Sequence[Score], name: str) -> list[float]:
+    values = (getattr(step, name) for step in steps)
+    return [np.nan if value is None else value for value in values]
+
+
+def _legend(axis: Axes, evaluations: Sequence[Evaluation]) -> None:
+    beside = len(evaluations) > 4
+    axis.legend(
+        loc="upper left" if beside else "best",
+        bbox_to_anchor=(1.01, 1.0) if beside else None,
+        frameon=False,
+        fontsize=9,
+    )

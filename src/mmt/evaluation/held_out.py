@@ -1,0 +1,105 @@
+"""Recorded segments that a model has not seen, against what it renders in their place.
+
+Awan et al., section VII.A: five random samples of the finished model are taken out, the model
+is built anew without them, and their recorded vibration is compared with what the model
+synthesizes at their speed and force.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from mmt.arrays import FloatArray
+from mmt.evaluation.levels import level_error_db
+from mmt.texture.metrics import amplitude_spectrum, gfc
+from mmt.texture.model import TextureModel
+from mmt.texture.segmentation import Segment
+from mmt.texture.synthesis import Synthesizer
+
+HELD_OUT: Final = 5
+"""Segments taken out, fewer where the model has fewer than twice as many samples."""
+
+WELCH_SAMPLES: Final = 64
+REALISATIONS: Final = 8
+_WARM_UP_SAMPLES: Final = 500
+
+
+@dataclass(frozen=True)
+class Approximation:
+    """What a model renders in place of one held-out segment.
+
+    ``gfc`` and ``gfc_ceiling`` are means over realisations, ``power_error_db`` compares the
+    model's exact power with the segment's mean square, ``amplitude`` (f,) is the mean Welch
+    amplitude spectrum of what was synthesized.
+    """
+
+    gfc: float
+    gfc_ceiling: float
+    power_error_db: float
+    amplitude: FloatArray
+
+
+def choose_held_out(segments: Sequence[Segment], seed: int) -> tuple[Segment, ...]:
+    """Choose the segments to hold out, in the order of time; the same for the same seed.
+
+    At most half of the segments are taken, so that something is left to build from.
+    """
+    ordered = sorted(segments, key=lambda segment: (segment.start, segment.stop))
+    count = min(HELD_OUT, len(ordered) // 2)
+    chosen = np.random.default_rng(seed).choice(len(ordered), size=count, replace=False)
+    return tuple(ordered[index] for index in sorted(chosen))
+
+
+def outside(held_out: Sequence[Segment]) -> Callable[[Segment], bool]:
+    """Return a test that is true for segments that share no sample with the held-out ones."""
+    ranges = [(segment.start, segment.stop) for segment in held_out]
+
+    def accept(segment: Segment) -> bool:
+        return all(segment.stop <= start or segment.start >= stop for start, stop in ranges)
+
+    return accept
+
+
+class HeldOutRecording:
+    """One held-out segment with its measured spectrum.
+
+    Parameters
+    ----------
+    segment
+        The recorded segment.
+    rate_hz
+        Its sampling rate.
+    """
+
+    def __init__(self, segment: Segment, rate_hz: float) -> None:
+        self.segment = segment
+        self._rate_hz = rate_hz
+        self._window = min(WELCH_SAMPLES, len(segment.vibration_m_s2))
+        self.power = float(np.mean(np.square(segment.vibration_m_s2)))
+        self.frequencies_hz, self.amplitude = amplitude_spectrum(
+            segment.vibration_m_s2, rate_hz, self._window
+        )
+
+    def approximate(self, model: TextureModel, seed: int) -> Approximation:
+        """Compare the recorded vibration with what a model renders in its place.
+
+        One long stretch is rendered at the segment's mean speed and force, and cut into
+        realisations of the segment's length after the filter has warmed up.
+        """
+        speed_mm_s, force_n = self.segment.speed_mm_s, self.segment.force_n
+        length = len(self.segment.vibration_m_s2)
+        count = _WARM_UP_SAMPLES + REALISATIONS * length
+        synthesizer = Synthesizer(model, seed=seed, renewal_samples=count, limit_m_s2=np.inf)
+        rendered = synthesizer.render(np.full(count, speed_mm_s), np.full(count, force_n))
+        pieces = rendered[_WARM_UP_SAMPLES:].reshape(REALISATIONS, length)
+        amplitudes = [amplitude_spectrum(piece, self._rate_hz, self._window)[1] for piece in pieces]
+        point = np.array([speed_mm_s]), np.array([force_n])
+        return Approximation(
+            gfc=float(np.mean([gfc(amplitude, self.amplitude) for amplitude in amplitudes])),
+            gfc_ceiling=float(np.mean([gfc(one, other) for one, other in pairwise(amplitudes)])),
+            power_error_db=float(level_error_db(model, *point, np.array([self.power]))[0]),
+            amplitude=np.mean(amplitudes, axis=0),
+        )

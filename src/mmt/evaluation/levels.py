@@ -1,0 +1,32 @@
+"""Errors of level over many points."""
+
+from typing import Final
+
+import numpy as np
+
+from mmt.arrays import FloatArray
+from mmt.texture.autoregression import lsf_to_reflection, output_power
+from mmt.texture.metrics import power_error_db
+from mmt.texture.model import TextureModel
+
+LARGEST_ERROR_DB: Final = 60.0
+"""Errors count as no larger, so that one silent point does not make a mean infinite."""
+
+
+def output_power_at(model: TextureModel, speed_mm_s: FloatArray, force_n: FloatArray) -> FloatArray:
+    """Return the exact power of what a model renders at points (k,), shape (k,), (m/s2)^2."""
+    lsf, variance = model.at(speed_mm_s, force_n)
+    return output_power(variance, lsf_to_reflection(lsf))
+
+
+def level_error_db(
+    model: TextureModel, speed_mm_s: FloatArray, force_n: FloatArray, power: FloatArray
+) -> FloatArray:
+    """Return the error of a model's power at points (k,) against `power` (k,), bounded, in dB."""
+    errors_db = power_error_db(output_power_at(model, speed_mm_s, force_n), power)
+    return np.clip(errors_db, -LARGEST_ERROR_DB, LARGEST_ERROR_DB)
+
+
+def root_mean_square(values: FloatArray) -> float:
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))

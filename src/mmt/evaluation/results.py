@@ -1,0 +1,267 @@
+"""What an evaluation found: plain values for tables, figures and JSON."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any, Final, Literal
+
+from mmt.arrays import FloatArray
+from mmt.texture.model import TextureModel
+from mmt.texture.settings import ModellingSettings
+
+Basis = Literal["truth", "held-out"]
+"""What the power error and the share within one JND are measured against."""
+
+DEFINITIONS: Final[Mapping[str, str]] = {
+    "gfc": (
+        "Goodness-of-fit criterion (Awan et al., eq. 2) between the Welch amplitude spectra of "
+        "the held-out segments and of vibration synthesized at their mean speed and force, "
+        "for as many samples, by the model rebuilt without them; Hann windows of 64 samples, "
+        "half overlapping; the mean over the segments and eight realisations each."
+    ),
+    "gfc_ceiling": (
+        "The same criterion between two realisations of the model itself: what a perfect "
+        "model would score on segments of this length."
+    ),
+    "truth_gfc": (
+        "The same criterion between the exact amplitude spectra (root of the power spectral "
+        "density, 10 to 500 Hz in steps of 2 Hz) of the leader's model and of the known "
+        "texture; the mean over a grid of 12 x 12 points, 40 to 260 mm/s and 0.4 to 2.6 N."
+    ),
+    "power_error_db": (
+        "Root mean square of 10 log10 (power of the model / power of the reference). Basis "
+        "'truth': over the grid, against the known texture. Basis 'held-out': over the "
+        "held-out segments, against their mean square."
+    ),
+    "within_jnd": (
+        "Share of the same points whose power error is below 1.36 dB, the just noticeable "
+        "difference of 17 % in amplitude."
+    ),
+    "distance": (
+        "Sum over the nine cells of the speed-force plane of the distances from a cell's "
+        "centre to the three nearest samples, in the plane divided by 300 mm/s and 3 N."
+    ),
+    "truth": (
+        "The known texture is compared as it is at the surface: the accelerometer's noise and "
+        "the 10 Hz high-pass of the modelling are not taken out of the model's error."
+    ),
+}
+"""How each score is defined, in a sentence."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """The figures of one moment of a session.
+
+    ``samples``, ``distance``, ``truth_gfc`` and, where the truth is known, the power error
+    and the share within one JND are those of the model that the leader had at that time.
+    ``gfc``, ``gfc_ceiling`` and the two ``held_out`` figures are those of the model rebuilt
+    without the held-out segments. None stands where there was no model yet.
+    """
+
+    time_s: float
+    samples: int
+    distance: float
+    gfc: float | None
+    gfc_ceiling: float | None
+    power_error_db: float | None
+    within_jnd: float | None
+    truth_gfc: float | None
+    held_out_power_error_db: float | None
+    held_out_within_jnd: float | None
+    rebuilt_samples: int
+    rebuilt_distance: float
+
+
+@dataclass(frozen=True)
+class Worst:
+    """The point of the grid where the model is farthest from the known texture.
+
+    ``measure`` is "power" or "gfc". ``nearest_sample`` is the distance to the nearest sample
+    in the normalised plane, ``boundary_share`` the weight of boundary points there.
+    ``limit`` names what limits the model, ``reason`` says it in a sentence.
+    """
+
+    measure: Literal["power", "gfc"]
+    speed_mm_s: float
+    force_n: float
+    power_error_db: float
+    gfc: float
+    nearest_sample: float
+    boundary_share: float
+    limit: Literal["beyond the samples", "sparse", "fit", "interpolation"]
+    reason: str
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One of the nine cells of the plane; `far` where it alone would miss its share."""
+
+    speed_mm_s: float
+    force_n: float
+    distance: float
+    far: bool
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """Where in the plane the hand has been.
+
+    ``speed_mm_s`` and ``force_n`` are the 5th and 95th percentile while the tool stroked
+    the surface, None where it never did; ``stroking_s`` is how long it did.
+    """
+
+    cells: tuple[Cell, ...]
+    stroking_s: float
+    speed_mm_s: tuple[float, float] | None
+    force_n: tuple[float, float] | None
+    remark: str
+
+
+@dataclass(frozen=True)
+class HeldOutSegment:
+    """A recorded segment that the rebuilt model has not seen, and what it says there.
+
+    Spectra are amplitudes (roots of the power spectral density), m/s2 per root hertz:
+    Welch's at ``frequencies_hz``, and exact at `mmt.evaluation.truth.SHAPE_HZ` for
+    ``truth``. ``synthesized``, ``gfc`` and the power error are None where the rebuilt model
+    does not exist, ``truth`` where the texture is not known.
+    """
+
+    start_s: float
+    stop_s: float
+    speed_mm_s: float
+    force_n: float
+    power: float
+    gfc: float | None
+    power_error_db: float | None
+    frequencies_hz: FloatArray = field(repr=False)
+    measured: FloatArray = field(repr=False)
+    synthesized: FloatArray | None = field(repr=False)
+    truth: FloatArray | None = field(repr=False)
+
+
+@dataclass(frozen=True)
+class PowerMap:
+    """Power error (dB) of the leader's model over the grid, shape (forces, speeds)."""
+
+    speed_mm_s: FloatArray
+    force_n: FloatArray
+    power_error_db: FloatArray
+    gfc: FloatArray
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """One session, evaluated as in paper A.
+
+    ``start_s`` and ``stop_s`` are the session times at which the criteria were met, None
+    where they were not. ``at_start``, ``at_stop`` and ``at_end`` are the figures at exactly
+    these moments. ``models`` holds the leader's model after each update with its time;
+    ``distances`` (k, 2) time and distance of every update.
+    """
+
+    name: str
+    path: str
+    surface: str | None
+    duration_s: float
+    complete: bool
+    missing_frames: int
+    settings: ModellingSettings
+    period_s: float
+    step_s: float
+    seed: int
+    order: int | None
+    basis: Basis
+    basis_reason: str
+    start_s: float | None
+    stop_s: float | None
+    steps: tuple[Score, ...]
+    at_start: Score | None
+    at_stop: Score | None
+    at_end: Score
+    worst: tuple[Worst, ...]
+    coverage: Coverage
+    held_out: tuple[HeldOutSegment, ...]
+    processing_s: float
+    distances: FloatArray = field(repr=False)
+    models: tuple[tuple[float, TextureModel | None], ...] = field(repr=False)
+    power_map: PowerMap | None = field(repr=False)
+
+    @property
+    def times_real_time(self) -> float:
+        """Seconds of session per second of processing."""
+        return self.duration_s / max(self.processing_s, 1e-9)
+
+    @property
+    def final(self) -> Score:
+        """The figures at the stop criterion, or at the end where it was never met."""
+        return self.at_stop or self.at_end
+
+    def model_at(self, time_s: float) -> TextureModel | None:
+        """Return the model that the leader had at a session time, None before the first."""
+        model = None
+        for updated_s, updated in self.models:
+            if updated_s <= time_s:
+                model = updated
+        return model
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the evaluation for a program; the keys are documented for `mmt evaluate`."""
+        return {
+            "session": self.name,
+            "path": self.path,
+            "surface": self.surface,
+            "duration_s": round(self.duration_s, 6),
+            "complete": self.complete,
+            "missing_frames": self.missing_frames,
+            "basis": self.basis,
+            "basis_reason": self.basis_reason,
+            "order": self.order,
+            "start_s": self.start_s,
+            "stop_s": self.stop_s,
+            "steps": [_plain(asdict(step)) for step in self.steps],
+            "at_start": _plain(asdict(self.at_start)) if self.at_start else None,
+            "at_stop": _plain(asdict(self.at_stop)) if self.at_stop else None,
+            "at_end": _plain(asdict(self.at_end)),
+            "worst": [_plain(asdict(worst)) for worst in self.worst],
+            "coverage": _plain(asdict(self.coverage)),
+            "held_out": [_held_out(segment) for segment in self.held_out],
+            "period_s": self.period_s,
+            "step_s": self.step_s,
+            "seed": self.seed,
+            "settings": asdict(self.settings),
+            "processing_s": round(self.processing_s, 6),
+            "times_real_time": round(self.times_real_time, 2),
+        }
+
+
+def evaluations_as_dict(evaluations: Sequence[Evaluation]) -> dict[str, Any]:
+    """Return what ``mmt evaluate --json`` writes.
+
+    ``sessions`` lists every session. Where there is one alone, its keys stand at the top as
+    well, so that a script reads ``start_s`` without a detour.
+    """
+    sessions = [evaluation.as_dict() for evaluation in evaluations]
+    only = sessions[0] if len(sessions) == 1 else {}
+    return {**only, "sessions": sessions, "definitions": dict(DEFINITIONS)}
+
+
+def _held_out(segment: HeldOutSegment) -> dict[str, Any]:
+    names = ("start_s", "stop_s", "speed_mm_s", "force_n", "power", "gfc", "power_error_db")
+    return _plain({name: getattr(segment, name) for name in names})
+
+
+def _plain(table: dict[str, Any]) -> dict[str, Any]:
+    """Round floats to six digits behind the point; what is not finite becomes None."""
+    return {key: _plain_value(value) for key, value in table.items()}
+
+
+def _plain_value(value: Any) -> Any:
+    if isinstance(value, dict):
+        return _plain(value)
+    if isinstance(value, (list, tuple)):
+        return [_plain_value(item) for item in value]
+    if isinstance(value, float):
+        return round(value, 6) if math.isfinite(value) else None
+    return value

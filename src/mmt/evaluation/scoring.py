@@ -1,0 +1,158 @@
+"""Score a session's models moment by moment."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mmt.evaluation.building import ModelHistory
+from mmt.evaluation.held_out import Approximation, HeldOutRecording
+from mmt.evaluation.levels import root_mean_square
+from mmt.evaluation.results import HeldOutSegment, PowerMap, Score, Worst
+from mmt.evaluation.truth import SHAPE_HZ, GridErrors, KnownTexture
+from mmt.texture.completion import CELL_CENTRES, FARTHEST, NEIGHBOURS
+from mmt.texture.metrics import within_jnd
+from mmt.texture.segmentation import Segment
+
+EMPTY_DISTANCE = len(CELL_CENTRES) * NEIGHBOURS * FARTHEST
+"""The completion sum without any sample."""
+
+
+class Scorer:
+    """Score the leader's and the rebuilt model at session times.
+
+    Parameters
+    ----------
+    leader
+        Every state of the model that the leader had.
+    rebuilt
+        The same, built without the held-out segments.
+    held_out
+        These segments.
+    truth
+        The known texture, None where there is none.
+    rate_hz, seed
+        Of the segments, and of the synthesis.
+    """
+
+    def __init__(
+        self,
+        *,
+        leader: ModelHistory,
+        rebuilt: ModelHistory,
+        held_out: Sequence[Segment],
+        truth: KnownTexture | None,
+        rate_hz: float,
+        seed: int,
+    ) -> None:
+        self._leader = leader
+        self._rebuilt = rebuilt
+        self._recordings = [HeldOutRecording(segment, rate_hz) for segment in held_out]
+        self._truth = truth
+        self._rate_hz = rate_hz
+        self._seed = seed
+        self._scores: dict[int, Score] = {}
+        self._grids: dict[int, GridErrors | None] = {}
+        self._approximations: dict[int, list[Approximation]] = {}
+
+    def score(self, time_s: float) -> Score:
+        """Return the figures at a session time: those of the last update up to then."""
+        number = self._leader.number(time_s)
+        if number not in self._scores:
+            self._scores[number] = self._score(number)
+        return replace(self._scores[number], time_s=time_s)
+
+    def errors(self, time_s: float) -> tuple[tuple[Worst, ...], PowerMap | None]:
+        """Return the leader's worst points and its errors over the plane at a session time.
+
+        Empty and None where the texture is not known, or there was no model yet.
+        """
+        number = self._leader.number(time_s)
+        model, grid = self._leader.model(number), self._grid(number)
+        if self._truth is None or model is None or grid is None:
+            return (), None
+        return self._truth.worst(model, grid), self._truth.power_map(grid)
+
+    def segments(self, time_s: float, first_sample: int) -> tuple[HeldOutSegment, ...]:
+        """Return the held-out segments as they are approximated at a session time."""
+        approximations = self._approximate(self._leader.number(time_s))
+        return tuple(
+            self._segment(
+                recording,
+                approximations[index] if approximations else None,
+                first_sample,
+            )
+            for index, recording in enumerate(self._recordings)
+        )
+
+    def _score(self, number: int) -> Score:
+        leader = self._leader.updates[number] if number >= 0 else None
+        rebuilt = self._rebuilt.updates[number] if number >= 0 else None
+        held_out = self._approximate(number)
+        grid = self._grid(number)
+        errors_db = np.array([approximation.power_error_db for approximation in held_out])
+        held_out_error_db = root_mean_square(errors_db) if held_out else None
+        held_out_jnd = within_jnd(errors_db) if held_out else None
+        if self._truth is None:
+            error_db, jnd = held_out_error_db, held_out_jnd
+        else:
+            error_db = root_mean_square(grid.power_error_db) if grid else None
+            jnd = within_jnd(grid.power_error_db) if grid else None
+        return Score(
+            time_s=0.0,
+            samples=leader.samples if leader else 0,
+            distance=leader.distance if leader else EMPTY_DISTANCE,
+            gfc=float(np.mean([a.gfc for a in held_out])) if held_out else None,
+            gfc_ceiling=float(np.mean([a.gfc_ceiling for a in held_out])) if held_out else None,
+            power_error_db=error_db,
+            within_jnd=jnd,
+            truth_gfc=float(grid.gfc.mean()) if grid else None,
+            held_out_power_error_db=held_out_error_db,
+            held_out_within_jnd=held_out_jnd,
+            rebuilt_samples=rebuilt.samples if rebuilt else 0,
+            rebuilt_distance=rebuilt.distance if rebuilt else EMPTY_DISTANCE,
+        )
+
+    def _grid(self, number: int) -> GridErrors | None:
+        if number not in self._grids:
+            model, truth = self._leader.model(number), self._truth
+            self._grids[number] = truth.compare(model) if truth and model else None
+        return self._grids[number]
+
+    def _approximate(self, number: int) -> list[Approximation]:
+        """Return one approximation for each held-out segment, none without a model."""
+        if number not in self._approximations:
+            model = self._rebuilt.model(number)
+            self._approximations[number] = (
+                []
+                if model is None
+                else [
+                    recording.approximate(model, self._seed + index)
+                    for index, recording in enumerate(self._recordings)
+                ]
+            )
+        return self._approximations[number]
+
+    def _segment(
+        self, recording: HeldOutRecording, rendered: Approximation | None, first_sample: int
+    ) -> HeldOutSegment:
+        segment = recording.segment
+        truth = None
+        if self._truth is not None:
+            density = self._truth.spectrum(
+                np.array([segment.speed_mm_s]), np.array([segment.force_n]), SHAPE_HZ
+            )
+            truth = np.sqrt(density[0])
+        return HeldOutSegment(
+            start_s=(segment.start - first_sample) / self._rate_hz,
+            stop_s=(segment.stop - first_sample) / self._rate_hz,
+            speed_mm_s=segment.speed_mm_s,
+            force_n=segment.force_n,
+            power=recording.power,
+            gfc=rendered.gfc if rendered else None,
+            power_error_db=rendered.power_error_db if rendered else None,
+            frequencies_hz=recording.frequencies_hz,
+            measured=recording.amplitude,
+            synthesized=rendered.amplitude if rendered else None,
+            truth=truth,
+        )

@@ -1,0 +1,210 @@
+"""The tables and sentences of a report."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from mmt.evaluation.document import Block, Heading, Table
+from mmt.evaluation.results import Evaluation, Score
+from mmt.evaluation.texts import label, number, plain, seconds, share
+
+
+def overview(evaluations: Sequence[Evaluation]) -> Table:
+    """Return one row for each session: when it was complete, and how good it was then."""
+    rows = []
+    for evaluation in evaluations:
+        final = evaluation.final
+        rows.append(
+            (
+                evaluation.name,
+                evaluation.surface or "-",
+                seconds(evaluation.start_s),
+                seconds(evaluation.stop_s),
+                str(final.samples),
+                number(final.gfc, 3),
+                number(final.gfc_ceiling, 3),
+                number(final.truth_gfc, 3),
+                number(final.power_error_db, 2),
+                share(final.within_jnd),
+                evaluation.basis,
+                number(evaluation.times_real_time, 0),
+            )
+        )
+    columns = (
+        "session",
+        "surface",
+        "start (s)",
+        "stop (s)",
+        "samples",
+        "GFC",
+        "ceiling",
+        "truth GFC",
+        "power error (dB)",
+        "within JND",
+        "basis",
+        "x real time",
+    )
+    caption = "Figures at the stop criterion, or at the end where it was never met."
+    return Table(columns, rows, caption)
+
+
+def by_time(evaluations: Sequence[Evaluation], name: str, digits: int, caption: str) -> Table:
+    """Return paper A's Table I for one figure: a row a session, a column a step."""
+    times = sorted({step.time_s for evaluation in evaluations for step in evaluation.steps})
+    rows = []
+    for evaluation in evaluations:
+        at = {step.time_s: getattr(step, name) for step in evaluation.steps}
+        rows.append((evaluation.name, *(number(at.get(time_s), digits) for time_s in times)))
+    return Table(("session", *(f"{time_s:g} s" for time_s in times)), rows, caption)
+
+
+def account(evaluation: Evaluation) -> str:
+    """Say in sentences what was evaluated and against what."""
+    state = "" if evaluation.complete else " (cut off and mended)"
+    lost = evaluation.missing_frames
+    against = "is measured against" if evaluation.basis == "truth" else "has no known texture:"
+    return (
+        f"{evaluation.duration_s:.1f} s{state}, {lost} frames missing; AR order "
+        f"{evaluation.order or 'not chosen'}, interpolated {evaluation.settings.interpolate}, an "
+        f"update every {evaluation.period_s:g} s. The model {against} {evaluation.basis_reason}. "
+        f"Start criterion: {_met(evaluation.start_s)}; stop criterion: {_met(evaluation.stop_s)}. "
+        f"Evaluated in {evaluation.processing_s:.2f} s, {evaluation.times_real_time:.0f} times "
+        f"faster than real time."
+    )
+
+
+def _met(time_s: float | None) -> str:
+    return "never met" if time_s is None else f"met at {time_s:.1f} s"
+
+
+def moments(evaluation: Evaluation) -> Table:
+    """Return the figures at the start criterion, at the stop criterion and at the end."""
+    scores = {
+        "start": evaluation.at_start,
+        "stop": evaluation.at_stop,
+        "end": evaluation.at_end,
+    }
+    rows = [(name, *_cells(score)) for name, score in scores.items() if score is not None]
+    return Table(("at", *_SCORE_COLUMNS), rows)
+
+
+def steps(evaluation: Evaluation) -> Table:
+    """Return the figures at every step."""
+    return Table(_SCORE_COLUMNS, [_cells(step) for step in evaluation.steps])
+
+
+_SCORE_COLUMNS = (
+    "time (s)",
+    "samples",
+    "distance",
+    "GFC",
+    "ceiling",
+    "truth GFC",
+    "power error (dB)",
+    "within JND",
+    "held-out power error (dB)",
+)
+
+
+def _cells(score: Score) -> tuple[str, ...]:
+    return (
+        number(score.time_s, 1),
+        str(score.samples),
+        number(score.distance, 2),
+        number(score.gfc, 3),
+        number(score.gfc_ceiling, 3),
+        number(score.truth_gfc, 3),
+        number(score.power_error_db, 2),
+        share(score.within_jnd),
+        number(score.held_out_power_error_db, 2),
+    )
+
+
+def held_out(evaluation: Evaluation) -> Table:
+    """Return one row for each held-out segment."""
+    columns = ("from (s)", "to (s)", "speed (mm/s)", "force (N)", "GFC", "power error (dB)")
+    rows = [
+        (
+            number(segment.start_s, 3),
+            number(segment.stop_s, 3),
+            number(segment.speed_mm_s, 1),
+            number(segment.force_n, 2),
+            number(segment.gfc, 3),
+            number(segment.power_error_db, 2),
+        )
+        for segment in evaluation.held_out
+    ]
+    return Table(columns, rows, "Held-out segments")
+
+
+def worst(evaluation: Evaluation) -> Table:
+    """Return where the model is farthest from the known texture, and why."""
+    columns = ("worst in", "speed (mm/s)", "force (N)", "power error (dB)", "GFC", "limit", "why")
+    rows = [
+        (
+            point.measure,
+            number(point.speed_mm_s, 0),
+            number(point.force_n, 2),
+            number(point.power_error_db, 2),
+            number(point.gfc, 3),
+            point.limit,
+            point.reason,
+        )
+        for point in evaluation.worst
+    ]
+    return Table(columns, rows, "Where the model is farthest from the known texture")
+
+
+def run_blocks(run: Mapping[str, object]) -> list[Block]:
+    """Return a section for each table of a run, nested ones as tables of their own."""
+    blocks: list[Block] = [Heading("The run")]
+    loose = {name: value for name, value in run.items() if not isinstance(value, Mapping)}
+    if loose:
+        blocks.append(_pairs(loose))
+    for name, value in run.items():
+        if isinstance(value, Mapping):
+            blocks += _run_table(label(name), value)
+    return blocks
+
+
+def _run_table(title: str, content: Mapping[str, Any]) -> list[Block]:
+    plain_values: dict[str, Any] = {}
+    inner: dict[str, Any] = {}
+    for name, value in content.items():
+        nested = isinstance(value, Mapping) or _is_rows(value)
+        (inner if nested else plain_values)[name] = value
+    blocks: list[Block] = [Heading(title[:1].upper() + title[1:], 3)]
+    if plain_values:
+        blocks.append(_pairs(plain_values))
+    for name, value in inner.items():
+        if isinstance(value, Mapping):
+            if value:
+                blocks.append(_pairs(_flat(value), label(name)))
+        else:
+            blocks.append(_rows(value, label(name)))
+    return blocks
+
+
+def _is_rows(value: object) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(v, Mapping) for v in value)
+
+
+def _flat(content: Mapping[str, Any], prefix: str = "") -> dict[str, object]:
+    flat: dict[str, object] = {}
+    for name, value in content.items():
+        full = f"{prefix}{label(name)}"
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f"{full}, ")
+        else:
+            flat[full] = value
+    return flat
+
+
+def _pairs(content: Mapping[str, object], caption: str = "") -> Table:
+    rows = [(label(name), plain(value)) for name, value in content.items()]
+    return Table(("figure", "value"), rows, caption)
+
+
+def _rows(content: Sequence[Mapping[str, object]], caption: str) -> Table:
+    names = list(dict.fromkeys(name for row in content for name in row))
+    rows = [tuple(plain(row.get(name)) for name in names) for row in content]
+    return Table(tuple(label(name) for name in names), rows, caption)

@@ -1,0 +1,38 @@
+"""Numbers as a reader wants them; a dash where there is none."""
+
+from collections.abc import Mapping, Sequence
+
+
+def number(value: float | None, digits: int) -> str:
+    """Return a number with so many digits behind the point."""
+    return "-" if value is None else f"{value:.{digits}f}"
+
+
+def seconds(value: float | None) -> str:
+    """Return the time at which a criterion was met, or that it never was."""
+    return "never" if value is None else f"{value:.1f}"
+
+
+def share(value: float | None) -> str:
+    """Return a share in percent."""
+    return "-" if value is None else f"{100 * value:.0f} %"
+
+
+def plain(value: object) -> str:
+    """Return any value of a summary as text."""
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{label(name)} {plain(item)}" for name, item in value.items())
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return "; ".join(plain(item) for item in value)
+    return str(value)
+
+
+def label(name: object) -> str:
+    """Return a key as words."""
+    return str(name).replace("_", " ")

@@ -1,0 +1,102 @@
+"""Segments held out: which, and how a model that is right scores on them."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mmt.evaluation.held_out import HELD_OUT, HeldOutRecording, choose_held_out, outside
+from mmt.texture.autoregression import burg, reflection_to_lsf
+from mmt.texture.model import TextureModel, TextureSamples
+from mmt.texture.segmentation import Segment
+
+
+def segment(start: int, stop: int, vibration: np.ndarray | None = None) -> Segment:
+    values = np.zeros(stop - start) if vibration is None else vibration
+    return Segment(
+        start=start,
+        stop=stop,
+        speed_mm_s=100.0,
+        force_n=1.0,
+        vibration_m_s2=values,
+        time_ns=stop * 1_000_000,
+        final=True,
+    )
+
+
+def even_model(vibration: np.ndarray, order: int, power: float = 1.0) -> TextureModel:
+    """Return a model that is the same everywhere but near the edges of zero level."""
+    fit = burg(vibration, order)
+    lsf = reflection_to_lsf(fit.reflection)
+    gain = np.prod(1 - fit.reflection**2)
+    axes = np.meshgrid(np.linspace(25.0, 275.0, 6), np.linspace(0.25, 2.75, 6))
+    speed, force = (axis.ravel() for axis in axes)
+    level = np.full(36, power)
+    return TextureModel(TextureSamples(speed, force, np.tile(lsf, (36, 1)), level * gain, level))
+
+
+@pytest.mark.parametrize(("available", "taken"), [(0, 0), (1, 0), (3, 1), (9, 4), (10, 5), (80, 5)])
+def test_at_most_half_and_at_most_five_are_taken(available, taken):
+    segments = [segment(100 * n, 100 * n + 90) for n in range(available)]
+    chosen = choose_held_out(segments, seed=3)
+    assert len(chosen) == taken <= HELD_OUT
+    assert len({part.start for part in chosen}) == taken
+
+
+def test_choice_depends_on_the_seed_and_not_on_the_order():
+    segments = [segment(100 * n, 100 * n + 90) for n in range(40)]
+    first = [part.start for part in choose_held_out(segments, seed=1)]
+    assert first == [part.start for part in choose_held_out(segments[::-1], seed=1)]
+    assert first == sorted(first)
+    assert first != [part.start for part in choose_held_out(segments, seed=2)]
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 500), st.integers(1, 100)), min_size=1, max_size=5),
+    st.tuples(st.integers(0, 600), st.integers(1, 100)),
+)
+@settings(max_examples=200, deadline=None)
+def test_outside_means_no_common_sample(held, asked):
+    taken = {n for start, length in held for n in range(start, start + length)}
+    accept = outside([segment(start, start + length) for start, length in held])
+    start, length = asked
+    assert accept(segment(start, start + length)) == taken.isdisjoint(range(start, start + length))
+
+
+def test_a_right_model_scores_its_ceiling():
+    vibration = np.random.default_rng(5).standard_normal(600)
+    vibration = np.convolve(vibration, [1.0, 0.8, 0.3], mode="valid")[:400]
+    model = even_model(vibration, 8)
+    recording = HeldOutRecording(segment(0, 400, vibration), 1000.0)
+    result = recording.approximate(model, seed=0)
+    assert result.gfc == pytest.approx(result.gfc_ceiling, abs=0.02)
+    assert 0.96 < result.gfc_ceiling < 1.0
+
+
+def test_a_wrong_shape_scores_less_and_a_wrong_level_does_not():
+    generator = np.random.default_rng(6)
+    low = np.convolve(generator.standard_normal(420), np.ones(8) / 8, mode="valid")[:400]
+    high = np.diff(generator.standard_normal(401))
+    recording = HeldOutRecording(segment(0, 400, low), 1000.0)
+    right = recording.approximate(even_model(low, 10), seed=0)
+    loud = recording.approximate(even_model(low, 10, power=100.0), seed=0)
+    wrong = recording.approximate(even_model(high, 10), seed=0)
+    assert wrong.gfc < 0.7 < right.gfc
+    assert loud.gfc == pytest.approx(right.gfc, abs=1e-9)
+
+
+def test_power_error_compares_exact_with_measured_power():
+    vibration = 2.0 * np.sin(np.arange(300)) + 0.1 * np.random.default_rng(1).standard_normal(300)
+    recording = HeldOutRecording(segment(0, 300, vibration), 1000.0)
+    result = recording.approximate(even_model(vibration, 4, power=10 * recording.power), seed=0)
+    assert recording.power == pytest.approx(np.mean(vibration**2))
+    assert result.power_error_db == pytest.approx(10.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("length", [31, 64, 65, 130])
+def test_short_segments_are_scored(length):
+    vibration = np.random.default_rng(length).standard_normal(length)
+    recording = HeldOutRecording(segment(0, length, vibration), 1000.0)
+    result = recording.approximate(even_model(vibration, 3), seed=0)
+    assert 0.5 < result.gfc <= 1.0
+    assert len(recording.frequencies_hz) == len(recording.amplitude) == len(result.amplitude)

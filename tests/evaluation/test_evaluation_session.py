@@ -1,0 +1,225 @@
+"""Whole sessions whose answers are known: made stroke by stroke, or simulated."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mmt.devices.simulated.offline import simulate_session
+from mmt.errors import InputError
+from mmt.evaluation.building import build, update_blocks
+from mmt.evaluation.evaluate import evaluate_session
+from mmt.evaluation.held_out import choose_held_out, outside
+from mmt.evaluation.results import evaluations_as_dict
+from mmt.frames import empty_frames
+from mmt.scene import Hand, Scene
+from mmt.session import RecordedSession
+from mmt.texture.completion import FARTHEST
+from mmt.texture.settings import ModellingSettings
+
+SETTINGS = ModellingSettings(order=8)
+STEP_KEYS = {
+    "time_s",
+    "samples",
+    "distance",
+    "gfc",
+    "gfc_ceiling",
+    "power_error_db",
+    "within_jnd",
+}
+
+
+@pytest.fixture(scope="module")
+def evaluation(stroked_session):
+    return evaluate_session(stroked_session, SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    frames, annotations = simulate_session(Scene(hand=Hand()), "plastic", 8.0, seed=4)
+    return RecordedSession(frames, annotations=annotations, path=Path("plastic.mcap"))
+
+
+def test_even_texture_scores_its_ceiling(evaluation):
+    final = evaluation.final
+    assert evaluation.basis == "held-out"
+    assert final.gfc == pytest.approx(final.gfc_ceiling, abs=0.02)
+    assert final.power_error_db < 1.5
+    assert final.within_jnd >= 0.6
+    assert final.truth_gfc is None
+
+
+def test_criteria_agree_with_the_distances(evaluation):
+    time_s, distance = evaluation.distances.T
+    for met_s, threshold in (
+        (evaluation.start_s, SETTINGS.start_distance),
+        (evaluation.stop_s, SETTINGS.stop_distance),
+    ):
+        assert met_s == time_s[np.argmax(distance <= threshold)]
+    assert evaluation.at_start.time_s == evaluation.start_s
+    assert evaluation.at_stop.distance <= SETTINGS.stop_distance < evaluation.at_start.distance
+
+
+def test_steps_stand_every_step_and_show_the_last_update(evaluation):
+    duration_s = evaluation.duration_s
+    assert [step.time_s for step in evaluation.steps] == [2.5, 5.0, 7.5]
+    assert duration_s == pytest.approx(27 * 0.35)
+    by_time = dict(evaluation.distances)
+    assert evaluation.steps[0].distance == by_time[2.0]
+    assert evaluation.steps[1].distance == by_time[5.0]
+    assert evaluation.at_end.distance == evaluation.distances[-1, 1]
+    samples = [step.samples for step in evaluation.steps]
+    assert samples == sorted(samples)
+
+
+def test_hold_out_is_excluded_from_every_state_of_the_model(stroked_session):
+    blocks = list(update_blocks(stroked_session.frames, 1000))
+    whole = build(blocks, SETTINGS)
+    held_out = choose_held_out(whole.finished, seed=0)
+    taken = {n for part in held_out for n in range(part.start, part.stop)}
+    seen = []
+
+    def accept(segment):
+        accepted = outside(held_out)(segment)
+        if accepted:
+            seen.append(segment)
+        return accepted
+
+    rebuilt = build(blocks, SETTINGS, accept)
+    assert len(held_out) == 5
+    assert seen
+    assert all(taken.isdisjoint(range(part.start, part.stop)) for part in seen)
+    stopped = whole.number(whole.stop_s)
+    assert rebuilt.updates[stopped].samples == whole.updates[stopped].samples - 5
+
+
+def test_held_out_segments_lie_in_strokes(evaluation):
+    assert len(evaluation.held_out) == 5
+    for segment in evaluation.held_out:
+        within_stroke = segment.start_s % 0.35
+        assert within_stroke + segment.stop_s - segment.start_s <= 0.3
+        assert segment.gfc > 0.9
+
+
+def test_same_input_gives_the_same_figures(stroked_session, evaluation):
+    again = evaluate_session(stroked_session, SETTINGS)
+    assert _figures(again) == _figures(evaluation)
+    other = evaluate_session(stroked_session, SETTINGS, seed=1)
+    assert _figures(other)["held_out"] != _figures(evaluation)["held_out"]
+    assert other.stop_s == evaluation.stop_s
+
+
+def _figures(evaluation):
+    figures = evaluation.as_dict()
+    del figures["processing_s"], figures["times_real_time"]
+    return figures
+
+
+def test_json_has_the_promised_keys(evaluation, simulated):
+    one = json.loads(json.dumps(evaluations_as_dict([evaluation]), allow_nan=False))
+    assert {"start_s", "stop_s", "steps", "sessions", "definitions"} <= set(one)
+    assert all(set(step) >= STEP_KEYS for step in one["steps"])
+    assert one["sessions"][0]["steps"] == one["steps"]
+    two = evaluations_as_dict([evaluation, evaluation])
+    assert len(two["sessions"]) == 2
+    assert "steps" not in two
+
+
+def test_known_texture_is_the_basis(simulated):
+    evaluation = evaluate_session(simulated, ModellingSettings())
+    assert evaluation.basis == "truth"
+    assert evaluation.surface == "plastic"
+    end = evaluation.at_end
+    assert end.truth_gfc > 0.9
+    assert end.power_error_db != end.held_out_power_error_db
+    assert len(evaluation.worst) == 2
+    assert evaluation.power_map.power_error_db.shape == (12, 12)
+    rms = np.sqrt(np.mean(evaluation.power_map.power_error_db**2))
+    assert evaluation.final.power_error_db == pytest.approx(rms)
+    assert all(segment.truth is not None for segment in evaluation.held_out)
+
+
+def test_without_annotations_the_same_session_is_held_against_itself(simulated):
+    evaluation = evaluate_session(replace(simulated, annotations=b""), ModellingSettings())
+    known = evaluate_session(simulated, ModellingSettings())
+    assert evaluation.basis == "held-out"
+    assert evaluation.worst == ()
+    assert evaluation.power_map is None
+    assert evaluation.at_end.gfc == known.at_end.gfc
+    assert evaluation.at_end.power_error_db == known.at_end.held_out_power_error_db
+
+
+def test_session_at_rest_has_no_samples():
+    frames = empty_frames(6000)
+    frames["sequence"] = np.arange(6000)
+    frames["time_ns"] = np.arange(6000) * 1_000_000
+    frames["acceleration_m_s2"][:, 2] = 9.81
+    evaluation = evaluate_session(RecordedSession(frames), SETTINGS)
+    assert evaluation.start_s is None
+    assert evaluation.stop_s is None
+    assert evaluation.held_out == ()
+    assert [step.samples for step in evaluation.steps] == [0, 0]
+    assert all(step.gfc is None and step.power_error_db is None for step in evaluation.steps)
+    assert evaluation.at_end.distance == pytest.approx(27 * FARTHEST)
+    assert "never stroked" in evaluation.coverage.remark
+    json.dumps(evaluation.as_dict(), allow_nan=False)
+
+
+def test_hand_that_covers_a_corner_is_told_so(make_session):
+    slow = [(30.0 + 2 * n, 0.3 + 0.02 * n) for n in range(14)]
+    evaluation = evaluate_session(make_session(slow), SETTINGS)
+    assert evaluation.stop_s is None
+    coverage = evaluation.coverage
+    far = {(round(cell.speed_mm_s), cell.force_n) for cell in coverage.cells if cell.far}
+    assert (250, 2.5) in far
+    assert (50, 0.5) not in far
+    assert coverage.speed_mm_s == pytest.approx((30, 56), abs=6)
+    assert coverage.force_n == pytest.approx((0.3, 0.56), abs=0.1)
+    assert "(250 mm/s, 2.5 N)" in coverage.remark
+
+
+def test_gaps_in_the_session_are_counted_and_survived(stroked_session):
+    frames = stroked_session.frames
+    keep = np.ones(len(frames), dtype=bool)
+    keep[3000:3040] = keep[5500:5503] = False
+    evaluation = evaluate_session(replace(stroked_session, frames=frames[keep]), SETTINGS)
+    assert evaluation.missing_frames == 43
+    assert evaluation.duration_s == pytest.approx(len(frames) / 1000)
+    assert evaluation.final.gfc > 0.9
+
+
+def test_blocks_are_those_of_a_live_leader():
+    frames = empty_frames(3600)
+    frames["sequence"] = np.arange(3600) + 17
+    blocks = list(update_blocks(frames, 1000))
+    assert [len(block) for block in blocks] == [1000, 1000, 1000, 600]
+    with_gap = np.delete(frames, slice(900, 1100))
+    blocks = list(update_blocks(with_gap, 1000))
+    assert sum(map(len, blocks)) == 3400
+    assert [int(block["sequence"][0]) - 17 for block in blocks] == [0, 1101, 2101, 3101]
+    assert len(blocks[0]) == 901
+
+
+def test_a_follower_that_started_anew_does_not_stop_the_cutting():
+    frames = empty_frames(2500)
+    frames["sequence"] = np.concatenate([np.arange(1500), np.arange(1000)])
+    assert sum(map(len, update_blocks(frames, 1000))) == 2500
+
+
+@pytest.mark.parametrize("options", [{"step_s": 0.0}, {"step_s": float("nan")}, {"period_s": -1.0}])
+def test_unusable_options_are_refused(stroked_session, options):
+    with pytest.raises(InputError, match=next(iter(options))):
+        evaluate_session(stroked_session, SETTINGS, **options)
+
+
+def test_empty_session_is_refused():
+    with pytest.raises(InputError, match="no frames"):
+        evaluate_session(RecordedSession(empty_frames(0)), SETTINGS)
+
+
+def test_session_without_acceleration_is_refused():
+    session = RecordedSession(empty_frames(3000, ("position", "force")))
+    with pytest.raises(InputError, match="acceleration"):
+        evaluate_session(session, SETTINGS)

@@ -1,0 +1,177 @@
+"""The comparison with a known texture, against models that are right or wrong by design."""
+
+import numpy as np
+import pytest
+
+from mmt.devices.simulated.modes import Resonance
+from mmt.devices.simulated.surfaces import Surface
+from mmt.devices.simulated.textures import SURFACES, get_surface
+from mmt.evaluation.levels import level_error_db
+from mmt.evaluation.truth import (
+    GRID_FORCE_N,
+    GRID_SPEED_MM_S,
+    KnownTexture,
+    known_texture,
+)
+from mmt.texture.autoregression import ar_to_lsf
+from mmt.texture.model import TextureModel, TextureSamples
+from mmt.texture.settings import ModellingSettings
+
+ORDER = 24
+
+
+def exact_filters(
+    surface: Surface, speed_mm_s: np.ndarray, force_n: np.ndarray, order: int
+) -> TextureSamples:
+    """Solve the Yule-Walker equations for the surface's exact autocorrelation."""
+    frequencies_hz = np.arange(2049) * 500.0 / 2048
+    density = surface.spectrum(speed_mm_s, force_n, frequencies_hz)
+    correlation = np.fft.irfft(density * 500.0, axis=1)[:, : order + 1]
+    lags = np.abs(np.subtract.outer(np.arange(order), np.arange(order)))
+    ar = np.array([np.linalg.solve(r[lags], -r[1:]) for r in correlation])
+    variance = correlation[:, 0] + np.einsum("no,no->n", ar, correlation[:, 1:])
+    return TextureSamples(speed_mm_s, force_n, ar_to_lsf(ar), variance, correlation[:, 0])
+
+
+def model_of(
+    surface: Surface,
+    speeds: np.ndarray = GRID_SPEED_MM_S,
+    forces: np.ndarray = GRID_FORCE_N,
+    *,
+    order: int = ORDER,
+    level: float = 1.0,
+) -> TextureModel:
+    speed, force = np.meshgrid(speeds, forces)
+    samples = exact_filters(surface, speed.ravel(), force.ravel(), order)
+    scaled = TextureSamples(
+        samples.speed_mm_s,
+        samples.force_n,
+        samples.lsf,
+        level * samples.variance,
+        level * samples.power,
+    )
+    return TextureModel(scaled)
+
+
+@pytest.mark.parametrize("name", ["plastic", "sandpaper", "wood"])
+def test_model_of_exact_filters_has_no_error(name):
+    truth = KnownTexture(get_surface(name))
+    errors = truth.compare(model_of(truth.surface))
+    assert np.abs(errors.power_error_db).max() < 0.01
+    assert errors.gfc.min() > 0.995
+    assert errors.gfc.max() <= 1.0
+
+
+def test_level_shows_in_power_and_not_in_gfc():
+    truth = KnownTexture(get_surface("plastic"))
+    right = truth.compare(model_of(truth.surface))
+    loud = truth.compare(model_of(truth.surface, level=2.0))
+    np.testing.assert_allclose(loud.power_error_db - right.power_error_db, 3.0103, atol=1e-3)
+    np.testing.assert_allclose(loud.gfc, right.gfc, atol=1e-9)
+
+
+def test_compare_at_agrees_with_the_grid():
+    truth = KnownTexture(get_surface("mesh"))
+    model = model_of(truth.surface, np.array([80.0, 200.0]), np.array([1.0, 2.0]))
+    speed, force = np.meshgrid(GRID_SPEED_MM_S, GRID_FORCE_N)
+    grid = truth.compare(model)
+    again = truth.compare_at(model, speed.ravel(), force.ravel())
+    np.testing.assert_allclose(again.gfc, grid.gfc)
+    np.testing.assert_allclose(again.power_error_db, grid.power_error_db)
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_true_power_is_that_of_the_surface(name):
+    surface = get_surface(name)
+    truth = KnownTexture(surface)
+    model = model_of(surface, order=8)
+    speed, force = np.meshgrid(GRID_SPEED_MM_S, GRID_FORCE_N)
+    expected = level_error_db(
+        model, speed.ravel(), force.ravel(), surface.power(speed.ravel(), force.ravel())
+    )
+    np.testing.assert_allclose(truth.compare(model).power_error_db, expected, atol=0.005)
+
+
+def test_dft321_adds_the_tangential_power():
+    surface = Surface("made", (Resonance(1.0, 1.0, 1.0, 120.0, 80.0),), tangential_share=0.5)
+    normal, _ = known_texture(surface.annotations(), ModellingSettings())
+    all_axes, _ = known_texture(surface.annotations(), ModellingSettings(axis="dft321"))
+    assert normal is not None
+    assert all_axes is not None
+    point = np.array([100.0]), np.array([1.0]), np.array([120.0])
+    np.testing.assert_allclose(all_axes.spectrum(*point), 1.25 * normal.spectrum(*point))
+
+
+@pytest.mark.parametrize(
+    ("annotations", "settings", "said"),
+    [
+        (b"", ModellingSettings(), "no known texture"),
+        (b"{}", ModellingSettings(), "no simulated truth"),
+        (get_surface("wood").annotations(), ModellingSettings(axis="x"), "wood"),
+        (get_surface("wood").annotations(), ModellingSettings(normal="y"), "normal y"),
+    ],
+)
+def test_without_a_usable_truth_the_reason_is_said(annotations, settings, said):
+    truth, reason = known_texture(annotations, settings)
+    assert truth is None
+    assert said in reason
+
+
+def worst_of(model: TextureModel, surface: Surface):
+    truth = KnownTexture(surface)
+    errors = truth.compare(model)
+    return errors, truth.worst(model, errors)
+
+
+def test_worst_points_are_the_extremes_of_the_grid():
+    errors, (level, shape) = worst_of(
+        model_of(get_surface("ribbed"), np.array([100.0, 220.0]), np.array([0.8, 2.0])),
+        get_surface("ribbed"),
+    )
+    assert (level.measure, shape.measure) == ("power", "gfc")
+    assert abs(level.power_error_db) == np.abs(errors.power_error_db).max()
+    assert shape.gfc == errors.gfc.min()
+
+
+def test_worst_beyond_the_samples():
+    slow = model_of(get_surface("plastic"), np.array([40.0, 60.0]), np.array([0.3, 0.6]))
+    _, (level, _) = worst_of(slow, get_surface("plastic"))
+    assert level.limit == "beyond the samples"
+    assert level.boundary_share >= 0.5
+    assert level.speed_mm_s > 200
+    assert level.force_n > 2
+
+
+def test_worst_fit_where_the_samples_themselves_are_wrong():
+    _, (level, shape) = worst_of(
+        model_of(get_surface("ribbed"), order=2, level=4.0), get_surface("ribbed")
+    )
+    assert level.limit == "fit"
+    assert shape.limit == "fit"
+    assert "mm/s" in level.reason
+
+
+def test_worst_interpolation_where_the_samples_are_right():
+    surface = get_surface("ribbed")
+    speeds = np.linspace(15.0, 290.0, 12)
+    _, (_, shape) = worst_of(model_of(surface, speeds, GRID_FORCE_N, order=40), surface)
+    assert shape.limit == "interpolation"
+    assert shape.nearest_sample < 0.2
+
+
+def test_worst_sparse_where_the_samples_are_far():
+    surface = Surface("peak", (Resonance(1.0, 0.0, 0.0, 60.0, 20.0, speed_shift_hz=400.0),))
+    axes = np.meshgrid(np.linspace(10.0, 290.0, 15), np.linspace(0.1, 2.9, 15))
+    speed, force = (axis.ravel() for axis in axes)
+    ring = (speed < 40) | (speed > 260) | (force < 0.4) | (force > 2.6)
+    model = TextureModel(exact_filters(surface, speed[ring], force[ring], 8))
+    _, (_, shape) = worst_of(model, surface)
+    assert shape.limit == "sparse"
+    assert shape.nearest_sample > 0.2
+
+
+def test_level_error_is_bounded():
+    silent = model_of(get_surface("wood"), level=0.0)
+    errors = KnownTexture(get_surface("wood")).compare(silent)
+    assert (errors.power_error_db == -60.0).all()
+    assert (errors.gfc == 0.0).all()
