@@ -11,7 +11,8 @@ through an all-pole filter, ``x[n] + sum_j a[j] x[n-1-j] = e[n]``. Every form be
 
 Reflection coefficients and line spectral frequencies hold all digits of a model, and convert
 into each other to about 1e-14. Filter coefficients do not: whatever comes back from them has
-lost a factor of up to ``1/prod(1 - k^2)``, everything for a low-pass filter of high order.
+lost a factor of up to ``prod (1 + |k|)/(1 - |k|)``: everything, for a low-pass filter of high
+order.
 """
 
 from collections.abc import Callable
@@ -59,7 +60,7 @@ def reflection_to_ar(reflection: FloatArray) -> FloatArray:
 def ar_to_reflection(ar: FloatArray) -> FloatArray:
     """Return the reflection coefficients of filter coefficients (the Levinson step-down).
 
-    The error is about ``1e-16 / prod(1 - k^2)``.
+    The error is up to about ``1e-16 prod (1 + |k|)/(1 - |k|)``.
 
     Raises
     ------

@@ -229,7 +229,7 @@ def burg_into(
         plus, minus = 2.0 * (difference_square / total), 2.0 * (sum_square / total)
         k = (difference_square - sum_square) / total
         reflection[order - 1] = min(max(k, -LARGEST_REFLECTION), LARGEST_REFLECTION)
-        variance *= plus * minus
+        variance *= min(1.0, plus * minus)
         variances[order] = min(math.ldexp(variance, 2 * exponent), _LARGEST)
         _predict(ahead, behind, plus, minus)
 

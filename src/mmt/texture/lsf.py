@@ -179,8 +179,8 @@ def ar_to_reflection_into(ar: FloatArray, reflection: FloatArray) -> bool:
     """Write the reflection coefficients (m,) of the coefficients `ar` (m,); say if stable.
 
     The step-down of the Levinson recursion, in place; m^2 operations. It multiplies the
-    rounding of `ar` by up to ``prod 1/(1 - k_i^2)``: where reflection coefficients are
-    known, do not come back from the polynomial. Returns False, with unusable numbers left in
+    rounding of `ar` by up to ``prod (1 + |k_i|)/(1 - |k_i|)``: where reflection coefficients
+    are known, do not come back from the polynomial. Returns False, with unusable numbers left in
     `reflection`, when some ``|k| >= 1`` or is not a number.
     """
     order = len(ar)

@@ -67,7 +67,7 @@ def amplitude_spectrum(
     density[0] *= 0.5
     if nperseg % 2 == 0:
         density[-1] *= 0.5
-    frequencies_hz: FloatArray = np.arange(nperseg // 2 + 1) * (rate_hz / nperseg)
+    frequencies_hz = np.arange(nperseg // 2 + 1, dtype=np.float64) * (rate_hz / nperseg)
     amplitude: FloatArray = np.ldexp(np.sqrt(density), exponent)
     return frequencies_hz, amplitude
 

@@ -1,0 +1,193 @@
+import autoregressive_oracles as oracles
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from scipy.signal import lfilter
+from spectrum import arburg
+
+from mmt.errors import InputError
+from mmt.texture.autoregression import burg, burg_batch, output_power, reflection_to_ar
+
+
+def noise(samples, seed=0):
+    return np.random.default_rng(seed).standard_normal(samples)
+
+
+def filtered(poles, samples, seed=0, settling=0):
+    return lfilter([1.0], np.poly(poles).real, noise(samples + settling, seed))[settling:]
+
+
+def pairs(radius, angles):
+    return [radius * np.exp(sign * 1j * angle) for angle in angles for sign in (1, -1)]
+
+
+def assert_sound(fit):
+    assert (np.abs(fit.reflection) < 1).all()
+    assert np.isfinite(fit.variances).all()
+    assert (fit.variances >= 0).all()
+    assert (np.diff(fit.variances) <= 0).all()
+    assert np.isfinite(reflection_to_ar(fit.reflection)).all()
+
+
+@pytest.mark.parametrize(("samples", "order"), [(50, 1), (200, 4), (400, 13), (1000, 20)])
+def test_well_conditioned_segments_agree_with_an_established_package(samples, order):
+    x = filtered(pairs(0.9, [0.4, 1.3, 2.2]), samples, seed=order)
+    coefficients, variance, reflection = arburg(x, order)
+    fit = burg(x, order)
+    np.testing.assert_allclose(fit.reflection, np.real(reflection), atol=1e-11)
+    np.testing.assert_allclose(reflection_to_ar(fit.reflection), np.real(coefficients), atol=1e-10)
+    assert fit.variance == pytest.approx(variance, rel=1e-10)
+
+
+@pytest.mark.parametrize("settling", [0, 2000])
+def test_pole_pairs_clustered_at_the_unit_circle(settling):
+    x = filtered(pairs(0.9999, [0.05, 0.0525, 0.055, 0.0575, 0.06]), 400, settling=settling)
+    reflection, variances = oracles.burg(x, 10)
+    fit = burg(x, 10)
+    assert_sound(fit)
+    assert oracles.largest_error(fit.reflection, reflection) < 1e-7
+    assert oracles.relative_error(fit.variance, variances[-1]) < 1e-6
+    ratio = oracles.residual(x, fit.reflection) / oracles.residual(x, reflection)
+    assert abs(float(ratio) - 1) < 1e-6
+
+
+@pytest.mark.parametrize("offset", [1e3, 1e6, 1e10])
+def test_an_offset_costs_the_variance_no_digits(offset):
+    x = offset + noise(400)
+    reflection, variances = oracles.burg(x, 6)
+    fit = burg(x, 6)
+    assert oracles.largest_error(fit.reflection, reflection) < 1e-14
+    for found, expected in zip(fit.variances, variances, strict=True):
+        assert oracles.relative_error(found, expected) < 3e-14
+
+
+@pytest.mark.parametrize("scale", [5e-324, 1e-322, 1e-310, 1e-200, 1.0, 1e200, 1e300, 5e307])
+def test_every_amplitude_gives_the_exact_reflection_coefficients(scale):
+    x = np.random.default_rng(5).integers(-3, 4, 120) * scale
+    reflection, _ = oracles.burg(x, 8)
+    fit = burg(x, 8)
+    assert_sound(fit)
+    assert oracles.largest_error(fit.reflection, reflection) < 1e-14
+
+
+@given(
+    x=hnp.arrays(np.float64, st.integers(17, 60), elements=st.floats(-1e6, 1e6, width=32)),
+    power=st.integers(-600, 600),
+)
+@settings(max_examples=60, deadline=None)
+def test_a_power_of_two_changes_no_digit(x, power):
+    np.testing.assert_array_equal(burg(x, 16).reflection, burg(np.ldexp(x, power), 16).reflection)
+
+
+@given(
+    x=hnp.arrays(
+        np.float64, st.integers(2, 80), elements=st.floats(allow_nan=False, allow_infinity=False)
+    ),
+    data=st.data(),
+)
+@settings(max_examples=150, deadline=None)
+def test_every_finite_signal_gives_a_stable_model(x, data):
+    assert_sound(burg(x, data.draw(st.integers(1, min(64, len(x) - 1)))))
+
+
+@given(
+    kind=st.sampled_from(["tone", "ramp", "parabola", "constant", "impulse", "nyquist", "step"]),
+    samples=st.integers(2, 300),
+    level=st.sampled_from([5e-324, 1e-320, 1e-160, 1e-8, 1.0, 1e8, 1e160, 1e300]),
+    data=st.data(),
+)
+@settings(max_examples=150, deadline=None)
+def test_predictable_signals_give_a_stable_model(kind, samples, level, data):
+    n = np.arange(samples)
+    x = {
+        "tone": np.sin(data.draw(st.floats(0.001, 3.1)) * n),
+        "ramp": n / samples,
+        "parabola": (n / samples - 0.3) ** 2,
+        "constant": np.ones(samples),
+        "impulse": 1.0 * (n == data.draw(st.integers(0, samples - 1))),
+        "nyquist": (-1.0) ** n,
+        "step": 1.0 * (n >= samples // 2),
+    }[kind]
+    assert_sound(burg(level * x, data.draw(st.integers(1, min(64, samples - 1)))))
+
+
+def test_a_vanished_residual_ends_the_recursion():
+    zero, constant, nyquist = burg_batch(
+        [np.zeros(9), np.ones(9), (-1.0) ** np.arange(9)], 5
+    ).reflection
+    np.testing.assert_array_equal(zero, 0)
+    np.testing.assert_allclose(constant, [-1, 0, 0, 0, 0], atol=2e-16)
+    np.testing.assert_allclose(nyquist, [1, 0, 0, 0, 0], atol=2e-16)
+    assert burg(np.ones(9), 5).variance == 0
+    assert burg(np.ones(9), 5).power == 1
+
+
+def test_an_impulse_has_nothing_to_predict():
+    fit = burg(np.eye(1, 20)[0], 7)
+    np.testing.assert_array_equal(fit.reflection, 0)
+    assert fit.variance == fit.power == pytest.approx(1 / 20)
+
+
+def test_a_power_beyond_all_numbers_is_held_at_the_largest():
+    fit = burg(1e300 * noise(50), 3)
+    assert fit.power == fit.variance == np.finfo(float).max
+
+
+@given(order=st.integers(1, 40), seed=st.integers(0, 99))
+@settings(max_examples=30, deadline=None)
+def test_the_model_has_the_power_of_the_segment(order, seed):
+    x = noise(100, seed) + 0.3 * np.sin(np.arange(100))
+    fit = burg(x, order)
+    assert fit.power == pytest.approx(np.mean(x**2), rel=1e-13)
+    assert output_power(fit.variance, fit.reflection) == pytest.approx(fit.power, rel=1e-12)
+
+
+def test_lower_orders_are_contained_in_the_largest():
+    x = filtered(pairs(0.95, [0.3, 1.0]), 300)
+    whole = burg(x, 12)
+    for order in range(1, 12):
+        fit = burg(x, order)
+        np.testing.assert_array_equal(fit.reflection, whole.reflection[:order])
+        np.testing.assert_array_equal(fit.variances, whole.variances[: order + 1])
+
+
+def test_a_batch_of_different_lengths_is_the_single_fits():
+    segments = [noise(samples, samples) for samples in (17, 400, 33, 120)]
+    fits = burg_batch(segments, 16)
+    for row, segment in enumerate(segments):
+        fit = burg(segment, 16)
+        np.testing.assert_array_equal(fits.reflection[row], fit.reflection)
+        assert fits.variance[row] == fit.variance
+        assert fits.power[row] == fit.power
+
+
+def test_a_batch_takes_rows_lists_strided_arrays_and_nothing():
+    rows = noise(200).reshape(4, 50)
+    expected = burg_batch(list(rows), 5).reflection
+    np.testing.assert_array_equal(burg_batch(rows, 5).reflection, expected)
+    np.testing.assert_array_equal(burg_batch(np.asfortranarray(rows), 5).reflection, expected)
+    assert burg_batch([], 5).reflection.shape == (0, 5)
+    assert burg_batch([], 5).variance.shape == (0,)
+
+
+@pytest.mark.parametrize(
+    ("x", "order", "words"),
+    [
+        (np.ones(5), 5, "more than 5 samples"),
+        (np.ones(5), 0, "from 1 to 64"),
+        (np.ones(100), 65, "from 1 to 64"),
+        (np.ones((5, 5)), 2, "shape"),
+        (np.array([0, np.nan, 1, 2, 3]), 2, "not finite"),
+        (np.array([0, np.inf, 1, 2, 3]), 2, "not finite"),
+    ],
+)
+def test_what_cannot_be_fitted_is_said(x, order, words):
+    with pytest.raises(InputError, match=words):
+        burg(x, order)
+
+
+def test_the_faulty_segment_is_named():
+    with pytest.raises(InputError, match="segment 1"):
+        burg_batch([np.ones(9), np.full(9, np.nan)], 2)

@@ -1,0 +1,199 @@
+import autoregressive_oracles as oracles
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from mmt.errors import InputError
+from mmt.texture.autoregression import (
+    ar_to_lsf,
+    ar_to_reflection,
+    lsf_to_ar,
+    lsf_to_reflection,
+    output_power,
+    reflection_to_ar,
+    reflection_to_lsf,
+)
+from mmt.texture.lsf import inverse_gain, lsf_inverse_gain
+
+ORDERS = [1, 2, 3, 4, 5, 6, 7, 8, 15, 16, 29, 30, 63, 64]
+SHAPES = {
+    "even": lambda order: np.pi / (order + 1) * np.arange(1, order + 1),
+    "uneven": oracles.spread_lsf,
+    "low-pass": oracles.low_pass_lsf,
+    "high-pass": lambda order: np.pi - oracles.low_pass_lsf(order)[::-1],
+}
+ONE = 1 - 2.0**-53
+
+lsf_arrays = st.integers(1, 64).flatmap(
+    lambda order: hnp.arrays(np.float64, order + 1, elements=st.floats(0.1, 1.0)).map(
+        lambda gaps: np.pi * np.cumsum(gaps)[:-1] / np.sum(gaps)
+    )
+)
+reflection_arrays = st.integers(1, 64).flatmap(
+    lambda order: hnp.arrays(np.float64, order, elements=st.floats(-ONE, ONE))
+)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("order", ORDERS)
+def test_every_direction_against_many_digits(order, shape):
+    lsf = SHAPES[shape](order)
+    ar = oracles.lsf_to_ar(lsf)
+    reflection = oracles.step_down(ar)
+    largest = float(max(1, *(abs(a) for a in ar)))
+    rounded = np.array([float(k) for k in reflection])
+    assert oracles.largest_error(lsf_to_ar(lsf), ar) < 3e-14 * largest
+    assert oracles.largest_error(lsf_to_reflection(lsf), reflection) < 2e-14
+    np.testing.assert_allclose(reflection_to_lsf(rounded), lsf, rtol=0, atol=2e-15)
+    assert oracles.largest_error(reflection_to_ar(rounded), oracles.step_up(rounded)) < (
+        1e-13 * largest
+    )
+    gain = lsf_inverse_gain(lsf, np.empty(2 * order))
+    assert oracles.relative_error(gain, oracles.inverse_gain(reflection)) < 1e-14
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4, 7, 10, 12])
+def test_frequencies_are_the_angles_of_polynomial_roots(order):
+    reflection = np.random.default_rng(order).uniform(-0.95, 0.95, order)
+    expected = oracles.ar_to_lsf(oracles.step_up(reflection))
+    assert oracles.largest_error(reflection_to_lsf(reflection), expected) < 2e-15
+    assert oracles.largest_error(ar_to_lsf(reflection_to_ar(reflection)), expected) < 1e-9
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_poles_at_the_unit_circle_keep_relative_accuracy(sign):
+    reflection = sign * np.array([ONE, 0.3, -0.999999, 0.2, 0.99999])
+    expected = oracles.ar_to_lsf(oracles.step_up(reflection))
+    found = reflection_to_lsf(reflection)
+    for a, b in zip(found, expected, strict=True):
+        assert oracles.relative_error(a, b) < 1e-14 or abs(a - float(b)) < 1e-15
+
+
+@given(lsf=lsf_arrays)
+@settings(max_examples=80, deadline=None)
+def test_round_trip_from_frequencies(lsf):
+    np.testing.assert_allclose(reflection_to_lsf(lsf_to_reflection(lsf)), lsf, atol=1e-13)
+
+
+@given(
+    reflection=st.integers(1, 64).flatmap(
+        lambda order: hnp.arrays(np.float64, order, elements=st.floats(-0.3, 0.3))
+    )
+)
+@settings(max_examples=80, deadline=None)
+def test_round_trip_from_reflection(reflection):
+    lsf = reflection_to_lsf(reflection)
+    gap = np.diff(lsf, prepend=0, append=np.pi).min()
+    np.testing.assert_allclose(lsf_to_reflection(lsf), reflection, atol=1e-13 / gap)
+    loss = np.prod((1 + np.abs(reflection)) / (1 - np.abs(reflection)))
+    if loss < 1e12:
+        np.testing.assert_allclose(
+            ar_to_reflection(reflection_to_ar(reflection)), reflection, atol=1e-15 * loss
+        )
+
+
+@given(reflection=reflection_arrays)
+@settings(max_examples=200, deadline=None)
+def test_frequencies_of_every_stable_filter_ascend_inside_the_half_circle(reflection):
+    lsf = reflection_to_lsf(reflection)
+    assert (np.diff(lsf, prepend=0, append=np.pi) > 0).all()
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_magnitudes_at_one_are_held(seed):
+    generator = np.random.default_rng(seed)
+    order = int(generator.integers(1, 65))
+    reflection = generator.choice([ONE, -ONE, 0.0, 0.5, 1e-300], order)
+    lsf = reflection_to_lsf(reflection)
+    assert (np.diff(lsf, prepend=0, append=np.pi) > 0).all()
+    assert np.isfinite(lsf_to_ar(lsf)).all()
+
+
+@given(first=lsf_arrays, weight=st.floats(0, 1), seed=st.integers(0, 999))
+@settings(max_examples=60, deadline=None)
+def test_a_mean_of_frequencies_is_stable(first, weight, seed):
+    second = oracles.spread_lsf(len(first), seed)
+    reflection = lsf_to_reflection(weight * first + (1 - weight) * second)
+    assert (np.abs(reflection) < 1).all()
+
+
+def test_white_noise_has_evenly_spread_frequencies():
+    for order in range(1, 65):
+        even = np.pi / (order + 1) * np.arange(1, order + 1)
+        np.testing.assert_allclose(reflection_to_lsf(np.zeros(order)), even, atol=2e-15)
+        np.testing.assert_allclose(lsf_to_ar(even), 0, atol=1e-14)
+        np.testing.assert_allclose(lsf_to_reflection(even), 0, atol=2e-14)
+
+
+def test_gains_agree_where_the_step_down_holds():
+    for order in ORDERS:
+        lsf = oracles.spread_lsf(order, seed=order)
+        gain = lsf_inverse_gain(lsf, np.empty(2 * order))
+        assert inverse_gain(lsf_to_ar(lsf), np.empty(order)) == pytest.approx(gain, rel=1e-9)
+        assert 1 / output_power(1.0, lsf_to_reflection(lsf)) == pytest.approx(gain, rel=1e-12)
+
+
+def test_the_step_down_flags_what_is_not_stable():
+    for ar in ([1.0], [-1.1], [0.0, 1.5], [np.nan, 0.2], [2.1, 0.9]):
+        assert inverse_gain(np.array(ar), np.empty(2)) == -1
+        with pytest.raises(InputError):
+            ar_to_reflection(np.array(ar))
+
+
+def test_the_gain_of_a_low_pass_filter_needs_the_frequencies():
+    lsf = oracles.low_pass_lsf(30)
+    with pytest.raises(InputError, match="stable"):
+        ar_to_reflection(lsf_to_ar(lsf))
+    with mpmath.workdps(50):
+        expected = oracles.inverse_gain(oracles.step_down(oracles.lsf_to_ar(lsf)))
+    assert oracles.relative_error(lsf_inverse_gain(lsf, np.empty(60)), expected) < 1e-14
+
+
+@pytest.mark.parametrize(
+    "convert",
+    [
+        reflection_to_ar,
+        ar_to_reflection,
+        reflection_to_lsf,
+        ar_to_lsf,
+    ],
+)
+def test_a_batch_is_its_rows(convert):
+    rows = np.random.default_rng(2).uniform(-0.15, 0.15, (6, 9))
+    batch = convert(rows)
+    for row, result in zip(rows, batch, strict=True):
+        np.testing.assert_array_equal(convert(row), result)
+    assert convert(rows[:0]).shape == (0, 9)
+    np.testing.assert_array_equal(convert(np.asfortranarray(rows)), batch)
+
+
+@pytest.mark.parametrize("convert", [lsf_to_ar, lsf_to_reflection])
+def test_a_batch_of_frequencies_is_its_rows(convert):
+    rows = np.array([oracles.spread_lsf(9, seed) for seed in range(6)])
+    batch = convert(rows)
+    for row, result in zip(rows, batch, strict=True):
+        np.testing.assert_array_equal(convert(row), result)
+
+
+@pytest.mark.parametrize(
+    ("convert", "values", "words"),
+    [
+        (reflection_to_lsf, [0.2, 1.0], "magnitude"),
+        (reflection_to_ar, [0.2, -1.5], "magnitude"),
+        (reflection_to_lsf, [0.2, np.nan], "not finite"),
+        (reflection_to_lsf, [], "shape"),
+        (reflection_to_lsf, np.zeros(65), "shape"),
+        (reflection_to_lsf, np.zeros((2, 2, 2)), "shape"),
+        (lsf_to_ar, [0.5, 0.5], "ascend"),
+        (lsf_to_ar, [0.0, 0.5], "ascend"),
+        (lsf_to_reflection, [0.5, np.pi], "ascend"),
+        (lsf_to_reflection, [0.7, 0.5], "ascend"),
+        (ar_to_lsf, [3.0, 0.5], "stable"),
+    ],
+)
+def test_what_is_no_filter_is_said(convert, values, words):
+    with pytest.raises(InputError, match=words):
+        convert(np.array(values))

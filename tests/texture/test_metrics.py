@@ -1,0 +1,153 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from scipy.signal import welch
+
+from mmt.errors import InputError
+from mmt.texture.autoregression import reflection_to_ar
+from mmt.texture.metrics import (
+    JND_DB,
+    amplitude_spectrum,
+    gfc,
+    gfc_ceiling,
+    gfc_of_psd,
+    gfc_of_signals,
+    log_spectral_distance_db,
+    power_error_db,
+    within_jnd,
+)
+
+amplitudes = hnp.arrays(np.float64, 12, elements=st.floats(0, 1e3))
+
+
+def noise(samples, seed=0):
+    return np.random.default_rng(seed).standard_normal(samples)
+
+
+@pytest.mark.parametrize(
+    ("samples", "nperseg"), [(400, 64), (401, 128), (64, 64), (90, 17), (9, 2)]
+)
+def test_the_amplitude_spectrum_is_that_of_an_established_package(samples, nperseg):
+    x = 3 + noise(samples)
+    expected_hz, density = welch(
+        x, 1000.0, nperseg=nperseg, noverlap=nperseg // 2, detrend=False, window="hann"
+    )
+    frequencies_hz, amplitude = amplitude_spectrum(x, 1000.0, nperseg)
+    np.testing.assert_allclose(frequencies_hz, expected_hz, rtol=1e-14)
+    np.testing.assert_allclose(amplitude, np.sqrt(density), rtol=1e-12)
+
+
+@pytest.mark.parametrize("scale", [0.0, 1e-300, 1e-160, 1e160, 1e300])
+def test_the_amplitude_spectrum_is_linear_at_every_level(scale):
+    x = noise(200)
+    reference = amplitude_spectrum(x, 1000.0)[1]
+    np.testing.assert_allclose(
+        amplitude_spectrum(scale * x, 1000.0)[1], scale * reference, rtol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("x", "nperseg"),
+    [(np.ones(63), 64), (np.ones(9), 1), (np.ones((9, 9)), 4), (np.full(99, np.nan), 64)],
+)
+def test_signals_without_a_spectrum_are_refused(x, nperseg):
+    with pytest.raises(InputError):
+        amplitude_spectrum(x, 1000.0, nperseg)
+
+
+def test_gfc_of_known_vectors():
+    assert gfc(np.array([3.0, 0.0]), np.array([1.0, 1.0])) == pytest.approx(math.sqrt(0.5))
+    assert gfc(np.array([1.0, 0.0]), np.array([0.0, 2.0])) == 0
+
+
+@given(a=amplitudes, b=amplitudes, power=st.integers(-900, 900))
+@settings(max_examples=80, deadline=None)
+def test_gfc_is_symmetric_bounded_and_ignores_the_level(a, b, power):
+    value = gfc(a, b)
+    assert 0 <= value <= 1
+    assert gfc(b, a) == value
+    if a.any() and a[a > 0].min() > 1e-30:
+        assert gfc(np.ldexp(a, power), b) == pytest.approx(value, abs=1e-14)
+        assert gfc(a, a) == pytest.approx(1, abs=1e-14)
+
+
+def test_gfc_where_there_is_no_vibration():
+    zero, some = np.zeros(8), np.ones(8)
+    assert gfc(zero, zero) == gfc_of_psd(zero, zero) == 1
+    assert gfc(zero, some) == gfc(some, zero) == gfc_of_psd(zero, some) == 0
+    assert gfc_of_signals(np.zeros(99), np.zeros(200)) == 1
+    assert gfc_of_signals(np.zeros(99), noise(99)) == 0
+
+
+def test_gfc_of_densities_compares_amplitudes():
+    a, b = noise(30) ** 2, noise(30, 1) ** 2
+    assert gfc_of_psd(a**2, b**2) == pytest.approx(gfc(a, b), rel=1e-14)
+
+
+@pytest.mark.parametrize("measure", [gfc, gfc_of_psd, log_spectral_distance_db])
+@pytest.mark.parametrize(
+    ("a", "b"), [([1.0, 2.0], [1.0]), ([np.nan, 1.0], [1.0, 1.0]), ([], []), ([1.0], [np.inf])]
+)
+def test_spectra_that_cannot_be_compared_are_refused(measure, a, b):
+    with pytest.raises(InputError):
+        measure(np.array(a), np.array(b))
+
+
+def test_negative_densities_are_refused():
+    with pytest.raises(InputError, match="negative"):
+        gfc_of_psd(np.array([1.0, -1.0]), np.ones(2))
+    with pytest.raises(InputError, match="negative"):
+        power_error_db(-1.0, 1.0)
+
+
+@pytest.mark.parametrize(("nperseg", "expected"), [(64, 0.981), (128, 0.954)])
+def test_the_ceiling_is_below_one_and_falls_with_resolution(nperseg, expected):
+    ar = reflection_to_ar(np.array([-0.6, 0.4, 0.1]))
+    generator = np.random.default_rng(1)
+    found = gfc_ceiling(ar, 2.0, 400, 200, generator, nperseg=nperseg)
+    assert found == pytest.approx(expected, abs=0.007)
+
+
+def test_the_ceiling_of_raw_amplitudes_is_a_quarter_of_pi():
+    found = gfc_ceiling(np.zeros(1), 1.0, 1024, 60, np.random.default_rng(2), nperseg=1024)
+    assert found == pytest.approx(math.pi / 4, abs=0.01)
+
+
+def test_the_ceiling_where_there_is_no_vibration():
+    assert gfc_ceiling(np.zeros(2), 0.0, 100, 1, np.random.default_rng(0)) == 1
+
+
+def test_the_ceiling_needs_a_pair_and_a_stable_filter():
+    generator = np.random.default_rng(0)
+    with pytest.raises(InputError, match="pairs"):
+        gfc_ceiling(np.zeros(2), 1.0, 100, 0, generator)
+    with pytest.raises(InputError, match="stable"):
+        gfc_ceiling(np.array([-2.0]), 1.0, 100, 1, generator)
+
+
+def test_the_jnd_is_17_percent_in_amplitude():
+    assert pytest.approx(1.3637, abs=1e-4) == JND_DB
+    assert power_error_db(1.17**2, 1.0) == pytest.approx(JND_DB)
+    assert within_jnd(np.array([0.0, JND_DB, -JND_DB, 1.4, -9.0, math.inf])) == 0.5
+    with pytest.raises(InputError):
+        within_jnd(np.array([]))
+
+
+def test_power_errors_with_zeros():
+    errors = power_error_db(np.array([0.0, 0.0, 1.0, 10.0]), np.array([0.0, 1.0, 0.0, 1.0]))
+    np.testing.assert_array_equal(errors, [0.0, -math.inf, math.inf, 10.0])
+    assert power_error_db(1e300, 1e-300) == pytest.approx(6000)
+    assert power_error_db(np.ones((2, 3)), 1.0).shape == (2, 3)
+
+
+def test_the_log_spectral_distance():
+    density = noise(40) ** 2 + 0.1
+    assert log_spectral_distance_db(density, density) == 0
+    assert log_spectral_distance_db(2 * density, density) == pytest.approx(3.0103, abs=1e-4)
+    a, b = np.array([1.0, 10.0, 0.0, 1.0]), np.array([1.0, 1.0, 0.0, 10.0])
+    assert log_spectral_distance_db(a, b) == pytest.approx(math.sqrt(50))
+    assert log_spectral_distance_db(np.array([0.0, 1.0]), np.ones(2)) == math.inf
