@@ -4,7 +4,8 @@ from typing import Any
 import pytest
 
 from mmt.errors import InputError
-from mmt.scene import Scene, environment_overrides, load_scene, scene_from_tables
+from mmt.scene import Scene
+from mmt.scene_files import environment_overrides, load_scene, scene_from_tables
 
 CONFIGS = sorted((Path(__file__).parents[1] / "configs").glob("*.toml"))
 SIMULATED: dict[str, Any] = {"link": {}, "simulated": {}, "hand": {}, "recording": {}}
@@ -58,7 +59,7 @@ def test_a_wrong_scene_names_key_value_and_what_is_allowed(
 
 
 def test_files_that_are_no_scene(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="No such file"):
+    with pytest.raises(InputError, match=r"no such file; the examples are demo"):
         load_scene(tmp_path / "none.toml")
     bad = tmp_path / "bad.toml"
     bad.write_bytes(b"[link\n")
@@ -103,3 +104,23 @@ def test_replay_takes_the_place_of_follower_and_hand() -> None:
     assert scene.force_feedback is None
     assert scene.replay is not None
     assert scene.replay.file == Path("x.mcap")
+
+
+def test_examples_are_found_by_name_and_files_beside_the_scene(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert load_scene(Path("demo")).session.name == "demo"
+    scene_file = tmp_path / "scenes" / "mine.toml"
+    scene_file.parent.mkdir()
+    scene_file.write_text('[hand]\n[actuator]\n[rendering]\nmodel = "m.npz"\n')
+
+    def model() -> Path | None:
+        rendering = load_scene(scene_file).rendering
+        return rendering.model if rendering else None
+
+    assert model() == Path("m.npz")
+    (scene_file.parent / "m.npz").touch()
+    assert model() == scene_file.parent / "m.npz"
+    (tmp_path / "m.npz").touch()
+    assert model() == Path("m.npz")

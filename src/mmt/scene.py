@@ -1,23 +1,16 @@
-"""What one run needs, read from a TOML file.
+"""What one run needs: the tables of a scene and what each may hold.
 
 A table that is absent is a part that does not exist in that run. Both services read the
 same file. Every key is documented in ``docs/reference/scene.md``.
 """
 
-import os
-import tomllib
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from mmt.errors import InputError
 from mmt.frames import Channel, ordered_channels
 from mmt.texture.settings import ModellingSettings
-
-ENVIRONMENT_PREFIX = "MMT_"
-"""``MMT_LINK__PORT=9000`` overrides ``port`` of ``[link]``."""
 
 
 class _Table(BaseModel):
@@ -259,97 +252,3 @@ def _impossible(scene: Scene) -> list[str]:
         ),
     ]
     return [problem for holds, problem in rules if holds]
-
-
-def load_scene(
-    path: Path, overrides: Mapping[str, Any] | None = None, *, replay: Path | None = None
-) -> Scene:
-    """Read and validate a scene; the environment, then `overrides`, take precedence.
-
-    Parameters
-    ----------
-    path
-        A TOML file. Paths inside it are relative to the current directory.
-    overrides
-        Values by ``"table.key"``; a value of None changes nothing.
-    replay
-        A recorded session that takes the place of the scene's own follower; without a
-        follower that obeys commands there is no hand, and no force to feed back to it.
-
-    Raises
-    ------
-    InputError
-        The file is missing or no TOML, or a key, a value or a combination is not allowed;
-        the message names the key, the value and what is allowed.
-    """
-    try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"scene {path}: {error.strerror or error}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"scene {path}: not valid TOML: {error}") from error
-    if replay is not None:
-        for name in ("simulated", "devices", "hand", "force_feedback"):
-            tables.pop(name, None)
-        tables["replay"] = {**tables.get("replay", {}), "file": str(replay)}
-    merged = {**environment_overrides(os.environ), **(overrides or {})}
-    return scene_from_tables(tables, merged, origin=str(path))
-
-
-def scene_from_tables(
-    tables: Mapping[str, Any], overrides: Mapping[str, Any] | None = None, *, origin: str = "scene"
-) -> Scene:
-    """Validate tables that are already parsed; see `load_scene`.
-
-    Raises
-    ------
-    InputError
-        A key, a value or a combination is not allowed.
-    """
-    resolved: dict[str, Any] = {
-        name: dict(table) if isinstance(table, Mapping) else table for name, table in tables.items()
-    }
-    for key, value in (overrides or {}).items():
-        if value is None:
-            continue
-        table_name, _, field = key.partition(".")
-        table = resolved.setdefault(table_name, {})
-        if isinstance(table, dict):
-            table[field] = value
-    try:
-        return Scene.model_validate(resolved)
-    except ValidationError as error:
-        raise InputError(f"{origin}: {_explain(error)}") from error
-
-
-def environment_overrides(environment: Mapping[str, str]) -> dict[str, str]:
-    """Return the overrides that ``MMT_TABLE__KEY`` variables ask for."""
-    overrides = {}
-    for name, value in environment.items():
-        if name.startswith(ENVIRONMENT_PREFIX) and "__" in name:
-            table, _, key = name.removeprefix(ENVIRONMENT_PREFIX).lower().partition("__")
-            overrides[f"{table}.{key}"] = value
-    return overrides
-
-
-def _explain(error: ValidationError) -> str:
-    sentences = []
-    for problem in error.errors(include_url=False):
-        place = ".".join(str(part) for part in problem["loc"] if part not in {"int", "float"})
-        if problem["type"] == "extra_forbidden":
-            sentences.append(f"{place} is not a key; allowed are {_allowed(problem['loc'])}")
-        elif problem["type"] == "value_error":
-            where = f"{place}: " if place else ""
-            sentences.append(where + problem["msg"].removeprefix("Value error, "))
-        else:
-            sentences.append(f"{place} is {problem['input']!r}: {problem['msg']}")
-    return "; ".join(sentences)
-
-
-def _allowed(location: tuple[int | str, ...]) -> str:
-    model: type[BaseModel] = Scene
-    for part in location[:-1]:
-        annotation = model.model_fields[str(part)].annotation
-        candidates = [annotation, *getattr(annotation, "__args__", ())]
-        model = next(c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel))
-    return ", ".join(model.model_fields)

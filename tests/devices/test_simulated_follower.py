@@ -16,7 +16,8 @@ from mmt.devices.simulated.surfaces import surface_from_annotations
 from mmt.devices.simulated.textures import get_surface
 from mmt.errors import InputError
 from mmt.frames import CHANNELS, frame_dtype
-from mmt.scene import Scene, Simulated, scene_from_tables
+from mmt.scene import Scene, Simulated
+from mmt.scene_files import scene_from_tables
 
 
 def _follower(seed=1, channels=CHANNELS, **table):

@@ -16,7 +16,8 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from mmt.cli.common import messages, output, write_json
 from mmt.cli.tables import summary_table
 from mmt.errors import MmtError
-from mmt.scene import Scene, load_scene
+from mmt.scene import Scene
+from mmt.scene_files import load_scene
 
 _LAST_SECONDS: Final = 5.0
 

@@ -17,7 +17,8 @@ from mmt.cli.common import (
     write_line,
 )
 from mmt.follower.service import FollowerService, FollowerSummary
-from mmt.scene import Scene, load_scene
+from mmt.scene import Scene
+from mmt.scene_files import load_scene
 
 PARTS = ("link", "simulated", "replay", "devices")
 
@@ -26,7 +27,9 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def follower(
-    scene_file: Annotated[Path, typer.Argument(metavar="SCENE", help="The scene's TOML file.")],
+    scene_file: Annotated[
+        Path, typer.Argument(metavar="SCENE", help="A TOML file, or an example's name.")
+    ],
     leader: Annotated[
         str | None, typer.Option(metavar="URL", help="The leader; the scene's \\[link] if absent.")
     ] = None,

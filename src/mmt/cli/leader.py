@@ -20,7 +20,8 @@ from mmt.cli.common import (
     write_line,
 )
 from mmt.leader.summary import LeaderStatus, LeaderSummary
-from mmt.scene import Scene, load_scene
+from mmt.scene import Scene
+from mmt.scene_files import load_scene
 
 PARTS = (
     "link",
@@ -40,7 +41,9 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def leader(
-    scene_file: Annotated[Path, typer.Argument(metavar="SCENE", help="The scene's TOML file.")],
+    scene_file: Annotated[
+        Path, typer.Argument(metavar="SCENE", help="A TOML file, or an example's name.")
+    ],
     replay: Annotated[
         Path | None, typer.Option(help="The follower replays this session: leave the hand out.")
     ] = None,

@@ -16,7 +16,7 @@ app = typer.Typer(
 )
 app.add_typer(sessions.app, name="session")
 
-DEFAULT_SCENE = Path("configs/demo.toml")
+DEFAULT_SCENE = Path("demo")
 
 
 @app.callback()

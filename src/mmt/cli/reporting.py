@@ -9,7 +9,8 @@ from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.report import write_report
 from mmt.evaluation.results import Evaluation
 from mmt.evaluation.table import evaluation_table
-from mmt.scene import Scene, Texture, load_scene, scene_from_tables
+from mmt.scene import Scene, Texture
+from mmt.scene_files import load_scene, scene_from_tables
 from mmt.session import RecordedSession, read_session
 
 

@@ -8,7 +8,8 @@ import typer
 
 from mmt.cli.common import messages, output, write_json
 from mmt.cli.tables import summary_table
-from mmt.scene import Scene, load_scene
+from mmt.scene import Scene
+from mmt.scene_files import load_scene
 from mmt.session import export_session, import_session, read_session, write_session
 
 app = typer.Typer(no_args_is_help=True, help="Make, convert, look at and mend sessions.")
