@@ -1,0 +1,208 @@
+import asyncio
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import mmt.ticking
+from mmt.ticking import Ticker, TickStatistics, TimeHistogram
+
+PERIOD_NS = 1_000_000
+
+
+@pytest.fixture(params=["timerfd", "call_at"])
+def clock(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    if request.param == "call_at":
+        monkeypatch.setattr(mmt.ticking, "_open_timer", lambda: None)
+    elif mmt.ticking._open_timer() is None:
+        pytest.skip("this system has no timerfd")
+    return str(request.param)
+
+
+async def run_ticks(count: int) -> tuple[list[int], float, TickStatistics]:
+    """Tick until `count` ticks have fallen due; return the callbacks and the time taken."""
+    elapsed: list[int] = []
+
+    def tick(ticks: int) -> None:
+        elapsed.append(ticks)
+        if sum(elapsed) >= count:
+            ticker.stop()
+
+    ticker = Ticker(PERIOD_NS, tick)
+    start_s = time.monotonic()
+    ticker.start()
+    await ticker.wait()
+    return elapsed, time.monotonic() - start_s, ticker.statistics
+
+
+async def test_ticks_follow_the_clock_and_do_not_drift(clock: str) -> None:
+    elapsed, took_s, statistics = await run_ticks(200)
+    assert min(elapsed) >= 1
+    assert took_s >= 0.2
+    # every period that passed was handed over, whatever the machine was doing
+    assert sum(elapsed) >= 200
+    assert statistics.ticks == sum(elapsed)
+    assert statistics.missed == sum(elapsed) - len(elapsed)
+    assert statistics.period_p50_ms is not None
+    assert 0.5 < statistics.period_p50_ms < 5.0
+
+
+async def test_a_held_up_loop_gets_its_missed_ticks_with_the_next(clock: str) -> None:
+    elapsed: list[int] = []
+    ticker = Ticker(PERIOD_NS, elapsed.append)
+    start_ns = time.monotonic_ns()
+    ticker.start()
+    await asyncio.sleep(0.005)
+    time.sleep(0.05)
+    await asyncio.sleep(0.005)
+    passed = (time.monotonic_ns() - start_ns) // PERIOD_NS
+    ticker.stop()
+    assert max(elapsed) >= 48
+    assert sum(elapsed) <= passed
+    statistics = ticker.statistics
+    assert statistics.missed >= 47
+    assert statistics.late_share_1ms is not None
+    assert 45 / sum(elapsed) < statistics.late_share_1ms <= 1.0
+
+
+async def test_what_the_callback_raises_stops_the_ticker_and_comes_out_of_wait(clock: str) -> None:
+    calls = []
+
+    def fail(elapsed: int) -> None:
+        calls.append(elapsed)
+        raise ZeroDivisionError("in the tick")
+
+    ticker = Ticker(PERIOD_NS, fail)
+    ticker.start()
+    with pytest.raises(ZeroDivisionError, match="in the tick"):
+        await ticker.wait()
+    assert not ticker.running
+    await asyncio.sleep(0.01)
+    assert len(calls) == 1
+
+
+async def test_a_callback_that_runs_out_of_data_is_an_error_like_any_other() -> None:
+    ticker = Ticker(PERIOD_NS, lambda elapsed: next(iter(())))
+    ticker.start()
+    with pytest.raises(RuntimeError, match="StopIteration"):
+        await ticker.wait()
+
+
+async def test_a_waiter_that_gives_up_does_not_swallow_the_error() -> None:
+    fail = asyncio.Event()
+
+    def tick(elapsed: int) -> None:
+        if fail.is_set():
+            raise ZeroDivisionError
+
+    ticker = Ticker(PERIOD_NS, tick)
+    ticker.start()
+    with pytest.raises(TimeoutError):
+        await asyncio.wait_for(ticker.wait(), 0.01)
+    assert ticker.running
+    fail.set()
+    with pytest.raises(ZeroDivisionError):
+        await ticker.wait()
+
+
+async def test_stop_ends_the_ticks_and_may_be_repeated(clock: str) -> None:
+    elapsed: list[int] = []
+    ticker = Ticker(PERIOD_NS, elapsed.append)
+    ticker.stop()
+    assert not ticker.running
+    ticker.start()
+    assert ticker.running
+    await asyncio.sleep(0.01)
+    ticker.stop()
+    ticker.stop()
+    await ticker.wait()
+    count = len(elapsed)
+    await asyncio.sleep(0.01)
+    assert len(elapsed) == count > 0
+
+
+async def test_a_ticker_is_used_once_and_in_order() -> None:
+    ticker = Ticker(PERIOD_NS, lambda elapsed: None)
+    with pytest.raises(RuntimeError, match="not started"):
+        await ticker.wait()
+    ticker.start()
+    with pytest.raises(RuntimeError, match="once"):
+        ticker.start()
+    ticker.stop()
+    with pytest.raises(RuntimeError, match="once"):
+        ticker.start()
+
+
+def test_a_ticker_needs_a_loop_and_a_period() -> None:
+    with pytest.raises(RuntimeError):
+        Ticker(PERIOD_NS, lambda elapsed: None).start()
+    for period_ns in (0, -1):
+        with pytest.raises(ValueError, match="period_ns"):
+            Ticker(period_ns, lambda elapsed: None)
+
+
+async def test_without_statistics_only_the_ticks_are_counted() -> None:
+    ticker = Ticker(PERIOD_NS, lambda elapsed: ticker.stop(), statistics=False)
+    assert ticker.statistics == TickStatistics(0, 0, None, None, None)
+    ticker.start()
+    await ticker.wait()
+    statistics = ticker.statistics
+    assert statistics.ticks >= 1
+    assert statistics.period_p50_ms is statistics.late_share_1ms is None
+
+
+async def test_no_file_stays_open() -> None:
+    timer = mmt.ticking._open_timer()
+    if timer is None:
+        pytest.skip("this system has no timerfd")
+    first = timer.file
+    timer.close()
+    for _ in range(20):
+        ticker = Ticker(PERIOD_NS, lambda elapsed: None)
+        ticker.start()
+        ticker.stop()
+    timer = mmt.ticking._open_timer()
+    assert timer is not None
+    assert timer.file == first
+    timer.close()
+
+
+@given(
+    st.lists(st.integers(0, 2**40 - 1), min_size=1, max_size=200),
+    st.floats(0.0, 1.0, allow_nan=False),
+)
+@settings(max_examples=100, deadline=None)
+def test_quantiles_agree_with_those_of_all_values(values: list[int], fraction: float) -> None:
+    histogram = TimeHistogram()
+    for value in values:
+        histogram.add(value)
+    assert histogram.count == len(values)
+    quantile_ns = histogram.quantile_ns(fraction)
+    assert quantile_ns is not None
+    # it lies in the bin, 0.8 % wide, of the value at that rank or of a neighbour in rank
+    ranked = np.sort(np.array(values, dtype=np.float64))
+    rank = fraction * len(values)
+    low = ranked[max(int(np.ceil(rank)) - 1, 0)]
+    assert low * (1 - 1 / 128) - 1 <= quantile_ns <= low * (1 + 1 / 128) + 1
+
+
+def test_the_histogram_takes_what_lies_beyond_its_range() -> None:
+    histogram = TimeHistogram()
+    assert histogram.quantile_ns(0.5) is None
+    assert histogram.quantile_ms(0.99) is None
+    for duration_ns in (-5, 0, 2**60):
+        histogram.add(duration_ns)
+    assert histogram.quantile_ns(0.0) == 0.0
+    assert histogram.quantile_ns(1.0) == pytest.approx(2**40, rel=0.01)
+    for fraction in (-0.1, 1.1, float("nan")):
+        with pytest.raises(ValueError, match="fraction"):
+            histogram.quantile_ns(fraction)
+
+
+def test_quantiles_interpolate_within_a_bin() -> None:
+    histogram = TimeHistogram()
+    for duration_ns in range(1_000_000, 1_004_000, 10):
+        histogram.add(duration_ns)
+    assert histogram.quantile_ms(0.5) == pytest.approx(1.002, abs=0.003)
