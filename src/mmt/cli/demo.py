@@ -62,7 +62,7 @@ def run_demo(
         overrides["recording.file"] = str(recording)
         scene = load_scene(scene_file, overrides, replay=replay)
     directory.mkdir(parents=True, exist_ok=True)
-    run = asyncio.run(_Demo(scene_file, scene, duration_s, replay).run())
+    run = asyncio.run(run_services(scene_file, scene, duration_s, replay))
     for name, table in run.tables().items():
         output.print(summary_table(name, table))
     for error in run.errors:
@@ -76,6 +76,13 @@ def run_demo(
         messages.print(f"report:    {directory / 'report.html'}", highlight=False)
     write_json(json_file, content)
     return not run.failed
+
+
+async def run_services(
+    scene_file: Path, scene: Scene, duration_s: float | None, replay: Path | None
+) -> DemoRun:
+    """Run the services of a scene as processes, with live progress, until both have ended."""
+    return await _Demo(scene_file, scene, duration_s, replay).run()
 
 
 class _Demo:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from mmt.cli import sessions
+from mmt.cli import models, sessions
 from mmt.cli.common import messages, output, run_app, version, write_json
 
 app = typer.Typer(
@@ -15,6 +15,7 @@ app = typer.Typer(
     help="Model-mediated teleoperation of haptic texture.",
 )
 app.add_typer(sessions.app, name="session")
+app.add_typer(models.app, name="model")
 
 DEFAULT_SCENE = Path("demo")
 

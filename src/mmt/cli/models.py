@@ -1,0 +1,125 @@
+"""``mmt model``: texture models as files."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mmt.cli.common import messages, output, write_json
+from mmt.cli.tables import summary_table
+from mmt.errors import InputError, MmtError
+from mmt.scene import Texture
+from mmt.session import RecordedSession, read_session
+
+if TYPE_CHECKING:
+    from mmt.evaluation.building import ModelHistory
+    from mmt.texture.model import TextureModel
+    from mmt.texture.settings import ModellingSettings
+
+SUFFIX = ".npz"
+
+app = typer.Typer(no_args_is_help=True, help="Build texture models and look at them.")
+
+
+@app.command("build")
+def build_model(
+    source: Annotated[Path, typer.Argument(metavar="SESSION", help="The recorded session.")],
+    target: Annotated[Path, typer.Argument(metavar="OUT", help="The model, a .npz file.")],
+    scene_file: Annotated[
+        Path | None, typer.Option("--scene", help="Take \\[texture] from this scene.")
+    ] = None,
+    whole: Annotated[
+        bool, typer.Option("--whole", help="Go on to the session's end, past the stop criterion.")
+    ] = False,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+) -> None:
+    """Build a session's model as the live leader does, and save it."""
+    from mmt.cli.reporting import scene_of
+    from mmt.evaluation.building import build, update_blocks
+
+    if target.suffix.lower() != SUFFIX:
+        raise InputError(f"model {target}: the name of a model file must end in {SUFFIX}")
+    session = read_session(source)
+    if len(session.frames) == 0:
+        raise InputError(f"session {source}: it holds no frames, nothing can be modelled")
+    scene = scene_of(session, scene_file)
+    texture = scene.texture or Texture()
+    settings = texture.settings(float(scene.session.rate_hz))
+    period_frames = max(1, round(texture.update_period_s * settings.rate_hz))
+    history = build(list(update_blocks(session.frames, period_frames)), settings)
+    model = _chosen(history, whole=whole)
+    if model is None:
+        raise MmtError(f"session {source}: too few steady strokes. {_remark(session, settings)}")
+    _save(model, target)
+    figures = {
+        "session": str(source),
+        "start_s": history.start_s,
+        "stop_s": history.stop_s,
+        **describe(model),
+    }
+    output.print(summary_table(target.name, {"model": figures}))
+    write_json(json_file, figures)
+    messages.print(f"model: {target}", highlight=False)
+
+
+@app.command()
+def info(
+    source: Annotated[Path, typer.Argument(metavar="FILE", help="A model, a .npz file.")],
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write it there.")] = None,
+) -> None:
+    """Say what a model file holds."""
+    from mmt.texture.model import TextureModel
+
+    figures = describe(TextureModel.load(source))
+    output.print(summary_table(source.name, {"model": figures}))
+    write_json(json_file, figures)
+
+
+def describe(model: "TextureModel") -> dict[str, Any]:
+    """Return what a person wants to know of a model, as plain values."""
+    from mmt.texture.completion import distance_sum
+
+    samples = model.samples
+    return {
+        "samples": len(samples),
+        "order": model.order,
+        "rate_hz": model.rate_hz,
+        "interpolate": model.interpolate,
+        "triangles": len(model.triangles),
+        "distance": round(distance_sum(model.points), 3),
+        "speed_mm_s": _range(samples.speed_mm_s, 1),
+        "force_n": _range(samples.force_n, 3),
+        "rms_m_s2": _range(samples.power**0.5, 4),
+        "maximum_speed_mm_s": model.maximum_speed_mm_s,
+        "maximum_force_n": model.maximum_force_n,
+    }
+
+
+def _range(values: Any, digits: int) -> dict[str, float]:
+    return {
+        "least": round(float(values.min()), digits),
+        "most": round(float(values.max()), digits),
+    }
+
+
+def _chosen(history: "ModelHistory", *, whole: bool) -> "TextureModel | None":
+    """Return the model at the stop criterion, or at the end."""
+    if whole or history.stop_s is None:
+        return history.model(len(history.updates) - 1)
+    return history.model(history.number(history.stop_s))
+
+
+def _remark(session: RecordedSession, settings: "ModellingSettings") -> str:
+    import numpy as np
+
+    from mmt.evaluation.coverage import coverage
+
+    return coverage(session.frames, np.empty((0, 2)), settings, stopped=False).remark
+
+
+def _save(model: "TextureModel", path: Path) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        model.save(path)
+    except OSError as error:
+        raise InputError(f"model {path}: {error.strerror or error}") from error
