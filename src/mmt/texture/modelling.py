@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from mmt.arrays import FloatArray, RecordArray
-from mmt.texture.autoregression import output_power, reflection_to_lsf
+from mmt.texture.autoregression import reflection_to_lsf
 from mmt.texture.burg import burg_batch
 from mmt.texture.completion import CompletionMonitor
 from mmt.texture.filtering import StreamFilter
@@ -174,7 +174,7 @@ class OnlineModeller:
             return
         fits = burg_batch([s.vibration_m_s2 for s in usable], self.order)
         lsf = reflection_to_lsf(fits.reflection)
-        power = output_power(fits.variance, fits.reflection)
+        power = fits.power
         for index, segment in enumerate(usable):
             if not _is_filter(lsf[index], fits.variance[index], power[index]):
                 continue

@@ -1,0 +1,23 @@
+from pathlib import Path
+
+import pytest
+
+from mmt.compiled import drop_stale_kernels, kernel
+
+
+def test_a_kernel_needs_a_signature() -> None:
+    with pytest.raises(ValueError, match="signature"):
+        kernel()
+
+
+def test_kernels_are_dropped_when_any_source_of_their_folder_changes(tmp_path: Path) -> None:
+    source = tmp_path / "numerics.py"
+    source.write_text("one")
+    assert drop_stale_kernels(tmp_path)
+    compiled = tmp_path / "__pycache__" / "other.nbi"
+    compiled.touch()
+    assert not drop_stale_kernels(tmp_path)
+    assert compiled.exists()
+    source.write_text("two")
+    assert drop_stale_kernels(tmp_path)
+    assert not compiled.exists()
