@@ -46,8 +46,8 @@ def import_session(path: Path, *, longest_gap_s: float | None = None) -> Recorde
         (``time_s``, ``position_x_mm``, ...). Channels may be left out.
     longest_gap_s
         Samples further apart than this are not joined: the frames between them are
-        missing in the session. None takes five of the file's own median intervals, and
-        no less than 5 ms.
+        missing in the session. None takes five of the file's own median intervals, but
+        no less than 5 ms and no more than 100 ms.
 
     Raises
     ------
