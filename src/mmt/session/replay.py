@@ -1,0 +1,176 @@
+"""Send a recorded session again with its true timing."""
+
+from collections.abc import Iterable
+from typing import Final, Literal
+
+import numpy as np
+
+from mmt.arrays import IntArray, RecordArray
+from mmt.errors import InputError
+from mmt.frames import FIELD_OF_CHANNEL, Channel, frame_dtype, ordered_channels
+from mmt.session.recorded import FRAME_PERIOD_NS, RecordedSession, duration_s, missing_frames
+
+JOINT_STEP: Final = 2
+"""Step of the sequence across a joint, where frames that were not neighbours come to stand
+side by side. One frame is missing there, so that no receiver takes the two sides for one
+stroke."""
+
+
+class ReplaySource:
+    """A `FollowerSource` that sends a recorded session.
+
+    A frame is due at the start plus its session time divided by `speed`, an absolute
+    deadline, so that no error accumulates; each step returns every frame that is due.
+
+    Frames are numbered from 0 and stamped with the start plus their session time. At speed 1
+    the stamp is the deadline itself, so that a receiver's latency (arrival minus stamp) is
+    true. At any other speed stamps stay 1 ms apart, so that speeds and spectra are those
+    that were recorded, and a latency has no meaning.
+
+    No sample is invented. Where the recording lacks frames, the sequence and the time jump
+    as they were recorded ("keep", silence while the gap lasts) or by one missing frame and
+    2 ms ("skip", the gap is closed up). Loops join in the latter way, and so does a
+    recording in which sequence or time falls back because its follower started anew.
+
+    Parameters
+    ----------
+    session
+        What to send.
+    channels
+        The channels to send; the session must have them.
+    speed
+        Session time passes this many times faster.
+    loop
+        Begin again at the end, for ever.
+    gaps
+        "keep" or "skip", see above.
+
+    Raises
+    ------
+    InputError
+        The session holds no frames or lacks a channel, or the speed is not above zero.
+    """
+
+    def __init__(
+        self,
+        session: RecordedSession,
+        channels: Iterable[Channel],
+        *,
+        speed: float = 1.0,
+        loop: bool = False,
+        gaps: Literal["keep", "skip"] = "keep",
+    ) -> None:
+        if not 0 < speed < float("inf"):
+            raise InputError(f"replay speed is {speed}, it must be above zero")
+        self._session = session
+        self._speed = speed
+        self._loop = loop
+        self._gaps = gaps
+        self._frames = _chosen_frames(session, ordered_channels(channels))
+        steps, times_ns = _plan(session.frames, close_gaps=gaps == "skip")
+        self._sequence: IntArray = np.concatenate([[0], np.cumsum(steps)])
+        self._time_ns: IntArray = np.concatenate([[0], np.cumsum(times_ns)])
+        self._next = 0
+        self._loops = 0
+        self._start_ns = 0
+        self._closed = False
+
+    def start(self, start_time_ns: int) -> None:
+        """Begin; the first frame is due at this time of the follower's clock."""
+        self._start_ns = start_time_ns
+        self._next = 0
+        self._loops = 0
+
+    def step(
+        self,
+        elapsed: int,  # noqa: ARG002 - deadlines are absolute
+        now_ns: int,
+        command_position_mm: tuple[float, float, float] | None = None,  # noqa: ARG002
+    ) -> RecordArray:
+        """Return the frames (n,) that have become due; n is 0 in a gap and after the end."""
+        session_ns = int((now_ns - self._start_ns) * self._speed)
+        blocks = []
+        while not self.finished:
+            due_ns = session_ns - self._loops * self._loop_ns
+            end = int(self._time_ns.searchsorted(due_ns, side="right"))
+            if end > self._next:
+                blocks.append(self._block(self._next, end))
+                self._next = end
+            if end < len(self._frames) or not self._loop:
+                break
+            self._next = 0
+            self._loops += 1
+        if len(blocks) == 1:
+            return blocks[0]
+        return np.concatenate([self._frames[:0], *blocks])
+
+    @property
+    def _loop_ns(self) -> int:
+        return int(self._time_ns[-1]) + JOINT_STEP * FRAME_PERIOD_NS
+
+    def _block(self, begin: int, end: int) -> RecordArray:
+        block = self._frames[begin:end].copy()
+        sequence_base = self._loops * (int(self._sequence[-1]) + JOINT_STEP)
+        time_base_ns = self._start_ns + self._loops * self._loop_ns
+        # An endless loop outlives 32 bits of sequence after 49 days and wraps.
+        block["sequence"] = (self._sequence[begin:end] + sequence_base) % 2**32
+        block["time_ns"] = self._time_ns[begin:end] + time_base_ns
+        return block
+
+    @property
+    def finished(self) -> bool:
+        """Whether the last frame was sent; never where the session is looped."""
+        return self._closed or (self._next >= len(self._frames) and not self._loop)
+
+    @property
+    def annotations(self) -> bytes:
+        """The annotations of the recorded session, such as the simulated truth."""
+        return self._session.annotations
+
+    def describe(self) -> str:
+        """Return one line that says what is replayed, and how."""
+        frames = self._session.frames
+        words = [f"replay of {self._session.path.name or 'a session'}"]
+        words.append(f"{duration_s(frames):.1f} s, {len(frames)} frames")
+        missing = missing_frames(frames)
+        if missing:
+            treated = "kept" if self._gaps == "keep" else "closed up"
+            words.append(f"{missing} missing ({treated})")
+        if self._speed != 1:
+            words.append(f"{self._speed:g} times as fast")
+        if self._loop:
+            words.append("looped")
+        return ", ".join(words)
+
+    def close(self) -> None:
+        """Send nothing more."""
+        self._closed = True
+
+
+def _chosen_frames(session: RecordedSession, channels: tuple[Channel, ...]) -> RecordArray:
+    name = session.path
+    if len(session.frames) == 0:
+        raise InputError(f"replay of {name}: the session holds no frames")
+    lacking = [channel for channel in channels if channel not in session.channels]
+    if lacking:
+        raise InputError(
+            f"replay of {name}: the session has no {' and no '.join(lacking)}, "
+            f"which the scene needs; it has {', '.join(session.channels)}"
+        )
+    chosen = np.empty(len(session.frames), dtype=frame_dtype(channels))
+    for field in ("sequence", "time_ns", *(FIELD_OF_CHANNEL[channel] for channel in channels)):
+        chosen[field] = session.frames[field]
+    return chosen
+
+
+def _plan(frames: RecordArray, *, close_gaps: bool) -> tuple[IntArray, IntArray]:
+    """Return the steps (n - 1,) of sequence and of time (ns) from each frame to the next."""
+    sequence: IntArray = frames["sequence"].astype(np.int64)
+    stamps_ns: IntArray = frames["time_ns"].astype(np.int64)
+    steps, times_ns = np.diff(sequence), np.diff(stamps_ns)
+    joints = (steps <= 0) | (times_ns < 0)
+    if close_gaps:
+        joints |= steps > 1
+    steps[joints] = JOINT_STEP
+    times_ns[joints] = JOINT_STEP * FRAME_PERIOD_NS
+    return steps, times_ns

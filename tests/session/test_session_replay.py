@@ -1,0 +1,236 @@
+"""A replay sends the recorded frames with their timing, and invents nothing."""
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from session_samples import made_frames
+
+from mmt.errors import InputError
+from mmt.frames import CHANNELS, frame_dtype
+from mmt.session import write_session
+from mmt.session.recorded import RecordedSession
+from mmt.session.replay import ReplaySource
+
+if TYPE_CHECKING:
+    from mmt.devices.protocols import FollowerSource
+
+START_NS = 5_000_000_000
+TICK_NS = 1_000_000
+LATE_NS = 50_000
+"""A tick comes a little after its deadline, as on a real machine."""
+
+
+def session_of(frames, annotations=b""):
+    return RecordedSession(frames, annotations=annotations, path=Path("run.mcap"))
+
+
+def even_frames(count, channels=CHANNELS, steps=None):
+    frames = made_frames(count, channels, steps=steps)
+    frames["time_ns"] = 77 + frames["sequence"].astype(np.int64) * TICK_NS
+    return frames
+
+
+def play(source, ticks, elapsed=None):
+    """The blocks of each step; `elapsed` are the ticks between the steps."""
+    source.start(START_NS)
+    steps = [1] * ticks if elapsed is None else elapsed
+    now_ns, blocks = START_NS - TICK_NS + LATE_NS, []
+    for step in steps:
+        now_ns += step * TICK_NS
+        blocks.append(source.step(step, now_ns, None))
+    return blocks
+
+
+def test_each_tick_sends_its_frame_at_its_time():
+    frames = even_frames(500)
+    source = ReplaySource(session_of(frames, b"truth"), CHANNELS)
+    blocks = play(source, 500)
+    assert [len(block) for block in blocks] == [1] * 500
+    sent = np.concatenate(blocks)
+    np.testing.assert_array_equal(sent["sequence"], np.arange(500))
+    np.testing.assert_array_equal(sent["time_ns"], START_NS + np.arange(500) * TICK_NS)
+    for name in ("position_mm", "force_n", "acceleration_m_s2"):
+        np.testing.assert_array_equal(sent[name], frames[name])
+    assert source.finished
+    assert source.annotations == b"truth"
+    assert len(source.step(1, START_NS + 10**12, None)) == 0
+
+
+@given(
+    speed=st.floats(0.05, 100),
+    elapsed=st.lists(st.integers(1, 60), min_size=1, max_size=60),
+    loop=st.booleans(),
+    gaps=st.sampled_from(["keep", "skip"]),
+    data=st.data(),
+)
+@settings(max_examples=60, deadline=None)
+def test_every_frame_is_sent_once_at_its_deadline(speed, elapsed, loop, gaps, data):
+    count = data.draw(st.integers(1, 120))
+    steps = data.draw(
+        st.lists(st.sampled_from([1, 1, 1, 2, 30]), min_size=count - 1, max_size=count - 1)
+    )
+    frames = even_frames(count, steps=steps)
+    source = ReplaySource(session_of(frames), CHANNELS, speed=speed, loop=loop, gaps=gaps)
+    now_ns, sent = START_NS, []
+    source.start(START_NS)
+    for step in elapsed:
+        now_ns += step * TICK_NS
+        block = source.step(step, now_ns, None)
+        sent.append(block)
+        due_ns = START_NS + int((now_ns - START_NS) * speed)
+        assert np.all(block["time_ns"] <= due_ns)
+        if not source.finished:
+            # The next frame, wherever it is, is not due yet.
+            longest = 30 if gaps == "keep" else 2
+            newest = int(np.concatenate(sent)["time_ns"][-1])
+            assert due_ns < newest + longest * TICK_NS
+    sent = np.concatenate(sent)
+    index = np.arange(len(sent))
+    np.testing.assert_array_equal(sent["force_n"], frames["force_n"][index % count])
+    jumps = np.diff(sent["sequence"].astype(int))
+    np.testing.assert_array_equal(np.diff(sent["time_ns"]), jumps * TICK_NS)
+    kept = np.array([*steps, 2])  # the last one is the joint between loops
+    expected = kept if gaps == "keep" else np.minimum(kept, 2)
+    np.testing.assert_array_equal(jumps, expected[index[:-1] % count])
+    assert source.finished is (not loop and len(sent) == count)
+
+
+def test_a_kept_gap_is_silence_and_a_jump():
+    steps = np.ones(99, dtype=int)
+    steps[49] = 201
+    source = ReplaySource(session_of(even_frames(100, steps=steps)), CHANNELS)
+    blocks = play(source, 300)
+    assert [len(block) for block in blocks] == [1] * 50 + [0] * 200 + [1] * 50
+    sequence = np.concatenate(blocks)["sequence"]
+    np.testing.assert_array_equal(sequence, np.r_[:50, 250:300])
+
+
+def test_a_skipped_gap_is_closed_up_and_still_a_joint():
+    steps = np.ones(99, dtype=int)
+    steps[49] = 201
+    source = ReplaySource(session_of(even_frames(100, steps=steps)), CHANNELS, gaps="skip")
+    blocks = play(source, 101)
+    assert [len(block) for block in blocks] == [1] * 50 + [0] + [1] * 50
+    sent = np.concatenate(blocks)
+    np.testing.assert_array_equal(sent["sequence"], np.r_[:50, 51:101])
+    np.testing.assert_array_equal(
+        sent["time_ns"], START_NS + sent["sequence"].astype(np.int64) * TICK_NS
+    )
+    assert source.finished
+
+
+def test_loops_go_on_in_sequence_and_time_with_one_frame_missing_between():
+    source = ReplaySource(session_of(even_frames(10)), CHANNELS, loop=True)
+    sent = np.concatenate(play(source, 34))
+    np.testing.assert_array_equal(sent["sequence"], np.r_[:10, 11:21, 22:32, 33])
+    np.testing.assert_array_equal(
+        sent["time_ns"], START_NS + sent["sequence"].astype(np.int64) * TICK_NS
+    )
+    assert not source.finished
+    source.close()
+    assert source.finished
+    assert len(source.step(1, START_NS + 10**12, None)) == 0
+
+
+def test_a_late_call_sends_everything_that_is_due():
+    source = ReplaySource(session_of(even_frames(100)), CHANNELS)
+    blocks = play(source, 0, elapsed=[1, 1, 40, 1, 1000])
+    assert [len(block) for block in blocks] == [1, 1, 40, 1, 57]
+
+
+@pytest.mark.parametrize("speed", [0.5, 2.0, 10.0])
+def test_speed_changes_the_pace_and_not_the_stamps(speed):
+    frames = even_frames(400)
+    source = ReplaySource(session_of(frames), CHANNELS, speed=speed)
+    blocks = play(source, int(400 / speed) + 1)
+    sent = np.concatenate(blocks)
+    assert len(sent) == 400
+    np.testing.assert_array_equal(np.diff(sent["time_ns"]), TICK_NS)
+    busiest = max(len(block) for block in blocks)
+    assert busiest == pytest.approx(speed, abs=1)
+
+
+def test_recorded_jitter_is_sent_again():
+    frames = made_frames(200)
+    source = ReplaySource(session_of(frames), CHANNELS)
+    sent = np.concatenate(play(source, 201))
+    np.testing.assert_array_equal(
+        sent["time_ns"] - START_NS, frames["time_ns"] - frames["time_ns"][0]
+    )
+
+
+def test_a_follower_that_started_anew_is_joined():
+    frames = np.concatenate([even_frames(20), even_frames(20)])
+    frames["sequence"][20:] = np.arange(20)
+    source = ReplaySource(session_of(frames), CHANNELS)
+    sent = np.concatenate(play(source, 60))
+    np.testing.assert_array_equal(sent["sequence"], np.r_[:20, 21:41])
+    np.testing.assert_array_equal(
+        sent["time_ns"], START_NS + sent["sequence"].astype(np.int64) * TICK_NS
+    )
+
+
+def test_only_the_channels_that_are_asked_for_are_sent():
+    frames = even_frames(5)
+    source = ReplaySource(session_of(frames), ("force",))
+    sent = np.concatenate(play(source, 5))
+    assert sent.dtype == frame_dtype(("force",))
+    np.testing.assert_array_equal(sent["force_n"], frames["force_n"])
+    np.testing.assert_array_equal(frames, even_frames(5))  # the session is not changed
+
+
+def test_it_can_be_started_again():
+    source = ReplaySource(session_of(even_frames(10)), CHANNELS)
+    first = np.concatenate(play(source, 10))
+    again = np.concatenate(play(source, 10))
+    np.testing.assert_array_equal(first, again)
+
+
+def test_it_says_what_it_replays():
+    steps = np.ones(999, dtype=int)
+    steps[3] = 5
+    session = session_of(even_frames(1000, steps=steps))
+    assert ReplaySource(session, CHANNELS).describe() == (
+        "replay of run.mcap, 1.0 s, 1000 frames, 4 missing (kept)"
+    )
+    assert ReplaySource(session, CHANNELS, speed=2.5, loop=True, gaps="skip").describe() == (
+        "replay of run.mcap, 1.0 s, 1000 frames, 4 missing (closed up), 2.5 times as fast, looped"
+    )
+
+
+def test_what_cannot_be_replayed_is_refused():
+    with pytest.raises(InputError, match="the session holds no frames"):
+        ReplaySource(session_of(even_frames(0)), CHANNELS)
+    session = session_of(even_frames(5, ("force",)))
+    with pytest.raises(InputError, match=r"no position and no acceleration.*it has force"):
+        ReplaySource(session, CHANNELS)
+    for speed in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(InputError, match="it must be above zero"):
+            ReplaySource(session, ("force",), speed=speed)
+
+
+def test_it_is_a_follower_source():
+    source: FollowerSource = ReplaySource(session_of(even_frames(2)), CHANNELS)
+    source.start(START_NS)
+    assert len(source.step(1, START_NS, (0.0, 0.0, 0.0))) == 1
+
+
+def test_replaying_imports_neither_scipy_nor_numba(tmp_path):
+    path = tmp_path / "run.mcap"
+    write_session(path, even_frames(10))
+    program = (
+        "import sys, pathlib\n"
+        "from mmt.session.reading import read_session\n"
+        "from mmt.session.replay import ReplaySource\n"
+        "source = ReplaySource(read_session(pathlib.Path(sys.argv[1])), ('force',))\n"
+        "source.start(0)\n"
+        "assert len(source.step(1, 10**9, None)) == 10\n"
+        "sys.exit(', '.join({'scipy', 'numba'} & set(sys.modules)) or None)"
+    )
+    subprocess.run([sys.executable, "-c", program, str(path)], check=True, timeout=60)
