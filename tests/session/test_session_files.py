@@ -341,3 +341,17 @@ def test_the_dtype_read_is_that_of_frames(tmp_path):
     write_session(tmp_path / "run.mcap", made_frames(3, ("position", "acceleration")))
     read = read_session(tmp_path / "run.mcap").frames
     assert read.dtype == frame_dtype(("position", "acceleration"))
+
+
+def test_the_example_in_the_reference_reads_a_session(tmp_path):
+    page = Path(__file__).parents[2] / "docs" / "reference" / "session-file.md"
+    example = page.read_text(encoding="utf-8").split("```python\n")[1].split("```")[0]
+    frames = made_frames(1234)
+    path = tmp_path / "run.mcap"
+    write_session(path, frames)
+    arguments = [sys.executable, "-c", example, str(path)]
+    done = subprocess.run(arguments, check=True, capture_output=True, text=True, timeout=60)
+    count, _, mean = done.stdout.partition(" frames, mean force ")
+    assert count == "1234"
+    said_n = np.array(mean.removesuffix(" N\n").strip("[]").split(), dtype=float)
+    np.testing.assert_allclose(said_n, frames["force_n"].mean(axis=0), rtol=1e-4)
