@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from mmt.arrays import FloatArray
 from mmt.cli.common import messages, output, write_json
 from mmt.cli.tables import summary_table
 from mmt.errors import InputError, MmtError
@@ -95,7 +96,7 @@ def describe(model: "TextureModel") -> dict[str, Any]:
     }
 
 
-def _range(values: Any, digits: int) -> dict[str, float]:
+def _range(values: FloatArray, digits: int) -> dict[str, float]:
     return {
         "least": round(float(values.min()), digits),
         "most": round(float(values.max()), digits),

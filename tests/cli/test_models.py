@@ -1,0 +1,130 @@
+"""`mmt model`: the command line that builds texture models and looks at them."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from mmt.cli.main import app
+from mmt.devices.simulated.offline import simulate_session
+from mmt.errors import InputError, MmtError
+from mmt.frames import empty_frames
+from mmt.scene import Scene, Texture
+from mmt.session import write_session
+from mmt.texture.completion import STOP_DISTANCE, distance_sum
+from mmt.texture.model import TextureModel
+from mmt.texture.modelling import OnlineModeller
+
+DURATION_S = 12.0
+
+
+@pytest.fixture(scope="module")
+def session_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("models") / "wood.npz"
+    frames, annotations = simulate_session(Scene(), "wood", DURATION_S, 3)
+    write_session(path, frames, annotations=annotations)
+    return path
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, ["model", *map(str, arguments)])
+
+
+def test_the_model_is_the_one_that_the_live_leader_had_at_the_stop_criterion(
+    session_file: Path, tmp_path: Path
+) -> None:
+    from mmt.session import read_session
+
+    result = run("build", session_file, tmp_path / "wood.npz", "--json", tmp_path / "m.json")
+    assert result.exit_code == 0, result.output
+
+    modeller = OnlineModeller()
+    frames = read_session(session_file).frames
+    for start in range(0, len(frames), 1000):
+        update = modeller.update(frames[start : start + 1000])
+        if update.stopped:
+            break
+    assert update.stopped
+    assert update.model is not None
+    saved = TextureModel.load(tmp_path / "wood.npz")
+    np.testing.assert_array_equal(saved.samples.lsf, update.model.samples.lsf)
+    np.testing.assert_array_equal(saved.samples.power, update.model.samples.power)
+    figures = json.loads((tmp_path / "m.json").read_text())
+    assert figures["stop_s"] == update.time_s
+    assert figures["samples"] == update.samples
+    assert figures["distance"] <= STOP_DISTANCE
+
+
+def test_whole_goes_on_past_the_stop_criterion(session_file: Path, tmp_path: Path) -> None:
+    assert run("build", session_file, tmp_path / "stop.npz").exit_code == 0
+    assert run("build", session_file, tmp_path / "end.npz", "--whole").exit_code == 0
+    stopped = TextureModel.load(tmp_path / "stop.npz")
+    whole = TextureModel.load(tmp_path / "end.npz")
+    assert len(whole.samples) > len(stopped.samples)
+    assert distance_sum(whole.points) < distance_sum(stopped.points)
+
+
+def test_a_scene_says_how_to_model(session_file: Path, tmp_path: Path) -> None:
+    scene = tmp_path / "scene.toml"
+    scene.write_text(
+        "[link]\n[replay]\n[texture]\norder = 9\ninterpolate = 'amplitude'\n", encoding="utf-8"
+    )
+    assert run("build", session_file, tmp_path / "m.npz", "--scene", scene).exit_code == 0
+    model = TextureModel.load(tmp_path / "m.npz")
+    assert (model.order, model.interpolate) == (9, "amplitude")
+    assert Texture().order == "auto"
+
+
+def test_info_says_what_the_file_holds(session_file: Path, tmp_path: Path) -> None:
+    target = tmp_path / "new folder" / "m.npz"
+    assert run("build", session_file, target).exit_code == 0
+    result = run("info", target, "--json", tmp_path / "i.json")
+    assert result.exit_code == 0, result.output
+    figures = json.loads((tmp_path / "i.json").read_text())
+    samples = TextureModel.load(target).samples
+    assert figures["samples"] == len(samples)
+    assert figures["order"] == samples.lsf.shape[1]
+    assert figures["speed_mm_s"]["most"] == pytest.approx(samples.speed_mm_s.max(), abs=0.05)
+    assert figures["rms_m_s2"]["least"] == pytest.approx(samples.power.min() ** 0.5, abs=1e-4)
+    assert str(len(samples)) in result.output
+
+
+def test_a_hand_that_never_strokes_gives_no_model(tmp_path: Path) -> None:
+    frames = empty_frames(3000)
+    frames["sequence"] = np.arange(3000)
+    frames["time_ns"] = np.arange(3000) * 1_000_000
+    write_session(tmp_path / "still.npz", frames)
+    result = run("build", tmp_path / "still.npz", tmp_path / "m.npz")
+    assert isinstance(result.exception, MmtError)
+    assert result.exception.exit_code == 1
+    assert "never stroked" in str(result.exception)
+    assert not (tmp_path / "m.npz").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("build", "missing.npz", "m.npz"), "missing.npz"),
+        (("build", "missing.npz", "m.txt"), "must end in .npz"),
+        (("info", "missing.npz"), "missing.npz"),
+    ],
+)
+def test_a_mistake_is_explained(arguments: tuple[str, ...], sentence: str) -> None:
+    result = run(*arguments)
+    assert isinstance(result.exception, InputError)
+    assert sentence in str(result.exception)
+
+
+def test_a_target_that_cannot_be_written_is_named(session_file: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    result = run("build", session_file, tmp_path / "file" / "m.npz")
+    assert isinstance(result.exception, InputError)
+    assert "m.npz" in str(result.exception)
+
+
+def test_a_session_is_no_model(session_file: Path) -> None:
+    result = run("info", session_file)
+    assert isinstance(result.exception, InputError)
+    assert "format version" in str(result.exception)
