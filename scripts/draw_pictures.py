@@ -1,0 +1,87 @@
+"""Draw the pictures of README and docs from one run of ``mmt demo``; see ``scripts/pictures``."""
+
+import io
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from matplotlib.figure import Figure
+from PIL import Image
+
+from mmt.cli.reporting import evaluate, scene_of
+from mmt.evaluation import figures
+from mmt.session import RecordedSession, read_session
+
+IMAGES: Final = Path(__file__).resolve().parents[1] / "docs" / "images"
+LARGEST_BYTES: Final = 150_000
+FULL_COLOUR_BYTES: Final = 60_000
+
+MODE_COLOURS: Final[Mapping[str, str]] = {
+    "streamed": figures.COLOURS[0],
+    "fading": figures.COLOURS[5],
+    "synthesized": figures.COLOURS[1],
+}
+
+
+def main() -> None:
+    """Run the demo, evaluate its recording, draw, and write."""
+    with tempfile.TemporaryDirectory() as directory:
+        command = [sys.executable, "-m", "mmt.cli.main", "demo", "demo", "--output", directory]
+        subprocess.run(command, check=True)  # noqa: S603 - our own interpreter and module
+        session = read_session(Path(directory) / "session.mcap")
+    evaluation = replace(evaluate(session, scene_of(session)), name="demo")
+    few = replace(evaluation, held_out=evaluation.held_out[:3])
+    write("model-growth", figures.model_growth(evaluation, panels=3))
+    write("spectra", figures.held_out_spectra(few))
+    write("completion", figures.distance_over_time([evaluation]))
+    write("gfc", figures.gfc_over_time([evaluation]))
+    write("power-error", figures.power_error_map(evaluation))
+    write("switch", vibration_at_the_switch(session))
+
+
+def vibration_at_the_switch(session: RecordedSession) -> Figure:
+    """Draw what the actuator played around the switch from streamed to synthesized."""
+    blocks = session.outputs
+    switch_s = next(block.time_s for block in blocks if block.mode == "fading")
+    figure = Figure(figsize=(8.4, 2.9), layout="constrained")
+    axis = figure.subplots()
+    played = np.concatenate([block.vibration_m_s2 for block in blocks])
+    time_s = np.concatenate(
+        [block.time_s + np.arange(len(block.vibration_m_s2)) / 1000.0 for block in blocks]
+    )
+    modes = np.repeat([b.mode for b in blocks], [len(b.vibration_m_s2) for b in blocks])
+    for mode, colour in MODE_COLOURS.items():
+        own = np.where(modes == mode, played, np.nan)
+        axis.plot(time_s, own, color=colour, linewidth=0.8, label=mode)
+    shown = np.abs(time_s - switch_s) < 0.6
+    largest = 1.25 * float(np.abs(played[shown]).max())
+    axis.set(xlim=(switch_s - 0.6, switch_s + 0.6), ylim=(-largest, largest))
+    axis.set_xlabel("session time (s)")
+    axis.set_ylabel("vibration (m/s²)")
+    axis.grid(color="#e3e6ea", linewidth=0.6)
+    axis.spines[["top", "right"]].set_visible(False)
+    axis.legend(loc="upper right", ncols=3, frameon=False, fontsize=9)
+    return figure
+
+
+def write(name: str, figure: Figure) -> None:
+    """Write a figure as a PNG, in full colour where that is small enough, else in 256."""
+    path = IMAGES / f"{name}.png"
+    IMAGES.mkdir(parents=True, exist_ok=True)
+    drawn = Image.open(io.BytesIO(figures.to_png(figure))).convert("RGB")
+    drawn.save(path, optimize=True)
+    if path.stat().st_size > FULL_COLOUR_BYTES:
+        drawn.quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
+    size = path.stat().st_size
+    if size > LARGEST_BYTES:
+        raise SystemExit(f"{path}: {size} bytes, more than {LARGEST_BYTES}")
+    print(f"{path.relative_to(IMAGES.parents[1])}: {size} bytes")
+
+
+if __name__ == "__main__":
+    main()
