@@ -28,6 +28,7 @@ from mmt.link.protocol import (
     FollowerHello,
     LinkStatistics,
     encode_event,
+    loss_of,
     reason_of,
 )
 from mmt.link.reading import BlockReader
@@ -183,7 +184,7 @@ class FollowerClient:
         self._connected = False
         self._outbox.close()
         if not self._ended and not self._told_to_stop:
-            call(self._events.on_lost, reason, on_error=self._events.on_error)
+            call(self._events.on_lost, loss_of(reason), on_error=self._events.on_error)
 
     def _on_welcome(self, *arguments: object) -> None:
         payload = arguments[0] if len(arguments) == 1 else None

@@ -17,6 +17,9 @@ ATTEMPT_S: Final = 3.0
 """How long one attempt to connect may take."""
 CLOSE_TIMEOUT_S: Final = 2.0
 """How long the closing may take before the connection is dropped."""
+_FIRST_RETRY_S: Final = 0.25
+_LONGEST_RETRY_S: Final = 2.0
+"""A link that broke is tried again after so long, twice as long each time up to the longest."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,9 @@ class Line:
             handle_sigint=False,
             http_session=session,
             request_timeout=CLOSE_TIMEOUT_S,
+            reconnection_delay=_FIRST_RETRY_S,
+            reconnection_delay_max=_LONGEST_RETRY_S,
+            randomization_factor=_FIRST_RETRY_S / 2,
             websocket_extra_options={"max_msg_size": MAX_MESSAGE_BYTES},
             logger=wire_logger(),
             engineio_logger=wire_logger(),

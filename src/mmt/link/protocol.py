@@ -38,6 +38,14 @@ PING_INTERVAL_S: Final = 1
 PING_TIMEOUT_S: Final = 3
 """A peer that has not answered a ping for so long is lost."""
 
+_LOSSES: Final = {
+    "client disconnect": "it disconnected",
+    "server disconnect": "it disconnected",
+    "transport close": "the connection was closed",
+    "transport error": "the connection was closed",
+    "ping timeout": "it no longer answers",
+}
+
 Value = TypeVar("Value")
 
 _MSGPACK_EVENT: Final = 2
@@ -182,6 +190,11 @@ def reason_of(payload: object) -> str | None:
         return None
     reason = payload.get("reason")
     return reason[:MAX_TEXT] if isinstance(reason, str) else None
+
+
+def loss_of(reason: str) -> str:
+    """Return in plain words why the library says that a connection has ended."""
+    return _LOSSES.get(reason, reason)
 
 
 def _read(auth: Mapping[object, object], key: str, kind: type[Value]) -> Value:

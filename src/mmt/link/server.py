@@ -32,6 +32,7 @@ from mmt.link.protocol import (
     FollowerHello,
     LinkStatistics,
     encode_event,
+    loss_of,
     reason_of,
 )
 from mmt.link.reading import BlockReader
@@ -230,7 +231,7 @@ class LeaderServer:
         self._outbox.close()
         self._left.set()
         if not follower.ended and not self._stopping:
-            call(self._events.on_lost, reason, on_error=self._events.on_error)
+            call(self._events.on_lost, loss_of(reason), on_error=self._events.on_error)
 
     def _on_frames(self, sid: str, *arguments: object) -> None:
         arrival_ns = time.monotonic_ns()

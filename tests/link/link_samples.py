@@ -1,0 +1,114 @@
+"""Blocks, and a leader and a follower that note what they are told."""
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mmt.arrays import RecordArray
+from mmt.frames import COMMAND_DTYPE, Channel, frame_dtype
+from mmt.link.client import FollowerClient, FollowerEvents
+from mmt.link.protocol import FollowerHello
+from mmt.link.server import LeaderEvents, LeaderServer
+from mmt.scene import Link
+
+CHANNELS: tuple[Channel, ...] = ("position", "force")
+
+
+def frames(first: int, count: int = 1, time_ns: int = 1) -> RecordArray:
+    block = np.zeros(count, dtype=frame_dtype(CHANNELS))
+    block["sequence"] = np.arange(first, first + count)
+    block["time_ns"] = time_ns
+    block["position_mm"] = block["sequence"][:, None] + np.array([0.25, 0.5, 0.75])
+    block["force_n"] = -1.5
+    return block
+
+
+def commands(first: int, count: int = 1, time_ns: int = 1) -> RecordArray:
+    block = np.zeros(count, dtype=COMMAND_DTYPE)
+    block["sequence"] = np.arange(first, first + count)
+    block["time_ns"] = time_ns
+    block["position_mm"] = 2.5
+    return block
+
+
+def hello(**changes: object) -> FollowerHello:
+    values: dict[str, object] = {"channels": CHANNELS, "source": "test", **changes}
+    return FollowerHello(**values)  # type: ignore[arg-type]
+
+
+@dataclass
+class LeaderNotes:
+    blocks: list[RecordArray] = field(default_factory=list)
+    hellos: list[FollowerHello] = field(default_factory=list)
+    ends: list[str] = field(default_factory=list)
+    losses: list[str] = field(default_factory=list)
+    errors: list[Exception] = field(default_factory=list)
+
+    def events(self) -> LeaderEvents:
+        return LeaderEvents(
+            on_frames=lambda block, arrival_ns: self.blocks.append(block),
+            on_follower=self.hellos.append,
+            on_end=self.ends.append,
+            on_lost=self.losses.append,
+            on_error=self.errors.append,
+        )
+
+    @property
+    def sequences(self) -> list[int]:
+        return [int(sequence) for block in self.blocks for sequence in block["sequence"]]
+
+
+@dataclass
+class FollowerNotes:
+    blocks: list[RecordArray] = field(default_factory=list)
+    stops: list[str] = field(default_factory=list)
+    losses: list[str] = field(default_factory=list)
+    errors: list[Exception] = field(default_factory=list)
+
+    def events(self) -> FollowerEvents:
+        return FollowerEvents(
+            on_commands=lambda block, arrival_ns: self.blocks.append(block),
+            on_stop=self.stops.append,
+            on_lost=self.losses.append,
+            on_error=self.errors.append,
+        )
+
+    @property
+    def sequences(self) -> list[int]:
+        return [int(sequence) for block in self.blocks for sequence in block["sequence"]]
+
+
+@asynccontextmanager
+async def leader(
+    notes: LeaderNotes | None = None, events: LeaderEvents | None = None, port: int = 0
+) -> AsyncIterator[LeaderServer]:
+    server = LeaderServer(Link(port=port), CHANNELS, events or (notes or LeaderNotes()).events())
+    await server.start()
+    try:
+        yield server
+    finally:
+        await server.stop()
+
+
+@asynccontextmanager
+async def follower(
+    port: int, notes: FollowerNotes | None = None, **changes: object
+) -> AsyncIterator[FollowerClient]:
+    client = FollowerClient(
+        f"http://127.0.0.1:{port}", hello(**changes), (notes or FollowerNotes()).events()
+    )
+    try:
+        await client.connect(10.0)
+        yield client
+    finally:
+        await client.disconnect()
+
+
+async def until(condition: Callable[[], object], timeout_s: float = 10.0) -> None:
+    """Wait until the condition holds."""
+    async with asyncio.timeout(timeout_s):
+        while not condition():
+            await asyncio.sleep(0.002)

@@ -1,0 +1,225 @@
+"""A follower, a leader or the wire between them goes away."""
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Mapping
+from contextlib import asynccontextmanager
+
+import pytest
+import socketio
+from link_samples import (
+    FollowerNotes,
+    LeaderNotes,
+    commands,
+    follower,
+    frames,
+    hello,
+    leader,
+    until,
+)
+
+import mmt.link.client
+import mmt.link.direct
+import mmt.link.server
+from mmt.link.client import FollowerClient
+
+
+class Wire:
+    """A TCP relay that can be cut, or fall silent without a word."""
+
+    def __init__(self, port: int) -> None:
+        self.target = port
+        self.port = 0
+        self.flowing = asyncio.Event()
+        self.flowing.set()
+        self.writers: list[asyncio.StreamWriter] = []
+        self.tasks: list[asyncio.Task[None]] = []
+
+    async def relay(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        try:
+            far_reader, far_writer = await asyncio.open_connection("127.0.0.1", self.target)
+        except OSError:
+            writer.close()
+            return
+        self.writers += [writer, far_writer]
+        self.tasks += [
+            asyncio.create_task(self.pump(reader, far_writer)),
+            asyncio.create_task(self.pump(far_reader, writer)),
+        ]
+
+    async def pump(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        with contextlib.suppress(ConnectionError):
+            while data := await reader.read(65_536):
+                await self.flowing.wait()
+                writer.write(data)
+                await writer.drain()
+        writer.close()
+
+    def cut(self) -> None:
+        for writer in self.writers:
+            writer.transport.abort()
+        self.writers.clear()
+
+    def fall_silent(self) -> None:
+        self.flowing.clear()
+
+
+@asynccontextmanager
+async def wire(port: int) -> AsyncIterator[Wire]:
+    relay = Wire(port)
+    server = await asyncio.start_server(relay.relay, "127.0.0.1", 0)
+    relay.port = server.sockets[0].getsockname()[1]
+    try:
+        yield relay
+    finally:
+        server.close()
+        relay.cut()
+        for task in relay.tasks:
+            task.cancel()
+        await asyncio.gather(*relay.tasks, return_exceptions=True)
+        await server.wait_closed()
+
+
+async def test_a_follower_that_dies_frees_its_place_at_once() -> None:
+    notes = LeaderNotes()
+    async with leader(notes) as server, wire(server.port) as relay:
+        dying = socketio.AsyncClient(serializer="msgpack", handle_sigint=False, reconnection=False)
+        await dying.connect(
+            f"http://127.0.0.1:{relay.port}", auth=hello().to_auth(), transports=["websocket"]
+        )
+        await dying.emit("frames", frames(0).tobytes())
+        await until(lambda: notes.sequences == [0])
+        relay.cut()
+        await until(lambda: notes.losses, timeout_s=1.0)
+        assert notes.losses == ["the connection was closed"]
+        assert not server.connected
+        assert notes.ends == []
+        async with follower(server.port) as successor:
+            successor.send_frames(frames(0))  # a new session begins
+            await until(lambda: notes.sequences == [0, 0])
+        await until(lambda: not dying.connected)
+
+
+async def test_a_follower_that_leaves_without_an_end_is_lost() -> None:
+    notes = LeaderNotes()
+    async with leader(notes) as server:
+        async with follower(server.port):
+            pass
+        await until(lambda: notes.losses)
+    assert len(notes.losses) == 1
+    assert notes.ends == []
+
+
+async def test_a_cut_link_is_taken_up_again_and_shows_as_a_gap() -> None:
+    up, down = LeaderNotes(), FollowerNotes()
+    async with (
+        leader(up) as server,
+        wire(server.port) as relay,
+        follower(relay.port, down, source="the same") as client,
+    ):
+        client.send_frames(frames(0, 10))
+        await until(lambda: len(up.sequences) == 10)
+        relay.cut()
+        await until(lambda: down.losses and up.losses)
+        assert not client.connected
+        assert not server.connected
+        client.send_frames(frames(10, 5))  # nobody can take them
+        server.send_commands(commands(0))
+        assert client.statistics.dropped == 5
+        await until(lambda: client.connected and server._outbox.is_open)
+        client.send_frames(frames(15, 5))
+        server.send_commands(commands(1))
+        await until(lambda: len(up.sequences) == 15 and down.sequences == [1])
+        assert server.statistics.lost == 5
+        assert client.statistics.lost == 0
+        await client.end("done")
+        assert server.statistics.lost == 5
+    assert [note.source for note in up.hellos] == ["the same", "the same"]
+    assert up.sequences == [*range(10), *range(15, 20)]
+    assert len(down.losses) == len(up.losses) == 1
+    assert up.ends == ["done"]
+
+
+async def test_a_leader_that_stops_without_asking_is_lost_and_may_come_back() -> None:
+    up, down = LeaderNotes(), FollowerNotes()
+    async with leader() as first:
+        port = first.port
+        client = FollowerClient(f"http://127.0.0.1:{port}", hello(), down.events())
+        await client.connect(10.0)
+        client.send_frames(frames(0, 3))
+    await until(lambda: down.losses)
+    assert not client.connected
+    async with leader(up, port=port) as second:
+        await until(lambda: client.connected)
+        client.send_frames(frames(7))
+        await until(lambda: up.sequences == [7])
+        assert second.statistics.lost == 0  # it never knew the others
+        await client.end("done")
+        await client.disconnect()
+    assert len(down.losses) == 1
+
+
+async def test_a_follower_may_give_up_on_a_leader_that_does_not_come_back() -> None:
+    notes = FollowerNotes()
+    async with leader() as server:
+        client = FollowerClient(f"http://127.0.0.1:{server.port}", hello(), notes.events())
+        await client.connect(10.0)
+    await until(lambda: notes.losses)
+    await asyncio.sleep(0.3)  # into the attempts to reconnect
+    await client.end("alone")
+    await asyncio.wait_for(client.disconnect(), 10.0)
+    assert not client.connected
+    assert len(notes.losses) == 1
+
+
+async def test_a_wire_that_falls_silent_is_noticed_on_both_sides(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(mmt.link.server, "PING_TIMEOUT_S", 1)
+    up, down = LeaderNotes(), FollowerNotes()
+    async with (
+        leader(up) as server,
+        wire(server.port) as relay,
+        follower(relay.port, down) as client,
+    ):
+        client.send_frames(frames(0))
+        await until(lambda: up.sequences)
+        relay.fall_silent()
+        await until(lambda: up.losses and down.losses)
+        assert not server.connected
+    assert (len(up.losses), len(down.losses)) == (1, 1)
+
+
+async def test_the_end_does_not_wait_for_ever_on_a_silent_wire(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(mmt.link.client, "CLOSE_TIMEOUT_S", 0.2)
+    async with (
+        leader() as server,
+        wire(server.port) as relay,
+        follower(relay.port) as client,
+    ):
+        relay.fall_silent()
+        await asyncio.wait_for(client.end("unheard"), 5.0)
+
+
+async def test_where_the_library_hides_its_websocket_its_queue_is_used(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def hidden(
+        self: mmt.link.direct.ServerSockets, sid: str, environ: Mapping[str, object]
+    ) -> mmt.link.direct.Send:
+        return usual(self, sid, {})
+
+    usual = mmt.link.direct.ServerSockets.send
+    monkeypatch.setattr(mmt.link.direct.ServerSockets, "send", hidden)
+    monkeypatch.setattr(mmt.link.direct, "ClientWebSocketResponse", type(None))
+    up, down = LeaderNotes(), FollowerNotes()
+    async with leader(up) as server, follower(server.port, down) as client:
+        await until(lambda: server._outbox.is_open)
+        for sequence in range(20):
+            client.send_frames(frames(sequence))
+            server.send_commands(commands(sequence))
+        await until(lambda: len(up.sequences) == len(down.sequences) == 20)
+        await client.end("done")
+    assert up.sequences == down.sequences == list(range(20))

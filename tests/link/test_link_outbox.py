@@ -1,0 +1,111 @@
+import asyncio
+
+import pytest
+
+from mmt.link.outbox import Outbox
+
+
+class Link:
+    """Takes messages one at a time, when it is let."""
+
+    def __init__(self, permits: int = 10**6) -> None:
+        self.sent: list[bytes] = []
+        self.permits = asyncio.Semaphore(permits)
+        self.broken = False
+
+    async def __call__(self, message: bytes) -> None:
+        await self.permits.acquire()
+        if self.broken:
+            raise ConnectionResetError
+        self.sent.append(message)
+
+
+async def spin() -> None:
+    for _ in range(20):
+        await asyncio.sleep(0)
+
+
+async def test_messages_go_out_in_their_order() -> None:
+    outbox, link = Outbox(100), Link()
+    outbox.open(link)
+    for number in range(50):
+        outbox.put(2, bytes([number]))
+        if number % 7 == 0:
+            await asyncio.sleep(0)
+    await outbox.finish(1.0)
+    assert link.sent == [bytes([number]) for number in range(50)]
+    assert (outbox.messages, outbox.records, outbox.bytes, outbox.dropped) == (50, 100, 50, 0)
+    assert not outbox.is_open
+
+
+async def test_a_full_queue_gives_up_the_oldest() -> None:
+    outbox, link = Outbox(3), Link(permits=1)
+    outbox.open(link)
+    await spin()
+    for number in range(10):
+        outbox.put(5, bytes([number]))
+        await spin()
+    # 0 went out, 1 is on its way, the newest three wait
+    assert outbox.dropped == 5 * 5
+    link.permits.release()
+    for _ in range(3):
+        link.permits.release()
+    await spin()
+    assert link.sent == [bytes([number]) for number in (0, 1, 7, 8, 9)]
+    outbox.close()
+
+
+async def test_everything_put_is_either_sent_or_dropped() -> None:
+    outbox, link = Outbox(4), Link(permits=6)
+    outbox.put(1, b"too early")
+    outbox.open(link)
+    for _ in range(20):
+        outbox.put(1, b"x")
+        await spin()
+    outbox.close()
+    await spin()
+    outbox.put(1, b"too late")
+    assert outbox.records + outbox.dropped == 22
+    assert len(link.sent) == outbox.messages == 6
+
+
+async def test_a_broken_link_ends_the_sending() -> None:
+    outbox, link = Outbox(4), Link()
+    outbox.open(link)
+    link.broken = True
+    outbox.put(1, b"x")
+    await spin()
+    assert not outbox.is_open
+    outbox.put(1, b"y")
+    assert (outbox.records, outbox.dropped) == (0, 2)
+    mended = Link()
+    outbox.open(mended)
+    outbox.put(1, b"z")
+    await outbox.finish(1.0)
+    assert mended.sent == [b"z"]
+
+
+async def test_finish_does_not_wait_for_ever() -> None:
+    outbox = Outbox(4)
+    outbox.open(Link(permits=0))
+    outbox.put(3, b"x")
+    outbox.put(3, b"y")
+    await outbox.finish(0.01)
+    await spin()
+    assert outbox.dropped == 6
+    await outbox.finish(0.01)
+
+
+async def test_a_fault_that_is_not_the_links_comes_to_light() -> None:
+    outbox = Outbox(4)
+
+    async def fail(message: bytes) -> None:
+        raise ZeroDivisionError
+
+    outbox.open(fail)
+    outbox.put(1, b"x")
+    await spin()
+    assert not outbox.is_open
+    assert outbox._task is not None
+    with pytest.raises(ZeroDivisionError):
+        await outbox._task

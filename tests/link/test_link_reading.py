@@ -1,0 +1,178 @@
+"""What arrives is checked against a plain model that remembers everything."""
+
+import logging
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from link_samples import commands, frames
+
+from mmt.arrays import RecordArray
+from mmt.frames import COMMAND_DTYPE
+from mmt.link.reading import BlockReader
+
+
+def reader() -> BlockReader:
+    return BlockReader(frames(0).dtype, "frames")
+
+
+def read(into: BlockReader, block: RecordArray) -> list[int]:
+    good = into.read((block.tobytes(),), 0)
+    return [] if good is None else good["sequence"].tolist()
+
+
+def test_a_good_block_passes_whole_and_cannot_be_changed() -> None:
+    into, block = reader(), frames(0, 5)
+    good = into.read((block.tobytes(),), 0)
+    assert good is not None
+    assert np.array_equal(good, block)
+    with pytest.raises(ValueError, match="read-only"):
+        good["sequence"] = 1
+    assert (into.messages, into.records, into.bytes) == (1, 5, block.nbytes)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        ((), "not bytes"),
+        ((frames(0).tobytes(), 1), "not bytes"),
+        (("text",), "not bytes"),
+        ((None,), "not bytes"),
+        (([1, 2, 3],), "not bytes"),
+        (({"a": 1},), "not bytes"),
+        ((b"",), "size"),
+        ((frames(0).tobytes()[:-1],), "size"),
+        ((frames(0).tobytes() + b"\0",), "size"),
+        ((commands(0).tobytes(),), "size"),
+        ((frames(0, 101).tobytes(),), "too many"),
+    ],
+)
+def test_malformed_events_are_counted_and_leave_no_trace(
+    arguments: tuple[object, ...], reason: str
+) -> None:
+    into = reader()
+    assert into.read(arguments, 0) is None
+    assert into.rejected == {reason: 1}
+    assert (into.messages, into.records, into.lost) == (0, 0, 0)
+    assert read(into, frames(0, 100)) == list(range(100))
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("channel", ["position_mm", "force_n"])
+def test_frames_that_are_not_finite_become_a_gap(value: float, channel: str) -> None:
+    into, block = reader(), frames(0, 4)
+    block[channel][2, 1] = value
+    assert read(into, block) == [0, 1, 3]
+    assert into.rejected == {"not finite": 1}
+    assert (into.records, into.lost) == (3, 0)
+
+
+def test_opposite_infinities_do_not_cancel_and_extremes_are_finite() -> None:
+    into, block = reader(), frames(0, 3)
+    block["position_mm"][0] = (math.inf, -math.inf, 0)
+    block["position_mm"][1] = np.finfo(np.float32).max
+    block["force_n"][1] = np.finfo(np.float32).max
+    block["position_mm"][2] = np.finfo(np.float32).smallest_subnormal
+    block["time_ns"][2] = np.iinfo(np.int64).max
+    assert read(into, block) == [1, 2]
+
+
+@given(
+    st.lists(st.lists(st.integers(0, 40), min_size=1, max_size=6), min_size=1, max_size=30),
+    st.integers(0, 2**32 - 41),
+)
+@settings(max_examples=200, deadline=None)
+def test_order_agrees_with_a_model_that_remembers_everything(
+    messages: list[list[int]], offset: int
+) -> None:
+    into = reader()
+    passed: list[int] = []
+    for message in messages:
+        block = frames(0, len(message))
+        block["sequence"] = np.array(message, dtype=np.uint32) + np.uint32(offset)
+        passed += read(into, block)
+    flat = [number + offset for message in messages for number in message]
+    seen: set[int] = set()
+    expected, repeated, late = [], 0, 0
+    for number in flat:
+        if not expected or number > expected[-1]:
+            expected.append(number)
+        elif number in seen:
+            repeated += 1
+        else:
+            late += 1
+        seen.add(number)
+    assert passed == expected
+    assert (into.repeated, into.out_of_order) == (repeated, late)
+    assert into.lost == expected[-1] - expected[0] + 1 - len(expected)
+
+
+def test_a_number_from_very_long_ago_is_out_of_order() -> None:
+    into = reader()
+    assert read(into, frames(2**32 - 1)) == [2**32 - 1]
+    assert read(into, frames(0)) == []
+    assert (into.out_of_order, into.repeated) == (1, 0)
+
+
+def test_after_a_break_the_same_sender_goes_on_and_another_begins() -> None:
+    into = reader()
+    read(into, frames(0, 10))
+    into.restart()
+    assert read(into, frames(15, 2)) == [15, 16]
+    assert into.lost == 5
+    into.restart()
+    assert read(into, frames(0, 2)) == [0, 1]
+    assert read(into, frames(2)) == [2]
+    assert (into.lost, into.repeated, into.out_of_order) == (5, 0, 0)
+
+
+def test_the_end_tells_what_was_lost_last() -> None:
+    into = reader()
+    into.end(0)
+    assert into.lost == 0
+    read(into, frames(0, 10))
+    into.end(10)
+    assert into.lost == 0
+    into.end(9)
+    assert into.lost == 0
+    into.end(13)
+    assert into.lost == 3
+    other = reader()
+    other.end(4)
+    assert other.lost == 4
+    huge = reader()
+    huge.end(10**30)
+    assert huge.lost == 2**32
+
+
+def test_latency_is_measured_only_where_the_clocks_are_one() -> None:
+    into = reader()
+    into.read((frames(0, time_ns=1_000_000).tobytes(),), 3_000_000)
+    assert into.latency.count == 0
+    into.compare_clocks(True)
+    into.read((frames(1, 2, time_ns=1_000_000).tobytes(),), 3_000_000)
+    assert into.latency.count == 2
+    assert into.latency.quantile_ms(0.5) == pytest.approx(2.0, rel=0.01)
+    into.restart()
+    into.read((frames(3).tobytes(),), 3_000_000)
+    assert into.latency.count == 2
+
+
+def test_commands_are_read_alike() -> None:
+    into = BlockReader(COMMAND_DTYPE, "commands")
+    block = commands(0, 3)
+    block["echo_time_ns"] = np.iinfo(np.int64).max
+    block["position_mm"][1, 2] = math.nan
+    assert read(into, block) == [0, 2]
+
+
+def test_a_flood_is_logged_once_a_second(caplog: pytest.LogCaptureFixture) -> None:
+    into = reader()
+    with caplog.at_level(logging.WARNING, logger="mmt.link"):
+        for _ in range(1000):
+            into.read((b"x",), 0)
+    assert into.rejected == {"size": 1000}
+    assert 1 <= len(caplog.records) <= 5
+    assert "frames rejected: size" in caplog.text

@@ -1,0 +1,268 @@
+import asyncio
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from link_samples import (
+    CHANNELS,
+    FollowerNotes,
+    LeaderNotes,
+    commands,
+    follower,
+    frames,
+    hello,
+    leader,
+    until,
+)
+
+from mmt.errors import MmtError
+from mmt.frames import frame_dtype
+from mmt.link.client import FollowerClient
+from mmt.link.protocol import FollowerHello
+from mmt.link.server import LeaderEvents, LeaderServer
+from mmt.scene import Link
+
+
+async def test_frames_go_up_and_commands_come_down_unchanged() -> None:
+    up, down = LeaderNotes(), FollowerNotes()
+    async with leader(up) as server, follower(server.port, down) as client:
+        assert server.connected
+        assert client.connected
+        await until(lambda: server._outbox.is_open)
+        for sequence in range(50):
+            client.send_frames(frames(sequence))
+            server.send_commands(commands(sequence))
+            await asyncio.sleep(0)
+        await until(lambda: len(up.sequences) == len(down.sequences) == 50)
+        await client.end("enough")
+        assert up.ends == ["enough"]
+    assert np.array_equal(np.concatenate(up.blocks), frames(0, 50))
+    assert np.array_equal(np.concatenate(down.blocks), commands(0, 50))
+    assert up.losses == down.losses == up.errors == down.errors == []
+
+
+async def test_the_hello_arrives_whole() -> None:
+    notes = LeaderNotes()
+    sent = {"source": "replay", "frames_per_message": 3, "annotations": bytes(range(256))}
+    async with leader(notes) as server, follower(server.port, **sent):
+        pass
+    assert notes.hellos == [hello(**sent)]
+
+
+async def test_both_sides_count_the_same() -> None:
+    up, down = LeaderNotes(), FollowerNotes()
+    async with leader(up) as server, follower(server.port, down) as client:
+        await until(lambda: server._outbox.is_open)
+        now_ns = time.monotonic_ns()
+        for sequence in (0, 1, 2, 5, 6):
+            client.send_frames(frames(sequence, time_ns=now_ns))
+            echo = commands(sequence, time_ns=now_ns)
+            echo["echo_time_ns"] = now_ns
+            server.send_commands(echo)
+        await until(lambda: len(up.sequences) == len(down.sequences) == 5)
+        above, below = server.statistics, client.statistics
+    assert (above.frames, above.commands, below.frames, below.commands) == (5, 5, 5, 5)
+    assert above.messages_sent == below.messages_received == 5
+    assert above.messages_received == below.messages_sent == 5
+    assert above.bytes_received == 5 * frame_dtype(CHANNELS).itemsize
+    assert above.lost == below.lost == 2
+    for statistics in (above, below):
+        assert statistics.latency_p50_ms is not None
+        assert statistics.latency_p99_ms is not None
+        assert 0.0 < statistics.latency_p50_ms <= statistics.latency_p99_ms < 10_000
+        assert statistics.dropped == statistics.repeated == statistics.out_of_order == 0
+        assert statistics.rejected == {}
+    assert below.round_trip_p50_ms is not None
+    assert below.round_trip_p50_ms > 0
+    assert above.round_trip_p50_ms is None
+
+
+async def test_one_way_latency_is_unknown_between_different_clocks() -> None:
+    up, down = LeaderNotes(), FollowerNotes()
+    async with leader(up) as server, follower(server.port, down, clock_id="elsewhere") as client:
+        client.send_frames(frames(0, time_ns=time.monotonic_ns()))
+        await until(lambda: up.sequences)
+        assert server.statistics.latency_p50_ms is None
+
+
+async def test_the_round_trip_leaves_out_how_long_the_leader_held_the_echo() -> None:
+    down = FollowerNotes()
+    async with leader() as server, follower(server.port, down) as client:
+        await until(lambda: server._outbox.is_open)
+        echo = commands(0)
+        echo["echo_time_ns"] = time.monotonic_ns() - 3_000_000_000
+        echo["echo_age_ns"] = 2_900_000_000
+        server.send_commands(echo)
+        await until(lambda: down.sequences)
+        round_trip_ms = client.statistics.round_trip_p50_ms
+    assert round_trip_ms is not None
+    assert 99.0 <= round_trip_ms < 2_000
+
+
+@pytest.mark.parametrize("size", [1, 4, 100])
+async def test_frames_are_gathered_into_messages(size: int) -> None:
+    notes = LeaderNotes()
+    async with (
+        leader(notes) as server,
+        follower(server.port, frames_per_message=size) as client,
+    ):
+        for sequence in range(2 * size + 1):
+            client.send_frames(frames(sequence))
+        await until(lambda: len(notes.sequences) >= 2 * size)
+        await client.end("done")  # sends the one that waits for others
+    assert notes.sequences == list(range(2 * size + 1))
+    expected = [size, size, 1] if size > 1 else [1, 1, 1]
+    assert [len(block) for block in notes.blocks] == expected
+
+
+async def test_a_long_block_is_split_at_the_largest_message() -> None:
+    up, down = LeaderNotes(), FollowerNotes()
+    async with leader(up) as server, follower(server.port, down) as client:
+        await until(lambda: server._outbox.is_open)
+        client.send_frames(frames(0, 250))
+        server.send_commands(commands(0, 150))
+        await until(lambda: len(up.sequences) == 250 and len(down.sequences) == 150)
+    assert [len(block) for block in up.blocks] == [100, 100, 50]
+    assert [len(block) for block in down.blocks] == [100, 50]
+    assert up.sequences == list(range(250))
+
+
+async def test_nothing_is_sent_for_an_empty_block() -> None:
+    async with leader() as server, follower(server.port) as client:
+        await until(lambda: server._outbox.is_open)
+        client.send_frames(frames(0, 0))
+        server.send_commands(commands(0, 0))
+        await asyncio.sleep(0.05)
+        assert client.statistics.messages_sent == server.statistics.messages_sent == 0
+
+
+async def test_blocks_of_another_dtype_are_refused() -> None:
+    async with leader() as server, follower(server.port) as client:
+        with pytest.raises(ValueError, match="dtype"):
+            client.send_frames(commands(0))
+        with pytest.raises(ValueError, match="dtype"):
+            server.send_commands(frames(0))
+
+
+async def test_the_leader_asks_the_follower_to_stop_and_waits_for_its_end() -> None:
+    up, down = LeaderNotes(), FollowerNotes()
+    async with leader(up) as server:
+        await server.request_stop("nobody there")
+
+        async def follow() -> None:
+            async with follower(server.port, down) as client:
+                client.send_frames(frames(0))
+                await until(lambda: down.stops)
+                await client.end("as asked")
+
+        following = asyncio.create_task(follow())
+        await until(lambda: up.sequences)
+        await server.request_stop("completed")
+        assert down.stops == ["completed"]
+        assert up.ends == ["as asked"]
+        assert not server.connected
+        await following
+    assert up.losses == down.losses == []
+
+
+async def test_a_follower_that_ignores_the_stop_does_not_hold_the_leader_up() -> None:
+    up, down = LeaderNotes(), FollowerNotes()
+    async with leader(up) as server, follower(server.port, down):
+        await server.request_stop("completed")
+        await server.stop()
+        await until(lambda: down.stops)
+        await asyncio.sleep(0.05)
+    assert up.losses == down.losses == []
+
+
+async def test_the_end_counts_what_was_lost_at_the_tail() -> None:
+    notes = LeaderNotes()
+    async with leader(notes) as server, follower(server.port) as client:
+        client.send_frames(frames(0, 10))
+        await until(lambda: len(notes.sequences) == 10)
+        client._outbox.close()
+        client.send_frames(frames(10, 5))
+        assert client.statistics.dropped == 5
+        await client.end("done")
+        await client.end("twice")
+        assert server.statistics.lost == 5
+        assert not server.connected
+        server.send_commands(commands(0))  # nobody wants them any more
+        assert server.statistics.dropped == 0
+    assert notes.ends == ["done"]
+
+
+async def test_a_stalled_link_drops_the_oldest_and_says_how_many() -> None:
+    notes = LeaderNotes()
+    async with leader(notes) as server, follower(server.port) as client:
+        for sequence in range(1200):  # the loop gets no turn to send
+            client.send_frames(frames(sequence))
+        assert client.statistics.dropped == 200
+        await until(lambda: len(notes.sequences) == 1000)
+        assert server.statistics.lost == 0  # the first that came was the first seen
+    assert notes.sequences == list(range(200, 1200))
+
+
+async def test_both_may_be_used_without_ever_being_connected() -> None:
+    server = LeaderServer(Link(port=0), CHANNELS, LeaderNotes().events())
+    assert server.port == 0
+    assert not server.connected
+    server.send_commands(commands(0))
+    await server.request_stop("nothing")
+    await server.stop()
+    client = FollowerClient("http://127.0.0.1:1", hello(), FollowerNotes().events())
+    client.send_frames(frames(0, 7))
+    await client.end("nothing")
+    await client.disconnect()
+    assert client.statistics.dropped == 7
+    assert not client.connected
+
+
+async def test_a_port_that_is_taken_is_explained() -> None:
+    async with leader() as server:
+        second = LeaderServer(Link(port=server.port), CHANNELS, LeaderNotes().events())
+        with pytest.raises(MmtError, match=rf"cannot listen on 127.0.0.1 port {server.port}"):
+            await second.start()
+        await second.stop()
+    elsewhere = LeaderServer(Link(host="203.0.113.1"), CHANNELS, LeaderNotes().events())
+    with pytest.raises(MmtError, match=r"cannot listen on 203\.0\.113\.1"):
+        await elsewhere.start()
+
+
+async def test_what_a_service_raises_is_handed_to_it() -> None:
+    up, down = LeaderNotes(), FollowerNotes()
+
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError
+
+    events = replace(up.events(), on_frames=fail)
+    async with leader(events=events) as server, follower(server.port, down) as client:
+        client.send_frames(frames(0))
+        client.send_frames(frames(1))
+        await until(lambda: len(up.errors) == 2)
+        assert server.connected
+    assert all(isinstance(error, ZeroDivisionError) for error in up.errors)
+
+
+async def test_by_default_such_an_error_is_logged(caplog: pytest.LogCaptureFixture) -> None:
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError("in the service")
+
+    async with leader(events=LeaderEvents(on_frames=fail)) as server, follower(server.port) as of:
+        of.send_frames(frames(0))
+        await until(lambda: "in the service" in caplog.text)
+        assert server.connected
+
+
+async def test_a_leader_that_fails_on_a_hello_refuses_it() -> None:
+    up = LeaderNotes()
+
+    def fail(_: FollowerHello) -> None:
+        raise ZeroDivisionError
+
+    async with leader(events=replace(up.events(), on_follower=fail)) as server:
+        with pytest.raises(MmtError, match="the leader failed"):
+            async with follower(server.port):
+                pass
+    assert len(up.errors) == 1

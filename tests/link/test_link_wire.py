@@ -1,0 +1,170 @@
+"""The documented layout, against python-socketio itself and against the program in the page."""
+
+import asyncio
+import re
+import struct
+import sys
+from pathlib import Path
+
+import msgpack
+import numpy as np
+import pytest
+import socketio
+from aiohttp import web
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from link_samples import (
+    CHANNELS,
+    FollowerNotes,
+    LeaderNotes,
+    commands,
+    follower,
+    frames,
+    leader,
+    until,
+)
+from socketio.msgpack_packet import MsgPackPacket
+
+from mmt.frames import CHANNELS as ALL_CHANNELS
+from mmt.frames import COMMAND_DTYPE, frame_dtype
+from mmt.link.protocol import encode_event
+from mmt.link.server import LeaderServer
+from mmt.scene import Link
+
+PAGE = Path(__file__).parents[2] / "docs" / "reference" / "wire.md"
+
+AUTH = {
+    "protocol": 1,
+    "rate_hz": 1000,
+    "channels": ["force", "position"],
+    "frames_per_message": 1,
+    "source": "stock client",
+    "clock_id": "",
+    "annotations": b"",
+}
+
+
+@given(st.text(min_size=1, max_size=10), st.binary(max_size=300))
+@settings(max_examples=50, deadline=None)
+def test_events_are_encoded_as_python_socketio_does(event: str, payload: bytes) -> None:
+    packet = MsgPackPacket(socketio.packet.EVENT, data=[event, payload], namespace="/")
+    assert encode_event(event, payload) == packet.encode()
+
+
+def test_the_layouts_are_those_of_the_page() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    rows = dict.fromkeys(re.findall(r"^\| (\d+) \| [^|]+ \| `(\w+)`", text, re.MULTILINE))
+    fields: dict[str, set[int]] = {}
+    for offset, name in rows:
+        fields.setdefault(name, set()).add(int(offset))
+    for dtype in (frame_dtype(ALL_CHANNELS), COMMAND_DTYPE):
+        assert dtype.fields is not None
+        for name, (_, offset, *_) in dtype.fields.items():
+            assert offset in fields[name], name
+    assert struct.calcsize("<Iq9f") == frame_dtype(ALL_CHANNELS).itemsize == 48
+    assert struct.calcsize("<Iqqq3f") == COMMAND_DTYPE.itemsize == 40
+
+
+async def test_a_stock_client_can_take_the_followers_place() -> None:
+    up = LeaderNotes()
+    heard: list[tuple[str, object]] = []
+    client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False)
+    client.on("*", lambda event, data: heard.append((event, data)))
+    async with leader(up) as server:
+        await client.connect(f"http://127.0.0.1:{server.port}", auth=AUTH, transports=["websocket"])
+        await client.emit("frames", struct.pack("<Iq6f", 0, 77, 1, 2, 3, 4, 5, 6))
+        await until(lambda: up.blocks)
+        server.send_commands(commands(9))
+        await server._server.emit("stop", {"reason": "enough"})
+        await until(lambda: len(heard) == 3)
+        answer = await client.call("end", {"reason": "bye", "frames": 1}, timeout=5)
+        await client.disconnect()
+    assert answer is None
+    frame = up.blocks[0][0]
+    assert (frame["sequence"], frame["time_ns"]) == (0, 77)
+    assert frame["position_mm"].tolist() == [1, 2, 3]
+    assert frame["force_n"].tolist() == [4, 5, 6]
+    assert up.ends == ["bye"]
+    kinds = dict(heard)
+    assert kinds["welcome"]["protocol"] == 1  # type: ignore[index]
+    assert kinds["stop"] == {"reason": "enough"}
+    command = struct.unpack("<Iqqq3f", kinds["commands"])  # type: ignore[arg-type]
+    assert command == (9, 1, 0, 0, 2.5, 2.5, 2.5)
+
+
+async def test_our_follower_can_talk_to_a_stock_server() -> None:
+    heard: list[tuple[str, object]] = []
+    server = socketio.AsyncServer(async_mode="aiohttp", serializer="msgpack")
+
+    @server.on("connect")
+    def connect(sid: str, environ: object, auth: object) -> None:
+        heard.append(("connect", auth))
+
+    @server.on("*")
+    def note(event: str, sid: str, data: object) -> None:
+        heard.append((event, data))
+
+    application = web.Application()
+    server.attach(application)
+    runner = web.AppRunner(application, shutdown_timeout=1.0)
+    await runner.setup()
+    await web.TCPSite(runner, "127.0.0.1", 0).start()
+    notes = FollowerNotes()
+    async with follower(runner.addresses[0][1], notes, source="x") as client:
+        client.send_frames(frames(3))
+        await until(lambda: len(heard) == 2)
+        await server.emit("commands", struct.pack("<Iqqq3f", 5, 1, 0, 0, 1, 2, 3))
+        await until(lambda: notes.blocks)
+        await client.end("done")
+    await server.shutdown()
+    await runner.cleanup()
+    assert heard[0][1]["channels"] == list(CHANNELS)  # type: ignore[index]
+    assert heard[1] == ("frames", frames(3).tobytes())
+    assert heard[2] == ("end", {"reason": "done", "frames": 4})
+    assert notes.blocks[0]["position_mm"].tolist() == [[1, 2, 3]]
+
+
+async def test_the_program_in_the_page_runs(tmp_path: Path) -> None:
+    match = re.search(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    assert match is not None
+    program = tmp_path / "follower.py"
+    program.write_text(match.group(1), encoding="utf-8")
+    notes = LeaderNotes()
+    server = LeaderServer(Link(port=0), ALL_CHANNELS, notes.events())
+    await server.start()
+    process = await asyncio.create_subprocess_exec(
+        sys.executable,
+        str(program),
+        f"http://127.0.0.1:{server.port}",
+        "20",
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.PIPE,
+    )
+    await until(lambda: notes.blocks, timeout_s=30.0)
+    command = np.zeros(1, dtype=COMMAND_DTYPE)
+    command["position_mm"] = 1.5
+    server.send_commands(command)
+    output, errors = await asyncio.wait_for(process.communicate(), 30.0)
+    await server.stop()
+    assert (process.returncode, errors.decode()) == (0, "")
+    assert "command 0: go to 1.50 1.50 1.50 mm" in output.decode()
+    assert notes.sequences == list(range(20))
+    assert notes.ends == ["example over"]
+    assert notes.losses == []
+
+
+async def test_polling_is_refused() -> None:
+    client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False)
+    async with leader() as server:
+        with pytest.raises(socketio.exceptions.ConnectionError):
+            await client.connect(
+                f"http://127.0.0.1:{server.port}", auth=AUTH, transports=["polling"]
+            )
+
+
+def test_the_maps_keys_are_those_of_the_page() -> None:
+    assert msgpack.unpackb(encode_event("frames", b"\x01")) == {
+        "type": 2,
+        "data": ["frames", b"\x01"],
+        "nsp": "/",
+    }
