@@ -15,6 +15,7 @@ from mmt.texture.metrics import (
     gfc,
     gfc_ceiling,
     gfc_of_psd,
+    gfc_of_rows,
     gfc_of_signals,
     log_spectral_distance_db,
     power_error_db,
@@ -81,6 +82,19 @@ def test_gfc_where_there_is_no_vibration():
     assert gfc(zero, some) == gfc(some, zero) == gfc_of_psd(zero, some) == 0
     assert gfc_of_signals(np.zeros(99), np.zeros(200)) == 1
     assert gfc_of_signals(np.zeros(99), noise(99)) == 0
+
+
+def test_gfc_of_rows_is_that_of_each_row():
+    a, b = noise(60).reshape(5, 12) ** 2, noise(60, 1).reshape(5, 12) ** 2
+    a[1] = a[2] = b[2] = 0
+    a[3] *= 1e300
+    b[3] *= 1e-300
+    expected = [gfc(first, second) for first, second in zip(a, b, strict=True)]
+    np.testing.assert_allclose(gfc_of_rows(a, b), expected, rtol=1e-14)
+    assert expected[1:3] == [0, 1]
+    assert gfc_of_rows(a[4:], b[4:])[0] == pytest.approx(
+        np.sum(a[4] * b[4]) / np.sqrt(np.sum(a[4] ** 2) * np.sum(b[4] ** 2))
+    )
 
 
 def test_gfc_of_densities_compares_amplitudes():

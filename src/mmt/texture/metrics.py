@@ -84,11 +84,32 @@ def gfc(a: FloatArray, b: FloatArray) -> float:
     InputError
         The shapes differ, or a value is not finite.
     """
-    first, second = (_scaled(values)[0] for values in _paired("spectra", a, b))
-    if not (first.any() and second.any()):
-        return float(first.any() == second.any())
-    lengths = np.linalg.norm(first) * np.linalg.norm(second)
-    return min(1.0, float(np.abs(np.sum(first * second)) / lengths))
+    return float(gfc_of_rows(a, b))
+
+
+def gfc_of_rows(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the `gfc` of many pairs of amplitude spectra at once.
+
+    Parameters
+    ----------
+    a, b : (n, f)
+        A spectrum in each row.
+
+    Returns
+    -------
+    (n,)
+
+    Raises
+    ------
+    InputError
+        The shapes differ, or a value is not finite.
+    """
+    first, second = (_scaled_rows(values) for values in _paired("spectra", a, b))
+    lengths = np.linalg.norm(first, axis=-1) * np.linalg.norm(second, axis=-1)
+    scores = np.abs(np.sum(first * second, axis=-1)) / np.where(lengths > 0.0, lengths, 1.0)
+    alike = first.any(axis=-1) == second.any(axis=-1)
+    result: FloatArray = np.where(lengths > 0.0, np.minimum(scores, 1.0), alike)
+    return result
 
 
 def gfc_of_psd(psd_a: FloatArray, psd_b: FloatArray) -> float:
@@ -232,6 +253,13 @@ def _densities(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
     if (first < 0.0).any() or (second < 0.0).any():
         raise InputError("a density or a power is negative")
     return first, second
+
+
+def _scaled_rows(values: FloatArray) -> FloatArray:
+    """Return each row (last axis) over a power of two, its largest near one: no overflow."""
+    exponents = np.frexp(np.abs(values).max(axis=-1, keepdims=True))[1]
+    scaled: FloatArray = np.ldexp(values, -exponents)
+    return scaled
 
 
 def _scaled(values: FloatArray) -> tuple[FloatArray, int]:
