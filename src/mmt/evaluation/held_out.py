@@ -7,14 +7,13 @@ synthesizes at their speed and force.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
 from mmt.arrays import FloatArray
 from mmt.evaluation.levels import level_error_db
-from mmt.texture.metrics import amplitude_spectrum, gfc
+from mmt.texture.metrics import amplitude_spectrum, gfc_of_rows
 from mmt.texture.model import TextureModel
 from mmt.texture.segmentation import Segment
 from mmt.texture.synthesis import Synthesizer
@@ -95,11 +94,14 @@ class HeldOutRecording:
         synthesizer = Synthesizer(model, seed=seed, renewal_samples=count, limit_m_s2=np.inf)
         rendered = synthesizer.render(np.full(count, speed_mm_s), np.full(count, force_n))
         pieces = rendered[_WARM_UP_SAMPLES:].reshape(REALISATIONS, length)
-        amplitudes = [amplitude_spectrum(piece, self._rate_hz, self._window)[1] for piece in pieces]
+        amplitudes = np.array(
+            [amplitude_spectrum(piece, self._rate_hz, self._window)[1] for piece in pieces]
+        )
+        measured = np.broadcast_to(self.amplitude, amplitudes.shape)
         point = np.array([speed_mm_s]), np.array([force_n])
         return Approximation(
-            gfc=float(np.mean([gfc(amplitude, self.amplitude) for amplitude in amplitudes])),
-            gfc_ceiling=float(np.mean([gfc(one, other) for one, other in pairwise(amplitudes)])),
+            gfc=float(np.mean(gfc_of_rows(amplitudes, measured))),
+            gfc_ceiling=float(np.mean(gfc_of_rows(amplitudes[1:], amplitudes[:-1]))),
             power_error_db=float(level_error_db(model, *point, np.array([self.power]))[0]),
-            amplitude=np.mean(amplitudes, axis=0),
+            amplitude=amplitudes.mean(axis=0),
         )
