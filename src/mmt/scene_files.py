@@ -48,9 +48,11 @@ def load_scene(
     if replay is not None:
         for name in ("simulated", "devices", "hand", "force_feedback"):
             tables.pop(name, None)
-        tables["replay"] = {**tables.get("replay", {}), "file": str(replay)}
+        table = tables.get("replay")
+        tables["replay"] = {**(table if isinstance(table, dict) else {}), "file": str(replay)}
     _look_beside(path, tables)
-    merged = {**environment_overrides(os.environ), **(overrides or {})}
+    flags = {key: value for key, value in (overrides or {}).items() if value is not None}
+    merged = {**environment_overrides(os.environ), **flags}
     return scene_from_tables(tables, merged, origin=str(path))
 
 
@@ -71,7 +73,7 @@ def find_scene(path: Path) -> Path:
     InputError
         There is neither.
     """
-    if path.exists():
+    if path.exists() and not path.is_dir():
         return path
     examples = example_scenes()
     if path.suffix == "" and path.name == str(path) and path.name in examples:

@@ -10,16 +10,18 @@ from typing import Any
 
 import typer
 from rich.console import Console
+from rich.text import Text
 
 import mmt
 from mmt.errors import InputError, MmtError
 from mmt.scene import Scene
 
-output = Console()
-"""For results."""
+output = Console(markup=False, emoji=False)
+"""For results; brackets in a text, such as a table's name, are no markup."""
 
-messages = Console(stderr=True)
+messages = Console(stderr=True, markup=False, emoji=False)
 """For progress, notes and errors."""
+messages.soft_wrap = not messages.is_terminal  # a program reads whole lines
 
 
 def run_app(app: typer.Typer) -> None:
@@ -27,11 +29,16 @@ def run_app(app: typer.Typer) -> None:
     try:
         app()
     except MmtError as error:
-        messages.print(f"[red]error:[/] {error}", highlight=False, soft_wrap=True)
+        print_error(str(error))
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
         messages.print("stopped")
         sys.exit(130)
+
+
+def print_error(sentence: str) -> None:
+    """Say what went wrong."""
+    messages.print(Text.assemble(("error:", "red"), f" {sentence}"), soft_wrap=True)
 
 
 def version(wanted: bool) -> None:

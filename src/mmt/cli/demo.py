@@ -1,11 +1,7 @@
 """``mmt demo``: leader and follower as two processes on loopback, then a report."""
 
 import asyncio
-import json
-import os
 import signal
-import sys
-from collections.abc import AsyncIterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,9 +9,9 @@ from typing import Any, Final
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from mmt.cli.common import messages, output, write_json
+from mmt.cli.child import Child
+from mmt.cli.common import messages, output, print_error, write_json
 from mmt.cli.tables import summary_table
-from mmt.errors import MmtError
 from mmt.scene import Scene
 from mmt.scene_files import load_scene
 
@@ -66,9 +62,9 @@ def run_demo(
     for name, table in run.tables().items():
         output.print(summary_table(name, table))
     for error in run.errors:
-        messages.print(f"[red]error:[/] {error}", highlight=False)
+        print_error(error)
     content: dict[str, Any] = run.tables()
-    if scene.recording is not None and recording.exists():
+    if run.leader.get("recording"):
         from mmt.cli.reporting import report_recording
 
         content["evaluation"] = report_recording(directory, recording, run.tables())
@@ -91,16 +87,19 @@ class _Demo:
     ) -> None:
         self._scene = scene
         self._run = DemoRun()
-        self._arguments = [str(scene_file)]
+        self._arguments = [str(scene_file), "--json-lines"]
         if replay is not None:
             self._arguments += ["--replay", str(replay)]
-        self._leader_arguments = [*self._arguments, "--json-lines"]
+        self._leader_arguments = list(self._arguments)
         if duration_s is not None:
             self._leader_arguments += ["--duration", str(duration_s)]
         if scene.link is not None:
             self._leader_arguments += ["--port", "0"]
-        if scene.recording is not None:
-            self._leader_arguments += ["--record", str(scene.recording.file)]
+        self._environment: dict[str, str] = {}
+        if scene.recording is not None:  # both must know: it decides the channels on the wire
+            self._environment["MMT_RECORDING__FILE"] = str(scene.recording.file)
+        self._children: list[Child] = []
+        self._interrupted = False
         self._progress = Progress(
             TextColumn("[bold]{task.description}"),
             BarColumn(bar_width=24),
@@ -108,92 +107,78 @@ class _Demo:
             TimeElapsedColumn(),
             console=messages,
         )
+        self._bar = self._progress.add_task(
+            "leader", total=scene.session.duration_s, status="starting"
+        )
 
     async def run(self) -> DemoRun:
-        processes: list[asyncio.subprocess.Process] = []
         loop = asyncio.get_running_loop()
         with suppress(NotImplementedError):  # Windows passes Ctrl-C to the children by itself
             for number in (signal.SIGINT, signal.SIGTERM):
-                loop.add_signal_handler(number, self._interrupt, processes)
-        with self._progress:
-            leader = await self._start("mmt.cli.leader", self._leader_arguments)
-            processes.append(leader)
-            watching: list[asyncio.Task[None]] = []
-            bar = self._progress.add_task(
-                "leader", total=self._scene.session.duration_s, status="starting"
-            )
-            async for line in _lines(leader):
-                self._take_leader(line, bar)
-                if line["kind"] == "ready" and self._scene.link is not None:
-                    url = f"http://{self._scene.link.host}:{line['port']}"
-                    follower = await self._start(
-                        "mmt.cli.follower", [*self._arguments, "--leader", url, "--json-lines"]
-                    )
-                    processes.append(follower)
-                    watching.append(asyncio.create_task(self._watch_follower(follower, leader)))
-            await leader.wait()
-            for task in watching:
-                await asyncio.wait_for(task, _LAST_SECONDS)
-        await self._collect(processes)
+                loop.add_signal_handler(number, self._interrupt)
+        try:
+            with self._progress:
+                leader = await self._start("leader", self._leader_arguments)
+                await self._watch_leader(leader)
+        finally:
+            await asyncio.gather(*(child.kill() for child in self._children))
         return self._run
 
-    async def _start(self, module: str, arguments: list[str]) -> asyncio.subprocess.Process:
-        return await asyncio.create_subprocess_exec(
-            sys.executable,
-            "-m",
-            module,
-            *arguments,
-            stdout=asyncio.subprocess.PIPE,
-            stderr=asyncio.subprocess.PIPE,
-            start_new_session=os.name == "posix",
-        )
+    async def _start(self, name: str, arguments: list[str]) -> Child:
+        child = await Child.start(name, f"mmt.cli.{name}", arguments, self._environment)
+        self._children.append(child)
+        if self._interrupted:
+            child.interrupt()
+        return child
 
-    @staticmethod
-    def _interrupt(processes: list[asyncio.subprocess.Process]) -> None:
-        for process in processes:
-            if process.returncode is None:
-                process.send_signal(signal.SIGINT)
+    def _interrupt(self) -> None:
+        self._interrupted = True
+        for child in self._children:
+            child.interrupt()
 
-    def _take_leader(self, line: dict[str, Any], bar: Any) -> None:
-        kind = line.pop("kind")
-        line["kind"] = kind
-        if kind == "status":
-            self._progress.update(bar, completed=line["time_s"], status=status_text(line))
-        elif kind == "event":
-            self._progress.console.print(f"leader: {line['event']}", highlight=False)
-        elif kind == "ready":
-            self._progress.update(bar, status=f"ready after {line['ready_s']} s")
-        elif kind == "summary":
-            self._run.leader = {key: value for key, value in line.items() if key != "kind"}
-            self._progress.update(bar, completed=self._run.leader["session"]["duration_s"])
+    async def _watch_leader(self, leader: Child) -> None:
+        follower: Child | None = None
+        async for line in leader.lines():
+            self._take_leader(line)
+            if line["kind"] == "ready" and self._scene.link is not None:
+                url = f"http://{self._scene.link.host}:{line['port']}"
+                follower = await self._start("follower", [*self._arguments, "--leader", url])
+                following = asyncio.create_task(self._watch_follower(follower, leader))
+        failed = await self._note_end(leader) != 0
+        if follower is not None:
+            await asyncio.wait([following], timeout=0.0 if failed else _LAST_SECONDS)
+            follower.interrupt()  # it would wait for a leader in vain
+            await asyncio.wait([following], timeout=_LAST_SECONDS)
+            await follower.kill()
+            await following
 
-    async def _watch_follower(
-        self, follower: asyncio.subprocess.Process, leader: asyncio.subprocess.Process
-    ) -> None:
-        async for line in _lines(follower):
+    async def _watch_follower(self, follower: Child, leader: Child) -> None:
+        async for line in follower.lines():
             if line["kind"] == "event":
                 self._progress.console.print(f"follower: {line['event']}", highlight=False)
             elif line["kind"] == "summary":
                 self._run.follower = {key: v for key, v in line.items() if key != "kind"}
-        if await follower.wait() != 0 and leader.returncode is None:
-            leader.send_signal(signal.SIGINT)  # without a follower it would wait in vain
+        if await self._note_end(follower) != 0:
+            leader.interrupt()  # it would wait for a follower in vain
 
-    async def _collect(self, processes: list[asyncio.subprocess.Process]) -> None:
-        for name, process in zip(("leader", "follower"), processes, strict=False):
-            code = await process.wait()
-            text = (await process.stderr.read()).decode() if process.stderr else ""
-            if code != 0:
-                self._run.failed = True
-                self._run.errors.append(f"{name} ended with exit code {code}: {text.strip()}")
+    async def _note_end(self, child: Child) -> int:
+        code = await child.wait()
+        if code != 0:
+            self._run.failed = True
+            self._run.errors.append(f"{child.name} ended with exit code {code}: {child.messages}")
+        return code
 
-
-async def _lines(process: asyncio.subprocess.Process) -> AsyncIterator[dict[str, Any]]:
-    assert process.stdout is not None  # noqa: S101 - it was asked for
-    async for raw in process.stdout:
-        try:
-            yield json.loads(raw)
-        except ValueError as error:
-            raise MmtError(f"a service printed {raw!r} instead of a JSON line") from error
+    def _take_leader(self, line: dict[str, Any]) -> None:
+        kind = line["kind"]
+        if kind == "status":
+            self._progress.update(self._bar, completed=line["time_s"], status=status_text(line))
+        elif kind == "event":
+            self._progress.console.print(f"leader: {line['event']}", highlight=False)
+        elif kind == "ready":
+            self._progress.update(self._bar, status=f"ready after {line['ready_s']} s")
+        elif kind == "summary":
+            self._run.leader = {key: value for key, value in line.items() if key != "kind"}
+            self._progress.update(self._bar, completed=self._run.leader["session"]["duration_s"])
 
 
 def status_text(status: dict[str, Any]) -> str:

@@ -1,0 +1,89 @@
+"""A service as a child process that speaks in JSON lines."""
+
+import asyncio
+import json
+import os
+import signal
+import sys
+from collections.abc import AsyncIterator, Mapping
+from typing import Any, Final
+
+_LONGEST_LINE: Final = 2**20
+_KEPT_MESSAGES: Final = 2**16
+"""Bytes of what a child writes to standard error that are kept, the newest."""
+
+
+class Child:
+    """One service as a process of its own session, so that Ctrl-C reaches the parent alone.
+
+    What it writes to standard error is read all the while: it never waits for a reader.
+    """
+
+    def __init__(self, name: str, process: asyncio.subprocess.Process) -> None:
+        self.name = name
+        self._process = process
+        self._kept = b""
+        self._reading = asyncio.create_task(self._read_messages())
+
+    @classmethod
+    async def start(
+        cls, name: str, module: str, arguments: list[str], environment: Mapping[str, str]
+    ) -> "Child":
+        """Run ``python -m module`` with more variables in its environment."""
+        process = await asyncio.create_subprocess_exec(
+            sys.executable,
+            "-m",
+            module,
+            *arguments,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.PIPE,
+            limit=_LONGEST_LINE,
+            env={**os.environ, **environment},
+            start_new_session=os.name == "posix",
+        )
+        return cls(name, process)
+
+    async def lines(self) -> AsyncIterator[dict[str, Any]]:
+        """Yield its JSON lines until it closes its standard output.
+
+        A line that is none, as a device's driver may print, is yielded as an event.
+        """
+        assert self._process.stdout is not None  # noqa: S101 - it was asked for
+        async for raw in self._process.stdout:
+            yield _parsed(raw)
+
+    async def wait(self) -> int:
+        """Wait for its end and return the exit code."""
+        await asyncio.wait([self._reading])
+        return await self._process.wait()
+
+    @property
+    def messages(self) -> str:
+        """What it wrote to standard error, the newest part of much."""
+        return self._kept.decode(errors="replace").strip()
+
+    def interrupt(self) -> None:
+        """Ask it to end, as Ctrl-C does; nothing happens to one that has ended."""
+        if self._process.returncode is None:
+            self._process.send_signal(signal.SIGINT)
+
+    async def kill(self) -> None:
+        """End it at once; nothing happens to one that has ended."""
+        if self._process.returncode is None:
+            self._process.kill()
+        await self.wait()
+
+    async def _read_messages(self) -> None:
+        assert self._process.stderr is not None  # noqa: S101 - it was asked for
+        while part := await self._process.stderr.read(_KEPT_MESSAGES):
+            self._kept = (self._kept + part)[-_KEPT_MESSAGES:]
+
+
+def _parsed(raw: bytes) -> dict[str, Any]:
+    try:
+        line = json.loads(raw)
+    except ValueError:
+        line = None
+    if isinstance(line, dict) and "kind" in line:
+        return line
+    return {"kind": "event", "event": raw.decode(errors="replace").strip()}
