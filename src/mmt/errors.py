@@ -1,5 +1,11 @@
 """Errors that speak to the person who runs the program."""
 
+from typing import Final
+
+FAILED: Final = "failed: "
+"""Begins the outcome of a service that a fault has ended, and the reason that it gives its
+peer, which then ends as failed as well."""
+
 
 class MmtError(Exception):
     """A mistake or a fault that can be explained in a sentence.

@@ -16,6 +16,7 @@ from mmt.cli.common import (
     write_json,
     write_line,
 )
+from mmt.errors import MmtError
 from mmt.follower.service import FollowerService, FollowerSummary
 from mmt.scene import Scene
 from mmt.scene_files import load_scene
@@ -52,15 +53,15 @@ def follower(
     if not json_lines:
         print_parts(scene, PARTS)
     summary = asyncio.run(_stream(scene, leader, json_lines))
-    write_json(json_file, summary.as_dict())
     if json_lines:
         write_line("summary", **summary.as_dict())
     else:
         from mmt.cli.tables import summary_table
 
         output.print(summary_table("follower", summary.as_dict()))
-    if summary.failed:
-        raise typer.Exit(1)
+    write_json(json_file, summary.as_dict())
+    if summary.problem is not None:
+        raise MmtError(summary.problem)
 
 
 async def _stream(scene: Scene, url: str | None, json_lines: bool) -> FollowerSummary:

@@ -19,6 +19,7 @@ from mmt.cli.common import (
     write_json,
     write_line,
 )
+from mmt.errors import InputError, MmtError
 from mmt.leader.summary import LeaderStatus, LeaderSummary
 from mmt.scene import Scene
 from mmt.scene_files import load_scene
@@ -75,20 +76,19 @@ def leader(
     }
     scene = load_scene(scene_file, overrides, replay=replay)
     if report is not None and scene.recording is None:
-        messages.print("--report needs a recording: give --record FILE or add \\[recording]")
-        raise typer.Exit(2)
+        raise InputError("--report needs a recording: give --record FILE or add [recording]")
     if not json_lines:
         print_parts(scene, PARTS)
     summary = asyncio.run(_serve(scene, json_lines))
-    write_json(json_file, summary.as_dict())
     if json_lines:
         write_line("summary", **summary.as_dict())
     else:
         _print_summary(summary)
+    write_json(json_file, summary.as_dict())
     if report is not None and scene.recording is not None:
         _write_report(report, scene.recording.file, summary)
-    if summary.failed:
-        raise typer.Exit(1)
+    if summary.problem is not None:
+        raise MmtError(summary.problem)
 
 
 async def _serve(scene: Scene, json_lines: bool) -> LeaderSummary:

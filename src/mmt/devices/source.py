@@ -1,13 +1,18 @@
 """Stream what real devices measure: a robot, a force sensor, an accelerometer."""
 
 from collections.abc import Iterable
+from typing import Final
 
 import numpy as np
 
 from mmt.arrays import RecordArray
 from mmt.devices.protocols import Accelerometer, Device, ForceSensor, Robot, Vector
-from mmt.errors import InputError
+from mmt.errors import InputError, MmtError
 from mmt.frames import Channel, frame_dtype, ordered_channels
+
+_ROBOT: Final = "robot"
+_FORCE_SENSOR: Final = "force sensor"
+_ACCELEROMETER: Final = "accelerometer"
 
 
 class DeviceSource:
@@ -50,30 +55,55 @@ class DeviceSource:
         self._sequence = 0
 
     @property
-    def _devices(self) -> list[Device]:
-        devices = (self._robot, self._force_sensor, self._accelerometer)
-        return [device for device in devices if device is not None]
+    def _devices(self) -> dict[str, Device]:
+        devices: dict[str, Device | None] = {
+            _ROBOT: self._robot,
+            _FORCE_SENSOR: self._force_sensor,
+            _ACCELEROMETER: self._accelerometer,
+        }
+        return {role: device for role, device in devices.items() if device is not None}
 
     def start(self, start_time_ns: int) -> None:  # noqa: ARG002 - devices keep their own time
-        """Connect and calibrate the devices."""
-        for device in self._devices:
-            device.connect()
-            device.calibrate()
+        """Connect and calibrate the devices.
+
+        Raises
+        ------
+        MmtError
+            One of them does not answer.
+        """
+        for role, device in self._devices.items():
+            try:
+                device.connect()
+                device.calibrate()
+            except Exception as error:
+                raise _failure(role, device, error) from error
 
     def step(self, elapsed: int, now_ns: int, command_position_mm: Vector | None) -> RecordArray:
-        """Command the robot and read every device once; one frame, see `FollowerSource`."""
-        if command_position_mm is not None:
-            self._robot.write(command_position_mm)
+        """Command the robot and read every device once; one frame, see `FollowerSource`.
+
+        Raises
+        ------
+        MmtError
+            A device fails; the message says which.
+        """
         self._sequence += elapsed
         frames = np.zeros(1, dtype=self._dtype)
         frames["sequence"] = self._sequence - 1
         frames["time_ns"] = now_ns
-        if "position" in self._channels:
-            frames["position_mm"][0] = self._robot.read()
-        if self._force_sensor is not None and "force" in self._channels:
-            frames["force_n"][0] = self._force_sensor.read()
-        if self._accelerometer is not None and "acceleration" in self._channels:
-            frames["acceleration_m_s2"][0] = self._accelerometer.read()
+        role = _ROBOT
+        try:
+            if command_position_mm is not None:
+                self._robot.write(command_position_mm)
+            if "position" in self._channels:
+                frames["position_mm"][0] = self._robot.read()
+            if self._force_sensor is not None and "force" in self._channels:
+                role = _FORCE_SENSOR
+                frames["force_n"][0] = self._force_sensor.read()
+            if self._accelerometer is not None and "acceleration" in self._channels:
+                role = _ACCELEROMETER
+                frames["acceleration_m_s2"][0] = self._accelerometer.read()
+        except Exception as error:
+            raise _failure(role, self._devices[role], error) from error
         return frames
 
     @property
@@ -88,15 +118,29 @@ class DeviceSource:
 
     def describe(self) -> str:
         """Name the devices."""
-        return "devices: " + ", ".join(type(device).__name__ for device in self._devices)
+        return "devices: " + ", ".join(
+            f"{role} {type(device).__name__}" for role, device in self._devices.items()
+        )
 
     def close(self) -> None:
-        """Close every device, also when closing one of them fails."""
-        problems: list[Exception] = []
-        for device in self._devices:
+        """Close every device, also when closing one of them fails.
+
+        Raises
+        ------
+        MmtError
+            One or more could not be closed.
+        """
+        problems = []
+        for role, device in self._devices.items():
             try:
                 device.close()
             except Exception as error:  # noqa: BLE001 - the others must still be closed
-                problems.append(error)
+                problems.append(str(_failure(role, device, error)))
         if problems:
-            raise problems[0]
+            raise MmtError("; ".join(problems))
+
+
+def _failure(role: str, device: Device, error: Exception) -> MmtError:
+    """Return what a person is told when a device's driver raises, whatever it raises."""
+    reason = str(error) or type(error).__name__
+    return MmtError(f"the {role} ({type(device).__name__}) failed: {reason}")

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from mmt.arrays import RecordArray
 from mmt.devices.protocols import Vector
+from mmt.errors import FAILED, MmtError
 from mmt.follower.sources import build_source
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
@@ -16,13 +17,16 @@ from mmt.scene import Link, Scene
 from mmt.ticking import Ticker
 
 _STATUS_PERIOD_S: Final = 0.2
+_UNWANTED: Final = (FAILED, f"leader {FAILED}", "leader lost")
 
 
 @dataclass(frozen=True)
 class FollowerSummary:
-    """What the follower did; ``outcome`` is "source ended", "leader stopped (...)",
-    "leader lost" or "stopped" (by the person).
-    """  # noqa: D205 - one sentence
+    """What the follower did.
+
+    ``outcome`` is "source ended", "leader stopped (...)", "stopped" (by the person),
+    "leader lost", "leader failed: ..." or "failed: ...", each with what failed.
+    """
 
     outcome: str
     link: dict[str, Any]
@@ -30,9 +34,9 @@ class FollowerSummary:
     process: dict[str, Any]
 
     @property
-    def failed(self) -> bool:
-        """Whether the run ended in a way that nobody wanted."""
-        return self.outcome == "leader lost"
+    def problem(self) -> str | None:
+        """What made the run end in a way that nobody wanted, None where nothing did."""
+        return self.outcome if self.outcome.startswith(_UNWANTED) else None
 
     def as_dict(self) -> dict[str, Any]:
         """Return the summary for a program."""
@@ -78,22 +82,29 @@ class FollowerService:
                 annotations=self.source.annotations,
             ),
             FollowerEvents(
-                on_commands=self._on_commands, on_stop=self._on_stop, on_lost=self._on_lost
+                on_commands=self._on_commands,
+                on_stop=self._on_stop,
+                on_lost=self._on_lost,
+                on_error=self._fail,
             ),
         )
         self._ticker = Ticker(round(1e9 / scene.session.rate_hz), self._tick)
         self._command: Vector | None = None
         self._ended = asyncio.Event()
         self._outcome = "source ended"
+        self._fault: Exception | None = None
         self._lost_deadline: asyncio.TimerHandle | None = None
 
     async def run(self, on_ready: Callable[[], None] | None = None) -> FollowerSummary:
         """Connect, stream until the source or the leader ends, and return the summary.
 
+        A fault in the midst of it, such as a device that fails, ends the session; the leader
+        is told, and the summary says so.
+
         Raises
         ------
         MmtError
-            The leader does not answer, refuses, or a device fails.
+            The session cannot begin: the leader does not answer, or refuses.
         """
         prefer_even_ticks()
         if on_ready is not None:
@@ -104,17 +115,17 @@ class FollowerService:
             await self._connect()
             if not self._ended.is_set():
                 meter = ProcessMeter()
-                self.source.start(time.monotonic_ns())
-                self._ticker.start()
                 status = asyncio.create_task(self._report_status())
-                await self._until_ended()
+                await self._stream()
         finally:
             self._ticker.stop()
+            if self._lost_deadline is not None:
+                self._lost_deadline.cancel()
             if status is not None:
                 status.cancel()
             await self._client.end(self._outcome)
             await self._client.disconnect()
-            self.source.close()
+            self._close_source()
         cost = meter.read()
         return FollowerSummary(
             outcome=self._outcome,
@@ -145,18 +156,34 @@ class FollowerService:
             ended.cancel()
             await asyncio.gather(connecting, ended, return_exceptions=True)
 
-    async def _until_ended(self) -> None:
-        """Wait for the end, or for a tick that fails."""
+    async def _stream(self) -> None:
+        """Stream until the end, or until the source fails."""
         ended = asyncio.create_task(self._ended.wait())
-        ticking = asyncio.create_task(self._ticker.wait())
         try:
+            self.source.start(time.monotonic_ns())
+            self._ticker.start()
+            ticking = asyncio.create_task(self._ticker.wait())
             await asyncio.wait([ended, ticking], return_when=asyncio.FIRST_COMPLETED)
-            if ticking.done():
-                ticking.result()
+            self._ticker.stop()
+            await ticking
+        except Exception as error:  # noqa: BLE001 - what is no MmtError is raised below
+            self._fail(error)
         finally:
             ended.cancel()
-            ticking.cancel()
-            await asyncio.gather(ended, ticking, return_exceptions=True)
+        if self._fault is not None and not isinstance(self._fault, MmtError):
+            raise self._fault  # no fault of devices or files, but a mistake in the program
+
+    def _fail(self, fault: Exception) -> None:
+        """End the session because something in it does not work."""
+        self._fault = self._fault or fault
+        self.stop(f"{FAILED}{fault}")
+
+    def _close_source(self) -> None:
+        """Close the source; a device that does not close must not hide what went before."""
+        try:
+            self.source.close()
+        except MmtError as error:
+            self._say(str(error))
 
     def _tick(self, elapsed: int) -> None:
         frames = self.source.step(elapsed, time.monotonic_ns(), self._command)
@@ -171,11 +198,13 @@ class FollowerService:
 
     def _on_stop(self, reason: str) -> None:
         self._say(f"the leader ended the session: {reason}")
-        self.stop(f"leader stopped ({reason})")
+        self.stop(f"leader {reason}" if reason.startswith(FAILED) else f"leader stopped ({reason})")
 
     def _on_lost(self, reason: str) -> None:
         patience_s = self._link.patience_s
         self._say(f"leader lost ({reason}), trying again for {patience_s:g} s")
+        if self._lost_deadline is not None:
+            self._lost_deadline.cancel()
         loop = asyncio.get_running_loop()
         self._lost_deadline = loop.call_later(patience_s, self._give_up)
 

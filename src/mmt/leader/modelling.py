@@ -59,7 +59,7 @@ class ModellingTask:
             return
         self._queue.append(frames)
         self._queued += len(frames)
-        while self._queued > self._longest_queue:
+        while self._queued > self._longest_queue and len(self._queue) > 1:
             dropped = len(self._queue.popleft())
             self._queued -= dropped
             self.dropped_frames += dropped

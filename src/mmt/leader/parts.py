@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from mmt.devices.protocols import LeaderInterface, VibrationActuator
@@ -31,6 +32,7 @@ class LeaderParts:
     modelling: "ModellingTask | None" = None
     synthesizer: "Synthesizer | None" = None
     switch: VibrationSwitch | None = None
+    make_recorder: "Callable[[], McapRecorder] | None" = None
     recorder: "McapRecorder | None" = None
 
     def connect(self) -> None:
@@ -40,15 +42,37 @@ class LeaderParts:
                 device.connect()
                 device.calibrate()
 
-    def close(self) -> None:
-        """Release the devices and finish the recording; what was recorded is kept."""
-        try:
-            for device in (self.hand, self.actuator):
+    def begin_recording(self) -> None:
+        """Make the recording's file, which replaces an older one of that name.
+
+        Call it when nothing else can keep the session from starting.
+
+        Raises
+        ------
+        InputError
+            The file cannot be made.
+        """
+        if self.make_recorder is not None:
+            self.recorder = self.make_recorder()
+
+    def close(self) -> list[str]:
+        """Release the devices and finish the recording, also when one of them fails.
+
+        Returns
+        -------
+        problems
+            A sentence for each device that could not be released.
+        """
+        problems = []
+        for device in (self.hand, self.actuator):
+            try:
                 if device is not None:
                     device.close()
-        finally:
-            if self.recorder is not None:
-                self.recorder.close()
+            except Exception as error:  # noqa: BLE001 - the rest must still be closed
+                problems.append(f"closing {type(device).__name__}: {error}")
+        if self.recorder is not None:
+            self.recorder.close()
+        return problems
 
 
 def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None]) -> LeaderParts:
@@ -95,8 +119,8 @@ def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None])
     if scene.recording is not None:
         from mmt.session.recording import McapRecorder
 
-        parts.recorder = McapRecorder(
-            scene.recording.file, channels=scene.channels(), scene=scene.dump()
+        parts.make_recorder = partial(
+            McapRecorder, scene.recording.file, channels=scene.channels(), scene=scene.dump()
         )
     return parts
 

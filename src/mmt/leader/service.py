@@ -9,8 +9,10 @@ import numpy as np
 
 from mmt.arrays import RecordArray
 from mmt.devices.protocols import InterfaceState
-from mmt.errors import MmtError
-from mmt.frames import COMMAND_DTYPE
+from mmt.errors import FAILED, MmtError
+from mmt.leader.commands import MotionCommands
+from mmt.leader.models import ModelUse
+from mmt.leader.numbering import SessionNumbering
 from mmt.leader.parts import LeaderParts, build_parts
 from mmt.leader.summary import LeaderStatus, LeaderSummary, RunLog, summarise
 from mmt.process import ProcessMeter, prefer_even_ticks
@@ -55,17 +57,17 @@ class LeaderService:
         self._on_status = on_status or (lambda _: None)
         self._say = on_event or (lambda _: None)
         self._period_ns = round(1e9 / scene.session.rate_hz)
+        self.log = RunLog()
         self.parts: LeaderParts = build_parts(scene, self._on_update)
+        self._models = ModelUse(self.parts, self.log, self._event)
         self._server: LeaderServer | None = None
         self._ticker = Ticker(self._period_ns, self._tick)
         self._ended = asyncio.Event()
-        self.log = RunLog()
+        self._fault: Exception | None = None
         self._last_tick_ns = 0
-        self._first_sequence: int | None = None
-        self._newest_sequence = -1
-        self._newest_time_ns = 0
-        self._newest_arrival_ns = 0
-        self._command_sequence = 0
+        self._ticks = 0
+        self._numbering = SessionNumbering(self._period_ns)
+        self._commands = MotionCommands(self._numbering)
         self._mode = self.parts.switch.mode if self.parts.switch is not None else "silent"
         self._meter = ProcessMeter()
         self._lost_deadline: asyncio.TimerHandle | None = None
@@ -79,17 +81,20 @@ class LeaderService:
     @property
     def time_s(self) -> float:
         """Session time: that of the newest frame, or of the ticks where there is no link."""
-        rate_hz = self.scene.session.rate_hz
-        if self.scene.link is None:
-            return self._ticker.statistics.ticks / rate_hz if self._ticker.running else 0.0
-        if self._first_sequence is None:
-            return 0.0
-        return (self._newest_sequence + 1 - self._first_sequence) / rate_hz
+        periods = self._ticks if self.scene.link is None else self._numbering.frames
+        return periods / self.scene.session.rate_hz
 
     async def run(self, on_ready: Callable[[], None] | None = None) -> LeaderSummary:
         """Listen, run until the session ends, and return the summary.
 
-        Everything that was recorded is kept whatever happens.
+        A fault in its midst, such as a device that fails or a full disk, ends the session;
+        the summary says so. Everything that was recorded is kept whatever happens.
+
+        Raises
+        ------
+        MmtError
+            The session cannot begin: a device does not answer, the port or the recording's
+            file cannot be had.
         """
         parts = self.parts
         tasks: list[asyncio.Task[None]] = []
@@ -97,6 +102,7 @@ class LeaderService:
             parts.connect()
             if self.scene.link is not None:
                 await self._listen()
+            parts.begin_recording()
             prefer_even_ticks()
             tasks.append(asyncio.create_task(self._report_status()))
             if parts.modelling is not None:
@@ -109,13 +115,15 @@ class LeaderService:
         finally:
             duration_s = self.time_s
             self._ticker.stop()
+            self._expect_return(None)
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
             if self._server is not None:
                 await self._server.stop()
-            self._record_last_model()
-            parts.close()
+            self._models.record_last()
+            for problem in parts.close():
+                self._say(problem)
         return self._summary(duration_s)
 
     def stop(self, outcome: str = "stopped") -> None:
@@ -126,26 +134,28 @@ class LeaderService:
 
     def reset_model(self) -> None:
         """Forget the model and return to streamed vibration, for a new surface."""
-        if self.parts.modelling is None:
-            return
-        self.parts.modelling.reset()
-        self.log.update = self.log.start_s = self.log.stop_s = None
-        if self.parts.switch is not None:
-            self.parts.switch.use_model(False)
-        self._event("model reset")
+        self._models.reset(self.time_s)
 
     async def _until_ended(self, tasks: list[asyncio.Task[None]]) -> None:
         """Wait for the end, or for a task that fails."""
         ended = asyncio.create_task(self._ended.wait())
         try:
             await asyncio.wait([ended, *tasks], return_when=asyncio.FIRST_COMPLETED)
-            for task in tasks:
-                if task.done() and not task.cancelled():
-                    task.result()
         finally:
             ended.cancel()
+        for task in tasks:
+            error = task.exception() if task.done() and not task.cancelled() else None
+            if isinstance(error, Exception):
+                self._fail(error)
         if self._server is not None:
             await self._server.request_stop(self.log.outcome)
+        if self._fault is not None and not isinstance(self._fault, MmtError):
+            raise self._fault  # no fault of devices or files, but a mistake in the program
+
+    def _fail(self, fault: Exception) -> None:
+        """End the session because something in it does not work."""
+        self._fault = self._fault or fault
+        self.stop(f"{FAILED}{fault}")
 
     async def _listen(self) -> None:
         from mmt.link.server import LeaderEvents, LeaderServer
@@ -159,6 +169,7 @@ class LeaderService:
                 on_frames=self._on_frames,
                 on_end=self._on_end,
                 on_lost=self._on_lost,
+                on_error=self._fail,
             ),
         )
         await self._server.start()
@@ -166,22 +177,19 @@ class LeaderService:
     # --- what the link reports
 
     def _on_follower(self, hello: "FollowerHello") -> None:
-        if self._lost_deadline is not None:
-            self._lost_deadline.cancel()
-            self._lost_deadline = None
+        self._expect_return(None)
+        self._numbering.reconnect()
         if self.parts.recorder is not None and hello.annotations:
             self.parts.recorder.attach_annotations(hello.annotations)
         self._event(f"follower connected ({hello.source})")
 
     def _on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
         parts = self.parts
-        if self._first_sequence is None:
-            self._first_sequence = int(frames["sequence"][0])
+        if not self._numbering.frames:
             self._meter = ProcessMeter()
-        newest = frames[-1]
-        self._newest_sequence = int(newest["sequence"])
-        self._newest_time_ns = int(newest["time_ns"])
-        self._newest_arrival_ns = arrival_ns
+        frames, left_out = self._numbering.take(frames, arrival_ns)
+        if left_out:
+            self._event(f"the follower started anew, {left_out} frames are missing before it")
         self._rest_ticks = 0
         if parts.recorder is not None:
             parts.recorder.record_frames(frames)
@@ -198,31 +206,43 @@ class LeaderService:
 
     def _on_end(self, reason: str) -> None:
         self._event(f"follower ended: {reason}")
-        self.stop("source ended")
+        self.stop(f"follower {reason}" if reason.startswith(FAILED) else "source ended")
 
     def _on_lost(self, reason: str) -> None:
         assert self.scene.link is not None  # noqa: S101 - there is a link to lose
+        if self._ended.is_set():
+            return
         patience_s = self.scene.link.patience_s
         self._event(f"follower lost ({reason}), waiting {patience_s:g} s for its return")
         if self.parts.streamed_motion is not None:
             self.parts.streamed_motion.rest()
-        loop = asyncio.get_running_loop()
-        self._lost_deadline = loop.call_later(patience_s, self.stop, "follower lost")
+        self._expect_return(patience_s)
+
+    def _expect_return(self, within_s: float | None) -> None:
+        """Give up on a follower that is not back in time; None expects nothing."""
+        if self._lost_deadline is not None:
+            self._lost_deadline.cancel()
+            self._lost_deadline = None
+        if within_s is not None:
+            loop = asyncio.get_running_loop()
+            self._lost_deadline = loop.call_later(within_s, self.stop, "follower lost")
 
     # --- what happens every millisecond
 
     def _tick(self, elapsed: int) -> None:
         now_ns = time.monotonic_ns()
         parts = self.parts
+        self._ticks += elapsed
         if parts.modelling is not None and parts.modelling.working and self._last_tick_ns:
             late_ns = now_ns - self._last_tick_ns - self._period_ns
             self.log.late_while_modelling.add(max(0, late_ns))
         self._last_tick_ns = now_ns
-        if self.scene.link is not None and not self._streaming:
-            return
-        state = self._read_hand(elapsed, now_ns)
+        streaming = self.scene.link is None or self._streaming
+        state = self._read_hand(elapsed, now_ns) if streaming else None
         if parts.feedback is not None:
-            parts.feedback.tick(elapsed)
+            parts.feedback.tick(elapsed)  # also without a stream: then the force must fade
+        if not streaming:
+            return
         if parts.switch is not None and parts.actuator is not None:
             speed_mm_s, force_n = self._drive(state, elapsed)
             vibration = parts.switch.render(
@@ -248,17 +268,7 @@ class LeaderService:
             return None
         state = self.parts.hand.read(elapsed)
         if self._server is not None:
-            command = np.zeros(1, dtype=COMMAND_DTYPE)
-            echoed = self._newest_arrival_ns
-            command[0] = (
-                self._command_sequence,
-                now_ns,
-                self._newest_time_ns,
-                now_ns - echoed if echoed else 0,
-                state.position_mm,
-            )
-            self._command_sequence += 1
-            self._server.send_commands(command)
+            self._server.send_commands(self._commands.make(now_ns, state.position_mm))
         return state
 
     def _drive(self, state: InterfaceState | None, elapsed: int) -> tuple[float, float]:
@@ -274,31 +284,10 @@ class LeaderService:
             motion.rest()
         return motion.speed_mm_s, motion.force_n
 
-    # --- modelling and reporting
+    # --- reporting
 
     def _on_update(self, update: "ModelUpdate", seconds: float) -> None:
-        first = self.log.update is None or not self.log.update.started
-        self.log.update = update
-        self.log.update_seconds.append(seconds)
-        if self.parts.synthesizer is not None and update.model is not None:
-            self.parts.synthesizer.model = update.model
-        if update.started and first:
-            self.log.start_s = update.time_s
-            self._event(f"start criterion met at {update.time_s:.1f} s", distance=update.distance)
-            self._record_model(update)
-            if self.parts.switch is not None:
-                self.parts.switch.use_model(True)
-        if update.stopped:
-            self.log.stop_s = update.time_s
-            self._event(f"stop criterion met at {update.time_s:.1f} s", distance=update.distance)
-
-    def _record_model(self, update: "ModelUpdate") -> None:
-        if self.parts.recorder is not None and update.model is not None:
-            self.parts.recorder.attach_model(update.model.to_bytes(), update.time_s)
-
-    def _record_last_model(self) -> None:
-        if self.log.update is not None:
-            self._record_model(self.log.update)
+        self._models.take(update, seconds)
 
     def _event(self, sentence: str, **details: object) -> None:
         self._say(sentence)
@@ -313,7 +302,7 @@ class LeaderService:
             self._on_status(self.status())
             recorder = self.parts.recorder
             if recorder is not None and recorder.error is not None:
-                raise MmtError(f"recording {recorder.path}: {recorder.error}")
+                self._fail(MmtError(f"recording {recorder.path}: {recorder.error}"))
 
     def status(self) -> LeaderStatus:
         """Return the live status."""

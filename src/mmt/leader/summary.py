@@ -2,8 +2,9 @@
 
 import statistics
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
+from mmt.errors import FAILED
 from mmt.leader.parts import LeaderParts
 from mmt.process import ProcessCost
 from mmt.ticking import TickStatistics, TimeHistogram
@@ -11,6 +12,8 @@ from mmt.ticking import TickStatistics, TimeHistogram
 if TYPE_CHECKING:
     from mmt.link.protocol import LinkStatistics
     from mmt.texture.modelling import ModelUpdate
+
+_UNWANTED: Final = (FAILED, f"follower {FAILED}", "follower lost")
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,8 @@ class LeaderSummary:
     """The whole run, in tables of plain values; a part that did not run has an empty table.
 
     ``outcome`` is "completed" (the wanted duration), "source ended", "stopped" (by the
-    person), or "follower lost". Times are seconds of the session.
+    person), "follower lost", "follower failed: ..." or "failed: ...", each with what failed.
+    Times are seconds of the session.
     """
 
     outcome: str
@@ -64,9 +68,12 @@ class LeaderSummary:
     recording: dict[str, Any]
 
     @property
-    def failed(self) -> bool:
-        """Whether the run ended in a way that nobody wanted."""
-        return self.outcome == "follower lost" or bool(self.recording.get("error"))
+    def problem(self) -> str | None:
+        """What made the run end in a way that nobody wanted, None where nothing did."""
+        if self.outcome.startswith(_UNWANTED):
+            return self.outcome
+        error = self.recording.get("error")
+        return f"recording {self.recording['file']}: {error}" if error else None
 
     def as_dict(self) -> dict[str, Any]:
         """Return the summary for a program, empty tables left out."""

@@ -1,0 +1,81 @@
+"""One numbering for a session, also when its follower is started anew in the midst of it."""
+
+from typing import Final
+
+import numpy as np
+
+from mmt.arrays import RecordArray
+
+_SAME_CLOCK_NS: Final = 1_000_000_000
+"""Times that are further off than this come from another clock."""
+
+
+class SessionNumbering:
+    """Number the frames of a session on, whichever process sends them.
+
+    A follower that takes its link up again goes on counting, and its frames pass as they
+    are. One that was started anew counts from 0: its frames are put behind those of the
+    session, with as many missing as the silence lasted, at least one. So nobody takes them
+    for late or repeated ones, and the gap is seen. If it runs on another clock, its times are
+    shifted likewise.
+
+    Parameters
+    ----------
+    period_ns
+        Time from frame to frame.
+    """
+
+    def __init__(self, period_ns: int) -> None:
+        self._period_ns = period_ns
+        self._first: int | None = None
+        self._newest = -1
+        self._newest_time_ns = 0
+        self._reconnected = False
+        self._shift = 0
+        self._time_shift_ns = 0
+        self.follower_time_ns = 0
+        """The newest frame's time by the follower's own clock; 0 before the first."""
+        self.arrival_ns = 0
+        """When the newest frame arrived; 0 before the first."""
+
+    @property
+    def frames(self) -> int:
+        """Frames from the session's first to its newest, missing ones counted."""
+        return 0 if self._first is None else self._newest + 1 - self._first
+
+    def reconnect(self) -> None:
+        """Expect a follower that was connected before, or another one."""
+        self._reconnected = self._first is not None
+
+    def take(self, frames: RecordArray, arrival_ns: int) -> tuple[RecordArray, int]:
+        """Return the next frames (n,), n >= 1, numbered on, and how many this left out.
+
+        The second value is 0 unless a follower that was started anew begins here; then it is
+        the number of frames that are missing between the session so far and it.
+        """
+        left_out = 0
+        if self._reconnected:
+            self._reconnected = False
+            left_out = self._go_on(frames, arrival_ns)
+        self.follower_time_ns = int(frames["time_ns"][-1])
+        self.arrival_ns = arrival_ns
+        if self._shift:
+            frames = frames.copy()
+            frames["sequence"] = frames["sequence"].astype(np.int64) + self._shift
+            frames["time_ns"] += self._time_shift_ns
+        if self._first is None:
+            self._first = int(frames["sequence"][0])
+        self._newest = int(frames["sequence"][-1])
+        self._newest_time_ns = int(frames["time_ns"][-1])
+        return frames, left_out
+
+    def _go_on(self, frames: RecordArray, arrival_ns: int) -> int:
+        sequence = int(frames["sequence"][0])
+        if sequence + self._shift > self._newest:
+            return 0
+        missing = max(1, round((arrival_ns - self.arrival_ns) / self._period_ns))
+        self._shift = self._newest + 1 + missing - sequence
+        expected_ns = self._newest_time_ns + (missing + 1) * self._period_ns
+        behind_ns = expected_ns - int(frames["time_ns"][0])
+        self._time_shift_ns = behind_ns if abs(behind_ns) > _SAME_CLOCK_NS else 0
+        return missing
