@@ -34,7 +34,7 @@ DEFINITIONS: Final[Mapping[str, str]] = {
         "held-out segments, against their mean square."
     ),
     "within_jnd": (
-        "Share of the same points whose power error is below 1.36 dB, the just noticeable "
+        "Share of the same points whose power error is at most 1.36 dB, the just noticeable "
         "difference of 17 % in amplitude."
     ),
     "distance": (

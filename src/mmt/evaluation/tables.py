@@ -155,41 +155,38 @@ def worst(evaluation: Evaluation) -> Table:
 
 
 def run_blocks(run: Mapping[str, object]) -> list[Block]:
-    """Return a section for each table of a run, nested ones as tables of their own."""
+    """Return a section for each table of a run; lists of tables inside become tables."""
     blocks: list[Block] = [Heading("The run")]
-    loose = {name: value for name, value in run.items() if not isinstance(value, Mapping)}
-    if loose:
-        blocks.append(_pairs(loose))
-    for name, value in run.items():
-        if isinstance(value, Mapping):
-            blocks += _run_table(label(name), value)
+    blocks += _group("", {name: v for name, v in run.items() if not isinstance(v, Mapping)})
+    for name, content in run.items():
+        if not isinstance(content, Mapping):
+            continue
+        title = label(name)
+        blocks.append(Heading(title[:1].upper() + title[1:], 3))
+        blocks += _group("", {n: v for n, v in content.items() if not isinstance(v, Mapping)})
+        for inner, table in content.items():
+            if isinstance(table, Mapping):
+                blocks += _group(label(inner), table)
     return blocks
 
 
-def _run_table(title: str, content: Mapping[str, Any]) -> list[Block]:
-    plain_values: dict[str, Any] = {}
-    inner: dict[str, Any] = {}
-    for name, value in content.items():
-        nested = isinstance(value, Mapping) or _is_rows(value)
-        (inner if nested else plain_values)[name] = value
-    blocks: list[Block] = [Heading(title[:1].upper() + title[1:], 3)]
-    if plain_values:
-        blocks.append(_pairs(plain_values))
-    for name, value in inner.items():
-        if isinstance(value, Mapping):
-            if value:
-                blocks.append(_pairs(_flat(value), label(name)))
-        else:
-            blocks.append(_rows(value, label(name)))
-    return blocks
+def _group(caption: str, content: Mapping[str, Any]) -> list[Table]:
+    """Return one table of single values, and one for each list of tables, however deep."""
+    flat = _flat(content)
+    pairs = {name: value for name, value in flat.items() if not _is_rows(value)}
+    tables = [_pairs(pairs, caption)] if pairs else []
+    for name, value in flat.items():
+        if _is_rows(value):
+            tables.append(_rows(value, f"{caption}, {name}" if caption else name))
+    return tables
 
 
 def _is_rows(value: object) -> bool:
     return isinstance(value, list) and bool(value) and all(isinstance(v, Mapping) for v in value)
 
 
-def _flat(content: Mapping[str, Any], prefix: str = "") -> dict[str, object]:
-    flat: dict[str, object] = {}
+def _flat(content: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
     for name, value in content.items():
         full = f"{prefix}{label(name)}"
         if isinstance(value, Mapping):
@@ -200,7 +197,7 @@ def _flat(content: Mapping[str, Any], prefix: str = "") -> dict[str, object]:
 
 
 def _pairs(content: Mapping[str, object], caption: str = "") -> Table:
-    rows = [(label(name), plain(value)) for name, value in content.items()]
+    rows = [(name, plain(value)) for name, value in content.items()]
     return Table(("figure", "value"), rows, caption)
 
 

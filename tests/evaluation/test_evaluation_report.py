@@ -1,0 +1,230 @@
+"""Reports: every file is there, well-formed, and says what was found."""
+
+import io
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from mmt.devices.simulated.offline import simulate_session
+from mmt.errors import InputError
+from mmt.evaluation import figures, tables
+from mmt.evaluation.document import (
+    Heading,
+    Listing,
+    Paragraph,
+    Picture,
+    Table,
+    numeric_columns,
+    to_html,
+    to_markdown,
+)
+from mmt.evaluation.evaluate import evaluate_session
+from mmt.evaluation.report import environment, write_report
+from mmt.evaluation.table import evaluation_table, step_table
+from mmt.frames import empty_frames
+from mmt.scene import Hand, Scene
+from mmt.session import RecordedSession
+from mmt.texture.settings import ModellingSettings
+
+PNG = b"\x89PNG\r\n\x1a\n"
+EMPTY_TAGS = {"meta", "img", "br", "link"}
+RUN = {
+    "outcome": "completed",
+    "leader": {
+        "ready_s": 0.41,
+        "vibration": {"switches": [{"time_s": 4.0, "mode": "model"}], "playout": {"delay_ms": 3}},
+    },
+    "follower": {"link": {"frames": 6000, "rejected": {}, "late": None}},
+}
+
+
+class Outline(HTMLParser):
+    """Check that tags are nested properly, and collect what they hold."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.count: dict[str, int] = {}
+        self.sources: list[str] = []
+        self.text = ""
+
+    def handle_starttag(self, tag, attrs):
+        self.count[tag] = self.count.get(tag, 0) + 1
+        self.sources += [value for name, value in attrs if name in {"src", "href"}]
+        if tag not in EMPTY_TAGS:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+
+def outline(page: str) -> Outline:
+    parser = Outline()
+    parser.feed(page)
+    parser.close()
+    assert parser.open == []
+    return parser
+
+
+@pytest.fixture(scope="module")
+def evaluations(stroked_session):
+    frames, annotations = simulate_session(Scene(hand=Hand()), "wood", 6.0, seed=2)
+    known = RecordedSession(frames, annotations=annotations, path=Path("wo|od <1>.mcap"))
+    even = evaluate_session(stroked_session, ModellingSettings(order=6))
+    return [even, evaluate_session(known, ModellingSettings())]
+
+
+@pytest.fixture(scope="module")
+def report(evaluations, tmp_path_factory):
+    directory = tmp_path_factory.mktemp("report") / "new" / "folder"
+    write_report(
+        directory, evaluations, title="A <run> & more", scene={"session": {"seed": 1}}, run=RUN
+    )
+    return directory
+
+
+def test_html_is_well_formed_and_needs_nothing_else(report):
+    page = outline((report / "report.html").read_text(encoding="utf-8"))
+    assert page.count["h1"] == 1
+    assert page.count["img"] == 3 + 2 + 3
+    assert all(source.startswith("data:image/png;base64,") for source in page.sources)
+    for said in ("A <run> & more", "wo|od <1>", "time s", "playout, delay ms", "just noticeable"):
+        assert said in page.text
+
+
+def test_markdown_refers_to_the_figures_that_were_written(report):
+    text = (report / "report.md").read_text(encoding="utf-8")
+    drawn = sorted(path.name for path in (report / "figures").iterdir())
+    assert len(drawn) == 8
+    for name in drawn:
+        assert f"](figures/{name})" in text
+        assert (report / "figures" / name).read_bytes().startswith(PNG)
+
+
+def test_markdown_tables_are_rectangular(report):
+    lines = (report / "report.md").read_text(encoding="utf-8").splitlines()
+    width = None
+    rows = 0
+    for line in lines:
+        if not line.startswith("|"):
+            width = None
+            continue
+        cells = line.replace(r"\|", "").count("|")
+        width = width or cells
+        assert cells == width
+        rows += 1
+    assert rows > 40
+
+
+def test_summary_holds_every_figure(report, evaluations):
+    summary = json.loads((report / "summary.json").read_text(encoding="utf-8"))
+    assert [s["session"] for s in summary["sessions"]] == ["even", "wo|od <1>"]
+    assert summary["sessions"][0]["stop_s"] == evaluations[0].stop_s
+    assert summary["environment"]["numpy"] == np.__version__
+    assert summary["run"] == RUN
+    assert summary["scene"] == {"session": {"seed": 1}}
+
+
+def test_a_run_alone_is_reported(tmp_path):
+    page = outline(write_report(tmp_path, [], title="Run", run=RUN).read_text(encoding="utf-8"))
+    assert "completed" in page.text
+    assert "img" not in page.count
+    assert json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))["sessions"] == []
+
+
+def test_a_session_at_rest_is_reported(tmp_path):
+    frames = empty_frames(3000)
+    frames["sequence"] = np.arange(3000)
+    frames["time_ns"] = np.arange(3000) * 1_000_000
+    evaluation = evaluate_session(RecordedSession(frames), ModellingSettings())
+    page = outline(write_report(tmp_path, [evaluation]).read_text(encoding="utf-8"))
+    assert "never stroked" in page.text
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path):
+    (tmp_path / "taken").write_text("a file")
+    with pytest.raises(InputError, match="taken"):
+        write_report(tmp_path / "taken" / "report", [])
+
+
+def test_overview_has_paper_a_layout(evaluations):
+    table = tables.by_time(evaluations, "distance", 2, "distance")
+    assert table.columns == ("session", "2.5 s", "5 s", "7.5 s")
+    first, second = table.rows
+    assert first[1:] == tuple(f"{step.distance:.2f}" for step in evaluations[0].steps)
+    assert second[3] == "-"
+
+
+def test_tables_for_the_terminal_have_a_row_for_each(evaluations):
+    overview, steps = evaluation_table(evaluations), step_table(evaluations[0])
+    assert overview.row_count == 2
+    assert steps.row_count == len(evaluations[0].steps)
+    console = Console(width=200, record=True, file=io.StringIO())
+    console.print(overview)
+    assert f"{evaluations[0].final.power_error_db:.2f}" in console.export_text()
+
+
+def test_numbers_stand_to_the_right():
+    table = Table(("a", "b", "c", "d"), [("1", "x", "-", "12 %"), ("-", "2", "", "never")])
+    assert numeric_columns(table) == [True, False, False, True]
+
+
+def test_texts_are_escaped():
+    blocks = [
+        Heading("a < b", 2),
+        Paragraph("x & y"),
+        Table(("q|r",), [("<td>",)]),
+        Listing("t", "</pre>"),
+        Picture("p.png", b"", 'a "quoted" <picture>'),
+    ]
+    page = outline(to_html("<title>", blocks))
+    for said in ("a < b", "x & y", "<td>", "</pre>"):
+        assert said in page.text
+    assert r"| q\|r |" in to_markdown(blocks)
+
+
+def test_curves_hold_the_figures(evaluations):
+    axis = figures.distance_over_time(evaluations).axes[0]
+    np.testing.assert_array_equal(axis.lines[0].get_xydata(), evaluations[0].distances)
+    axis = figures.gfc_over_time(evaluations[:1]).axes[0]
+    expected = [step.gfc for step in evaluations[0].steps]
+    np.testing.assert_allclose(axis.lines[0].get_ydata(), expected)
+
+
+def test_map_needs_a_known_texture(evaluations):
+    with pytest.raises(ValueError, match="known texture"):
+        figures.power_error_map(evaluations[0])
+    drawn = figures.power_error_map(evaluations[1]).axes[0].collections[0].get_array()
+    np.testing.assert_allclose(np.ravel(drawn), evaluations[1].power_map.power_error_db.ravel())
+
+
+def test_model_growth_ends_with_the_finished_model(evaluations):
+    titles = [axis.get_title() for axis in figures.model_growth(evaluations[0]).axes[:4]]
+    final = evaluations[0].final
+    assert titles[-1] == f"{final.time_s:g} s, {final.samples} samples"
+    one = figures.model_growth(replace(evaluations[0], models=evaluations[0].models[:1]))
+    assert len(one.axes) == 2
+
+
+def test_environment_names_versions_and_machine():
+    assert {"mmt", "python", "numpy", "scipy", "numba", "machine"} <= set(environment())
+
+
+def test_evaluating_draws_nothing_and_opens_no_window():
+    code = (
+        "import sys, mmt.evaluation.evaluate, mmt.evaluation.report, mmt.evaluation.table\n"
+        "assert 'matplotlib' not in sys.modules\n"
+        "import mmt.evaluation.figures\n"
+        "assert 'matplotlib.pyplot' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
