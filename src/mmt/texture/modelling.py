@@ -25,8 +25,8 @@ from mmt.texture.ordering import choose_order
 from mmt.texture.segmentation import OnlineSegmenter, Segment, SegmentationSettings
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, ModellingSettings
 
-SEGMENTS_FOR_ORDER: Final = 5
-"""With "auto", the common order is chosen from this many first segments, then it stays."""
+HIGHEST_AUTOMATIC_ORDER: Final = 24
+"""What "auto" may choose at most; a segment has at least four times as many samples."""
 
 SegmentRange = tuple[int, int]
 
@@ -101,7 +101,6 @@ class OnlineModeller:
         )
         self.order: int | None = None if self.settings.order == "auto" else self.settings.order
         self.fits: dict[SegmentRange, Fit] = {}
-        self._waiting: dict[SegmentRange, Segment] = {}
         self._first_sequence: int | None = None
         self._time_s = 0.0
         self.model: TextureModel | None = None
@@ -156,31 +155,28 @@ class OnlineModeller:
         count = 0
         for key in ranges:
             count += self.fits.pop(key, None) is not None
-            self._waiting.pop(key, None)
         return count
 
     def _fit(self, segments: list[Segment]) -> None:
-        """Fit the segments, or keep them waiting until the order is chosen."""
-        if self.order is None:
-            self._waiting.update({(s.start, s.stop): s for s in segments})
-            if len(self._waiting) < SEGMENTS_FOR_ORDER:
-                return
-            segments = list(self._waiting.values())
-            self._waiting.clear()
-            largest = min(24, self.settings.shortest_samples // 4)
+        """Fit the new segments, or all of them where the common order has changed.
+
+        An automatic order follows the data until the start criterion is met; from then on
+        it stays, so that the rendered filters keep their kind.
+        """
+        if self.settings.order == "auto" and segments and not self.completion.started:
+            segments = [*(fit.segment for fit in self.fits.values()), *segments]
+            largest = min(HIGHEST_AUTOMATIC_ORDER, self.settings.shortest_samples // 4)
             self.order = choose_order([s.vibration_m_s2 for s in segments], largest=largest)
-        usable = [s for s in segments if len(s.vibration_m_s2) > self.order]
-        if not usable:
+        order = self.order
+        usable = [s for s in segments if order is not None and len(s.vibration_m_s2) > order]
+        if order is None or not usable:
             return
-        fits = burg_batch([s.vibration_m_s2 for s in usable], self.order)
+        fits = burg_batch([s.vibration_m_s2 for s in usable], order)
         lsf = reflection_to_lsf(fits.reflection)
-        power = fits.power
         for index, segment in enumerate(usable):
-            if not _is_filter(lsf[index], fits.variance[index], power[index]):
-                continue
-            self.fits[segment.start, segment.stop] = Fit(
-                segment, lsf[index], float(fits.variance[index]), float(power[index])
-            )
+            fit = Fit(segment, lsf[index], float(fits.variance[index]), float(fits.power[index]))
+            if _is_filter(fit):
+                self.fits[segment.start, segment.stop] = fit
 
     def _rebuild(self) -> None:
         if not self.fits:
@@ -212,14 +208,10 @@ class OnlineModeller:
         )
 
 
-def _is_filter(lsf: FloatArray, variance: float, power: float) -> bool:
-    """Say whether a fit can stand in a model.
-
-    A segment without any vibration, or one whose power overflows, has no filter that could
-    be interpolated with others.
-    """
-    ascending = bool((np.diff(lsf, prepend=0.0, append=np.pi) > 0).all())
-    return ascending and np.isfinite(power) and np.isfinite(variance)
+def _is_filter(fit: Fit) -> bool:
+    """Say whether a fit can stand in a model: no power that overflows, no merged LSF."""
+    ascending = bool((np.diff(fit.lsf, prepend=0.0, append=np.pi) > 0).all())
+    return ascending and bool(np.isfinite(fit.power))
 
 
 class _Stopwatch:
