@@ -11,6 +11,7 @@ from mmt.errors import InputError
 from mmt.texture.autoregression import reflection_to_ar
 from mmt.texture.metrics import (
     JND_DB,
+    amplitude_spectra,
     amplitude_spectrum,
     gfc,
     gfc_ceiling,
@@ -40,6 +41,15 @@ def test_the_amplitude_spectrum_is_that_of_an_established_package(samples, npers
     frequencies_hz, amplitude = amplitude_spectrum(x, 1000.0, nperseg)
     np.testing.assert_allclose(frequencies_hz, expected_hz, rtol=1e-14)
     np.testing.assert_allclose(amplitude, np.sqrt(density), rtol=1e-12)
+
+
+def test_many_amplitude_spectra_are_those_of_each():
+    signals = noise(600).reshape(4, 150) * [[1.0], [1e-200], [0.0], [1e200]]
+    frequencies_hz, amplitudes = amplitude_spectra(signals, 1000.0, 32)
+    for signal, amplitude in zip(signals, amplitudes, strict=True):
+        expected_hz, expected = amplitude_spectrum(signal, 1000.0, 32)
+        np.testing.assert_array_equal(frequencies_hz, expected_hz)
+        np.testing.assert_allclose(amplitude, expected, rtol=1e-14)
 
 
 @pytest.mark.parametrize("scale", [0.0, 1e-300, 1e-160, 1e160, 1e300])

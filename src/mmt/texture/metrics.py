@@ -11,6 +11,7 @@ import math
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from mmt.arrays import FloatArray
 from mmt.errors import InputError
@@ -50,26 +51,52 @@ def amplitude_spectrum(
     InputError
         The signal is too short or not finite, or `nperseg` is below 2.
     """
-    signal = np.asarray(x, dtype=np.float64)
-    if nperseg < 2 or signal.ndim != 1 or len(signal) < nperseg:
+    frequencies_hz, amplitudes = amplitude_spectra(np.asarray(x)[np.newaxis], rate_hz, nperseg)
+    return frequencies_hz, amplitudes[0]
+
+
+def amplitude_spectra(
+    x: FloatArray, rate_hz: float, nperseg: int = 64
+) -> tuple[FloatArray, FloatArray]:
+    """Return the `amplitude_spectrum` of many signals at once.
+
+    Parameters
+    ----------
+    x : (k, n)
+        A signal in each row, n at least `nperseg`.
+    rate_hz, nperseg
+        As in `amplitude_spectrum`.
+
+    Returns
+    -------
+    frequencies_hz : (nperseg // 2 + 1,)
+    amplitudes : (k, nperseg // 2 + 1)
+
+    Raises
+    ------
+    InputError
+        As `amplitude_spectrum`.
+    """
+    signals = np.asarray(x, dtype=np.float64)
+    if nperseg < 2 or signals.ndim != 2 or signals.shape[-1] < nperseg:
         raise InputError(
-            f"a signal of shape {signal.shape} with windows of {nperseg}: windows of at least 2"
-            " samples and a signal of at least one window are needed"
+            f"signals of shape {signals.shape} with windows of {nperseg}: windows of at least 2"
+            " samples and signals of at least one window are needed"
         )
-    if not np.isfinite(signal).all():
-        raise InputError("the signal has a sample that is not finite")
-    signal, exponent = _scaled(signal)
+    if not np.isfinite(signals).all():
+        raise InputError("a signal has a sample that is not finite")
+    signals, exponents = _scaled_rows(signals)
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi / nperseg * np.arange(nperseg))
-    pieces = np.lib.stride_tricks.sliding_window_view(signal, nperseg)[:: (nperseg + 1) // 2]
-    transformed = np.fft.rfft(pieces * window, axis=-1)
-    density = np.mean(transformed.real**2 + transformed.imag**2, axis=0)
+    pieces = np.lib.stride_tricks.sliding_window_view(signals, nperseg, axis=-1)
+    transformed = np.fft.rfft(pieces[:, :: (nperseg + 1) // 2] * window, axis=-1)
+    density = np.mean(transformed.real**2 + transformed.imag**2, axis=1)
     density *= 2.0 / (rate_hz * np.sum(window * window))
-    density[0] *= 0.5
+    density[:, 0] *= 0.5
     if nperseg % 2 == 0:
-        density[-1] *= 0.5
+        density[:, -1] *= 0.5
     frequencies_hz = np.arange(nperseg // 2 + 1, dtype=np.float64) * (rate_hz / nperseg)
-    amplitude: FloatArray = np.ldexp(np.sqrt(density), exponent)
-    return frequencies_hz, amplitude
+    amplitudes: FloatArray = np.ldexp(np.sqrt(density), exponents)
+    return frequencies_hz, amplitudes
 
 
 def gfc(a: FloatArray, b: FloatArray) -> float:
@@ -104,7 +131,7 @@ def gfc_of_rows(a: FloatArray, b: FloatArray) -> FloatArray:
     InputError
         The shapes differ, or a value is not finite.
     """
-    first, second = (_scaled_rows(values) for values in _paired("spectra", a, b))
+    first, second = (_scaled_rows(values)[0] for values in _paired("spectra", a, b))
     lengths = np.linalg.norm(first, axis=-1) * np.linalg.norm(second, axis=-1)
     scores = np.abs(np.sum(first * second, axis=-1)) / np.where(lengths > 0.0, lengths, 1.0)
     alike = first.any(axis=-1) == second.any(axis=-1)
@@ -255,14 +282,7 @@ def _densities(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
     return first, second
 
 
-def _scaled_rows(values: FloatArray) -> FloatArray:
-    """Return each row (last axis) over a power of two, its largest near one: no overflow."""
+def _scaled_rows(values: FloatArray) -> tuple[FloatArray, npt.NDArray[np.int32]]:
+    """Return rows (last axis) over powers of two, and these: the largest near one, no overflow."""
     exponents = np.frexp(np.abs(values).max(axis=-1, keepdims=True))[1]
-    scaled: FloatArray = np.ldexp(values, -exponents)
-    return scaled
-
-
-def _scaled(values: FloatArray) -> tuple[FloatArray, int]:
-    """Return the values over a power of two, the largest near one, and the power: no overflow."""
-    exponent = math.frexp(float(np.abs(values).max()))[1]
-    return np.ldexp(values, -exponent), exponent
+    return np.ldexp(values, -exponents), exponents
