@@ -13,7 +13,7 @@ import numpy as np
 
 from mmt.arrays import FloatArray
 from mmt.evaluation.levels import level_error_db
-from mmt.texture.metrics import amplitude_spectrum, gfc_of_rows
+from mmt.texture.metrics import amplitude_spectra, amplitude_spectrum, gfc_of_rows
 from mmt.texture.model import TextureModel
 from mmt.texture.segmentation import Segment
 from mmt.texture.synthesis import Synthesizer
@@ -94,9 +94,7 @@ class HeldOutRecording:
         synthesizer = Synthesizer(model, seed=seed, renewal_samples=count, limit_m_s2=np.inf)
         rendered = synthesizer.render(np.full(count, speed_mm_s), np.full(count, force_n))
         pieces = rendered[_WARM_UP_SAMPLES:].reshape(REALISATIONS, length)
-        amplitudes = np.array(
-            [amplitude_spectrum(piece, self._rate_hz, self._window)[1] for piece in pieces]
-        )
+        _, amplitudes = amplitude_spectra(pieces, self._rate_hz, self._window)
         measured = np.broadcast_to(self.amplitude, amplitudes.shape)
         point = np.array([speed_mm_s]), np.array([force_n])
         return Approximation(
