@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+import rich.box
 import rich.table
 
 from mmt.evaluation import document, tables
@@ -19,10 +20,27 @@ def step_table(evaluation: Evaluation) -> rich.table.Table:
 
 
 def as_rich(table: document.Table) -> rich.table.Table:
-    """Return a report's table for the terminal."""
-    result = rich.table.Table(title=table.caption or None, title_justify="left", pad_edge=False)
-    for name, numeric in zip(table.columns, document.numeric_columns(table), strict=True):
-        result.add_column(name, justify="right" if numeric else "left")
+    """Return a report's table for the terminal, narrow enough for 80 columns.
+
+    The words of a heading stand below each other; only the first column may be cut.
+    """
+    result = rich.table.Table(
+        box=rich.box.SIMPLE_HEAD,
+        padding=0,
+        pad_edge=False,
+        caption=table.caption or None,
+        caption_justify="left",
+    )
+    for place, name in enumerate(table.columns):
+        numeric = document.numeric_columns(table)[place]
+        result.add_column(
+            name.replace(" ", "\n"),
+            justify="right" if numeric else "left",
+            no_wrap=place > 0,
+            min_width=12 if place == 0 and not numeric else None,
+            overflow="fold",
+            vertical="bottom",
+        )
     for row in table.rows:
         result.add_row(*row)
     return result
