@@ -256,7 +256,9 @@ def _draw_spectra(axis: Axes, segment: HeldOutSegment) -> None:
     spectra = ((segment.measured, "measured"), (segment.synthesized, "synthesized"))
     for colour, (spectrum, name) in zip(COLOURS, spectra, strict=False):
         if spectrum is not None:
-            axis.semilogy(segment.frequencies_hz, spectrum, color=colour, lw=1.7, label=name)
+            # One-sided densities are halved at 0 and at half the rate: not drawn.
+            inner = segment.frequencies_hz[1:-1], spectrum[1:-1]
+            axis.semilogy(*inner, color=colour, lw=1.7, label=name)
     score = "" if segment.gfc is None else f"\nGFC {segment.gfc:.3f}"
     axis.set_title(f"{segment.speed_mm_s:.0f} mm/s, {segment.force_n:.2f} N{score}", fontsize=9)
     axis.set_xlim(SHAPE_HZ[0], SHAPE_HZ[-1])
