@@ -183,6 +183,8 @@ class FollowerClient:
     def _on_disconnect(self, reason: str) -> None:
         self._connected = False
         self._outbox.close()
+        if self._line is not None and reason == self._line.client.reason.TRANSPORT_ERROR:
+            self._line.drop()
         if not self._ended and not self._told_to_stop:
             call(self._events.on_lost, loss_of(reason), on_error=self._events.on_error)
 

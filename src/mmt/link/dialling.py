@@ -3,7 +3,7 @@
 import asyncio
 import urllib.parse
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import aiohttp
@@ -28,6 +28,7 @@ class Line:
 
     client: socketio.AsyncClient
     session: aiohttp.ClientSession
+    _dropping: set[asyncio.Task[bool]] = field(default_factory=set)
 
     @classmethod
     def make(cls, handlers: Mapping[str, Callable[..., None]]) -> "Line":
@@ -65,6 +66,14 @@ class Line:
             return _first_cause(error)
         return None
 
+    def drop(self) -> None:
+        """Close the WebSocket of a link that fell silent, which the library leaves open."""
+        websocket = getattr(self.client.eio, "ws", None)
+        if isinstance(websocket, aiohttp.ClientWebSocketResponse) and not websocket.closed:
+            task = asyncio.get_running_loop().create_task(websocket.close())
+            self._dropping.add(task)
+            task.add_done_callback(self._dropping.discard)
+
     async def close(self) -> None:
         """Close whatever is open, and take up nothing again; in bounded time."""
         try:
@@ -74,6 +83,9 @@ class Line:
         except TimeoutError:
             LOG.info("the leader did not answer the closing of the link")
         finally:
+            for task in self._dropping:
+                task.cancel()
+            await asyncio.gather(*self._dropping, return_exceptions=True)
             await self.session.close()
 
 
