@@ -1,0 +1,257 @@
+"""The documentation against the program: links, commands, keys, and code that runs."""
+
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from mmt.cli import follower, leader, main
+from mmt.scene import Scene
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
+INDEX = DOCS / "index.md"
+COMMANDS_PAGE = DOCS / "reference" / "commands.md"
+SCENE_PAGE = DOCS / "reference" / "scene.md"
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted(DOCS.rglob("*.md"))]
+RUNNABLE = [ROOT / "README.md", *sorted((DOCS / "how-to").glob("*.md"))]
+LARGEST_IMAGE_BYTES = 150_000
+
+Command = Any
+"""A click command; typer brings a click of its own, so that its classes have no public name."""
+
+PROGRAMS: dict[str, Command] = {
+    "mmt": typer.main.get_command(main.app),
+    "mmt-leader": typer.main.get_command(leader.app),
+    "mmt-follower": typer.main.get_command(follower.app),
+}
+
+
+def name_of(page: Path) -> str:
+    return str(page.relative_to(ROOT))
+
+
+# --- reading Markdown
+
+
+def fenced(text: str, *languages: str) -> Iterator[tuple[int, str]]:
+    """Yield (line, content) of the fenced blocks in these languages."""
+    for match in re.finditer(r"^```(\w*)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL):
+        if match[1] in languages:
+            yield text.count("\n", 0, match.start()) + 2, match[2]
+
+
+def without_fences(text: str) -> str:
+    return re.sub(r"^```.*?^```$", "", text, flags=re.MULTILINE | re.DOTALL)
+
+
+def anchors(text: str) -> set[str]:
+    """Return the anchors that GitHub gives to the headings."""
+    headings = re.findall(r"^#+ +(.+?) *$", without_fences(text), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", h.lower()).replace(" ", "-") for h in headings}
+
+
+def sections(text: str) -> dict[str, str]:
+    """Return the text below each second-level heading, by the heading without backticks."""
+    parts = re.split(r"^## +(.+?) *$", text, flags=re.MULTILINE)[1:]
+    return {parts[i].replace("`", ""): parts[i + 1] for i in range(0, len(parts), 2)}
+
+
+# --- links and pictures
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_every_relative_link_resolves(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    broken = []
+    for target in re.findall(r"\]\(([^)\s]+)\)", without_fences(text)):
+        if re.match(r"[a-z]+:", target):
+            continue
+        path, _, anchor = target.partition("#")
+        file = (page.parent / path).resolve() if path else page
+        found = file.exists()
+        if found and anchor:
+            found = anchor in anchors(file.read_text(encoding="utf-8"))
+        if not found:
+            broken.append(target)
+    assert broken == []
+
+
+def test_the_index_leads_to_every_page() -> None:
+    targets = re.findall(r"\]\(([^)#\s]+)", INDEX.read_text(encoding="utf-8"))
+    reached = {(DOCS / target).resolve() for target in targets}
+    assert sorted(name_of(page) for page in DOCS.rglob("*.md") if page not in reached) == [
+        name_of(INDEX)
+    ]
+
+
+def test_pictures_are_small_and_used() -> None:
+    text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    pictures = list((DOCS / "images").iterdir())
+    assert pictures
+    for picture in pictures:
+        assert picture.name in text
+        assert picture.stat().st_size <= LARGEST_IMAGE_BYTES
+
+
+# --- code
+
+
+@pytest.mark.parametrize(
+    "page",
+    [page for page in RUNNABLE if "```python" in page.read_text(encoding="utf-8")],
+    ids=name_of,
+)
+def test_the_python_code_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The blocks of a page are one program, run in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {"__name__": "__main__"}
+    for line, block in fenced(page.read_text(encoding="utf-8"), "python"):
+        padded = "\n" * (line - 1) + block  # so that a traceback names the page's own line
+        exec(compile(padded, str(page), "exec"), names)
+
+
+# --- commands
+
+
+def written_commands(text: str) -> Iterator[list[str]]:
+    """Yield the words of every command that names one of the programs."""
+    lines = [line for _, block in fenced(text, "sh") for line in block.splitlines()]
+    lines += re.findall(r"`([^`\n]+)`", without_fences(text))
+    for line in lines:
+        command = re.match(r"(?:[A-Z_]+=\S+ +)*(mmt(?:-leader|-follower)?(?: .*)?)$", line)
+        if command is not None:
+            yield shlex.split(command[1], comments=True)
+
+
+def find(words: list[str]) -> tuple[Command, list[str]]:
+    """Return the command that the words name, and what is left of them."""
+    command, rest = PROGRAMS[words[0]], words[1:]
+    while rest and not rest[0].startswith("-") and subcommands(command):
+        assert rest[0] in subcommands(command), f"{' '.join(words)}: no command {rest[0]!r}"
+        command, rest = subcommands(command)[rest[0]], rest[1:]
+    return command, rest
+
+
+def subcommands(command: Command) -> dict[str, Command]:
+    return getattr(command, "commands", {})
+
+
+def options(command: Command) -> set[str]:
+    return {
+        name
+        for parameter in command.params
+        for name in (*parameter.opts, *parameter.secondary_opts)
+        if name.startswith("--")
+    }
+
+
+def leaves(words: tuple[str, ...], command: Command) -> Iterator[tuple[str, Command]]:
+    for name, inner in subcommands(command).items():
+        yield from leaves((*words, name), inner)
+    if not subcommands(command):
+        yield " ".join(words), command
+
+
+def test_a_command_that_does_not_exist_would_be_found() -> None:
+    text = "`mmt nothing`\n\n```sh\nMMT_LINK__PORT=1 mmt session info FILE --none  # comment\n```\n"
+    first, second = written_commands(text)
+    assert first == ["mmt", "session", "info", "FILE", "--none"]
+    assert "--none" not in options(find(first)[0])
+    with pytest.raises(AssertionError, match="no command 'nothing'"):
+        find(second)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_every_command_that_is_named_exists(page: Path) -> None:
+    for words in written_commands(page.read_text(encoding="utf-8")):
+        command, rest = find(words)
+        given = {word.partition("=")[0] for word in rest if word.startswith("--")}
+        unknown = given - options(command) - {"--help"}
+        assert not unknown, f"{' '.join(words)}: no option {', '.join(sorted(unknown))}"
+
+
+@pytest.mark.parametrize(
+    ("name", "command"),
+    [leaf for program, top in PROGRAMS.items() for leaf in leaves((program,), top)],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_the_reference_has_every_command_with_every_option(name: str, command: Command) -> None:
+    text = sections(COMMANDS_PAGE.read_text(encoding="utf-8"))[name]
+    lacking = [option for option in sorted(options(command)) if f"`{option}" not in text]
+    assert lacking == []
+
+
+# --- scene keys
+
+
+def table_rows(text: str) -> dict[str, list[str]]:
+    """Return a table's cells by the key in the first one."""
+    rows = {}
+    for line in text.splitlines():
+        cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
+        key = re.fullmatch(r"`(\w+)`", cells[0])
+        if key is not None and len(cells) == 5:
+            rows[key[1]] = cells
+    return rows
+
+
+TABLES: dict[str, type[BaseModel]] = {
+    name: next(
+        part
+        for part in (field.annotation, *getattr(field.annotation, "__args__", ()))
+        if isinstance(part, type) and issubclass(part, BaseModel)
+    )
+    for name, field in Scene.model_fields.items()
+}
+
+
+def expected_default(field: FieldInfo) -> str:
+    if field.is_required():
+        return "required"
+    default = field.default
+    if default is None:
+        return "none"
+    if isinstance(default, bool):
+        return f"`{str(default).lower()}`"
+    return f"`{default:g}`" if isinstance(default, float) else f"`{default}`"
+
+
+def expected_in_range(field: FieldInfo) -> set[str]:
+    """Return the bounds and the words that the range must name."""
+    bounds = {
+        f"{getattr(limit, kind):g}" if getattr(limit, kind) < 2**53 else "2^63"
+        for limit in field.metadata
+        for kind in ("ge", "gt", "le", "lt", "max_length")
+        if getattr(limit, kind, None) is not None
+    }
+    choices = re.findall(r"Literal\[([^\]]*)\]", str(field.annotation))
+    words = {word.strip(" '") for choice in choices for word in choice.split(",")}
+    return bounds | words
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_every_key_is_documented_with_its_default_and_range(table: str) -> None:
+    rows = table_rows(sections(SCENE_PAGE.read_text(encoding="utf-8"))[f"[{table}]"])
+    fields = TABLES[table].model_fields
+    assert set(rows) == set(fields)
+    for key, field in fields.items():
+        _, meaning, _, default, allowed = rows[key]
+        assert meaning
+        assert default == expected_default(field), key
+        plain = re.sub(r"(?<=\d) (?=\d{3}\b)", "", allowed.replace("`", ""))
+        written = set(re.findall(r"[\w^.]+", plain))
+        missing = {w for w in expected_in_range(field) if w not in written}
+        assert not missing, f"{key}: {allowed!r} lacks {missing}"
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_every_table_says_what_leaving_it_out_does(table: str) -> None:
+    text = sections(SCENE_PAGE.read_text(encoding="utf-8"))[f"[{table}]"]
+    assert "Left out" in text
