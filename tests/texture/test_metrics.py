@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from scipy.signal import welch
+from scipy.signal import lfilter, welch
 
 from mmt.errors import InputError
 from mmt.texture.autoregression import reflection_to_ar
@@ -13,6 +13,7 @@ from mmt.texture.metrics import (
     JND_DB,
     amplitude_spectra,
     amplitude_spectrum,
+    expected_amplitude,
     gfc,
     gfc_ceiling,
     gfc_of_psd,
@@ -22,6 +23,7 @@ from mmt.texture.metrics import (
     power_error_db,
     within_jnd,
 )
+from mmt.texture.spectra import ar_spectrum
 
 amplitudes = hnp.arrays(np.float64, 12, elements=st.floats(0, 1e3))
 
@@ -175,3 +177,19 @@ def test_the_log_spectral_distance():
     a, b = np.array([1.0, 10.0, 0.0, 1.0]), np.array([1.0, 1.0, 0.0, 10.0])
     assert log_spectral_distance_db(a, b) == pytest.approx(math.sqrt(50))
     assert log_spectral_distance_db(np.array([0.0, 1.0]), np.ones(2)) == math.inf
+
+
+def test_the_expected_amplitude_is_the_mean_of_welch_over_realisations() -> None:
+    ar, variance = np.array([-1.6, 0.95]), 0.7
+    density = ar_spectrum(ar[None], np.array([variance]), np.arange(501.0), 1000.0)
+    expected = expected_amplitude(density)[0]
+    noise = np.random.default_rng(5).standard_normal(401_000) * np.sqrt(variance)
+    signal = lfilter([1.0], np.concatenate([[1.0], ar]), noise)[1000:]
+    _, measured = amplitude_spectrum(signal, 1000.0)
+    np.testing.assert_allclose(measured, expected, rtol=0.04)
+
+
+def test_the_expected_amplitude_of_white_noise_is_flat_and_keeps_its_power() -> None:
+    amplitude = expected_amplitude(np.full((2, 501), 0.01))
+    np.testing.assert_allclose(amplitude[:, 1:-1], 0.1, rtol=1e-12)
+    np.testing.assert_allclose(amplitude[:, [0, -1]], 0.1 / np.sqrt(2), rtol=1e-12)

@@ -8,7 +8,7 @@ from mmt.cli.common import messages, output, write_json
 from mmt.cli.reporting import evaluate, scene_of
 from mmt.evaluation.report import write_report
 from mmt.evaluation.results import evaluations_as_dict
-from mmt.evaluation.table import evaluation_table
+from mmt.evaluation.table import evaluation_table, step_table
 from mmt.session import read_session
 
 
@@ -27,9 +27,15 @@ def evaluate_files(
         session = read_session(path)
         scene = scene_of(session, scene_file)
         evaluations.append(evaluate(session, scene, step_s=step_s, seed=seed))
+    if len(evaluations) == 1:
+        output.print(step_table(evaluations[0]))
     output.print(evaluation_table(evaluations))
     for evaluation in evaluations:
-        output.print(f"{evaluation.name}: {evaluation.coverage.remark}", highlight=False)
+        output.print(
+            f"{evaluation.name}: {evaluation.coverage.remark} Evaluated "
+            f"{evaluation.times_real_time:.0f} times faster than real time.",
+            highlight=False,
+        )
     write_json(json_file, evaluations_as_dict(evaluations))
     if report is not None:
         write_report(report, evaluations, title="Evaluation")

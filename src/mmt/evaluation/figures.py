@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from mmt.evaluation.results import Evaluation, HeldOutSegment, Score
-from mmt.evaluation.truth import SHAPE_HZ
+from mmt.evaluation.truth import DENSITY_HZ
 from mmt.texture.completion import CELL_CENTRES, DIVISIONS, cell_distances
 from mmt.texture.metrics import JND_DB
 from mmt.texture.model import TextureModel
@@ -252,7 +252,7 @@ def _draw_model(axis: Axes, model: TextureModel) -> None:
 
 def _draw_spectra(axis: Axes, segment: HeldOutSegment) -> None:
     if segment.truth is not None:
-        axis.semilogy(SHAPE_HZ, segment.truth, color=_GREY, lw=1.0, label="known texture (exact)")
+        axis.semilogy(DENSITY_HZ, segment.truth, color=_GREY, lw=1.0, label="known texture (exact)")
     spectra = ((segment.measured, "measured"), (segment.synthesized, "synthesized"))
     for colour, (spectrum, name) in zip(COLOURS, spectra, strict=False):
         if spectrum is not None:
@@ -261,7 +261,7 @@ def _draw_spectra(axis: Axes, segment: HeldOutSegment) -> None:
             axis.semilogy(*inner, color=colour, lw=1.7, label=name)
     score = "" if segment.gfc is None else f"\nGFC {segment.gfc:.3f}"
     axis.set_title(f"{segment.speed_mm_s:.0f} mm/s, {segment.force_n:.2f} N{score}", fontsize=9)
-    axis.set_xlim(SHAPE_HZ[0], SHAPE_HZ[-1])
+    axis.set_xlim(DENSITY_HZ[0], DENSITY_HZ[-1])
     axis.set_xlabel("frequency (Hz)")
     axis.grid(color="#e3e6ea", linewidth=0.6)
 

@@ -24,9 +24,13 @@ DEFINITIONS: Final[Mapping[str, str]] = {
         "model would score on segments of this length."
     ),
     "truth_gfc": (
-        "The same criterion between the exact amplitude spectra (root of the power spectral "
-        "density, 10 to 500 Hz in steps of 2 Hz) of the leader's model and of the known "
-        "texture; the mean over a grid of 12 x 12 points, 40 to 260 mm/s and 0.4 to 2.6 N."
+        "The same criterion between what those Welch spectra are on average for the leader's "
+        "model and for the known texture, both computed from the exact spectra; the mean over "
+        "a grid of 12 x 12 points, 40 to 260 mm/s and 0.4 to 2.6 N. Its ceiling is 1."
+    ),
+    "truth_gfc_fine": (
+        "The same between the exact amplitude spectra, 10 to 500 Hz in steps of 2 Hz: it sees "
+        "how far a narrow line is off within the 16 Hz that the Welch spectra resolve."
     ),
     "power_error_db": (
         "Root mean square of 10 log10 (power of the model / power of the reference). Basis "
@@ -67,6 +71,7 @@ class Score:
     power_error_db: float | None
     within_jnd: float | None
     truth_gfc: float | None
+    truth_gfc_fine: float | None
     held_out_power_error_db: float | None
     held_out_within_jnd: float | None
     rebuilt_samples: int
@@ -123,7 +128,7 @@ class HeldOutSegment:
     """A recorded segment that the rebuilt model has not seen, and what it says there.
 
     Spectra are amplitudes (roots of the power spectral density), m/s2 per root hertz:
-    Welch's at ``frequencies_hz``, and exact at `mmt.evaluation.truth.SHAPE_HZ` for
+    Welch's at ``frequencies_hz``, and exact at `mmt.evaluation.truth.DENSITY_HZ` for
     ``truth``. ``synthesized``, ``gfc`` and the power error are None where the rebuilt model
     does not exist, ``truth`` where the texture is not known.
     """

@@ -9,7 +9,7 @@ from mmt.evaluation.building import ModelHistory
 from mmt.evaluation.held_out import Approximation, HeldOutRecording
 from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.results import HeldOutSegment, PowerMap, Score, Worst
-from mmt.evaluation.truth import SHAPE_HZ, GridErrors, KnownTexture
+from mmt.evaluation.truth import DENSITY_HZ, GridErrors, KnownTexture
 from mmt.texture.completion import CELL_CENTRES, FARTHEST, NEIGHBOURS
 from mmt.texture.metrics import within_jnd
 from mmt.texture.segmentation import Segment
@@ -107,6 +107,7 @@ class Scorer:
             power_error_db=error_db,
             within_jnd=jnd,
             truth_gfc=float(grid.gfc.mean()) if grid else None,
+            truth_gfc_fine=float(grid.gfc_fine.mean()) if grid else None,
             held_out_power_error_db=held_out_error_db,
             held_out_within_jnd=held_out_jnd,
             rebuilt_samples=rebuilt.samples if rebuilt else 0,
@@ -140,7 +141,7 @@ class Scorer:
         truth = None
         if self._truth is not None:
             density = self._truth.spectrum(
-                np.array([segment.speed_mm_s]), np.array([segment.force_n]), SHAPE_HZ
+                np.array([segment.speed_mm_s]), np.array([segment.force_n]), DENSITY_HZ
             )
             truth = np.sqrt(density[0])
         return HeldOutSegment(

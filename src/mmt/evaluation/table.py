@@ -3,23 +3,24 @@
 from collections.abc import Sequence
 
 import rich.box
+import rich.console
 import rich.table
 
 from mmt.evaluation import document, tables
 from mmt.evaluation.results import Evaluation
 
 
-def evaluation_table(evaluations: Sequence[Evaluation]) -> rich.table.Table:
+def evaluation_table(evaluations: Sequence[Evaluation]) -> rich.console.Group:
     """Return one row for each session, with the figures of the finished model."""
     return as_rich(tables.overview(evaluations))
 
 
-def step_table(evaluation: Evaluation) -> rich.table.Table:
+def step_table(evaluation: Evaluation) -> rich.console.Group:
     """Return one row for each step of a session."""
     return as_rich(tables.steps(evaluation))
 
 
-def as_rich(table: document.Table) -> rich.table.Table:
+def as_rich(table: document.Table) -> rich.console.Group:
     """Return a report's table for the terminal, narrow enough for 80 columns.
 
     The words of a heading stand below each other; only the first column may be cut.
@@ -28,8 +29,6 @@ def as_rich(table: document.Table) -> rich.table.Table:
         box=rich.box.SIMPLE_HEAD,
         padding=0,
         pad_edge=False,
-        caption=table.caption or None,
-        caption_justify="left",
     )
     for place, name in enumerate(table.columns):
         numeric = document.numeric_columns(table)[place]
@@ -43,4 +42,6 @@ def as_rich(table: document.Table) -> rich.table.Table:
         )
     for row in table.rows:
         result.add_row(*row)
-    return result
+    return (
+        rich.console.Group(result, table.caption) if table.caption else rich.console.Group(result)
+    )

@@ -23,9 +23,9 @@ def overview(evaluations: Sequence[Evaluation]) -> Table:
                 number(final.gfc, 3),
                 number(final.gfc_ceiling, 3),
                 number(final.truth_gfc, 3),
+                number(final.truth_gfc_fine, 3),
                 number(final.power_error_db, 2),
                 share(final.within_jnd),
-                number(evaluation.times_real_time, 0),
             )
         )
     columns = (
@@ -37,9 +37,9 @@ def overview(evaluations: Sequence[Evaluation]) -> Table:
         "GFC",
         "ceiling",
         "truth GFC",
+        "same, fine",
         "power error (dB)",
         "within JND",
-        "x real time",
     )
     caption = (
         "Figures at the stop criterion, or at the end where it was never met; power error and "
@@ -101,6 +101,7 @@ _SCORE_COLUMNS = (
     "GFC",
     "ceiling",
     "truth GFC",
+    "same, fine",
     "power error (dB)",
     "within JND",
     "held-out power error (dB)",
@@ -115,6 +116,7 @@ def _cells(score: Score) -> tuple[str, ...]:
         number(score.gfc, 3),
         number(score.gfc_ceiling, 3),
         number(score.truth_gfc, 3),
+        number(score.truth_gfc_fine, 3),
         number(score.power_error_db, 2),
         share(score.within_jnd),
         number(score.held_out_power_error_db, 2),

@@ -6,7 +6,7 @@ sensors add and what the modelling's 10 Hz high-pass takes away count as errors 
 """
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -16,26 +16,38 @@ from mmt.errors import InputError
 from mmt.evaluation.levels import level_error_db
 from mmt.evaluation.results import PowerMap, Worst
 from mmt.texture.autoregression import ar_spectrum, lsf_to_ar
-from mmt.texture.metrics import gfc_of_rows
+from mmt.texture.metrics import expected_amplitude, gfc_of_rows
 from mmt.texture.model import TextureModel
 from mmt.texture.settings import ModellingSettings
 
 GRID_SPEED_MM_S: Final[FloatArray] = np.linspace(40.0, 260.0, 12)
 GRID_FORCE_N: Final[FloatArray] = np.linspace(0.4, 2.6, 12)
-SHAPE_HZ: Final[FloatArray] = np.arange(10.0, 501.0, 2.0)
-"""Where the shapes of spectra are compared; lines are at least 3 Hz wide."""
+DENSITY_HZ: Final[FloatArray] = np.arange(501.0)
+"""Where spectra are computed; lines are at least 3 Hz wide."""
 
-_POWER_HZ: Final[FloatArray] = np.arange(501.0)
+_FINE: Final = slice(10, None, 2)  # of DENSITY_HZ: 10 to 500 Hz in steps of 2 Hz
+_BINS: Final = slice(1, None)  # of Welch's estimate: 15.6 to 500 Hz
 _SPARSE: Final = 0.2  # of the normalised plane
 _MUCH: Final = 0.5
 
 
 @dataclass(frozen=True)
 class GridErrors:
-    """GFC and power error (dB) at points of the plane, each of shape (k,)."""
+    """GFC and power error (dB) at points of the plane, each of shape (k,).
+
+    ``gfc`` compares the spectra at the resolution of every measured GFC (Welch, 64 samples),
+    ``gfc_fine`` at 2 Hz.
+    """
 
     gfc: FloatArray
+    gfc_fine: FloatArray
     power_error_db: FloatArray
+
+
+class _Truth(NamedTuple):
+    fine_amplitude: FloatArray
+    amplitude: FloatArray
+    power: FloatArray
 
 
 class KnownTexture:
@@ -54,7 +66,7 @@ class KnownTexture:
         self._share = share
         speed, force = np.meshgrid(GRID_SPEED_MM_S, GRID_FORCE_N)
         self._speed_mm_s, self._force_n = speed.ravel(), force.ravel()
-        self._amplitude, self._power = self._reference(self._speed_mm_s, self._force_n)
+        self._reference = self._truth_at(self._speed_mm_s, self._force_n)
 
     def spectrum(
         self, speed_mm_s: FloatArray, force_n: FloatArray, frequencies_hz: FloatArray
@@ -64,26 +76,24 @@ class KnownTexture:
 
     def compare(self, model: TextureModel) -> GridErrors:
         """Compare a model over the grid, 12 x 12 points, forces outermost."""
-        return _errors(model, self._speed_mm_s, self._force_n, self._amplitude, self._power)
+        return _errors(model, self._speed_mm_s, self._force_n, self._reference)
 
     def compare_at(
         self, model: TextureModel, speed_mm_s: FloatArray, force_n: FloatArray
     ) -> GridErrors:
         """Compare a model at points (k,) of the plane."""
-        return _errors(model, speed_mm_s, force_n, *self._reference(speed_mm_s, force_n))
+        return _errors(model, speed_mm_s, force_n, self._truth_at(speed_mm_s, force_n))
 
-    def _reference(
-        self, speed_mm_s: FloatArray, force_n: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return amplitude spectra (k, f) and powers (k,) of the truth.
+    def _truth_at(self, speed_mm_s: FloatArray, force_n: FloatArray) -> "_Truth":
+        """Return amplitude spectra (k, f), fine and as by Welch, and powers (k,) of the truth.
 
         The power is the trapezoidal sum of the spectrum from 0 to 500 Hz in steps of 1 Hz.
         The spectrum being even and periodic, the error falls exponentially with a line's
         width over the step: 2e-4 for the narrowest lines, of 3 Hz.
         """
-        density = self.spectrum(speed_mm_s, force_n, _POWER_HZ)
+        density = self.spectrum(speed_mm_s, force_n, DENSITY_HZ)
         power = density.sum(axis=1) - 0.5 * (density[:, 0] + density[:, -1])
-        return np.sqrt(self.spectrum(speed_mm_s, force_n, SHAPE_HZ)), power
+        return _Truth(np.sqrt(density[:, _FINE]), expected_amplitude(density)[:, _BINS], power)
 
     @staticmethod
     def power_map(errors: GridErrors) -> PowerMap:
@@ -169,15 +179,15 @@ def _errors(
     model: TextureModel,
     speed_mm_s: FloatArray,
     force_n: FloatArray,
-    amplitude: FloatArray,
-    power: FloatArray,
+    truth: "_Truth",
 ) -> GridErrors:
     lsf, variance = model.at(speed_mm_s, force_n)
     # By the coefficients, as the synthesis renders them, and several times faster than by LSF.
-    own = np.sqrt(ar_spectrum(lsf_to_ar(lsf), variance, SHAPE_HZ, model.rate_hz))
+    density = ar_spectrum(lsf_to_ar(lsf), variance, DENSITY_HZ, model.rate_hz)
     return GridErrors(
-        gfc=gfc_of_rows(own, amplitude),
-        power_error_db=level_error_db(model, speed_mm_s, force_n, power),
+        gfc=gfc_of_rows(expected_amplitude(density)[:, _BINS], truth.amplitude),
+        gfc_fine=gfc_of_rows(np.sqrt(density[:, _FINE]), truth.fine_amplitude),
+        power_error_db=level_error_db(model, speed_mm_s, force_n, truth.power),
     )
 
 

@@ -99,6 +99,38 @@ def amplitude_spectra(
     return frequencies_hz, amplitudes
 
 
+def expected_amplitude(density: FloatArray, nperseg: int = 64) -> FloatArray:
+    """Return what `amplitude_spectrum` would give on average over endless realisations.
+
+    The expected estimate is the true density seen through the window: its autocorrelation
+    times that of the window, transformed back. It puts a known density at the resolution at
+    which measured spectra are compared, without the scatter of a realisation.
+
+    Parameters
+    ----------
+    density : (k, f)
+        One-sided power spectral densities at f equally spaced frequencies from 0 to half
+        the rate, both included and doubled as `ar_spectrum` has them; f at least `nperseg`
+        and fine enough for their lines.
+    nperseg
+        Window length, even.
+
+    Returns
+    -------
+    (k, nperseg // 2 + 1)
+        Roots of the expected densities, at the frequencies of `amplitude_spectrum`.
+    """
+    correlation = np.fft.irfft(0.5 * np.asarray(density), axis=1)[:, :nperseg]
+    window = np.hanning(nperseg + 1)[:-1]
+    weight = np.correlate(window, window, "full")[nperseg - 1 :] / np.sum(window**2)
+    lags = np.zeros((len(correlation), 2 * nperseg))
+    lags[:, :nperseg] = correlation * weight
+    lags[:, nperseg + 1 :] = lags[:, nperseg - 1 : 0 : -1]
+    expected = np.fft.rfft(lags, axis=1).real[:, ::2]
+    expected[:, 1:-1] *= 2.0
+    return np.asarray(np.sqrt(np.maximum(expected, 0.0)))
+
+
 def gfc(a: FloatArray, b: FloatArray) -> float:
     """Return the goodness-of-fit criterion of two amplitude spectra on one frequency grid.
 
