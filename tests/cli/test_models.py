@@ -128,3 +128,13 @@ def test_a_session_is_no_model(session_file: Path) -> None:
     result = run("info", session_file)
     assert isinstance(result.exception, InputError)
     assert "format version" in str(result.exception)
+
+
+def test_the_shipped_model_can_be_rendered() -> None:
+    from mmt.scene_files import example_scenes, load_scene
+
+    scene = load_scene(example_scenes()["model-only"])
+    assert scene.rendering is not None
+    assert scene.rendering.model is not None
+    model = TextureModel.load(scene.rendering.model)
+    assert distance_sum(model.points) < STOP_DISTANCE
