@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, TextColumn
 
 from mmt.cli.child import Child
 from mmt.cli.common import messages, output, print_error, write_json
@@ -101,11 +101,10 @@ class _Demo:
         self._children: list[Child] = []
         self._interrupted = False
         self._progress = Progress(
-            TextColumn("[bold]{task.description}"),
-            BarColumn(bar_width=24),
             TextColumn("{task.fields[status]}"),
-            TimeElapsedColumn(),
+            BarColumn(bar_width=None),
             console=messages,
+            expand=True,
         )
         self._bar = self._progress.add_task(
             "leader", total=scene.session.duration_s, status="starting"
@@ -186,7 +185,7 @@ def status_text(status: dict[str, Any]) -> str:
     distance = status["distance"]
     late = status["tick_p99_ms"]
     return (
-        f"{status['time_s']:5.1f} s  {status['mode']:<11}  samples {status['samples']:3d}  "
+        f"{status['time_s']:5.1f} s {status['mode']:<11}  samples {status['samples']:2d}  "
         f"distance {'-' if distance is None else format(distance, '.2f')}  "
         f"lost {status['frames_lost']}  "
         f"tick p99 {'-' if late is None else format(late, '.2f')} ms"
