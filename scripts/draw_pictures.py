@@ -15,6 +15,7 @@ from PIL import Image
 
 from mmt.cli.reporting import evaluate, scene_of
 from mmt.evaluation import figures
+from mmt.evaluation.results import Evaluation
 from mmt.session import RecordedSession, read_session
 
 IMAGES: Final = Path(__file__).resolve().parents[1] / "docs" / "images"
@@ -36,12 +37,19 @@ def main() -> None:
         session = read_session(Path(directory) / "session.mcap")
     evaluation = replace(evaluate(session, scene_of(session)), name="demo")
     few = replace(evaluation, held_out=evaluation.held_out[:3])
-    write("model-growth", figures.model_growth(evaluation, panels=3))
+    write("model-growth", figures.model_growth(from_five_samples_on(evaluation), panels=3))
     write("spectra", figures.held_out_spectra(few))
     write("completion", figures.distance_over_time([evaluation]))
     write("gfc", figures.gfc_over_time([evaluation]))
     write("power-error", figures.power_error_map(evaluation))
     write("switch", vibration_at_the_switch(session))
+
+
+def from_five_samples_on(evaluation: Evaluation) -> Evaluation:
+    """Leave out the first models: a plane with one sample shows little."""
+    models = [(at_s, model) for at_s, model in evaluation.models if model is not None]
+    kept = tuple((at_s, model) for at_s, model in models if len(model.samples) >= 5)
+    return replace(evaluation, models=kept)
 
 
 def vibration_at_the_switch(session: RecordedSession) -> Figure:
