@@ -5,7 +5,7 @@ same file. Every key is documented in ``docs/reference/scene.md``.
 """
 
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -124,7 +124,7 @@ class Rendering(_Table):
 class Playout(_Table):
     """``[playout]``: streamed vibration through a buffer that bridges jitter."""
 
-    delay_ms: float | Literal["auto"] = "auto"
+    delay_ms: Annotated[float, Field(ge=0, le=1000)] | Literal["auto"] = "auto"
     longest_delay_ms: float = Field(100.0, gt=0, le=1000)
 
 

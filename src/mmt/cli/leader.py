@@ -94,7 +94,7 @@ def leader(
 async def _serve(scene: Scene, json_lines: bool) -> LeaderSummary:
     needs_numerics = scene.texture is not None or scene.rendering is not None
     if needs_numerics and not numerics_are_compiled():
-        sentence = "compiling the numerics, at the first start only (about a minute)"
+        sentence = "compiling the numerics, at the first start only (15 to 60 s)"
         write_line("event", event=sentence) if json_lines else messages.print(sentence)
     from mmt.leader.service import LeaderService
 

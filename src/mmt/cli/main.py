@@ -70,7 +70,9 @@ def evaluate(
 
 @app.command()
 def bench(
-    what: Annotated[list[str] | None, typer.Argument(metavar="[link] [tick] [evaluate]")] = None,
+    what: Annotated[
+        list[str] | None, typer.Argument(metavar="[link] [services] [evaluate]")
+    ] = None,
     duration: Annotated[float, typer.Option(help="Seconds for each measurement.")] = 60.0,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
 ) -> None:

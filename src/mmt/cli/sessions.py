@@ -21,16 +21,22 @@ TargetFile = Annotated[Path, typer.Argument(metavar="OUT")]
 @app.command()
 def simulate(
     target: TargetFile,
-    surface: Annotated[str, typer.Option(help="The known texture to touch.")] = "plastic",
-    duration: Annotated[float, typer.Option(help="Seconds.")] = 18.0,
-    seed: Annotated[int, typer.Option(help="Of hand and noise.")] = 1,
+    surface: Annotated[
+        str | None, typer.Option(help="The known texture; the scene's if absent, else plastic.")
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(help="Seconds; the scene's if absent, else 18.")
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Of hand and noise; the scene's if absent, else 1.")
+    ] = None,
     path: Annotated[
         Path | None, typer.Option(help="A recorded stroke (.npz) in place of the hand.")
     ] = None,
     motion_scale: Annotated[float, typer.Option(help="Factor on the stroke's motion.")] = 1.0,
     force_scale: Annotated[float, typer.Option(help="Factor on the stroke's force.")] = 1.0,
     scene_file: Annotated[
-        Path | None, typer.Option("--scene", help="Take \\[simulated] and \\[hand] from it.")
+        Path | None, typer.Option("--scene", help="Simulate this scene's follower and hand.")
     ] = None,
 ) -> None:
     """Simulate a session on a known texture; its truth travels with the file."""
@@ -46,8 +52,9 @@ def simulate(
         motion_scale=motion_scale,
         force_scale=force_scale,
     )
-    write_session(target, frames, annotations=annotations)
-    messages.print(f"{len(frames)} frames on {surface} written to {target}", highlight=False)
+    recorded_scene = scene.dump() if scene_file is not None else None
+    write_session(target, frames, scene=recorded_scene, annotations=annotations)
+    messages.print(f"{len(frames)} frames written to {target}", highlight=False)
 
 
 @app.command("import")
@@ -83,11 +90,18 @@ def export(source: SourceFile, target: TargetFile) -> None:
 
 
 @app.command()
-def recover(source: SourceFile, target: TargetFile) -> None:
-    """Save what is readable of a session file that was cut off."""
+def recover(
+    source: SourceFile,
+    target: Annotated[
+        Path | None, typer.Argument(metavar="[OUT]", help="FILE with .recovered if absent.")
+    ] = None,
+) -> None:
+    """Save what is readable of a session file that was cut off; FILE itself is kept."""
     from mmt.session.recover import recover as recover_session
 
-    saved = recover_session(source, target)
+    saved = recover_session(
+        source, target or source.with_name(f"{source.stem}.recovered{source.suffix}")
+    )
     messages.print(
         f"{saved.frames} frames ({saved.duration_s:.1f} s) saved to {saved.path}; "
         f"{saved.problem or 'the file was whole'}",

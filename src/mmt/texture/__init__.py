@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mmt.texture.autoregression import lsf_to_ar, reflection_to_lsf
-    from mmt.texture.burg import burg
+    from mmt.texture.burg import burg_batch
     from mmt.texture.filtering import StreamFilter
     from mmt.texture.model import TextureModel, TextureSamples
     from mmt.texture.modelling import OnlineModeller
-    from mmt.texture.segmentation import OnlineSegmenter
+    from mmt.texture.segmentation import OnlineSegmenter, segment
     from mmt.texture.synthesis import Synthesizer
 
 _HOMES = {
@@ -27,9 +27,10 @@ _HOMES = {
     "Synthesizer": "synthesis",
     "TextureModel": "model",
     "TextureSamples": "model",
-    "burg": "burg",
+    "burg_batch": "burg",
     "lsf_to_ar": "autoregression",
     "reflection_to_lsf": "autoregression",
+    "segment": "segmentation",
 }
 
 __all__ = [
@@ -39,9 +40,10 @@ __all__ = [
     "Synthesizer",
     "TextureModel",
     "TextureSamples",
-    "burg",
+    "burg_batch",
     "lsf_to_ar",
     "reflection_to_lsf",
+    "segment",
 ]
 
 

@@ -228,7 +228,7 @@ class TextureModel:
             with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
                 content = {name: arrays[name] for name in arrays.files}
         except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
-            raise InputError(f"not a texture model (.npz): {error}") from error
+            raise InputError("not a texture model (.npz), or cut off") from error
         version = int(content.get("format_version", 0))
         if version != FORMAT_VERSION:
             raise InputError(f"format version is {version}, this program reads {FORMAT_VERSION}")
