@@ -241,7 +241,7 @@ class LeaderService:
         state = self._read_hand(elapsed, now_ns) if streaming else None
         if parts.feedback is not None:
             parts.feedback.tick(elapsed)  # also without a stream: then the force must fade
-        if not streaming:
+        if self.scene.link is not None and not self._numbering.frames:
             return
         if parts.switch is not None and parts.actuator is not None:
             speed_mm_s, force_n = self._drive(state, elapsed)
