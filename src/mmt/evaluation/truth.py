@@ -182,7 +182,7 @@ def _errors(
     truth: "_Truth",
 ) -> GridErrors:
     lsf, variance = model.at(speed_mm_s, force_n)
-    # By the coefficients, as the synthesis renders them, and several times faster than by LSF.
+    # By the coefficients: several times faster than by LSF.
     density = ar_spectrum(lsf_to_ar(lsf), variance, DENSITY_HZ, model.rate_hz)
     return GridErrors(
         gfc=gfc_of_rows(expected_amplitude(density)[:, _BINS], truth.amplitude),

@@ -69,7 +69,7 @@ def ar_to_reflection(ar: FloatArray) -> FloatArray:
     """
 
     def step_down(row: FloatArray, result: FloatArray) -> None:
-        if not ar_to_reflection_into(row, result):
+        if ar_to_reflection_into(row, result) == np.inf:
             raise InputError(
                 "ar: the filter is not stable, or so near to it that its coefficients do not"
                 " tell: give reflection coefficients or line spectral frequencies"

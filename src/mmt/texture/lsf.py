@@ -174,30 +174,34 @@ def reflection_to_ar_into(reflection: FloatArray, ar: FloatArray) -> None:
         ar[stage] = k
 
 
-@kernel("b1(f8[::1], f8[::1])")
-def ar_to_reflection_into(ar: FloatArray, reflection: FloatArray) -> bool:
-    """Write the reflection coefficients (m,) of the coefficients `ar` (m,); say if stable.
+@kernel("f8(f8[::1], f8[::1])")
+def ar_to_reflection_into(ar: FloatArray, reflection: FloatArray) -> float:
+    """Write the reflection coefficients (m,) of the coefficients `ar` (m,).
 
-    The step-down of the Levinson recursion, in place; m^2 operations. It multiplies the
-    rounding of `ar` by up to ``prod (1 + |k_i|)/(1 - |k_i|)``: where reflection coefficients
-    are known, do not come back from the polynomial. Returns False, with unusable numbers left in
-    `reflection`, when some ``|k| >= 1`` or is not a number.
+    The step-down of the Levinson recursion, in place; m^2 operations. Returns the factor
+    ``prod (1 + |k_i|)/(1 - |k_i|)`` by which it may have multiplied the rounding of `ar`:
+    where reflection coefficients are known, do not come back from the polynomial. Returns
+    infinity, with unusable numbers left in `reflection`, when some ``|k| >= 1`` or is not a
+    number.
     """
     order = len(ar)
     for j in range(order):
         reflection[j] = ar[j]
+    loss = 1.0
     for stage in range(order - 1, -1, -1):
         k = reflection[stage]
         complement = (1.0 - k) * (1.0 + k)
         if not complement > 0.0:
-            return False
+            return np.inf
+        loss *= (1.0 + abs(k)) / (1.0 - abs(k))
+        scale = 1.0 / complement
         for j in range(stage // 2):
             left, right = reflection[j], reflection[stage - 1 - j]
-            reflection[j] = (left - k * right) / complement
-            reflection[stage - 1 - j] = (right - k * left) / complement
+            reflection[j] = (left - k * right) * scale
+            reflection[stage - 1 - j] = (right - k * left) * scale
         if stage % 2 == 1:
             reflection[stage // 2] /= 1.0 + k
-    return True
+    return loss
 
 
 @kernel("f8(f8[::1], f8[::1])")
@@ -209,7 +213,7 @@ def inverse_gain(ar: FloatArray, work: FloatArray) -> float:
     """
     order = len(ar)
     reflection = work[:order]
-    if not ar_to_reflection_into(ar, reflection):
+    if ar_to_reflection_into(ar, reflection) == np.inf:
         return -1.0
     product = 1.0
     for i in range(order):

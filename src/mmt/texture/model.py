@@ -19,7 +19,7 @@ from mmt.arrays import FloatArray, IntArray
 from mmt.compiled import kernel
 from mmt.errors import InputError
 from mmt.texture.interpolation import Triangulation, locate, triangulate
-from mmt.texture.lsf import lsf_inverse_gain, lsf_to_ar_into
+from mmt.texture.lsf import lsf_inverse_gain
 from mmt.texture.settings import (
     LARGEST_ORDER,
     MAXIMUM_FORCE_N,
@@ -27,6 +27,7 @@ from mmt.texture.settings import (
     Interpolated,
 )
 from mmt.texture.spectra import lsf_spectrum
+from mmt.texture.split import separate
 
 FORMAT_VERSION: Final = 1
 """Of the ``.npz`` file that `TextureModel.save` writes."""
@@ -306,38 +307,43 @@ def _vertex_table(
     return np.ascontiguousarray(np.vstack([merged, extension[apart]]))
 
 
-@kernel("f8(f8[:, ::1], i8[:, ::1], i8, i8, f8[::1], f8[::1], f8[::1], f8[::1])")
-def interpolate_filter(
+@kernel("f8(f8[:, ::1], i8[:, ::1], i8, f8[::1], f8[::1])")
+def interpolate_lsf(
     vertices: FloatArray,
     triangles: IntArray,
     triangle: int,
-    level_kind: int,
     weights: FloatArray,
     lsf: FloatArray,
-    ar: FloatArray,
-    work: FloatArray,
 ) -> float:
-    """Write the LSF and the filter (order,) inside a triangle; return the excitation's variance.
+    """Write the LSF (order,) inside a triangle; return the level.
 
-    The interpolated power divided by the filter's power gain is the variance: the gain of a
-    mean of LSF is not the mean of gains.
+    Frequencies that rounding has let meet are moved apart by a rounding.
     """
-    order = vertices.shape[1] - _FIRST_LSF
     level = 0.0
-    for index in range(order):
-        lsf[index] = 0.0
+    lsf[:] = 0.0
     for corner in range(3):
         vertex = triangles[triangle, corner]
         weight = weights[corner]
         level += weight * vertices[vertex, 2]
-        for index in range(order):
+        for index in range(len(lsf)):
             lsf[index] += weight * vertices[vertex, _FIRST_LSF + index]
-    lsf_to_ar_into(lsf[:order], ar[:order], work)
+    before = 0.0
+    for index in range(len(lsf)):
+        if not before < lsf[index] < np.pi:
+            separate(lsf)
+            break
+        before = lsf[index]
+    return level
+
+
+@kernel("f8(f8, i8, f8[::1], f8[::1])")
+def _excitation_variance(level: float, level_kind: int, lsf: FloatArray, work: FloatArray) -> float:
+    """Return the excitation's variance: the gain of a mean of LSF is no mean of gains."""
     if level_kind == 0 or level == 0.0:
         return level
     if level_kind == 2:
         level *= level
-    return level * lsf_inverse_gain(lsf[:order], work)
+    return level * lsf_inverse_gain(lsf, work)
 
 
 @kernel("void(f8[:, ::1], i8[:, ::1], i8, f8[:, ::1], f8[:, ::1], f8[::1])")
@@ -350,13 +356,11 @@ def _interpolate_many(
     variance: FloatArray,
 ) -> None:
     weights = np.empty(3)
-    ar = np.empty(LARGEST_ORDER)
-    work = np.empty(4 * LARGEST_ORDER)
+    work = np.empty(2 * LARGEST_ORDER)
     triangle = 0
     for index in range(queries.shape[0]):
         triangle = locate(
             vertices, triangles, triangle, queries[index, 0], queries[index, 1], weights
         )
-        variance[index] = interpolate_filter(
-            vertices, triangles, triangle, level_kind, weights, lsf[index], ar, work
-        )
+        level = interpolate_lsf(vertices, triangles, triangle, weights, lsf[index])
+        variance[index] = _excitation_variance(level, level_kind, lsf[index], work)

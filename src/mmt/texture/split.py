@@ -66,7 +66,7 @@ def _recurrence(
 
 
 @kernel("void(f8[::1])")
-def _separate(lsf: FloatArray) -> None:
+def separate(lsf: FloatArray) -> None:
     """Make the frequencies ascend strictly inside (0, pi), moving what is closer by roundings.
 
     Zeros of P and Q come arbitrarily close to each other as reflection coefficients near one.
@@ -115,7 +115,7 @@ def reflection_to_lsf_into(reflection: FloatArray, lsf: FloatArray, work: FloatA
         eigenvalues_up_to(q, e, size, 2.1, values, rest)
         for i in range(count - upper):
             lsf[first + 2 * i] = 2.0 * math.asin(0.5 * math.sqrt(values[i]))
-    _separate(lsf)
+    separate(lsf)
 
 
 @kernel("f8(f8, f8)")

@@ -1,13 +1,16 @@
 """Vibration from a texture model, block by block or sample by sample.
 
-Awan et al., section VI: the filter at the present speed and force is driven by white Gaussian
-noise of the interpolated variance; its past outputs are carried over every change of filter.
+Awan et al., section VI: white Gaussian noise of the interpolated variance drives the filter
+at the present speed and force, whose memory is carried over every change of filter. Here the
+filter is a normalised lattice of unit power (`mmt.texture.lattice`), and its output is
+multiplied by the interpolated amplitude: the same spectrum, but the power is the model's at
+every sample, also while speed and force change.
 
-Stability: an interpolated filter is a convex combination of ordered LSF and hence stable; a
-switch between stable filters can still ring, so the output, and with it the filter's memory,
-is clipped at a limit. Where the level is zero (no speed or no force) the memory fades with a
-time constant of 4 ms and ends at exactly zero, so that no vibration outlives a stroke. Cost:
-O(order^2) for a renewal of the filter, O(order) for a sample.
+Stability: an interpolated filter is a convex combination of ordered LSF and hence stable, and
+the lattice stays bounded for every course of stable filters, also one that changes at every
+sample. The amplitude falls no faster than by a time constant of 4 ms, so that nothing clicks
+where a hand stops, and ends at exactly zero. The memory is never near zero: nothing becomes
+denormal. Cost: O(order^2) for a renewal of the filter, O(order) for a sample.
 """
 
 from typing import Final
@@ -17,17 +20,20 @@ import numpy as np
 from mmt.arrays import FloatArray, IntArray
 from mmt.compiled import kernel
 from mmt.texture.interpolation import locate
-from mmt.texture.model import LEVELS, TextureModel, interpolate_filter
+from mmt.texture.lattice import lattice_step, lsf_to_lattice_into
+from mmt.texture.model import LEVELS, TextureModel, interpolate_lsf
 from mmt.texture.settings import LARGEST_ORDER
 
 _RELEASE_S: Final = 0.004
 _NOISE_BLOCK: Final = 2048
-_SILENCE: Final = 1e-9  # m/s2, a millionth of what can be felt: flushed before denormals
+_SILENCE: Final = 1e-9  # m/s2, a millionth of what can be felt
+_LARGEST_AMPLITUDE: Final = 1e150
 
-_COUNTER, _TRIANGLE, _DEVIATION, _ORDER, _NEWEST = 0, 1, 2, 3, 4
-_FILTER = 5
-_PAST = _FILTER + LARGEST_ORDER
-_STATE_SIZE = _PAST + 2 * LARGEST_ORDER
+_COUNTER, _TRIANGLE, _ORDER, _WANTED, _AMPLITUDE = 0, 1, 2, 3, 4
+_REFLECTION = 5
+_COMPLEMENT = _REFLECTION + LARGEST_ORDER
+_PAST = _COMPLEMENT + LARGEST_ORDER
+_STATE_SIZE = _PAST + LARGEST_ORDER
 
 
 class Synthesizer:
@@ -57,10 +63,13 @@ class Synthesizer:
         self._renewal = renewal_samples
         self._limit = limit_m_s2
         self._generator = np.random.default_rng(seed)
+        self._state = np.zeros(_STATE_SIZE)
+        self._state[_ORDER] = 1.0
+        self._state[_COMPLEMENT] = 1.0
+        self._state[_PAST:] = self._generator.standard_normal(LARGEST_ORDER)
         self._noise = self._generator.standard_normal(_NOISE_BLOCK)
         self._used = 0
-        self._state = np.zeros(_STATE_SIZE)
-        self._scratch = np.zeros(6 * LARGEST_ORDER + 3)
+        self._scratch = np.zeros(6 * LARGEST_ORDER)
 
     def render(self, speed_mm_s: FloatArray, force_n: FloatArray) -> FloatArray:
         """Return the next n samples of vibration in m/s2.
@@ -76,7 +85,7 @@ class Synthesizer:
         noise = self._draw(count)
         model = self.model
         if model is None:
-            _fade(self._state, self._release(1000.0), output)
+            _fade(noise, self._state, self._release(1000.0), self._limit, output)
             return output
         _render(
             model.vertices,
@@ -97,8 +106,8 @@ class Synthesizer:
         return output
 
     def reset(self) -> None:
-        """Forget past outputs; the excitation goes on."""
-        self._state[:] = 0.0
+        """Be silent at once; the excitation goes on."""
+        self._state[_AMPLITUDE] = 0.0
 
     @staticmethod
     def _release(rate_hz: float) -> float:
@@ -116,39 +125,39 @@ class Synthesizer:
         return self._noise[start : self._used]
 
 
+@kernel("f8(f8, i8, f8[::1])")
+def _amplitude(level: float, level_kind: int, complement: FloatArray) -> float:
+    """Return the root of the output's power."""
+    if level_kind == 2:
+        return level
+    amplitude = np.sqrt(level)
+    if level_kind == 0:
+        for cosine in complement:
+            amplitude /= cosine
+    return float(min(amplitude, _LARGEST_AMPLITUDE))
+
+
 @kernel("f8(f8[::1], f8, f8, f8)")
-def _step(state: FloatArray, excitation: float, contraction: float, limit: float) -> float:
-    """Filter one sample; a contraction below one moves every pole inward by that factor.
-
-    Past outputs stand twice in a ring of twice the largest order, so that the newest ones
-    are always contiguous and nothing is shifted.
-    """
-    newest = _PAST + int(state[_NEWEST])
-    value = excitation
-    factor = 1.0
-    for index in range(int(state[_ORDER])):
-        factor *= contraction
-        value -= factor * state[_FILTER + index] * state[newest + index]
-    if value > limit:
-        value = limit
-    elif value < -limit:
-        value = -limit
-    elif abs(value) < _SILENCE:
-        value = 0.0
-    place = int(state[_NEWEST]) - 1
-    if place < 0:
-        place = LARGEST_ORDER - 1
-    state[_NEWEST] = place
-    state[_PAST + place] = value
-    state[_PAST + place + LARGEST_ORDER] = value
-    state[_COUNTER] += 1.0
-    return value
+def _scale(state: FloatArray, value: float, release: float, limit: float) -> float:
+    """Return a sample of unit variance at the wanted amplitude, which falls by `release`."""
+    amplitude = state[_AMPLITUDE] * release
+    if amplitude < _SILENCE:
+        amplitude = 0.0
+    amplitude = max(amplitude, state[_WANTED])
+    state[_AMPLITUDE] = amplitude
+    return float(min(max(amplitude * value, -limit), limit))
 
 
-@kernel("void(f8[::1], f8, f8[::1])")
-def _fade(state: FloatArray, contraction: float, output: FloatArray) -> None:
-    for index in range(output.shape[0]):
-        output[index] = _step(state, 0.0, contraction, np.inf)
+@kernel("void(f8[::1], f8[::1], f8, f8, f8[::1])")
+def _fade(
+    noise: FloatArray, state: FloatArray, release: float, limit: float, output: FloatArray
+) -> None:
+    """Let the vibration of the last filter fall silent."""
+    reflection, complement, past = state[_REFLECTION:], state[_COMPLEMENT:], state[_PAST:]
+    state[_WANTED] = 0.0
+    for index in range(len(output)):
+        value = lattice_step(reflection, complement, past, int(state[_ORDER]), noise[index])
+        output[index] = _scale(state, value, release, limit)
 
 
 @kernel(
@@ -172,23 +181,22 @@ def _render(
     output: FloatArray,
 ) -> None:
     order = vertices.shape[1] - 3
-    weights = scratch[:3]
-    lsf = scratch[3 : 3 + LARGEST_ORDER]
-    work = scratch[3 + LARGEST_ORDER :]
-    ar = state[_FILTER : _FILTER + LARGEST_ORDER]
-    for index in range(output.shape[0]):
+    weights, lsf, work = scratch[:3], scratch[3 : 3 + order], scratch[3 + LARGEST_ORDER :]
+    reflection = state[_REFLECTION : _REFLECTION + order]
+    complement = state[_COMPLEMENT : _COMPLEMENT + order]
+    past = state[_PAST:]
+    for index in range(len(output)):
         if int(state[_COUNTER]) % renewal == 0:
             x = speed_mm_s[index] * per_speed
             y = force_n[index] * per_force
             x = min(x, 1.0) if x > 0.0 else 0.0
             y = min(y, 1.0) if y > 0.0 else 0.0
             triangle = locate(vertices, triangles, int(state[_TRIANGLE]), x, y, weights)
+            level = interpolate_lsf(vertices, triangles, triangle, weights, lsf)
+            lsf_to_lattice_into(lsf, reflection, complement, work)
             state[_TRIANGLE] = triangle
-            variance = interpolate_filter(
-                vertices, triangles, triangle, level_kind, weights, lsf, ar, work
-            )
             state[_ORDER] = order
-            state[_DEVIATION] = np.sqrt(variance)
-        deviation = state[_DEVIATION]
-        contraction = 1.0 if deviation > 0.0 else release
-        output[index] = _step(state, deviation * noise[index], contraction, limit)
+            state[_WANTED] = _amplitude(level, level_kind, complement)
+        state[_COUNTER] += 1.0
+        value = lattice_step(reflection, complement, past, int(state[_ORDER]), noise[index])
+        output[index] = _scale(state, value, release, limit)
