@@ -12,6 +12,8 @@ from rich.progress import BarColumn, Progress, TextColumn
 from mmt.cli.child import Child
 from mmt.cli.common import messages, output, print_error, write_json
 from mmt.cli.tables import summary_table
+from mmt.errors import InputError
+from mmt.follower.sources import build_source
 from mmt.scene import Scene
 from mmt.scene_files import load_scene
 
@@ -50,6 +52,11 @@ def run_demo(
     -------
     bool
         Whether everything ended as wanted.
+
+    Raises
+    ------
+    InputError
+        The scene, the session to replay or the directory cannot be used.
     """
     recording = directory / "session.mcap"
     overrides: dict[str, Any] = {"session.duration_s": duration_s}
@@ -57,7 +64,7 @@ def run_demo(
     if scene.link is not None:
         overrides["recording.file"] = str(recording)
         scene = load_scene(scene_file, overrides, replay=replay)
-    directory.mkdir(parents=True, exist_ok=True)
+    _check(scene, directory)
     run = asyncio.run(run_services(scene_file, scene, duration_s, replay))
     for name, table in run.tables().items():
         output.print(summary_table(name, table))
@@ -72,6 +79,19 @@ def run_demo(
         messages.print(f"report:    {directory / 'report.html'}", highlight=False)
     write_json(json_file, content)
     return not run.failed
+
+
+def _check(scene: Scene, directory: Path) -> None:
+    """Find out what the follower cannot use, and where nothing can be written, beforehand.
+
+    Otherwise an older recording would be replaced by an empty one.
+    """
+    if scene.simulated is not None or scene.replay is not None:
+        build_source(scene).close()
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--output {directory}: {error.strerror or error}") from error
 
 
 async def run_services(

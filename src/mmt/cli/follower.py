@@ -16,7 +16,7 @@ from mmt.cli.common import (
     write_json,
     write_line,
 )
-from mmt.errors import MmtError
+from mmt.errors import InputError, MmtError
 from mmt.follower.service import FollowerService, FollowerSummary
 from mmt.scene import Scene
 from mmt.scene_files import load_scene
@@ -49,7 +49,11 @@ def follower(
     ] = False,
 ) -> None:
     """Stream one session: read the scene's source and send it to the leader."""
-    scene = load_scene(scene_file, {"replay.speed": speed}, replay=replay)
+    scene = load_scene(scene_file, replay=replay)
+    if speed is not None:
+        if scene.replay is None:
+            raise InputError("--speed is for a replay: give --replay FILE, or a scene of one")
+        scene = load_scene(scene_file, {"replay.speed": speed}, replay=replay)
     if not json_lines:
         print_parts(scene, PARTS)
     summary = asyncio.run(_stream(scene, leader, json_lines))

@@ -31,7 +31,9 @@ def main(
 
 @app.command()
 def demo(
-    scene_file: Annotated[Path, typer.Argument(metavar="[SCENE]")] = DEFAULT_SCENE,
+    scene_file: Annotated[
+        Path, typer.Argument(metavar="SCENE", help="A TOML file, or an example's name.")
+    ] = DEFAULT_SCENE,
     output_directory: Annotated[
         Path, typer.Option("--output", help="Where recording and report go.")
     ] = Path("mmt-demo"),

@@ -38,12 +38,12 @@ class ModelUse:
         """
         log, parts = self._log, self._parts
         update = replace(update, time_s=self._since_s + update.time_s)
-        first = log.update is None or not log.update.started
         log.update = update
         log.update_seconds.append(seconds)
-        if parts.synthesizer is not None and update.model is not None and update.started:
+        usable = update.started and update.model is not None
+        if usable and parts.synthesizer is not None:
             parts.synthesizer.model = update.model
-        if update.started and first:
+        if usable and log.start_s is None:
             log.start_s = update.time_s
             self._event(f"start criterion met at {update.time_s:.1f} s", distance=update.distance)
             self._record(update)

@@ -1,6 +1,7 @@
 """A whole simulated session at once, as fast as the machine allows."""
 
 from itertools import pairwise
+from math import isfinite
 from pathlib import Path
 from typing import Final
 
@@ -64,9 +65,10 @@ def simulate_session(
     settings = scene.simulated or Simulated()
     known = surface if isinstance(surface, Surface) else get_surface(surface or settings.surface)
     seed = scene.session.seed if seed is None else seed
-    count = round((scene.session.duration_s if duration_s is None else duration_s) * RATE_HZ)
-    if count < 1:
+    duration_s = scene.session.duration_s if duration_s is None else duration_s
+    if not (isfinite(duration_s) and duration_s * RATE_HZ >= 1):
         raise InputError(f"duration_s is {duration_s}, it must be above 0")
+    count = round(duration_s * RATE_HZ)
     if path is None:
         follower = SimulatedFollower(settings, channels=CHANNELS, seed=seed, surface=known)
         hand = SimulatedHand(
