@@ -1,0 +1,142 @@
+"""Both services in one event loop, on whatever a test wants to stream."""
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mmt.arrays import RecordArray
+from mmt.devices.protocols import Vector
+from mmt.follower import service as follower_service
+from mmt.follower.service import FollowerService, FollowerSummary
+from mmt.frames import FIELD_OF_CHANNEL, channels_of, frame_dtype
+from mmt.leader.service import LeaderService
+from mmt.leader.summary import LeaderSummary
+from mmt.scene import Scene
+from mmt.scene_files import scene_from_tables
+
+PERIOD_NS = 1_000_000
+
+
+def small_scene(directory: Path, **tables: dict[str, Any] | None) -> Scene:
+    """A scene that streams and records; tables are added, replaced, or left out (None)."""
+    base: dict[str, Any] = {
+        "link": {"port": 0, "patience_s": 0.5},
+        "simulated": {},
+        "hand": {},
+        "playout": {},
+        "actuator": {},
+        "recording": {"file": str(directory / "session.mcap")},
+    }
+    chosen = {**base, **tables}
+    return scene_from_tables({name: table for name, table in chosen.items() if table is not None})
+
+
+def made_frames(first: int, count: int, channels: tuple[str, ...] | None = None) -> RecordArray:
+    """Frames whose numbers tell which they are."""
+    frames = np.zeros(count, frame_dtype(channels) if channels else frame_dtype())
+    frames["sequence"] = np.arange(first, first + count)
+    frames["time_ns"] = frames["sequence"].astype(np.int64) * PERIOD_NS
+    for channel in channels_of(frames.dtype):
+        frames[FIELD_OF_CHANNEL[channel]] = np.arange(first, first + count)[:, None] % 50
+    return frames
+
+
+@dataclass
+class MadeSource:
+    """Streams one block a tick, then ends, or raises an error."""
+
+    blocks: list[RecordArray]
+    error: Exception | None = None
+    finished: bool = False
+    annotations: bytes = b"as made"
+    closed: bool = False
+    close_error: Exception | None = None
+
+    def start(self, start_time_ns: int) -> None:
+        pass
+
+    def step(self, elapsed: int, now_ns: int, command_position_mm: Vector | None) -> RecordArray:
+        if self.blocks:
+            return self.blocks.pop(0)
+        if self.error is not None:
+            raise self.error
+        self.finished = True
+        return np.zeros(0, frame_dtype())
+
+    def describe(self) -> str:
+        return "made for a test"
+
+    def close(self) -> None:
+        self.closed = True
+        if self.close_error is not None:
+            raise self.close_error
+
+
+@dataclass
+class Together:
+    """A leader and the followers that are started for it; collects what both say."""
+
+    leader: LeaderService
+    said: list[str] = field(default_factory=list)
+    _leading: "asyncio.Task[LeaderSummary] | None" = None
+
+    @classmethod
+    def of(cls, scene: Scene) -> "Together":
+        said: list[str] = []
+        return cls(LeaderService(scene, on_event=said.append), said)
+
+    async def listen(self) -> None:
+        """Start the leader and wait until it is ready, or has failed."""
+        ready = asyncio.Event()
+        self._leading = asyncio.create_task(self.leader.run(ready.set))
+        waiting = asyncio.create_task(ready.wait())
+        await asyncio.wait([self._leading, waiting], return_when=asyncio.FIRST_COMPLETED)
+        waiting.cancel()
+
+    async def follow(
+        self, source: MadeSource | None = None, scene: Scene | None = None
+    ) -> FollowerSummary:
+        """Run a follower to its end; it streams the scene's own source if none is given."""
+        return await self.follower(source, scene).run()
+
+    def follower(
+        self, source: MadeSource | None = None, scene: Scene | None = None
+    ) -> FollowerService:
+        """Make a follower that will connect to the leader."""
+        build = follower_service.build_source
+        if source is not None:
+            follower_service.build_source = lambda _: source
+        try:
+            return FollowerService(
+                scene or self.leader.scene,
+                f"http://127.0.0.1:{self.leader.port}",
+                on_event=lambda sentence: self.said.append(f"follower: {sentence}"),
+            )
+        finally:
+            follower_service.build_source = build
+
+    async def end(self) -> LeaderSummary:
+        """Wait for the leader's end."""
+        assert self._leading is not None
+        async with asyncio.timeout(30):
+            return await self._leading
+
+    async def until(self, happened: Callable[[], object]) -> None:
+        """Wait until something is true, while the leader runs."""
+        assert self._leading is not None
+        async with asyncio.timeout(30):
+            while not happened():
+                assert not self._leading.done(), self.said
+                await asyncio.sleep(0.005)
+
+
+async def run_session(scene: Scene, source: MadeSource) -> tuple[LeaderSummary, FollowerSummary]:
+    """Run both to their end."""
+    together = Together.of(scene)
+    await together.listen()
+    followed = await together.follow(source)
+    return await together.end(), followed

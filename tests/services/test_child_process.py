@@ -1,0 +1,75 @@
+"""A child process is heard all the while, whatever it prints."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mmt.cli.child import Child
+
+PROGRAMS = {
+    "noisy_program": (
+        "import json, sys\n"
+        "sys.stderr.write('a warning of a driver\\n' * 100_000)\n"
+        "print('driver 1.2 ready')\n"
+        "print(json.dumps({'kind': 'summary', 'text': 'x' * 200_000}))\n"
+        "print('[1, 2]')\n"
+        "sys.stderr.write('last words\\n')\n"
+        "sys.exit(3)\n"
+    ),
+    "lasting_program": (
+        "import os, time\n"
+        'print(\'{"kind": "ready", "variable": "\' + os.environ[\'WHO\'] + \'"}\', flush=True)\n'
+        "try:\n    time.sleep(60)\nexcept KeyboardInterrupt:\n    raise SystemExit(4)\n"
+    ),
+}
+
+
+@pytest.fixture
+def directory(tmp_path: Path) -> Path:
+    for name, text in PROGRAMS.items():
+        (tmp_path / f"{name}.py").write_text(text)
+    return tmp_path
+
+
+async def started(directory: Path, program: str) -> Child:
+    return await Child.start(program, program, [], {"PYTHONPATH": str(directory), "WHO": "me"})
+
+
+@pytest.fixture
+async def lasting(directory: Path) -> AsyncIterator[Child]:
+    child = await started(directory, "lasting_program")
+    try:
+        yield child
+    finally:
+        await child.kill()
+
+
+async def test_a_child_that_writes_much_never_waits_for_a_reader(directory: Path) -> None:
+    child = await started(directory, "noisy_program")
+    async with asyncio.timeout(20):
+        lines: list[dict[str, Any]] = [line async for line in child.lines()]
+        assert await child.wait() == 3
+    assert [line["kind"] for line in lines] == ["event", "summary", "event"]
+    assert lines[0]["event"] == "driver 1.2 ready"
+    assert len(lines[1]["text"]) == 200_000
+    assert lines[2]["event"] == "[1, 2]"
+    assert child.messages.endswith("a warning of a driver\nlast words")
+    assert len(child.messages) <= 2**16
+
+
+async def test_a_child_is_interrupted_as_by_a_person(lasting: Child) -> None:
+    async with asyncio.timeout(20):
+        async for line in lasting.lines():
+            assert line == {"kind": "ready", "variable": "me"}
+            lasting.interrupt()
+        assert await lasting.wait() == 4
+    lasting.interrupt()  # harmless once it has ended
+
+
+async def test_a_child_can_be_killed(lasting: Child) -> None:
+    async with asyncio.timeout(20):
+        await lasting.kill()
+        assert await lasting.wait() < 0

@@ -1,0 +1,229 @@
+"""Mistakes on the command line: exit code 2, a sentence that helps, no traceback."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+import pytest
+import typer
+from service_runs import made_frames
+
+from mmt.cli import follower, leader, main
+from mmt.cli.common import run_app
+from mmt.session import export_session, write_session
+from mmt.session.recorded import RecordedSession
+
+APPS = {"mmt": main.app, "mmt-leader": leader.app, "mmt-follower": follower.app}
+
+SCENES = {
+    "wrong-key": "[session]\nnmae = 'x'\n",
+    "wrong-table": "[links]\n",
+    "wrong-value": "[link]\nport = 70000\n[simulated]\n[hand]\n[recording]\n",
+    "no-table": "link = 3\n",
+    "no-toml": "[link\n",
+    "no-model": "[hand]\n[rendering]\nmodel = 'none.npz'\n[actuator]\n",
+    "half": "[hand]\n[rendering]\n[actuator]\n",
+    "velvet": "[link]\n[simulated]\nsurface = 'velvet'\n[hand]\n[recording]\n",
+    "no-driver": "[link]\n[devices]\nrobot = 'nowhere:Robot'\n[hand]\n[playout]\n[actuator]\n",
+}
+
+SURFACES = "surface is 'velvet', allowed are plastic, mesh, fabric"
+CUT_OFF = "it ends before it was finished; save what is readable with: mmt session recover"
+
+CASES = [
+    # scenes, with both services
+    ("mmt-leader none.toml", "scene none.toml: no such file; the examples are demo, model-only"),
+    ("mmt-leader folder.mcap", "scene folder.mcap: no such file"),
+    ("mmt-leader whole.mcap", "scene whole.mcap: not valid TOML"),
+    ("mmt-leader no-toml.toml", "scene no-toml.toml: not valid TOML: Expected ']'"),
+    ("mmt-leader wrong-key.toml", "session.nmae is not a key; allowed are name, duration_s"),
+    ("mmt-leader wrong-table.toml", "links is not a key; allowed are session, link, simulated"),
+    ("mmt-leader wrong-value.toml", "link.port is 70000: Input should be less than or equal"),
+    ("mmt-leader no-table.toml", "no-table.toml: link is 3"),
+    ("mmt-leader half.toml", "[rendering] needs a model: add [texture], or name a saved one"),
+    ("mmt-leader no-model.toml", "model none.npz: No such file"),
+    ("mmt-leader demo --duration 0", "session.duration_s is 0.0: Input should be greater than 0"),
+    ("mmt-leader demo --duration nan", "session.duration_s is nan"),
+    ("mmt-leader demo --duration x", "Invalid value for '--duration'"),
+    ("mmt-leader demo --port 65536", "link.port is 65536"),
+    ("mmt-leader demo --colour", "No such option: --colour"),
+    ("mmt-leader", "Missing argument 'SCENE'"),
+    ("mmt-leader stream-only --report out", "--report needs a recording: give --record FILE"),
+    ("mmt-leader model-only --record x.mcap", "[recording] needs a follower: add [link]"),
+    ("mmt-leader model-only --model text.npz", "model text.npz: not a texture model"),
+    ("mmt-leader stream-only --record text.npz/x.mcap", "recording text.npz/x.mcap: "),
+    ("mmt-leader stream-only --port 0 --record folder.mcap", "folder.mcap: Is a directory"),
+    ("mmt-follower none.toml", "scene none.toml: no such file"),
+    ("mmt-follower wrong-key.toml", "session.nmae is not a key"),
+    ("mmt-follower velvet.toml", SURFACES),
+    ("mmt-follower no-driver.toml", "device 'nowhere:Robot': module nowhere cannot be imported"),
+    ("mmt-follower model-only", "the scene has no follower: add one of [simulated], [replay]"),
+    ("mmt-follower replay", "[replay] names no file: set its key 'file' or give --replay FILE"),
+    ("mmt-follower demo --leader nonsense", "leader's URL 'nonsense': allowed is http://HOST"),
+    ("mmt-follower demo --speed 2", "--speed is for a replay"),
+    ("mmt-follower replay --replay whole.mcap --speed 0", "replay.speed is 0.0"),
+    # sessions that cannot be replayed
+    ("mmt-follower demo --replay none.mcap", "session none.mcap: No such file"),
+    ("mmt-follower demo --replay folder.mcap", "session folder.mcap: Is a directory"),
+    ("mmt-follower demo --replay empty.mcap", "session empty.mcap: the file is empty"),
+    ("mmt-follower demo --replay text.mcap", "session text.mcap: this is no MCAP file"),
+    ("mmt-follower demo --replay cut.mcap", CUT_OFF),
+    ("mmt-follower demo --replay half.toml", ".toml cannot be read; the suffix must be one of"),
+    ("mmt-follower demo --replay text.csv", "import text.csv: no column time_s"),
+    ("mmt-follower demo --replay bare.mcap", "the session has no acceleration, which the scene"),
+    # the demo
+    ("mmt demo none.toml", "scene none.toml: no such file"),
+    ("mmt demo --duration -1", "session.duration_s is -1.0"),
+    ("mmt demo --replay none.mcap", "session none.mcap: No such file"),
+    ("mmt demo --replay cut.mcap", CUT_OFF),
+    ("mmt demo velvet.toml", SURFACES),
+    ("mmt demo --output text.csv/out", "--output text.csv/out: "),
+    # sessions as files
+    ("mmt session simulate x.mcap --surface velvet", SURFACES),
+    ("mmt session simulate x.pdf --duration 0.1", "session x.pdf: .pdf cannot be written"),
+    ("mmt session simulate none/x.mcap --duration 0.1", "cannot write none/x.mcap: No such file"),
+    ("mmt session simulate x.mcap --duration 0", "duration_s is 0.0, it must be above 0"),
+    ("mmt session simulate x.mcap --duration nan", "duration_s is nan"),
+    ("mmt session simulate x.mcap --duration inf", "duration_s is inf"),
+    ("mmt session simulate x.mcap --path none.npz", "path none.npz: No such file"),
+    ("mmt session simulate x.mcap --scene wrong-key.toml", "session.nmae is not a key"),
+    ("mmt session import none.csv x.mcap", "import none.csv: No such file"),
+    ("mmt session import text.csv x.mcap", "import text.csv: no column time_s"),
+    ("mmt session import text.npz x.mcap", "import text.npz: this is no .npz archive"),
+    ("mmt session import whole.mcap x.mcap", ".mcap cannot be imported; the suffix must be"),
+    ("mmt session import whole.csv x.pdf", "session x.pdf: .pdf cannot be written"),
+    ("mmt session info none.mcap", "session none.mcap: No such file"),
+    ("mmt session info empty.mcap", "session empty.mcap: the file is empty"),
+    ("mmt session info text.mcap", "session text.mcap: this is no MCAP file"),
+    ("mmt session info whole.mcap --json text.csv/x.json", "--json text.csv/x.json: "),
+    ("mmt session export cut.mcap x.csv", CUT_OFF),
+    ("mmt session export whole.mcap x.pdf", "session x.pdf: .pdf cannot be written"),
+    ("mmt session export whole.mcap none/x.csv", "cannot write none/x.csv"),
+    ("mmt session recover none.mcap x.mcap", "session none.mcap: No such file"),
+    ("mmt session recover text.mcap x.mcap", "session text.mcap: this is no MCAP file"),
+    ("mmt session recover whole.mcap whole.mcap", "name another file to write to"),
+    ("mmt session", "Usage: mmt session"),
+    ("mmt session burn x", "No such command 'burn'"),
+    # the rest
+    ("mmt evaluate none.mcap", "session none.mcap: No such file"),
+    ("mmt evaluate cut.mcap", CUT_OFF),
+    ("mmt evaluate whole.mcap --step 0", "step_s is 0.0"),
+    ("mmt evaluate whole.mcap --scene wrong-key.toml", "session.nmae is not a key"),
+    ("mmt model info none.npz", "model none.npz: No such file"),
+    ("mmt model info text.npz", "model text.npz: not a texture model"),
+    ("mmt model build whole.mcap x.pdf", "the name of a model file must end in .npz"),
+    ("mmt model build cut.mcap x.npz", CUT_OFF),
+    ("mmt bench nothing", "bench nothing: allowed are link, services"),
+    ("mmt burn", "No such command 'burn'"),
+    ("mmt", "Usage: mmt"),
+]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Files that can be used, and many that cannot."""
+    directory = tmp_path_factory.mktemp("mistakes")
+    for name, text in SCENES.items():
+        (directory / f"{name}.toml").write_text(text)
+    frames = made_frames(0, 200)
+    write_session(directory / "whole.mcap", frames)
+    export_session(RecordedSession(frames), directory / "whole.csv")
+    write_session(directory / "bare.mcap", made_frames(0, 200, ("position", "force")))
+    whole = (directory / "whole.mcap").read_bytes()
+    (directory / "cut.mcap").write_bytes(whole[: len(whole) // 2])
+    (directory / "empty.mcap").touch()
+    (directory / "folder.mcap").mkdir()
+    for suffix in ("mcap", "npz", "csv"):
+        (directory / f"text.{suffix}").write_text("neither,this\nnor,that\n")
+    return directory
+
+
+def run(
+    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> tuple[int, str, str]:
+    """Run a command line in this process; return exit code, output and messages."""
+    program, *arguments = command.split()
+    monkeypatch.setattr(sys, "argv", [program, *arguments])
+    with pytest.raises(SystemExit) as ended:
+        run_app(APPS[program])
+    code = ended.value.code
+    assert isinstance(code, int)
+    return code, *capsys.readouterr()
+
+
+@pytest.mark.parametrize(("command", "sentence"), CASES, ids=[command for command, _ in CASES])
+def test_a_mistake_is_explained(
+    command: str,
+    sentence: str,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(folder)
+    before = {path: path.stat().st_mtime_ns for path in folder.iterdir()}
+    code, stdout, stderr = run(command, monkeypatch, capsys)
+    assert code == 2
+    assert sentence in stderr + stdout
+    assert "Traceback" not in stderr
+    assert {path: path.stat().st_mtime_ns for path in folder.iterdir()} == before
+
+
+def _commands(command: click.Command, name: str) -> list[str]:
+    children = getattr(command, "commands", {})
+    below = [c for key, child in children.items() for c in _commands(child, f"{name} {key}")]
+    return [name, *below]
+
+
+HELP = [c for name, app in APPS.items() for c in _commands(typer.main.get_command(app), name)]
+
+
+@pytest.mark.parametrize("command", HELP)
+def test_every_command_has_help(
+    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, stdout, stderr = run(f"{command} --help", monkeypatch, capsys)
+    assert (code, stderr) == (0, "")
+    assert f"Usage: {command}" in stdout
+    assert "\\[" not in stdout, "markup that was not resolved"
+
+
+def test_help_keeps_the_names_of_tables(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "[link]" in run("mmt-follower --help", monkeypatch, capsys)[1]
+    assert "[texture]" in run("mmt evaluate --help", monkeypatch, capsys)[1]
+
+
+@pytest.mark.parametrize("program", APPS)
+def test_every_program_tells_its_version(
+    program: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, stdout, _ = run(f"{program} --version", monkeypatch, capsys)
+    assert code == 0
+    assert stdout.startswith("mmt-haptics ")
+
+
+def test_brackets_in_a_files_name_are_no_markup(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, _, stderr = run("mmt session info [/bold]:sad:.mcap", monkeypatch, capsys)
+    assert code == 2
+    assert "session [/bold]:sad:.mcap: No such file" in stderr
+
+
+def test_a_process_ends_like_that_too(folder: Path) -> None:
+    long_name = "a-name-that-is-longer-than-a-line-of-eighty-characters/" * 3 + "x.mcap"
+    ended = subprocess.run(
+        [sys.executable, "-m", "mmt.cli.main", "session", "info", long_name],
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        env={**os.environ, "COLUMNS": "80"},
+        check=False,
+    )
+    assert ended.returncode == 2
+    assert ended.stderr == f"error: session {long_name}: No such file or directory\n"
+    assert ended.stdout == ""

@@ -1,0 +1,202 @@
+"""Streaming from devices: what is read, what is missed, and what fails."""
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from service_runs import Together, small_scene
+
+from mmt.devices.loading import load_device
+from mmt.devices.protocols import Vector
+from mmt.devices.source import DeviceSource
+from mmt.errors import InputError, MmtError
+from mmt.frames import CHANNELS
+from mmt.session import read_session
+
+
+class Instrument:
+    """A device that notes its life and fails where it is told to."""
+
+    def __init__(self, value: float = 0.0, **failures: Exception) -> None:
+        self.value = value
+        self.failures = failures
+        self.calls: list[str] = []
+        self.written: list[Vector] = []
+
+    def _do(self, name: str) -> None:
+        self.calls.append(name)
+        if name in self.failures:
+            raise self.failures[name]
+
+    def connect(self) -> None:
+        self._do("connect")
+
+    def calibrate(self) -> None:
+        self._do("calibrate")
+
+    def close(self) -> None:
+        self._do("close")
+
+    def read(self) -> Vector:
+        self._do("read")
+        return (self.value, self.value + 1, self.value + 2)
+
+    def write(self, position_mm: Vector) -> None:
+        self._do("write")
+        self.written.append(position_mm)
+
+
+def made(**failures: Exception) -> tuple[DeviceSource, list[Instrument]]:
+    devices = [Instrument(10.0), Instrument(20.0), Instrument(30.0, **failures)]
+    return DeviceSource(*devices, CHANNELS), devices
+
+
+def test_every_device_is_read_once_a_tick() -> None:
+    source, devices = made()
+    source.start(0)
+    blocks = [source.step(1, 1000 + k, None) for k in range(3)]
+    frames = np.concatenate(blocks)
+    assert frames["sequence"].tolist() == [0, 1, 2]
+    assert frames["time_ns"].tolist() == [1000, 1001, 1002]
+    assert frames["position_mm"][0].tolist() == [10.0, 11.0, 12.0]
+    assert frames["force_n"][1].tolist() == [20.0, 21.0, 22.0]
+    assert frames["acceleration_m_s2"][2].tolist() == [30.0, 31.0, 32.0]
+    for device in devices:
+        assert device.calls == ["connect", "calibrate", "read", "read", "read"]
+    assert not source.finished
+    assert source.annotations == b""
+    assert source.describe() == (
+        "devices: robot Instrument, force sensor Instrument, accelerometer Instrument"
+    )
+
+
+def test_ticks_that_were_missed_show_as_a_gap() -> None:
+    source, _ = made()
+    source.start(0)
+    frames = np.concatenate([source.step(elapsed, 0, None) for elapsed in (1, 1, 4, 1)])
+    assert frames["sequence"].tolist() == [0, 1, 5, 6]
+
+
+def test_the_robot_is_commanded_before_it_is_read() -> None:
+    source, (robot, *_) = made()
+    source.step(1, 0, None)
+    source.step(1, 0, (1.0, 2.0, 3.0))
+    assert robot.calls == ["read", "write", "read"]
+    assert robot.written == [(1.0, 2.0, 3.0)]
+
+
+def test_only_the_channels_of_the_scene_are_read() -> None:
+    robot, force_sensor = Instrument(), Instrument()
+    source = DeviceSource(robot, force_sensor, None, ("force",))
+    frames = source.step(1, 0, (0.0, 0.0, 0.0))
+    assert frames.dtype.names == ("sequence", "time_ns", "force_n")
+    assert robot.calls == ["write"]
+    assert force_sensor.calls == ["read"]
+
+
+@pytest.mark.parametrize(
+    ("channel", "key"), [("force", "force_sensor"), ("acceleration", "accelerometer")]
+)
+def test_a_channel_without_a_device_is_explained(channel: str, key: str) -> None:
+    with pytest.raises(InputError, match=rf"\[devices\] has no {key}, .* needs {channel}"):
+        DeviceSource(Instrument(), None, None, ("position", channel))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("call", ["connect", "calibrate"])
+def test_a_device_that_does_not_answer_is_named(call: str) -> None:
+    source, _ = made(**{call: OSError(5, "Input/output error")})
+    with pytest.raises(MmtError, match=r"the accelerometer \(Instrument\) failed: .*Input/output"):
+        source.start(0)
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (OSError(19, "No such device"), "No such device"),
+        (ValueError(), "ValueError"),
+        (MmtError("cable 3 is loose"), "cable 3 is loose"),
+    ],
+)
+def test_a_device_that_fails_is_named_whatever_its_driver_raises(
+    error: Exception, reason: str
+) -> None:
+    source, _ = made(read=error)
+    source.start(0)
+    with pytest.raises(MmtError, match=rf"the accelerometer \(Instrument\) failed: .*{reason}"):
+        source.step(1, 0, None)
+
+
+def test_a_reading_of_the_wrong_size_is_the_devices_fault() -> None:
+    class Flat(Instrument):
+        def read(self) -> Any:
+            return (1.0, 2.0)
+
+    source = DeviceSource(Flat(), None, None, ("position",))
+    with pytest.raises(MmtError, match=r"the robot \(Flat\) failed"):
+        source.step(1, 0, None)
+
+
+def test_all_are_closed_when_one_does_not_close() -> None:
+    devices = [Instrument(close=OSError("stuck")), Instrument(), Instrument(close=OSError("gone"))]
+    source = DeviceSource(*devices, CHANNELS)
+    with pytest.raises(MmtError, match=r"robot .*stuck; the accelerometer .*gone"):
+        source.close()
+    assert [device.calls for device in devices] == [["close"]] * 3
+
+
+# --- loading
+
+
+@pytest.fixture
+def drivers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    (tmp_path / "lab_drivers.py").write_text(
+        "from test_device_source import Instrument as Robot, Instrument as Force\n"
+        "from mmt.errors import MmtError\n"
+        "number = 3\n"
+        "def absent():\n    raise OSError('no such port')\n"
+        "def explained():\n    raise MmtError('switch it on')\n"
+    )
+    (tmp_path / "broken_drivers.py").write_text("raise OSError('libHD.so is missing')\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    return "lab_drivers"
+
+
+def test_a_device_is_made_by_its_factory(drivers: str) -> None:
+    assert load_device(f"{drivers}:Robot").read() == (0.0, 1.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "sentence"),
+    [
+        ("lab_driverz:Robot", InputError, "module lab_driverz cannot be imported"),
+        ("broken_drivers:Robot", InputError, r"cannot be imported \(libHD.so is missing\)"),
+        ("lab_drivers:Robots", InputError, "has no factory 'Robots'"),
+        ("lab_drivers:number", InputError, "has no factory 'number'"),
+        ("lab_drivers:absent", MmtError, "'lab_drivers:absent' cannot be made: no such port"),
+        ("lab_drivers:explained", MmtError, "^switch it on$"),
+    ],
+)
+def test_a_device_that_cannot_be_had_is_explained(
+    drivers: str, name: str, kind: type[MmtError], sentence: str
+) -> None:
+    with pytest.raises(kind, match=sentence) as caught:
+        load_device(name)
+    assert type(caught.value) is kind
+
+
+async def test_a_scene_of_devices_streams_what_they_measure(tmp_path: Path, drivers: str) -> None:
+    table = {"robot": f"{drivers}:Robot", "force_sensor": f"{drivers}:Force"}
+    table["accelerometer"] = f"{drivers}:Robot"
+    together = Together.of(small_scene(tmp_path, devices=table, simulated=None))
+    await together.listen()
+    following = asyncio.create_task(together.follow())
+    await together.until(lambda: together.leader.time_s > 0.2)
+    together.leader.stop()
+    assert (await together.end()).problem is None
+    assert (await following).problem is None
+    frames = read_session(tmp_path / "session.mcap").frames
+    assert len(frames) > 100
+    assert (frames["force_n"] == (0.0, 1.0, 2.0)).all()
+    assert (np.diff(frames["time_ns"]) > 0).all()

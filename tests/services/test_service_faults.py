@@ -1,0 +1,334 @@
+"""What goes wrong in a session is counted, said, and never costs what was recorded."""
+
+import asyncio
+import errno
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from service_runs import MadeSource, Together, made_frames, run_session, small_scene
+
+from mmt.arrays import RecordArray
+from mmt.devices.protocols import InterfaceState, Vector
+from mmt.devices.simulated.offline import simulate_session
+from mmt.errors import InputError, MmtError
+from mmt.frames import CHANNELS, finite_frames
+from mmt.leader.feedback import StreamedForce
+from mmt.link.client import FollowerClient, FollowerEvents
+from mmt.link.protocol import FollowerHello
+from mmt.scene import Scene
+from mmt.scene_files import scene_from_tables
+from mmt.session import read_session, write_session
+from mmt.session.mcap_writer import SessionWriter
+from mmt.texture.modelling import ModelUpdate, OnlineModeller
+
+
+def bad_blocks() -> list[RecordArray]:
+    """2000 frames, of which some are not finite, missing, repeated or late."""
+    blocks = [made_frames(first, 10) for first in range(0, 2000, 10)]
+    blocks[20]["acceleration_m_s2"][3, 2] = np.nan
+    blocks[21]["force_n"][4, 0] = np.inf
+    blocks[22]["position_mm"][5] = -np.inf
+    late = blocks.pop(60)  # 10 frames that are missing at their turn
+    blocks.insert(70, late)
+    del blocks[90]
+    blocks.insert(100, blocks[99].copy())
+    return blocks
+
+
+GOOD_SEQUENCES = sorted(
+    set(range(2000)) - {203, 214, 225} - set(range(600, 610)) - set(range(900, 910))
+)
+
+
+async def test_bad_frames_are_counted_and_the_model_never_sees_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[RecordArray] = []
+    update = OnlineModeller.update
+
+    def watched(self: OnlineModeller, frames: RecordArray) -> ModelUpdate:
+        seen.append(frames)
+        return update(self, frames)
+
+    monkeypatch.setattr(OnlineModeller, "update", watched)
+    scene = small_scene(tmp_path, texture={"update_period_s": 0.1}, rendering={})
+    leader, follower = await run_session(scene, MadeSource(bad_blocks()))
+    assert (leader.outcome, leader.problem) == ("source ended", None)
+    assert (follower.outcome, follower.problem) == ("source ended", None)
+    assert leader.link["frames"] == len(GOOD_SEQUENCES)
+    assert leader.link["rejected"] == {"not finite": 3}
+    assert (leader.link["lost"], leader.link["out_of_order"], leader.link["repeated"]) == (
+        20,
+        10,
+        10,
+    )
+    modelled = np.concatenate(seen)
+    assert len(modelled) > 1500
+    assert finite_frames(modelled).all()
+    assert (np.diff(modelled["sequence"].astype(np.int64)) > 0).all()
+    recording = read_session(tmp_path / "session.mcap")
+    assert recording.frames["sequence"].tolist() == GOOD_SEQUENCES
+    assert recording.annotations == b"as made"
+
+
+async def test_a_follower_that_fails_says_why_on_both_sides(tmp_path: Path) -> None:
+    together = Together.of(small_scene(tmp_path))
+    source = MadeSource(
+        [made_frames(k, 1) for k in range(200)],
+        error=MmtError("the probe is unplugged"),
+        close_error=MmtError("the probe does not close"),
+    )
+    await together.listen()
+    follower, leader = await together.follow(source), await together.end()
+    assert follower.problem == "failed: the probe is unplugged"
+    assert leader.problem == "follower failed: the probe is unplugged"
+    assert source.closed
+    assert "follower: the probe does not close" in together.said
+    recording = read_session(tmp_path / "session.mcap")
+    assert len(recording.frames) == 200
+    assert recording.events[-1]["event"] == "follower ended: failed: the probe is unplugged"
+
+
+async def test_a_mistake_in_a_source_comes_out_but_the_leader_is_told(tmp_path: Path) -> None:
+    together = Together.of(small_scene(tmp_path))
+    await together.listen()
+    with pytest.raises(ZeroDivisionError):
+        await together.follow(MadeSource([made_frames(0, 50)], error=ZeroDivisionError("oops")))
+    assert (await together.end()).problem == "follower failed: oops"
+    assert len(read_session(tmp_path / "session.mcap").frames) == 50
+
+
+class BrokenHand:
+    """An operator's handle that fails at its hundredth reading."""
+
+    def __init__(self, error: Exception) -> None:
+        self.error = error
+        self.readings = 0
+
+    def connect(self) -> None: ...
+
+    def calibrate(self) -> None: ...
+
+    def close(self) -> None:
+        raise self.error
+
+    def read(self, elapsed_ticks: int) -> InterfaceState:
+        self.readings += 1
+        if self.readings > 100:
+            raise self.error
+        return InterfaceState((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 0.0, contact=False)
+
+    def write(self, force_n: Vector) -> None: ...
+
+
+async def test_a_device_of_the_leader_that_fails_ends_both(tmp_path: Path) -> None:
+    together = Together.of(small_scene(tmp_path))
+    together.leader.parts.hand = BrokenHand(MmtError("the handle does not answer"))
+    await together.listen()
+    source = MadeSource([made_frames(k, 1) for k in range(3000)])
+    follower, leader = await together.follow(source), await together.end()
+    assert leader.problem == "failed: the handle does not answer"
+    assert follower.problem == "leader failed: the handle does not answer"
+    assert "closing BrokenHand: the handle does not answer" in together.said
+    recording = read_session(tmp_path / "session.mcap")
+    assert 50 < len(recording.frames) == leader.link["frames"] < 3000
+
+
+async def test_a_mistake_in_the_leader_comes_out_with_the_recording_whole(tmp_path: Path) -> None:
+    together = Together.of(small_scene(tmp_path))
+    together.leader.parts.hand = BrokenHand(ZeroDivisionError("oops"))
+    await together.listen()
+    source = MadeSource([made_frames(k, 1) for k in range(3000)])
+    assert (await together.follow(source)).problem == "leader failed: oops"
+    with pytest.raises(ZeroDivisionError):
+        await together.end()
+    assert read_session(tmp_path / "session.mcap").complete
+
+
+async def test_a_mistake_on_a_frame_ends_the_session_and_comes_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    together = Together.of(small_scene(tmp_path))
+
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError("oops")
+
+    assert together.leader.parts.streamed_vibration is not None
+    monkeypatch.setattr(together.leader.parts.streamed_vibration, "take", broken)
+    await together.listen()
+    follower = await together.follow(MadeSource([made_frames(k, 1) for k in range(3000)]))
+    assert follower.problem == "leader failed: oops"
+    with pytest.raises(ZeroDivisionError):
+        await together.end()
+
+
+async def test_a_recording_that_cannot_be_made_is_explained_at_the_start(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    file = tmp_path / "file" / "session.mcap"
+    together = Together.of(small_scene(tmp_path, recording={"file": str(file)}))
+    await together.listen()
+    with pytest.raises(InputError, match=r"session\.mcap: (Not a directory|File exists)"):
+        await together.end()
+
+
+async def test_a_port_that_is_taken_leaves_an_older_recording_alone(tmp_path: Path) -> None:
+    first = Together.of(small_scene(tmp_path))
+    await first.listen()
+    recording = tmp_path / "older.mcap"
+    recording.write_bytes(b"precious")
+    second = Together.of(
+        small_scene(tmp_path, link={"port": first.leader.port}, recording={"file": str(recording)})
+    )
+    await second.listen()
+    with pytest.raises(MmtError, match="cannot listen on"):
+        await second.end()
+    assert recording.read_bytes() == b"precious"
+    first.leader.stop()
+    assert (await first.end()).outcome == "stopped"
+
+
+async def test_a_disk_that_is_full_ends_the_session_and_is_explained(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written = 0
+    write = SessionWriter.write_frames
+
+    def write_until_full(self: SessionWriter, *block: Any) -> None:
+        nonlocal written
+        written += 1
+        if written > 10:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        write(self, *block)
+
+    monkeypatch.setattr(SessionWriter, "write_frames", write_until_full)
+    together = Together.of(small_scene(tmp_path))
+    await together.listen()
+    source = MadeSource([made_frames(k, 1) for k in range(5000)])
+    follower, leader = await together.follow(source), await together.end()
+    file = tmp_path / "session.mcap"
+    assert leader.problem == f"failed: recording {file}: No space left on device"
+    assert follower.problem == f"leader failed: recording {file}: No space left on device"
+    assert leader.recording["dropped"] == leader.link["frames"] - leader.recording["frames"] > 0
+
+
+async def test_a_disk_that_is_full_at_the_end_fails_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(self: SessionWriter) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(SessionWriter, "finish", full)
+    leader, _ = await run_session(small_scene(tmp_path), MadeSource([made_frames(0, 100)]))
+    assert leader.outcome == "source ended"
+    assert leader.problem == f"recording {tmp_path / 'session.mcap'}: No space left on device"
+
+
+@pytest.mark.parametrize(
+    ("hello", "sentence"),
+    [
+        ({"protocol": 2}, "link protocol 2, the leader 1: install the same version of mmt"),
+        ({"channels": ("position",)}, "sends position, the leader's scene needs position, force"),
+        ({"rate_hz": 500}, "streams at 500 Hz, the leader's scene expects 1000 Hz"),
+    ],
+)
+async def test_a_follower_that_does_not_fit_is_refused_with_a_sentence(
+    tmp_path: Path, hello: dict[str, Any], sentence: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    together = Together.of(small_scene(tmp_path))
+    await together.listen()
+
+    def other(**values: Any) -> FollowerHello:
+        return FollowerHello(**{**values, **hello})
+
+    monkeypatch.setattr("mmt.follower.service.FollowerHello", other)
+    with pytest.raises(MmtError, match=sentence):
+        await together.follow(MadeSource([]))
+    assert together.said == []
+    together.leader.stop()
+    await together.end()
+
+
+class FeelingHand(BrokenHand):
+    """Notes the forces that it displays."""
+
+    def __init__(self) -> None:
+        super().__init__(MmtError(""))
+        self.forces: list[Vector] = []
+
+    def write(self, force_n: Vector) -> None:
+        self.forces.append(force_n)
+
+
+async def test_force_and_vibration_fade_when_the_follower_is_lost(tmp_path: Path) -> None:
+    together = Together.of(small_scene(tmp_path, force_feedback={}))
+    hand = FeelingHand()
+    together.leader.parts.feedback = StreamedForce(hand, limit_n=3.0)
+    await together.listen()
+    frames = made_frames(0, 300)
+    frames["force_n"] = (0.0, 0.0, 2.0)
+    follower = FollowerClient(
+        f"http://127.0.0.1:{together.leader.port}",
+        FollowerHello(channels=CHANNELS, source="test"),
+        FollowerEvents(on_commands=lambda *_: None),
+    )
+    await follower.connect(5.0)
+    follower.send_frames(frames)
+    await together.until(lambda: (0.0, 0.0, 2.0) in hand.forces)
+    await follower.disconnect()
+    leader = await together.end()
+    assert leader.problem == "follower lost"
+    assert hand.forces[-1] == (0.0, 0.0, 0.0)
+    normal = [force[2] for force in hand.forces]
+    fading = normal[len(normal) - normal[::-1].index(2.0) :]
+    assert (np.diff(fading) <= 0.0).all()
+    assert len(fading) > 100
+    outputs = read_session(tmp_path / "session.mcap").outputs
+    assert any(np.abs(output.vibration_m_s2).max() > 0.1 for output in outputs)
+    assert (outputs[-1].vibration_m_s2 == 0.0).all()
+
+
+async def test_resetting_the_model_fades_back_to_the_stream_and_begins_anew(
+    tmp_path: Path,
+) -> None:
+    frames, annotations = simulate_session(Scene(), "plastic", 6.0, 1)
+    write_session(tmp_path / "made.mcap", frames, annotations=annotations)
+    scene = scene_from_tables(
+        {
+            "session": {"duration_s": 600.0},
+            "link": {"port": 0},
+            "replay": {"file": str(tmp_path / "made.mcap"), "speed": 10.0, "loop": True},
+            "texture": {"order": 4, "start_distance": 35.0, "stop_distance": 0.01},
+            "rendering": {"crossfade_ms": 20.0},
+            "playout": {},
+            "actuator": {},
+            "recording": {"file": str(tmp_path / "session.mcap")},
+        }
+    )
+    together = Together.of(scene)
+    leader = together.leader
+    await together.listen()
+    follower = together.follower()
+    following = asyncio.create_task(follower.run())
+
+    def modes() -> list[str]:
+        return [switch["mode"] for switch in leader.log.switches]
+
+    await together.until(lambda: modes()[-1:] == ["synthesized"])
+    first_start_s, reset_s = leader.log.start_s, leader.time_s
+    leader.reset_model()
+    assert leader.status().samples == 0
+    assert leader.log.start_s is None
+    await together.until(lambda: modes()[-1:] == ["synthesized"] and len(modes()) > 2)
+    leader.stop()
+    summary = await together.end()
+    assert (await following).outcome == "leader stopped (stopped)"
+    assert modes() == ["fading", "synthesized", "fading", "streamed", "fading", "synthesized"]
+    assert first_start_s is not None
+    assert 0 < first_start_s <= reset_s < summary.texture["start_s"] <= leader.time_s
+    recording = read_session(tmp_path / "session.mcap")
+    times_s = [time_s for time_s, _ in recording.models]
+    assert times_s == sorted(times_s)
+    assert len(times_s) >= 4
+    assert "model reset" in [event["event"] for event in recording.events]

@@ -1,0 +1,164 @@
+"""Services that are interrupted, terminated, killed, or find nobody."""
+
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from service_processes import Service, follower_of, scene, session, streamed_s
+
+from mmt.errors import InputError
+from mmt.session import RecordedSession, read_session
+from mmt.session.recover import recover
+
+SOON_S = 3.0
+"""Loose bound of what takes a fraction of a second."""
+
+RECORDED = {"MMT_RECORDING__FILE": "session.mcap"}
+
+
+def assert_recorded(directory: Path, leader: Service, at_least: int) -> RecordedSession:
+    """Check that the recording is whole and holds every frame that the leader counted."""
+    recording = read_session(directory / "session.mcap")
+    assert recording.complete
+    summary = leader.summary()
+    assert len(recording.frames) == summary["link"]["frames"] == summary["recording"]["frames"]
+    assert len(recording.frames) >= at_least
+    return recording
+
+
+def test_interrupting_both_ends_them_at_once_with_everything_kept(tmp_path: Path) -> None:
+    with session(tmp_path, "demo", **RECORDED) as (leader, follower):
+        leader.wait_for(lambda: streamed_s(leader) > 1.2)
+        interrupted_s = leader.signal(signal.SIGINT)
+        follower.signal(signal.SIGINT)
+        assert (leader.end(), follower.end()) == (0, 0), leader.stderr + follower.stderr
+        assert time.monotonic() - interrupted_s < SOON_S
+    assert leader.summary()["outcome"] == "stopped"
+    assert follower.summary()["outcome"] in {"stopped", "leader stopped (stopped)"}
+    assert leader.summary()["link"]["frames"] == follower.summary()["link"]["frames"]
+    assert_recorded(tmp_path, leader, at_least=1200)
+    assert (leader.stderr, follower.stderr) == ("", "")
+
+
+@pytest.mark.parametrize("first", ["leader", "follower"])
+def test_terminating_one_ends_the_other(tmp_path: Path, first: str) -> None:
+    with session(tmp_path, "stream-only", **RECORDED) as (leader, follower):
+        leader.wait_for(lambda: streamed_s(leader) > 0.3)
+        terminated_s = (leader if first == "leader" else follower).signal(signal.SIGTERM)
+        assert (leader.end(), follower.end()) == (0, 0), leader.stderr + follower.stderr
+        assert time.monotonic() - terminated_s < SOON_S
+    outcomes = (leader.summary()["outcome"], follower.summary()["outcome"])
+    if first == "leader":
+        assert outcomes == ("stopped", "leader stopped (stopped)")
+    else:
+        assert outcomes == ("source ended", "stopped")
+        assert "follower ended: stopped" in leader.events()
+    assert_recorded(tmp_path, leader, at_least=300)
+
+
+def test_a_leader_that_waits_for_a_follower_can_be_interrupted(tmp_path: Path) -> None:
+    with Service(
+        "leader", scene("stream-only"), "--json-lines", "--port", 0, cwd=tmp_path, **RECORDED
+    ) as leader:
+        leader.port()
+        interrupted_s = leader.signal(signal.SIGINT)
+        assert leader.end() == 0, leader.stderr
+        assert time.monotonic() - interrupted_s < SOON_S
+    assert leader.summary()["outcome"] == "stopped"
+    assert leader.summary()["session"]["duration_s"] == 0
+    assert len(read_session(tmp_path / "session.mcap").frames) == 0
+
+
+def test_a_follower_that_waits_for_a_leader_can_be_interrupted(tmp_path: Path) -> None:
+    nobody = "http://127.0.0.1:1"
+    with Service(
+        "follower", scene("demo"), "--json-lines", "--leader", nobody, cwd=tmp_path
+    ) as follower:
+        follower.wait_for(lambda: any(nobody in event for event in follower.events()))
+        interrupted_s = follower.signal(signal.SIGINT)
+        assert follower.end() == 0, follower.stderr
+        assert time.monotonic() - interrupted_s < SOON_S
+    assert follower.summary()["outcome"] == "stopped"
+    assert follower.stderr == ""
+
+
+def test_a_killed_follower_may_be_started_anew_but_not_stay_away(tmp_path: Path) -> None:
+    patience = {"MMT_LINK__PATIENCE_S": "3"}
+    with session(tmp_path, "stream-only", **RECORDED, **patience) as (leader, follower):
+        leader.wait_for(lambda: streamed_s(leader) > 0.5)
+        follower.signal(signal.SIGKILL)
+        leader.wait_for(lambda: any("follower lost" in event for event in leader.events()))
+        with follower_of(leader, "stream-only", tmp_path, **RECORDED, **patience) as second:
+            leader.wait_for(lambda: any("started anew" in event for event in leader.events()))
+            leader.wait_for(lambda: leader.lines("status")[-1]["frames"] > 900)
+            second.signal(signal.SIGKILL)
+            assert leader.end() == 1
+    assert leader.summary()["outcome"] == "follower lost"
+    assert leader.stderr == "error: follower lost\n"
+    waiting = [event for event in leader.events() if "follower lost" in event]
+    assert len(waiting) == 2
+    assert all(event.endswith("waiting 3 s for its return") for event in waiting)
+    frames = assert_recorded(tmp_path, leader, at_least=900).frames
+    steps = np.diff(frames["sequence"].astype(np.int64))
+    assert (steps >= 1).all()
+    assert (np.diff(frames["time_ns"]) > 0).all()
+    (missing,) = steps[steps > 1] - 1
+    assert f"the follower started anew, {missing} frames are missing before it" in leader.events()
+    assert missing > 100
+
+
+def test_a_killed_leader_is_given_up_and_its_recording_recovered(tmp_path: Path) -> None:
+    variables = {**RECORDED, "MMT_LINK__PATIENCE_S": "0.5"}
+    with session(tmp_path, "stream-only", **variables) as (leader, follower):
+        leader.wait_for(lambda: streamed_s(leader) > 1.5)
+        received = leader.lines("status")[-1]["frames"]
+        leader.signal(signal.SIGKILL)
+        assert follower.end() == 1
+    assert follower.summary()["outcome"] == "leader lost"
+    assert follower.stderr == "error: leader lost\n"
+    assert any("trying again for 0.5 s" in event for event in follower.events())
+    with pytest.raises(InputError, match="mmt session recover"):
+        read_session(tmp_path / "session.mcap")
+    saved = recover(tmp_path / "session.mcap", tmp_path / "saved.mcap")
+    assert saved.frames >= received - 1000
+    frames = read_session(tmp_path / "saved.mcap").frames
+    np.testing.assert_array_equal(frames["sequence"], np.arange(saved.frames))
+
+
+def test_no_leader_is_explained(tmp_path: Path) -> None:
+    with Service(
+        "follower",
+        scene("demo"),
+        *("--leader", "http://127.0.0.1:1"),
+        cwd=tmp_path,
+        MMT_LINK__PATIENCE_S="0.5",
+    ) as follower:
+        assert follower.end() == 1
+    assert "no leader answered at http://127.0.0.1:1 within 0.5 s" in follower.stderr
+    assert "Traceback" not in follower.stderr
+
+
+def test_a_follower_of_another_scene_is_refused_and_the_leader_waits_on(tmp_path: Path) -> None:
+    with Service(
+        "leader", scene("stream-only"), "--json-lines", "--port", 0, cwd=tmp_path
+    ) as leader:
+        with follower_of(leader, "stream-only", tmp_path, **RECORDED) as follower:
+            assert follower.end() == 1
+        assert "sends position, force, acceleration" in follower.stderr
+        assert "use the same scene on both" in follower.stderr
+        assert "Traceback" not in follower.stderr
+        leader.signal(signal.SIGTERM)
+        assert leader.end() == 0
+    assert leader.summary()["outcome"] == "stopped"
+
+
+def test_interrupting_the_demo_ends_both_and_reports(tmp_path: Path) -> None:
+    with Service("main", "demo", scene("stream-only"), cwd=tmp_path) as demo:
+        demo.wait_for(lambda: "leader: follower connected" in demo.stderr)
+        time.sleep(0.5)
+        demo.signal(signal.SIGINT)
+        assert demo.end() == 0, demo.stderr
+    assert read_session(tmp_path / "mmt-demo" / "session.mcap").complete
+    assert (tmp_path / "mmt-demo" / "report.html").exists()

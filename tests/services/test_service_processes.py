@@ -1,0 +1,237 @@
+"""Both services as processes, end to end, on loopback."""
+
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from service_processes import Service, follower_of, scene, session, streamed_s
+
+from mmt.session import RecordedSession, read_session, write_session
+
+DURATION_S = 6.0
+_ADDRESS = re.compile(r"ready after [\d.]+ s: (127\.0\.0\.1:\d+)")
+
+
+@dataclass(frozen=True)
+class Run:
+    """One session and what tried to disturb it."""
+
+    directory: Path
+    leader: Service
+    follower: Service
+    second_follower: Service
+    second_leader: Service
+    codes: tuple[int, int]
+
+    def recording(self) -> RecordedSession:
+        return read_session(self.directory / "session.mcap")
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
+    directory = tmp_path_factory.mktemp("run")
+    arguments = ("--record", "session.mcap", "--duration", DURATION_S)
+    with session(directory, "demo", *arguments) as (leader, follower):
+        port = leader.port()
+        with (
+            follower_of(leader, "demo", directory) as second_follower,
+            Service(
+                "leader", scene("stream-only"), "--port", port, *arguments, cwd=directory
+            ) as second_leader,
+        ):
+            leader.wait_for(lambda: streamed_s(leader) > 0.5)
+            second_follower.end()
+            second_leader.end()
+            codes = (leader.end(), follower.end())
+            yield Run(directory, leader, follower, second_follower, second_leader, codes)
+
+
+def test_both_end_well_and_say_how(run: Run) -> None:
+    assert run.codes == (0, 0), run.leader.stderr + run.follower.stderr
+    assert run.leader.summary()["outcome"] == "completed"
+    assert run.follower.summary()["outcome"] == "leader stopped (completed)"
+    assert run.follower.stderr == ""
+    assert run.leader.stderr.startswith("refused a follower: another follower is connected")
+    assert run.leader.stderr.count("\n") == 1
+
+
+def test_every_frame_sent_is_received_and_recorded(run: Run) -> None:
+    sent = run.follower.summary()["link"]["frames"]
+    link = run.leader.summary()["link"]
+    assert sent >= DURATION_S * 1000
+    assert link["frames"] == sent
+    assert (link["lost"], link["out_of_order"], link["repeated"], link["rejected"]) == (0, 0, 0, {})
+    frames = run.recording().frames
+    np.testing.assert_array_equal(frames["sequence"], np.arange(sent))
+    np.testing.assert_array_equal(np.diff(frames["time_ns"]), 1_000_000)
+    assert run.leader.summary()["recording"] == {
+        "file": "session.mcap",
+        "frames": sent,
+        "dropped": 0,
+        "error": None,
+    }
+
+
+def test_commands_come_down_and_are_followed(run: Run) -> None:
+    commands = run.leader.summary()["link"]["commands"]
+    received = run.follower.summary()["link"]
+    assert received["commands"] + received["lost"] >= 0.99 * commands > 4000
+    height_mm = run.recording().frames["position_mm"][:, 2]
+    assert height_mm[0] > 0.0 > height_mm.min()
+
+
+def test_the_vibration_switches_to_the_model_at_the_start_criterion(run: Run) -> None:
+    texture, vibration = run.leader.summary()["texture"], run.leader.summary()["vibration"]
+    assert texture["samples"] > 3
+    assert 0.0 < texture["start_s"] < DURATION_S
+    assert [switch["mode"] for switch in vibration["switches"]] == ["fading", "synthesized"]
+    assert vibration["switches"][0]["time_s"] >= texture["start_s"]
+    modes = [output.mode for output in run.recording().outputs]
+    assert modes[0] == "streamed"
+    assert modes[-1] == "synthesized"
+    assert vibration["actuator"]["rms_m_s2"] > 0.1
+
+
+def test_the_recording_holds_scene_truth_models_and_events(run: Run) -> None:
+    recording = run.recording()
+    assert recording.complete
+    assert recording.scene is not None
+    assert recording.scene["session"]["duration_s"] == DURATION_S
+    assert json.loads(recording.annotations)["surface"] == "plastic"
+    start_s = run.leader.summary()["texture"]["start_s"]
+    assert recording.models[0][0] == pytest.approx(start_s, abs=1e-3)
+    for _, model in recording.models:
+        assert len(np.load(BytesIO(model))["speed_mm_s"]) > 3
+    sentences = [event["event"] for event in recording.events]
+    assert "follower connected (simulated)" in sentences
+    assert f"start criterion met at {start_s:.1f} s" in sentences
+
+
+def test_live_status_is_a_line_five_times_a_second(run: Run) -> None:
+    statuses = run.leader.lines("status")
+    times_s = [status["time_s"] for status in statuses]
+    assert len(statuses) > 2 * DURATION_S
+    assert times_s == sorted(times_s)
+    assert statuses[-1]["mode"] == "synthesized"
+
+
+def test_a_second_follower_is_refused_while_the_first_goes_on(run: Run) -> None:
+    assert run.second_follower.end() == 1
+    assert "another follower is connected" in run.second_follower.stderr
+    assert "Traceback" not in run.second_follower.stderr
+    assert sum("follower connected" in event for event in run.leader.events()) == 1
+
+
+def test_a_second_leader_on_the_port_leaves_the_recording_alone(run: Run) -> None:
+    assert run.second_leader.end() == 1
+    assert "cannot listen on 127.0.0.1 port" in run.second_leader.stderr
+    assert "Traceback" not in run.second_leader.stderr
+    assert len(run.recording().frames) >= DURATION_S * 1000
+
+
+@pytest.fixture(scope="module")
+def replayed(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
+    """The first seconds of the session again, in the form for people."""
+    directory = tmp_path_factory.mktemp("replayed")
+    original = run.recording()
+    write_session(directory / "part.mcap", original.frames[:2500], annotations=original.annotations)
+    common = ("--replay", "part.mcap")
+    leader_arguments = (*common, "--port", 0, "--json", "leader.json", "--record", "session.mcap")
+    with Service("leader", scene("demo"), *leader_arguments, cwd=directory) as leader:
+        leader.wait_for(lambda: _ADDRESS.search(leader.stderr))
+        address = _ADDRESS.search(leader.stderr)
+        assert address is not None
+        with Service(
+            "follower",
+            scene("demo"),
+            *common,
+            "--leader",
+            f"http://{address[1]}",
+            "--json",
+            "follower.json",
+            cwd=directory,
+        ) as follower:
+            codes = (leader.end(), follower.end())
+            yield Run(directory, leader, follower, follower, leader, codes)
+
+
+def _summary(run: Run, name: str) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads((run.directory / f"{name}.json").read_text())
+    return content
+
+
+def test_a_replayed_session_arrives_as_it_was_recorded(run: Run, replayed: Run) -> None:
+    assert replayed.codes == (0, 0), replayed.leader.stderr + replayed.follower.stderr
+    original, again = run.recording(), replayed.recording()
+    assert again.annotations == original.annotations
+    for name in ("sequence", "position_mm", "force_n", "acceleration_m_s2"):
+        np.testing.assert_array_equal(again.frames[name], original.frames[name][:2500])
+    assert _summary(replayed, "leader")["outcome"] == "source ended"
+    assert _summary(replayed, "leader")["link"]["lost"] == 0
+    assert _summary(replayed, "follower")["link"]["frames"] == 2500
+
+
+def test_a_replay_takes_as_long_as_the_session_did(replayed: Run) -> None:
+    ticks = _summary(replayed, "follower")["ticks"]["ticks"]
+    assert 2400 < ticks < 4000
+    np.testing.assert_array_equal(np.diff(replayed.recording().frames["time_ns"]), 1_000_000)
+
+
+def test_both_say_which_parts_run_and_which_are_left_out(replayed: Run) -> None:
+    assert "runs:     link, texture, rendering, playout, actuator, recording" in (
+        replayed.leader.stderr
+    )
+    assert "left out: hand, force_feedback" in replayed.leader.stderr
+    assert "runs:     link, replay" in replayed.follower.stderr
+    assert "left out: simulated, devices" in replayed.follower.stderr
+
+
+def test_the_summary_is_a_table_for_people(replayed: Run) -> None:
+    for service, figure in ((replayed.leader, "frames"), (replayed.follower, "messages sent")):
+        assert "outcome" in service.stdout
+        assert figure in service.stdout
+
+
+def test_a_scene_that_only_streams(tmp_path: Path) -> None:
+    with session(tmp_path, "stream-only", "--duration", 1.5) as (leader, follower):
+        assert (leader.end(), follower.end()) == (0, 0), leader.stderr + follower.stderr
+    summary = leader.summary()
+    assert summary["outcome"] == "completed"
+    assert summary["link"]["frames"] == follower.summary()["link"]["frames"] >= 1500
+    assert summary["vibration"]["mode"] == "streamed"
+    assert "texture" not in summary
+    assert "recording" not in summary
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_scene_without_a_follower(tmp_path: Path) -> None:
+    arguments = ("--duration", 1, "--model", Path(scene("demo")).parent / "models/plastic.npz")
+    with Service("leader", scene("model-only"), "--json-lines", *arguments, cwd=tmp_path) as leader:
+        assert leader.end() == 0, leader.stderr
+    summary = leader.summary()
+    assert summary["outcome"] == "completed"
+    assert summary["vibration"]["mode"] == "synthesized"
+    assert summary["vibration"]["actuator"]["samples"] >= 1000
+    assert "link" not in summary
+    assert leader.lines("ready")[0]["port"] is None
+
+
+def test_the_demo_leaves_a_recording_and_a_report(tmp_path: Path) -> None:
+    with Service("main", "demo", "--duration", 2, "--json", "all.json", cwd=tmp_path) as demo:
+        assert demo.end() == 0, demo.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"mmt-demo", "all.json"}
+    recording = read_session(tmp_path / "mmt-demo" / "session.mcap")
+    assert recording.complete
+    assert len(recording.frames) >= 2000
+    assert "<html" in (tmp_path / "mmt-demo" / "report.html").read_text()
+    content = json.loads((tmp_path / "all.json").read_text())
+    assert content["leader"]["outcome"] == "completed"
+    assert content["follower"]["link"]["frames"] == len(recording.frames)
+    assert content["evaluation"]
+    assert "recording: mmt-demo/session.mcap" in demo.stderr
