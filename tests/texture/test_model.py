@@ -185,6 +185,31 @@ def test_bad_samples_are_explained() -> None:
             TextureModel(samples)
 
 
+@pytest.mark.parametrize("apart", [1e-15, 1e-12, 1e-9])
+def test_samples_beside_each_other_are_one_vertex_wherever_they_lie(apart: float) -> None:
+    centres = (np.round(np.random.default_rng(2).uniform(0.1, 0.9, (20, 2)) * 1e6) + 0.5) / 1e6
+    around = 0.5 * apart * np.array([(-1, 0), (1, 0), (0, 1), (0, -1)])
+    points = (centres[:, None, :] + around).reshape(-1, 2)
+    samples = make_samples(list(300 * points[:, 0]), list(3 * points[:, 1]))
+    model = TextureModel(samples)
+    assert len(model.vertices) == 20 + 20
+    lsf, _ = model.at(300 * centres[:, 0], 3 * centres[:, 1])
+    np.testing.assert_allclose(lsf, samples.lsf.reshape(20, 4, -1).mean(axis=1), atol=1e-8)
+
+
+@pytest.mark.parametrize("inside", [1e-16, 1e-12, 1e-9, 1e-7])
+def test_samples_beside_an_edge_lie_on_it(inside: float) -> None:
+    near = 1.0 - inside
+    model = TextureModel(
+        make_samples([300 * near, 300 * near, 100.0, 0.0], [3 * near, 1.1, 3 * near, 3 * inside])
+    )
+    corners = model.vertices[model.triangles[:, :3], :2]
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    areas = 0.5 * np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+    assert areas.sum() == pytest.approx(1.0, abs=1e-12)
+    assert areas.min() > 1e-4
+
+
 # --- synthesis
 
 

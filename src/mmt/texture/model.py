@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Final, Self
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mmt.arrays import FloatArray, IntArray
 from mmt.compiled import kernel
@@ -276,6 +277,31 @@ def _boundary_points() -> FloatArray:
     return np.array(edges)
 
 
+def _on_edges(points: FloatArray) -> FloatArray:
+    """Return the points (n, 2), those that all but lie on an edge moved onto it.
+
+    Beside the edge they would leave triangles without area, or a plane that ends before it.
+    """
+    moved = np.where(points < COINCIDENT, 0.0, points)
+    return np.where(moved > 1.0 - COINCIDENT, 1.0, moved)
+
+
+def _coincident(points: FloatArray) -> IntArray:
+    """Number the vertices that the points (n, 2) stand for, from 0; return (n,).
+
+    Points closer than `COINCIDENT` have one vertex, those in cells of that width which touch
+    each other may have: a chain of them is one vertex.
+    """
+    cells = np.round(points / COINCIDENT)
+    cells, cell = np.unique(cells, axis=0, return_inverse=True)
+    label = np.arange(len(cells))
+    for pair in cKDTree(cells).query_pairs(1.5, p=np.inf, output_type="ndarray"):
+        one, other = label[pair]
+        label[label == max(one, other)] = min(one, other)
+    _, vertex = np.unique(label[cell.reshape(-1)], return_inverse=True)
+    return vertex.reshape(-1).astype(np.int64)
+
+
 def _vertex_table(
     points: FloatArray, samples: TextureSamples, interpolate: Interpolated
 ) -> FloatArray:
@@ -290,12 +316,12 @@ def _vertex_table(
         "power": samples.power,
         "amplitude": np.sqrt(samples.power),
     }[interpolate]
-    rows = np.column_stack([points, level, samples.lsf])
-    cells = np.round(points / COINCIDENT).astype(np.int64)
-    _, first, group = np.unique(cells, axis=0, return_index=True, return_inverse=True)
-    merged = np.zeros((len(first), rows.shape[1]))
-    np.add.at(merged, group.reshape(-1), rows)
-    merged /= np.bincount(group.reshape(-1))[:, None]
+    rows = np.column_stack([_on_edges(points), level, samples.lsf])
+    vertex = _coincident(rows[:, :2])
+    counts = np.bincount(vertex)
+    merged = np.zeros((len(counts), rows.shape[1]))
+    np.add.at(merged, vertex, rows)
+    merged /= counts[:, None]
 
     boundary = _boundary_points()
     offsets = boundary[:, None, :] - merged[None, :, :2]
