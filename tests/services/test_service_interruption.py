@@ -84,6 +84,17 @@ def test_a_follower_that_waits_for_a_leader_can_be_interrupted(tmp_path: Path) -
     assert follower.stderr == ""
 
 
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="nothing stops a process here")
+def test_a_peer_that_hangs_does_not_hold_up_the_one_who_is_interrupted(tmp_path: Path) -> None:
+    with session(tmp_path, "stream-only") as (leader, follower):
+        leader.wait_for(lambda: streamed_s(leader) > 0.2)
+        leader.signal(signal.SIGSTOP)
+        interrupted_s = follower.signal(signal.SIGINT)
+        assert follower.end() == 0, follower.stderr
+        assert time.monotonic() - interrupted_s < SOON_S
+        assert follower.summary()["outcome"] == "stopped"
+
+
 def test_a_killed_follower_may_be_started_anew_but_not_stay_away(tmp_path: Path) -> None:
     patience = {"MMT_LINK__PATIENCE_S": "3"}
     with session(tmp_path, "stream-only", **RECORDED, **patience) as (leader, follower):

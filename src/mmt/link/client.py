@@ -13,7 +13,7 @@ from mmt.errors import MmtError
 from mmt.frames import COMMAND_DTYPE, frame_dtype
 from mmt.link.clock import clock_id
 from mmt.link.counting import gather
-from mmt.link.dialling import ATTEMPT_S, CLOSE_TIMEOUT_S, Line, check_url
+from mmt.link.dialling import ACKNOWLEDGE_S, ATTEMPT_S, CLOSE_TIMEOUT_S, Line, check_url
 from mmt.link.direct import client_send
 from mmt.link.events import FollowerEvents, call
 from mmt.link.log import LOG
@@ -154,7 +154,7 @@ class FollowerClient:
         sent = struct.unpack_from("<I", self._last_frame)[0] + 1 if self._last_frame else 0
         payload = {"reason": reason, "frames": sent}
         try:
-            await self._line.client.call(END, payload, timeout=CLOSE_TIMEOUT_S)
+            await self._line.client.call(END, payload, timeout=ACKNOWLEDGE_S)
         except socketio.exceptions.SocketIOError:
             LOG.warning("the leader did not acknowledge the end of the session")
 

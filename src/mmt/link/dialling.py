@@ -16,7 +16,10 @@ from mmt.link.protocol import MAX_MESSAGE_BYTES
 ATTEMPT_S: Final = 3.0
 """How long one attempt to connect may take."""
 CLOSE_TIMEOUT_S: Final = 2.0
-"""How long the closing may take before the connection is dropped."""
+"""How long it may take to send what waits before the connection is dropped."""
+ACKNOWLEDGE_S: Final = 0.4
+"""How long the leader may take to answer the end of a session, and then the closing of the
+link: with a leader that hangs, a person who ends the follower waits less than a second."""
 _FIRST_RETRY_S: Final = 0.25
 _LONGEST_RETRY_S: Final = 2.0
 """A link that broke is tried again after so long, twice as long each time up to the longest."""
@@ -77,7 +80,7 @@ class Line:
     async def close(self) -> None:
         """Close whatever is open, and take up nothing again; in bounded time."""
         try:
-            async with asyncio.timeout(CLOSE_TIMEOUT_S):
+            async with asyncio.timeout(ACKNOWLEDGE_S):
                 await self.client.shutdown()
                 await self.client.disconnect()
         except TimeoutError:
