@@ -96,7 +96,7 @@ def test_a_peer_that_hangs_does_not_hold_up_the_one_who_is_interrupted(tmp_path:
 
 
 def test_a_killed_follower_may_be_started_anew_but_not_stay_away(tmp_path: Path) -> None:
-    patience = {"MMT_LINK__PATIENCE_S": "3"}
+    patience = {"MMT_LINK__PATIENCE_S": "2"}
     with session(tmp_path, "stream-only", **RECORDED, **patience) as (leader, follower):
         leader.wait_for(lambda: streamed_s(leader) > 0.5)
         follower.signal(signal.SIGKILL)
@@ -110,7 +110,7 @@ def test_a_killed_follower_may_be_started_anew_but_not_stay_away(tmp_path: Path)
     assert leader.stderr == "error: follower lost\n"
     waiting = [event for event in leader.events() if "follower lost" in event]
     assert len(waiting) == 2
-    assert all(event.endswith("waiting 3 s for its return") for event in waiting)
+    assert all(event.endswith("waiting 2 s for its return") for event in waiting)
     frames = assert_recorded(tmp_path, leader, at_least=900).frames
     steps = np.diff(frames["sequence"].astype(np.int64))
     assert (steps >= 1).all()
@@ -123,7 +123,7 @@ def test_a_killed_follower_may_be_started_anew_but_not_stay_away(tmp_path: Path)
 def test_a_killed_leader_is_given_up_and_its_recording_recovered(tmp_path: Path) -> None:
     variables = {**RECORDED, "MMT_LINK__PATIENCE_S": "0.5"}
     with session(tmp_path, "stream-only", **variables) as (leader, follower):
-        leader.wait_for(lambda: streamed_s(leader) > 1.5)
+        leader.wait_for(lambda: streamed_s(leader) > 1.0)
         received = leader.lines("status")[-1]["frames"]
         leader.signal(signal.SIGKILL)
         assert follower.end() == 1

@@ -15,6 +15,7 @@ from service_processes import Service, follower_of, scene, session, streamed_s
 from mmt.session import RecordedSession, read_session, write_session
 
 DURATION_S = 6.0
+REPLAYED = 1500
 _ADDRESS = re.compile(r"ready after [\d.]+ s: (127\.0\.0\.1:\d+)")
 
 
@@ -140,7 +141,9 @@ def replayed(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run
     """The first seconds of the session again, in the form for people."""
     directory = tmp_path_factory.mktemp("replayed")
     original = run.recording()
-    write_session(directory / "part.mcap", original.frames[:2500], annotations=original.annotations)
+    write_session(
+        directory / "part.mcap", original.frames[:REPLAYED], annotations=original.annotations
+    )
     common = ("--replay", "part.mcap")
     leader_arguments = (*common, "--port", 0, "--json", "leader.json", "--record", "session.mcap")
     with Service("leader", scene("demo"), *leader_arguments, cwd=directory) as leader:
@@ -171,15 +174,15 @@ def test_a_replayed_session_arrives_as_it_was_recorded(run: Run, replayed: Run) 
     original, again = run.recording(), replayed.recording()
     assert again.annotations == original.annotations
     for name in ("sequence", "position_mm", "force_n", "acceleration_m_s2"):
-        np.testing.assert_array_equal(again.frames[name], original.frames[name][:2500])
+        np.testing.assert_array_equal(again.frames[name], original.frames[name][:REPLAYED])
     assert _summary(replayed, "leader")["outcome"] == "source ended"
     assert _summary(replayed, "leader")["link"]["lost"] == 0
-    assert _summary(replayed, "follower")["link"]["frames"] == 2500
+    assert _summary(replayed, "follower")["link"]["frames"] == REPLAYED
 
 
 def test_a_replay_takes_as_long_as_the_session_did(replayed: Run) -> None:
     ticks = _summary(replayed, "follower")["ticks"]["ticks"]
-    assert 2400 < ticks < 4000
+    assert REPLAYED - 100 < ticks < 2 * REPLAYED
     np.testing.assert_array_equal(np.diff(replayed.recording().frames["time_ns"]), 1_000_000)
 
 
@@ -199,11 +202,11 @@ def test_the_summary_is_a_table_for_people(replayed: Run) -> None:
 
 
 def test_a_scene_that_only_streams(tmp_path: Path) -> None:
-    with session(tmp_path, "stream-only", "--duration", 1.5) as (leader, follower):
+    with session(tmp_path, "stream-only", "--duration", 1) as (leader, follower):
         assert (leader.end(), follower.end()) == (0, 0), leader.stderr + follower.stderr
     summary = leader.summary()
     assert summary["outcome"] == "completed"
-    assert summary["link"]["frames"] == follower.summary()["link"]["frames"] >= 1500
+    assert summary["link"]["frames"] == follower.summary()["link"]["frames"] >= 1000
     assert summary["vibration"]["mode"] == "streamed"
     assert "texture" not in summary
     assert "recording" not in summary
@@ -223,12 +226,12 @@ def test_a_scene_without_a_follower(tmp_path: Path) -> None:
 
 
 def test_the_demo_leaves_a_recording_and_a_report(tmp_path: Path) -> None:
-    with Service("main", "demo", "--duration", 2, "--json", "all.json", cwd=tmp_path) as demo:
+    with Service("main", "demo", "--duration", 1, "--json", "all.json", cwd=tmp_path) as demo:
         assert demo.end() == 0, demo.stderr
     assert {path.name for path in tmp_path.iterdir()} == {"mmt-demo", "all.json"}
     recording = read_session(tmp_path / "mmt-demo" / "session.mcap")
     assert recording.complete
-    assert len(recording.frames) >= 2000
+    assert len(recording.frames) >= 1000
     assert "<html" in (tmp_path / "mmt-demo" / "report.html").read_text()
     content = json.loads((tmp_path / "all.json").read_text())
     assert content["leader"]["outcome"] == "completed"
