@@ -118,3 +118,42 @@ def test_a_fast_clock_is_followed_by_single_slips() -> None:
 def test_any_frames_leave_the_output_bounded(frames: list[tuple[int, int, int]]) -> None:
     output = play(PlayoutBuffer("auto"), [(*frame, 1.0) for frame in frames], 400)
     assert (np.abs(output) <= 1.0).all()
+
+
+@pytest.mark.parametrize("step_s", [10, -10, 0.5, -0.5])
+@pytest.mark.parametrize("of_follower", [True, False])
+def test_a_step_in_a_clock_is_not_heard(step_s: float, of_follower: bool) -> None:
+    step_ns = int(step_s * 1e9)
+    start_ns = 20 * 10**9
+    buffer = PlayoutBuffer("auto")
+    output = []
+    for k in range(6000):
+        stepped = step_ns if k >= 3000 else 0
+        leader_ns = start_ns + k * MS + (0 if of_follower else stepped)
+        follower_ns = k * MS + (stepped if of_follower else 0)
+        buffer.push(k, follower_ns, leader_ns + 3 * MS, float(k + 1))
+        output.append(buffer.pull(leader_ns + 3 * MS))
+    steps = np.diff(output[100:])
+    assert (steps == 1.0).mean() > 0.998
+    assert buffer.statistics().bridged < 3
+    assert buffer.statistics().delay_ms < 4
+
+
+def test_late_frames_are_not_played_and_leave_no_longer_delay() -> None:
+    def lateness_ms(k: int) -> int:
+        return 2003 - (k - 3000) if 3000 <= k < 5000 else 3
+
+    buffer = PlayoutBuffer("auto")
+    frames = [(k, k * MS, (k + lateness_ms(k)) * MS, k + 1 / 3) for k in range(9000)]
+    output = play(buffer, frames, 8900)
+    heard = np.abs(output % 1 - 1 / 3) < 1e-6  # the others fade
+    assert (np.arange(8900) - output)[heard].max() < 110  # the longest delay and the way
+    assert (output[3020:5000] == 0.0).all()
+    assert (output[5040:] > 0.0).all()
+    assert buffer.statistics().delay_ms < 5
+
+
+def test_a_longer_way_is_followed_at_once_while_nothing_is_heard() -> None:
+    frames = [(k, k * MS, (k + (3 if k < 3000 else 40)) * MS, 1.0) for k in range(6000)]
+    output = play(PlayoutBuffer("auto"), frames, 5900)
+    assert (output[3000 + 200 :] == 1.0).all()

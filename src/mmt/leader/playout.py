@@ -4,9 +4,11 @@ Samples are played in the order of their sequence numbers, one a tick, a delay a
 quickest frame would have arrived. The delay follows the jitter that is seen. A sample that is
 missing when its turn comes is bridged by fading out within five samples; when the stream
 stops, the buffer runs empty and the output is silent, so that nothing older than the buffer is
-ever played.
+ever played. A step in either clock is noticed, the follower's by its sequence numbers and the
+leader's by its ticks, and the clocks are compared anew.
 """
 
+from bisect import bisect_right
 from collections import deque
 from dataclasses import dataclass
 from typing import Final, Literal
@@ -18,6 +20,7 @@ _SPREAD_EVERY: Final = 100
 _SLIP_EVERY: Final = 20
 _RESYNC_SAMPLES: Final = 50
 _MARGIN_SAMPLES: Final = 2
+_CLOCK_STEP_NS: Final = 100_000_000
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,8 @@ class PlayoutBuffer:
     ----------
     delay_ms
         Fixed delay, or "auto": the 99th percentile of the arrivals' lateness over the last
-        two seconds and two samples more.
+        two seconds and two samples more. Frames that are later than the longest delay do not
+        count, since no delay would save them.
     longest_delay_ms
         Bound of the automatic delay.
     period_ns
@@ -70,6 +74,7 @@ class PlayoutBuffer:
         self._lags: deque[int] = deque(maxlen=_WINDOW_TICKS)
         self._anchor: tuple[int, int] | None = None  # (sequence, time_ns) of the newest frame
         self._quickest_ns = 0
+        self._now_ns: int | None = None
         self._gain = 0.0
         self._last = 0.0
         self._ticks = 0
@@ -78,6 +83,10 @@ class PlayoutBuffer:
     def push(self, sequence: int, time_ns: int, arrival_ns: int, value: float) -> None:
         """Take one sample with the follower's time stamp and the leader's arrival time."""
         lag = arrival_ns - time_ns
+        if self._anchor is not None:
+            expected_ns = self._anchor[1] + (sequence - self._anchor[0]) * self._period_ns
+            if abs(time_ns - expected_ns) > _CLOCK_STEP_NS:
+                self._forget_clocks()
         self._lags.append(lag)
         if self._anchor is None or lag < self._quickest_ns:
             self._quickest_ns = lag
@@ -93,16 +102,17 @@ class PlayoutBuffer:
     def pull(self, now_ns: int) -> float:
         """Return the sample of this tick; call once for each tick, missed ones included."""
         self._ticks += 1
-        if self._anchor is None:
-            return 0.0
-        if self._ticks % _SPREAD_EVERY == 0:
-            self._follow_jitter()
-        due = self._due(now_ns)
+        if self._now_ns is not None:
+            step_ns = now_ns - self._now_ns - self._period_ns
+            if abs(step_ns) > _CLOCK_STEP_NS:
+                self._forget_clocks()
+        self._now_ns = now_ns
+        if self._anchor is not None:
+            if self._ticks % _SPREAD_EVERY == 0:
+                self._follow_jitter()
+            self._hold_delay(self._due(now_ns, self._anchor))
         if self._next is None:
-            if due < 0 or self._newest < 0:
-                return 0.0
-            self._next = max(due, 0)
-        self._hold_delay(due)
+            return 0.0
         sequence = self._next
         self._next = sequence + 1
         place = sequence % _RING
@@ -127,9 +137,14 @@ class PlayoutBuffer:
             resyncs=self._resyncs,
         )
 
-    def _due(self, now_ns: int) -> int:
+    def _forget_clocks(self) -> None:
+        """Compare the clocks anew from the next frame on; what is queued is played on."""
+        self._lags.clear()
+        self._anchor = None
+
+    def _due(self, now_ns: int, anchor: tuple[int, int]) -> int:
         """Return the sequence number whose turn it is at this time."""
-        sequence, time_ns = self._anchor or (0, 0)
+        sequence, time_ns = anchor
         since = now_ns - self._quickest_ns - time_ns
         return sequence + since // self._period_ns - self._delay
 
@@ -138,17 +153,22 @@ class PlayoutBuffer:
         self._quickest_ns = lags[0]
         if not self._automatic:
             return
-        spread = lags[min(len(lags) - 1, (99 * len(lags)) // 100)] - lags[0]
+        saved = bisect_right(lags, lags[0] + self._longest * self._period_ns)
+        spread = lags[min(saved - 1, (99 * saved) // 100)] - lags[0]
         wanted = -(-spread // self._period_ns) + _MARGIN_SAMPLES
         self._delay = min(int(wanted), self._longest)
 
     def _hold_delay(self, due: int) -> None:
-        """Slip by one sample now and then, jump after an interruption."""
-        assert self._next is not None  # noqa: S101 - set by the caller
+        """Slip by one sample now and then; jump after an interruption or in silence."""
+        if self._next is None:
+            self._next = due if due >= 0 else None
+            return
         off = due - self._next
         if abs(off) > _RESYNC_SAMPLES:
             self._next = due
             self._resyncs += 1
+        elif abs(off) > 1 and self._gain == 0.0:
+            self._next = due
         elif abs(off) > 1 and self._ticks % _SLIP_EVERY == 0:
             self._next += 1 if off > 0 else -1
             self._slips += 1
