@@ -95,6 +95,9 @@ class Ticker:
         the ticker and comes out of `wait`.
     statistics
         Whether to measure periods and lateness, about 1 us a tick.
+    clock_ns
+        The monotonic time in ns; one that is not the system's, as in a simulation, ticks by
+        the timers of the loop, whose time must run with it.
 
     Raises
     ------
@@ -103,7 +106,12 @@ class Ticker:
     """
 
     def __init__(
-        self, period_ns: int, callback: Callable[[int], None], *, statistics: bool = True
+        self,
+        period_ns: int,
+        callback: Callable[[int], None],
+        *,
+        statistics: bool = True,
+        clock_ns: Callable[[], int] | None = None,
     ) -> None:
         if period_ns <= 0:
             message = f"period_ns is {period_ns}: it must be positive"
@@ -111,6 +119,8 @@ class Ticker:
         self._period_ns = period_ns
         self._callback = callback
         self._measures = statistics
+        self._clock_ns = clock_ns or time.monotonic_ns
+        self._simulated = clock_ns is not None
         self._periods = TimeHistogram()
         self._ticks = 0
         self._missed = 0
@@ -152,8 +162,8 @@ class Ticker:
             raise RuntimeError(message)
         self._loop = asyncio.get_running_loop()
         self._done = self._loop.create_future()
-        self._due_ns = time.monotonic_ns() + self._period_ns
-        self._timer = _open_timer()
+        self._due_ns = self._clock_ns() + self._period_ns
+        self._timer = None if self._simulated else _open_timer()
         if self._timer is None:
             self._schedule(self._loop)
         else:
@@ -201,11 +211,11 @@ class Ticker:
             self._tick(elapsed)
 
     def _schedule(self, loop: asyncio.AbstractEventLoop) -> None:
-        wait_s = (self._due_ns - time.monotonic_ns()) / 1e9
+        wait_s = (self._due_ns - self._clock_ns()) / 1e9
         self._handle = loop.call_at(loop.time() + wait_s, self._on_deadline, loop)
 
     def _on_deadline(self, loop: asyncio.AbstractEventLoop) -> None:
-        elapsed = (time.monotonic_ns() - self._due_ns) // self._period_ns + 1
+        elapsed = (self._clock_ns() - self._due_ns) // self._period_ns + 1
         if elapsed > 0:  # the loop may wake us early by its clock's resolution
             self._tick(elapsed)
         if self.running:
@@ -223,7 +233,7 @@ class Ticker:
             self._finish(error)
 
     def _measure(self, elapsed: int) -> None:
-        now_ns = time.monotonic_ns()
+        now_ns = self._clock_ns()
         if self._last_ns:
             self._periods.add(now_ns - self._last_ns)
         self._last_ns = now_ns
