@@ -6,14 +6,12 @@ compiled code that releases the interpreter lock, so that the 1 kHz tick is not 
 
 import asyncio
 import time
-from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
-import numpy as np
-
 from mmt.arrays import RecordArray
+from mmt.leader.frame_queue import FrameQueue
 from mmt.texture.modelling import ModelUpdate, OnlineModeller
 from mmt.texture.settings import ModellingSettings
 
@@ -41,12 +39,10 @@ class ModellingTask:
     ) -> None:
         self._settings = settings
         self._period_frames = max(1, round(period_s * settings.rate_hz))
-        self._longest_queue = max(self._period_frames, round(_LONGEST_QUEUE_S * settings.rate_hz))
         self._on_update = on_update
         self._modeller = OnlineModeller(settings)
-        self._queue: deque[RecordArray] = deque()
-        self._queued = 0
-        self._first_sequence: int | None = None
+        capacity = max(self._period_frames, round(_LONGEST_QUEUE_S * settings.rate_hz))
+        self._queue = FrameQueue(capacity, least_drop=self._period_frames)
         self._due = asyncio.Event()
         self._generation = 0
         self.dropped_frames = 0
@@ -57,16 +53,9 @@ class ModellingTask:
         """Queue frames; never blocks."""
         if self.finished:
             return
-        self._queue.append(frames)
-        self._queued += len(frames)
-        while self._queued > self._longest_queue and len(self._queue) > 1:
-            dropped = len(self._queue.popleft())
-            self._queued -= dropped
-            self.dropped_frames += dropped
-            self._first_sequence = None
-        if self._first_sequence is None:
-            self._first_sequence = int(self._queue[0]["sequence"][0])
-        if int(frames["sequence"][-1]) - self._first_sequence >= self._period_frames - 1:
+        self.dropped_frames += self._queue.put(frames)
+        first = self._queue.first_sequence
+        if first is not None and int(frames["sequence"][-1]) - first >= self._period_frames - 1:
             self._due.set()
 
     def reset(self) -> None:
@@ -98,9 +87,5 @@ class ModellingTask:
                 self._on_update(update, time.perf_counter() - started)
 
     def _clear_queue(self) -> RecordArray:
-        frames = np.concatenate(list(self._queue)) if self._queue else np.empty(0)
-        self._queue.clear()
-        self._queued = 0
-        self._first_sequence = None
         self._due.clear()
-        return frames
+        return self._queue.take_all()
