@@ -3,11 +3,13 @@ import itertools
 import numpy as np
 import pytest
 
+import mmt.texture.modelling
 from mmt.arrays import RecordArray
 from mmt.devices.simulated.offline import simulate_session
 from mmt.devices.simulated.textures import get_surface
 from mmt.frames import empty_frames
 from mmt.scene import Scene
+from mmt.texture.completion import distance_sum
 from mmt.texture.modelling import ModelUpdate, OnlineModeller
 from mmt.texture.settings import ModellingSettings
 
@@ -129,3 +131,41 @@ def test_an_empty_block_changes_nothing() -> None:
     update = OnlineModeller().update(empty_frames(0))
     assert update.samples == 0
     assert update.time_s == 0.0
+
+
+def test_a_model_that_is_never_complete_stays_small_and_spread(
+    frames: RecordArray, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = OnlineModeller(ModellingSettings(start_distance=0.1, stop_distance=0.1))
+    feed(whole, frames)
+    monkeypatch.setattr(mmt.texture.modelling, "LARGEST_MODEL", 15)
+    small = OnlineModeller(whole.settings)
+    updates = feed(small, frames)
+    assert len(whole.fits) > 20
+    assert max(update.samples for update in updates) == 15
+    assert sum(update.removed for update in updates) >= len(whole.fits) - 15
+    assert closest(small) > closest(whole)
+    assert whole.model is not None
+    assert small.completion.distance < distance_sum(whole.model.points[-15:])
+
+
+def closest(modeller: OnlineModeller) -> float:
+    assert modeller.model is not None
+    points = modeller.model.points
+    distances = np.linalg.norm(points[:, None] - points[None], axis=-1)
+    return float(distances[~np.eye(len(points), dtype=bool)].min())
+
+
+def test_of_two_samples_at_one_point_the_older_leaves(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mmt.texture.modelling, "LARGEST_MODEL", 4)
+    to_and_fro = empty_frames(12_000)
+    to_and_fro["sequence"] = np.arange(12_000)
+    way = 150.0 * (-1.0) ** (np.arange(12_000) // 1000)
+    to_and_fro["position_mm"][:, 0] = np.cumsum(way) / 1000.0
+    to_and_fro["force_n"][:, 2] = 1.5
+    to_and_fro["acceleration_m_s2"][:, 2] = np.random.default_rng(0).standard_normal(12_000)
+    modeller = OnlineModeller(ModellingSettings(order=6))
+    feed(modeller, to_and_fro)
+    stops = [stop for _, stop in modeller.fits]
+    assert len(stops) == 4
+    assert sorted(stops)[1] > 6000

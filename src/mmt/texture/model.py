@@ -287,7 +287,7 @@ def _on_edges(points: FloatArray) -> FloatArray:
 
 
 def _coincident(points: FloatArray) -> IntArray:
-    """Number the vertices that the points (n, 2) stand for, from 0; return (n,).
+    """Return the vertex, counted from 0, that each of the points (n, 2) is part of; (n,).
 
     Points closer than `COINCIDENT` have one vertex, those in cells of that width which touch
     each other may have: a chain of them is one vertex.

@@ -5,15 +5,17 @@ fitted; the fits join the sample set and a new model is triangulated. The same c
 live leader and the evaluation of recorded sessions.
 
 Cost of an update: O(new samples x order) for filtering and fitting, O(n log n) for the
-triangulation of all n samples.
+triangulation of all n samples. The model has `LARGEST_MODEL` samples at most, so that neither
+memory nor the cost of an update grows without end where the criteria are never met.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mmt.arrays import FloatArray, RecordArray
 from mmt.texture.autoregression import reflection_to_lsf
@@ -27,6 +29,12 @@ from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, ModellingS
 
 HIGHEST_AUTOMATIC_ORDER: Final = 24
 """What "auto" may choose at most; a segment has at least four times as many samples."""
+
+LARGEST_MODEL: Final = 1000
+"""Samples of a model; of the two that lie closest, the older one leaves for the next."""
+
+ORDER_SEGMENTS: Final = 100
+"""So many of the newest segments choose an automatic order."""
 
 SegmentRange = tuple[int, int]
 
@@ -119,6 +127,18 @@ class OnlineModeller:
             Shape (n,), with position, force and acceleration; in order, with jumps in
             ``sequence`` where frames are missing. May be empty.
         """
+        update = None
+        for update in self.stages(frames):
+            continue
+        assert update is not None  # noqa: S101 - the last stage gives it
+        return update
+
+    def stages(self, frames: RecordArray) -> Iterator[ModelUpdate | None]:
+        """Do the same as `update` in stages; None after each, the update after the last.
+
+        A service that must keep its ticks runs them one by one, so that the interpreter lock
+        is never contended for longer than a stage.
+        """
         clock = _Stopwatch()
         if len(frames):
             if self._first_sequence is None:
@@ -127,18 +147,22 @@ class OnlineModeller:
             self._time_s = elapsed / self.settings.rate_hz
         aligned = self._filter.process(frames)
         clock.lap("filter")
+        yield None
         change = self._segmenter.update(aligned)
         added = [s for s in change.added if self._accept is None or self._accept(s)]
         clock.lap("segment")
+        yield None
         removed = self._remove([(s.start, s.stop) for s in change.removed])
         self._fit(added)
+        removed += self._thin_out()
         clock.lap("fit")
+        yield None
         if added or removed or (self.model is None and self.fits):
             self._rebuild()
         clock.lap("triangulate")
         self.completion.update(self._points(), self._time_s)
         clock.lap("completion")
-        return ModelUpdate(
+        yield ModelUpdate(
             time_s=self._time_s,
             samples=len(self.fits),
             added=len(added),
@@ -164,9 +188,11 @@ class OnlineModeller:
         it stays, so that the rendered filters keep their kind.
         """
         if self.settings.order == "auto" and segments and not self.completion.started:
-            segments = [*(fit.segment for fit in self.fits.values()), *segments]
+            everything = [*(fit.segment for fit in self.fits.values()), *segments]
+            newest = [s.vibration_m_s2 for s in everything[-ORDER_SEGMENTS:]]
             largest = min(HIGHEST_AUTOMATIC_ORDER, self.settings.shortest_samples // 4)
-            self.order = choose_order([s.vibration_m_s2 for s in segments], largest=largest)
+            before, self.order = self.order, choose_order(newest, largest=largest)
+            segments = segments if self.order == before else everything
         order = self.order
         usable = [s for s in segments if order is not None and len(s.vibration_m_s2) > order]
         if order is None or not usable:
@@ -177,6 +203,19 @@ class OnlineModeller:
             fit = Fit(segment, lsf[index], float(fits.variance[index]), float(fits.power[index]))
             if _is_filter(fit):
                 self.fits[segment.start, segment.stop] = fit
+
+    def _thin_out(self) -> int:
+        """Keep the model at its largest size; return how many samples leave.
+
+        Of the two that lie closest in the plane the older one leaves: what the hand keeps
+        coming back to stays fresh, and what it has touched once stays.
+        """
+        surplus = max(0, len(self.fits) - LARGEST_MODEL)
+        for _ in range(surplus):
+            points = self._points()
+            distances, _ = cKDTree(points).query(points, k=2)
+            del self.fits[list(self.fits)[int(np.argmin(distances[:, 1]))]]
+        return surplus
 
     def _rebuild(self) -> None:
         if not self.fits:
@@ -199,13 +238,10 @@ class OnlineModeller:
         )
 
     def _points(self) -> FloatArray:
-        if self.model is not None:
-            return self.model.points
-        return (
-            np.empty((0, 2))
-            if not self.fits
-            else self._samples().normalised(MAXIMUM_SPEED_MM_S, MAXIMUM_FORCE_N)
-        )
+        """Return the samples' points in the unit square, shape (n, 2)."""
+        if not self.fits:
+            return np.empty((0, 2))
+        return self._samples().normalised(MAXIMUM_SPEED_MM_S, MAXIMUM_FORCE_N)
 
 
 def _is_filter(fit: Fit) -> bool:
