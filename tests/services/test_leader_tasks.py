@@ -2,7 +2,7 @@
 
 import asyncio
 import threading
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, suppress
 
 import numpy as np
@@ -117,11 +117,12 @@ class SlowModeller:
         self.leave.set()
         self.stops = False
 
-    def update(self, frames: RecordArray) -> ModelUpdate:
+    def stages(self, frames: RecordArray) -> Iterator[ModelUpdate | None]:
         self.updates.append(frames)
         self.started.set()
+        yield None
         assert self.leave.wait(10)
-        return ModelUpdate(
+        yield ModelUpdate(
             time_s=float(frames["sequence"][-1]),
             samples=len(self.updates),
             added=0,
@@ -272,7 +273,7 @@ async def test_an_update_that_fails_comes_out_of_the_task(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     made = Modelled(0.1, monkeypatch)
-    monkeypatch.setattr(made.modeller, "update", lambda frames: 1 / 0)
+    monkeypatch.setattr(made.modeller, "stages", lambda frames: 1 / 0)
     made.task.take(made_frames(0, 100))
     with pytest.raises(ZeroDivisionError):
         await asyncio.wait_for(made.task.run(), 10)

@@ -76,7 +76,10 @@ class ModellingTask:
                 started = time.perf_counter()
                 self.working = True
                 try:
-                    update = await loop.run_in_executor(worker, modeller.update, frames)
+                    stages = modeller.stages(frames)
+                    update = None
+                    while update is None:  # between two stages the tick has the lock to itself
+                        update = await loop.run_in_executor(worker, next, stages)
                 finally:
                     self.working = False
                 if generation != self._generation:

@@ -127,9 +127,7 @@ class OnlineModeller:
             Shape (n,), with position, force and acceleration; in order, with jumps in
             ``sequence`` where frames are missing. May be empty.
         """
-        update = None
-        for update in self.stages(frames):
-            continue
+        *_, update = self.stages(frames)
         assert update is not None  # noqa: S101 - the last stage gives it
         return update
 
@@ -148,15 +146,18 @@ class OnlineModeller:
         aligned = self._filter.process(frames)
         clock.lap("filter")
         yield None
+        clock.resume()
         change = self._segmenter.update(aligned)
         added = [s for s in change.added if self._accept is None or self._accept(s)]
         clock.lap("segment")
         yield None
+        clock.resume()
         removed = self._remove([(s.start, s.stop) for s in change.removed])
         self._fit(added)
         removed += self._thin_out()
         clock.lap("fit")
         yield None
+        clock.resume()
         if added or removed or (self.model is None and self.fits):
             self._rebuild()
         clock.lap("triangulate")
@@ -253,6 +254,9 @@ def _is_filter(fit: Fit) -> bool:
 class _Stopwatch:
     def __init__(self) -> None:
         self.laps: dict[str, float] = {}
+        self.resume()
+
+    def resume(self) -> None:
         self._last = time.perf_counter()
 
     def lap(self, name: str) -> None:
