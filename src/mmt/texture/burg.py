@@ -14,8 +14,7 @@ Cost: about 8 operations a sample and order.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -29,10 +28,13 @@ LARGEST_REFLECTION: Final = 1.0 - 2.0**-53
 
 _VANISHED: Final = 2.0**-100
 _LARGEST: Final = float(np.finfo(np.float64).max)
+_MAGNITUDE: Final = 2**63 - 1
+_FRACTION_BITS: Final = 52
+_EXPONENT_BIAS: Final = 1022  # of a fraction within [0.5, 1)
+_NOT_FINITE: Final = 2047 - _EXPONENT_BIAS
 
 
-@dataclass(frozen=True)
-class ReflectionFit:
+class ReflectionFit(NamedTuple):
     """A model fitted to one segment.
 
     ``reflection`` (m,); ``variances`` (m + 1,): the mean square of what the models of order
@@ -53,8 +55,7 @@ class ReflectionFit:
         return float(self.variances[0])
 
 
-@dataclass(frozen=True)
-class ReflectionFits:
+class ReflectionFits(NamedTuple):
     """Models fitted to s segments: ``reflection`` (s, m), ``variances`` (s, m + 1)."""
 
     reflection: FloatArray
@@ -92,8 +93,12 @@ def burg(x: FloatArray, order: int) -> ReflectionFit:
     InputError
         A sample is not finite, the order is out of range, or the segment is too short.
     """
-    fits = burg_batch([x], order)
-    return ReflectionFit(fits.reflection[0], fits.variances[0])
+    segment = np.ascontiguousarray(x, dtype=np.float64)
+    _check(segment, order, "x")
+    reflection, variances = np.empty(order), np.empty(order + 1)
+    if not burg_into(segment, reflection, variances, np.empty(3 * len(segment))):
+        raise InputError("x has a sample that is not finite: leave it out")
+    return ReflectionFit(reflection, variances)
 
 
 def burg_batch(segments: Sequence[FloatArray] | FloatArray, order: int) -> ReflectionFits:
@@ -111,60 +116,100 @@ def burg_batch(segments: Sequence[FloatArray] | FloatArray, order: int) -> Refle
     InputError
         As `burg`; the message names the segment.
     """
-    if not 1 <= order <= LARGEST_ORDER:
-        raise InputError(f"order {order}: from 1 to {LARGEST_ORDER} is allowed")
+    _check_order(order)
     arrays = [np.asarray(segment, dtype=np.float64) for segment in segments]
     for index, array in enumerate(arrays):
-        if array.ndim != 1 or len(array) <= order:
-            raise InputError(
-                f"segment {index} has shape {array.shape}: order {order} needs one row of more"
-                f" than {order} samples"
-            )
-        if not np.isfinite(array).all():
-            raise InputError(f"segment {index} has a sample that is not finite: leave it out")
+        _check(array, order, f"segment {index}")
     reflection = np.empty((len(arrays), order))
     variances = np.empty((len(arrays), order + 1))
     if arrays:
         stops = np.cumsum([len(array) for array in arrays], dtype=np.int64)
-        burg_each_into(np.concatenate(arrays), stops, reflection, variances)
+        fitted = burg_each_into(np.concatenate(arrays), stops, reflection, variances)
+        if fitted < len(arrays):
+            raise InputError(f"segment {fitted} has a sample that is not finite: leave it out")
     return ReflectionFits(reflection, variances)
 
 
-@kernel("i8(f8[::1], f8[::1])")
-def _scale(x: FloatArray, scaled: FloatArray) -> int:
-    """Write x times a power of two, the largest magnitude within [0.5, 1); return the power.
+def _check_order(order: int) -> None:
+    if not 1 <= order <= LARGEST_ORDER:
+        raise InputError(f"order {order}: from 1 to {LARGEST_ORDER} is allowed")
 
-    In two factors, since one alone would overflow for denormal numbers.
+
+def _check(segment: FloatArray, order: int, name: str) -> None:
+    _check_order(order)
+    if segment.ndim != 1 or len(segment) <= order:
+        raise InputError(
+            f"{name} has shape {segment.shape}: order {order} needs one row of more than"
+            f" {order} samples"
+        )
+
+
+@kernel("i8(f8[::1])")
+def _largest_exponent(x: FloatArray) -> int:
+    """Return e such that the largest magnitude is within [2^(e-1), 2^e), or `_NOT_FINITE`.
+
+    Magnitudes of floats are in the order of their bits as integers; those of infinity and NaN
+    come last.
     """
-    largest = 0.0
-    for value in x:
-        largest = max(largest, abs(value))
-    exponent = math.frexp(largest)[1]
+    largest = 0
+    for bits in x.view(np.int64):
+        largest = max(largest, bits & _MAGNITUDE)
+    exponent = largest >> _FRACTION_BITS
+    if exponent > 0:
+        return exponent - _EXPONENT_BIAS
+    while largest > 0:  # denormal numbers, whose fraction has no leading 1
+        largest >>= 1
+        exponent += 1
+    return exponent - _EXPONENT_BIAS - _FRACTION_BITS + 1
+
+
+@kernel("void(f8[::1], i8, f8[::1])")
+def _scale(x: FloatArray, exponent: int, scaled: FloatArray) -> None:
+    """Write x times 2^-exponent, in two factors: one alone would overflow for denormal numbers."""
     half = exponent // 2
     first, second = math.ldexp(1.0, -half), math.ldexp(1.0, half - exponent)
     for i in range(len(x)):
         scaled[i] = x[i] * first * second
-    return exponent
 
 
-@kernel("UniTuple(f8, 2)(f8[::1], f8[::1])")
-def _sums(forward: FloatArray, backward: FloatArray) -> tuple[float, float]:
-    """Return the sums of (f+b)^2 and (f-b)^2, each from four interleaved partial sums."""
-    s0 = s1 = s2 = s3 = d0 = d1 = d2 = d3 = 0.0
+@kernel("UniTuple(f8, 2)(f8[::1], f8[::1], f8[::1])")
+def _sums(forward: FloatArray, backward: FloatArray, work: FloatArray) -> tuple[float, float]:
+    """Return the sums of (f+b)^2 and (f-b)^2; `work` is scratch, half as long or longer.
+
+    The quarters are added element by element, then the elements in four interleaved sums: an
+    order of additions that a processor does several at a time, and that is the same on all.
+    """
     count = len(forward)
-    whole = count - count % 4
+    quarter = count // 4
+    second, third, fourth = quarter, 2 * quarter, 3 * quarter
+    plus, minus = work[:quarter], work[quarter : 2 * quarter]
+    for i in range(quarter):
+        f0, f1, f2, f3 = forward[i], forward[i + second], forward[i + third], forward[i + fourth]
+        b0, b1, b2, b3 = (
+            backward[i],
+            backward[i + second],
+            backward[i + third],
+            backward[i + fourth],
+        )
+        plus[i] = ((f0 + b0) ** 2 + (f1 + b1) ** 2) + ((f2 + b2) ** 2 + (f3 + b3) ** 2)
+        minus[i] = ((f0 - b0) ** 2 + (f1 - b1) ** 2) + ((f2 - b2) ** 2 + (f3 - b3) ** 2)
+    s0 = s1 = s2 = s3 = d0 = d1 = d2 = d3 = 0.0
+    whole = quarter - quarter % 4
     for i in range(0, whole, 4):
-        s0 += (forward[i] + backward[i]) ** 2
-        s1 += (forward[i + 1] + backward[i + 1]) ** 2
-        s2 += (forward[i + 2] + backward[i + 2]) ** 2
-        s3 += (forward[i + 3] + backward[i + 3]) ** 2
-        d0 += (forward[i] - backward[i]) ** 2
-        d1 += (forward[i + 1] - backward[i + 1]) ** 2
-        d2 += (forward[i + 2] - backward[i + 2]) ** 2
-        d3 += (forward[i + 3] - backward[i + 3]) ** 2
-    for i in range(whole, count):
-        s0 += (forward[i] + backward[i]) ** 2
-        d0 += (forward[i] - backward[i]) ** 2
+        s0 += plus[i]
+        s1 += plus[i + 1]
+        s2 += plus[i + 2]
+        s3 += plus[i + 3]
+        d0 += minus[i]
+        d1 += minus[i + 1]
+        d2 += minus[i + 2]
+        d3 += minus[i + 3]
+    for i in range(whole, quarter):
+        s0 += plus[i]
+        d0 += minus[i]
+    for i in range(4 * quarter, count):
+        s1 += (forward[i] + backward[i]) ** 2
+        d1 += (forward[i] - backward[i]) ** 2
     return (s0 + s1) + (s2 + s3), (d0 + d1) + (d2 + d3)
 
 
@@ -186,33 +231,35 @@ def _predict(forward: FloatArray, backward: FloatArray, plus: float, minus: floa
         backward[i] = (b + f) - minus * f
 
 
-@kernel("void(f8[::1], f8[::1], f8[::1], f8[::1])")
+@kernel("b1(f8[::1], f8[::1], f8[::1], f8[::1])")
 def burg_into(
     x: FloatArray, reflection: FloatArray, variances: FloatArray, work: FloatArray
-) -> None:
+) -> bool:
     """Write the reflection coefficients (m,) and the residual variances of orders 0 ... m.
+
+    Returns False, with nothing written, where a sample is not finite.
 
     Parameters
     ----------
     x : (n,)
-        Finite, not checked; n > m.
+        n > m.
     reflection : (m,)
         Receives numbers of magnitude below one. Where the residual has vanished to the
         rounding of the signal itself (2^-100 of its power), the remaining ones are zero.
     variances : (m + 1,)
         Receives the mean square of x and what each order leaves of it; what is too large for
         a number is held at the largest one.
-    work : (2 * n,) or longer
+    work : (3 * n,) or longer
         Scratch.
     """
     n = len(x)
-    forward, backward = work[:n], work[n : 2 * n]
-    exponent = _scale(x, forward)
-    variance = 0.0
-    for i in range(n):
-        backward[i] = forward[i]
-        variance += forward[i] * forward[i]
-    variance /= n
+    forward, backward, rest = work[:n], work[n : 2 * n], work[2 * n :]
+    exponent = _largest_exponent(x)
+    if exponent == _NOT_FINITE:
+        return False
+    _scale(x, exponent, forward)
+    backward[:] = forward
+    variance = 0.25 * _sums(forward, backward, rest)[0] / n
     vanished = _VANISHED * variance
     variances[0] = min(math.ldexp(variance, 2 * exponent), _LARGEST)
     reflection[:] = 0.0
@@ -221,7 +268,7 @@ def burg_into(
         if variance <= vanished:
             continue
         ahead, behind = forward[order:], backward[: n - order]
-        sum_square, difference_square = _sums(ahead, behind)
+        sum_square, difference_square = _sums(ahead, behind, rest)
         total = sum_square + difference_square
         if total == 0.0:
             vanished = variance
@@ -232,22 +279,26 @@ def burg_into(
         variance *= min(1.0, plus * minus)
         variances[order] = min(math.ldexp(variance, 2 * exponent), _LARGEST)
         _predict(ahead, behind, plus, minus)
+    return True
 
 
-@kernel("void(f8[::1], i8[::1], f8[:, ::1], f8[:, ::1])")
+@kernel("i8(f8[::1], i8[::1], f8[:, ::1], f8[:, ::1])")
 def burg_each_into(
     joined: FloatArray, stops: IntArray, reflection: FloatArray, variances: FloatArray
-) -> None:
+) -> int:
     """Fit segments that lie one behind the other in `joined`, each up to its stop (s,).
 
     `reflection` (s, m) and `variances` (s, m + 1) receive a row for each, see `burg_into`.
+    Returns how many were fitted, which is the number of the first one that is not finite.
     """
     longest, start = 0, 0
     for stop in stops:
         longest = max(longest, stop - start)
         start = stop
-    work = np.empty(2 * longest)
+    work = np.empty(3 * longest)
     start = 0
     for row in range(len(stops)):
-        burg_into(joined[start : stops[row]], reflection[row], variances[row], work)
+        if not burg_into(joined[start : stops[row]], reflection[row], variances[row], work):
+            return row
         start = stops[row]
+    return len(stops)
