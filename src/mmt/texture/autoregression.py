@@ -22,11 +22,15 @@ import numpy as np
 from mmt.arrays import FloatArray
 from mmt.errors import InputError
 from mmt.texture.burg import ReflectionFit, ReflectionFits, burg, burg_batch
-from mmt.texture.lsf import ar_to_reflection_into, lsf_to_ar_into, reflection_to_ar_into
+from mmt.texture.lsf import (
+    ar_to_reflection_each_into,
+    lsf_to_ar_each_into,
+    reflection_to_ar_each_into,
+)
 from mmt.texture.ordering import choose_order
 from mmt.texture.settings import LARGEST_ORDER
 from mmt.texture.spectra import ar_spectrum, lsf_spectrum
-from mmt.texture.split import lsf_to_reflection_into, reflection_to_lsf_into
+from mmt.texture.split import lsf_to_reflection_each_into, reflection_to_lsf_each_into
 
 __all__ = [
     "ReflectionFit",
@@ -54,7 +58,7 @@ def reflection_to_ar(reflection: FloatArray) -> FloatArray:
     InputError
         A coefficient's magnitude is not below one, or the order is out of range.
     """
-    return _convert(_checked_reflection(reflection), reflection_to_ar_into)
+    return _convert(_checked_reflection(reflection), reflection_to_ar_each_into)
 
 
 def ar_to_reflection(ar: FloatArray) -> FloatArray:
@@ -68,8 +72,8 @@ def ar_to_reflection(ar: FloatArray) -> FloatArray:
         A filter is not stable, within that error, or the order is out of range.
     """
 
-    def step_down(row: FloatArray, result: FloatArray) -> None:
-        if ar_to_reflection_into(row, result) == np.inf:
+    def step_down(rows: FloatArray, result: FloatArray) -> None:
+        if ar_to_reflection_each_into(rows, result) == np.inf:
             raise InputError(
                 "ar: the filter is not stable, or so near to it that its coefficients do not"
                 " tell: give reflection coefficients or line spectral frequencies"
@@ -89,9 +93,7 @@ def reflection_to_lsf(reflection: FloatArray) -> FloatArray:
     InputError
         A coefficient's magnitude is not below one, or the order is out of range.
     """
-    values = _checked_reflection(reflection)
-    work = np.empty(6 * (values.shape[-1] // 2 + 1))
-    return _convert(values, lambda row, result: reflection_to_lsf_into(row, result, work))
+    return _convert(_checked_reflection(reflection), reflection_to_lsf_each_into)
 
 
 def lsf_to_reflection(lsf: FloatArray) -> FloatArray:
@@ -103,9 +105,7 @@ def lsf_to_reflection(lsf: FloatArray) -> FloatArray:
         The frequencies do not ascend strictly inside (0, pi), lie too close to each other to
         tell the filter, or the order is out of range.
     """
-    values = _checked_lsf(lsf)
-    work = np.empty(5 * (values.shape[-1] // 2 + 2))
-    result = _convert(values, lambda row, result: lsf_to_reflection_into(row, result, work))
+    result = _convert(_checked_lsf(lsf), lsf_to_reflection_each_into)
     if not np.isfinite(result).all():
         raise InputError("lsf: frequencies are too close to each other to tell the filter")
     return result
@@ -121,9 +121,7 @@ def lsf_to_ar(lsf: FloatArray) -> FloatArray:
     InputError
         The frequencies do not ascend strictly inside (0, pi), or the order is out of range.
     """
-    values = _checked_lsf(lsf)
-    work = np.empty(values.shape[-1] + 3)
-    return _convert(values, lambda row, result: lsf_to_ar_into(row, result, work))
+    return _convert(_checked_lsf(lsf), lsf_to_ar_each_into)
 
 
 def ar_to_lsf(ar: FloatArray) -> FloatArray:
@@ -160,11 +158,10 @@ def output_power(variance: float | FloatArray, reflection: FloatArray) -> FloatA
 
 
 def _convert(
-    values: FloatArray, convert_row: Callable[[FloatArray, FloatArray], object]
+    values: FloatArray, convert_rows: Callable[[FloatArray, FloatArray], object]
 ) -> FloatArray:
     result = np.empty_like(values)
-    for row, result_row in zip(np.atleast_2d(values), np.atleast_2d(result), strict=True):
-        convert_row(row, result_row)
+    convert_rows(np.atleast_2d(values), np.atleast_2d(result))
     return result
 
 

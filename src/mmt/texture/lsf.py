@@ -99,6 +99,14 @@ def lsf_to_ar_into(lsf: FloatArray, ar: FloatArray, work: FloatArray) -> None:
     ar[symmetric_count - 1] = 0.5 * symmetric[symmetric_count]
 
 
+@kernel("void(f8[:, ::1], f8[:, ::1])")
+def lsf_to_ar_each_into(lsf: FloatArray, ar: FloatArray) -> None:
+    """Do `lsf_to_ar_into` for every row (n, m)."""
+    work = np.empty(lsf.shape[1] + 3)
+    for row in range(len(lsf)):
+        lsf_to_ar_into(lsf[row], ar[row], work)
+
+
 @kernel("f8(f8, f8, f8, f8)")
 def _cosine_difference(low: float, high: float, low_mirror: float, high_mirror: float) -> float:
     """Return ``(cos(w_low) - cos(w_high)) / 2`` from sin^2(w/2) and cos^2(w/2) of both.
@@ -174,6 +182,13 @@ def reflection_to_ar_into(reflection: FloatArray, ar: FloatArray) -> None:
         ar[stage] = k
 
 
+@kernel("void(f8[:, ::1], f8[:, ::1])")
+def reflection_to_ar_each_into(reflection: FloatArray, ar: FloatArray) -> None:
+    """Do `reflection_to_ar_into` for every row (n, m)."""
+    for row in range(len(reflection)):
+        reflection_to_ar_into(reflection[row], ar[row])
+
+
 @kernel("f8(f8[::1], f8[::1])")
 def ar_to_reflection_into(ar: FloatArray, reflection: FloatArray) -> float:
     """Write the reflection coefficients (m,) of the coefficients `ar` (m,).
@@ -201,6 +216,15 @@ def ar_to_reflection_into(ar: FloatArray, reflection: FloatArray) -> float:
             reflection[stage - 1 - j] = (right - k * left) * scale
         if stage % 2 == 1:
             reflection[stage // 2] /= 1.0 + k
+    return loss
+
+
+@kernel("f8(f8[:, ::1], f8[:, ::1])")
+def ar_to_reflection_each_into(ar: FloatArray, reflection: FloatArray) -> float:
+    """Do `ar_to_reflection_into` for every row (n, m); return the largest loss."""
+    loss = 1.0
+    for row in range(len(ar)):
+        loss = max(loss, ar_to_reflection_into(ar[row], reflection[row]))
     return loss
 
 

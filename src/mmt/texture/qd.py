@@ -17,86 +17,92 @@ from mmt.compiled import kernel
 
 _EPSILON: Final = float(np.finfo(np.float64).eps)
 _NEGLIGIBLE: Final = _EPSILON * _EPSILON
+_BELOW: Final = 1.0 - 2.0**-44  # of a bound, so that its rounding never makes it too large
 _MOST_STEPS: Final = 40
+_STRETCH: Final = 8  # so many factors, each above 1e-32, stay within the range of numbers
 
 
-@kernel("f8(f8[::1], f8[::1], i8, i8)")
-def _shift_below(q: FloatArray, e: FloatArray, start: int, stop: int) -> float:
-    """Return Laguerre's lower bound of the smallest eigenvalue; write zeros into negligible e.
+@kernel("f8(f8, f8, i8)")
+def _laguerre(trace: float, square: float, size: int) -> float:
+    """Return Laguerre's lower bound of the smallest eigenvalue.
 
     From the traces of the inverse and of its square; it converges cubically (von Matt, "The
-    orthogonal qd-algorithm", SIAM J. Sci. Comput. 18 (1997), 1163-1186). The criterion of
-    Demmel and Kahan (1990) says what is negligible for every eigenvalue's relative accuracy.
+    orthogonal qd-algorithm", SIAM J. Sci. Comput. 18 (1997), 1163-1186).
     """
-    column = 1.0 / q[start]
-    mixed = 0.0
-    trace = column
-    square = column * column
-    for i in range(start + 1, stop):
-        if e[i - 1] * column <= _NEGLIGIBLE:
-            e[i - 1] = 0.0
-        inverse = 1.0 / q[i]
-        share = e[i - 1] * inverse
-        mixed = share * (mixed + column * column)
-        column = inverse + share * column
-        trace += column
-        square += column * column + 2.0 * mixed
     if not square < np.inf:
-        return float(1.0 / trace)
-    size = stop - start
-    spread = (size - 1) * max(0.0, size * (square / trace / trace) - 1.0)
-    return float(size / (trace * (1.0 + math.sqrt(spread))))
+        return _BELOW / trace
+    spread = (size - 1) * max(0.0, size * square - trace * trace)
+    return _BELOW * size / (trace + math.sqrt(spread))
 
 
-@kernel("b1(f8[::1], f8[::1], i8, i8, f8, f8[::1])")
+@kernel("UniTuple(f8, 4)(f8[::1], f8[::1], f8, f8[::1])")
 def _shift(
-    q: FloatArray, e: FloatArray, start: int, stop: int, shift: float, work: FloatArray
-) -> bool:
-    """Take one dqds step; False, and no step, if it went too far."""
-    d = q[start] - shift
-    for i in range(start, stop - 1):
-        if not d >= 0.0:
-            return False
-        work[2 * i] = d + e[i]
-        following = q[i + 1] / work[2 * i]
-        work[2 * i + 1] = e[i] * following
-        d = d * following - shift
-    if not d >= 0.0:
-        return False
-    for i in range(start, stop - 1):
-        q[i] = work[2 * i]
-        e[i] = work[2 * i + 1]
-    q[stop - 1] = d
-    return True
+    q: FloatArray, e: FloatArray, shift: float, work: FloatArray
+) -> tuple[float, float, float, float]:
+    """Take one dqds step; return the traces of the inverse and of its square after it.
+
+    First those without the last row, then those of all; the latter are -1, and there was no
+    step, if it went too far. The last `e`, beyond the last `q`, is taken in: it becomes zero.
+    The difference d of the algorithm is carried as a ratio, so that no division waits for
+    another. An `e` that is negligible for every eigenvalue's relative accuracy becomes zero
+    (the criterion of Demmel and Kahan, 1990). `work` is (2 * size,).
+    """
+    size = len(q)
+    new_q, new_e = work[:size], work[size : 2 * size]
+    numerator, denominator = q[0] - shift, 1.0
+    beside = column = mixed = trace = square = 0.0
+    for begin in range(0, size - 1, _STRETCH):
+        for i in range(begin, min(begin + _STRETCH, size - 1)):
+            if not numerator >= 0.0:
+                return 0.0, 0.0, -1.0, -1.0
+            following = q[i + 1]
+            product = numerator + e[i] * denominator
+            inverse = denominator / product
+            new_q[i] = product / denominator
+            numerator = following * numerator - shift * product
+            denominator = product
+            share = beside * inverse
+            mixed = share * (mixed + column * column)
+            column = inverse + share * column
+            trace += column
+            square += column * column + 2.0 * mixed
+            beside = e[i] * following * inverse
+            new_e[i] = beside if beside * column > _NEGLIGIBLE else 0.0
+        numerator /= denominator
+        denominator = 1.0
+    last = numerator + e[size - 1]
+    if not last >= 0.0:
+        return 0.0, 0.0, -1.0, -1.0
+    for i in range(size - 1):
+        q[i] = new_q[i]
+        e[i] = new_e[i]
+    q[size - 1] = last
+    e[size - 1] = 0.0
+    share = beside / last
+    mixed = share * (mixed + column * column)
+    column = 1.0 / last + share * column
+    return trace, square, trace + column, square + column * column + 2.0 * mixed
 
 
-@kernel("void(f8[::1], f8[::1], i8, i8)")
-def _turn(q: FloatArray, e: FloatArray, start: int, stop: int) -> None:
-    """Reverse the block if its small end is at the front: convergence is at the back."""
-    if 1.5 * q[start] > q[stop - 1]:
-        return
-    size = stop - start
+@kernel("void(f8[::1], f8[::1])")
+def _turn(q: FloatArray, e: FloatArray) -> None:
+    """Reverse a block whose small end is at the front: convergence is at the back."""
+    size = len(q)
     for i in range(size // 2):
-        left, right = start + i, stop - 1 - i
-        q[left], q[right] = q[right], q[left]
+        q[i], q[size - 1 - i] = q[size - 1 - i], q[i]
     for i in range((size - 1) // 2):
-        left, right = start + i, stop - 2 - i
-        e[left], e[right] = e[right], e[left]
+        e[i], e[size - 2 - i] = e[size - 2 - i], e[i]
 
 
-@kernel("f8(f8[::1], f8[::1], i8, i8, f8, f8[::1])")
-def _improve(
-    q: FloatArray, e: FloatArray, start: int, stop: int, total: float, work: FloatArray
-) -> float:
-    """Move a block closer to its smallest eigenvalue; return by how much it was shifted."""
-    _turn(q, e, start, stop)
-    shift = _shift_below(q, e, start, stop)
-    while not _shift(q, e, start, stop, shift, work):  # only rounding makes the bound too large
-        if shift == 0.0:
-            e[stop - 2] = 0.0
-            break
-        shift = 0.5 * shift if shift > _EPSILON * total else 0.0
-    return shift
+@kernel("i8(f8[::1], i8, f8)")
+def _insert(values: FloatArray, found: int, value: float) -> int:
+    """Put a value into the first `found` ascending ones; return how many there are now."""
+    place = found
+    while place > 0 and values[place - 1] > value:
+        values[place] = values[place - 1]
+        place -= 1
+    values[place] = value
+    return found + 1
 
 
 @kernel("i8(f8[::1], f8[::1], i8, f8, f8[::1], f8[::1])")
@@ -105,35 +111,61 @@ def eigenvalues_up_to(
 ) -> int:
     """Write the eigenvalues up to `bound`, ascending, into `values` (size,); return how many.
 
-    All arrays are overwritten; `work` is (3 * size,). A block of the array without a zero
-    among its `e` has one common shift.
+    Parameters
+    ----------
+    q, e : (size,)
+        The array, overwritten. The last `e`, beyond the last `q`, may be zero; a positive one
+        stands for a further column of B, and does not add an eigenvalue.
+    size
+        Of the array, below that of `q` and `e` where these are longer.
+    bound
+        Eigenvalues above it are not looked for.
+    values : (size,)
+        Receives the result.
+    work : (3 * size,) or longer
+        Scratch.
+
+    Notes
+    -----
+    A block without a zero among its `e` has one common shift. Its last `q` is given up once
+    neither it nor the coupling to the rows before, ``q e`` over the distance to their
+    eigenvalues, can change an eigenvalue by a rounding; its `e` stays as the further column.
     """
-    totals = 2 * size
-    work[totals : totals + size] = 0.0
+    totals = work[2 * size : 3 * size]
+    totals[:] = 0.0
     found = 0
     steps_left = _MOST_STEPS * size
+    shift = trace = square = 0.0
     while size > 0:
         start = size - 1
         while start > 0 and e[start - 1] > 0.0:
             start -= 1
-        total = work[totals + size - 1]
-        value = total + q[size - 1]
-        if total > bound:
-            size = start
-        elif start == size - 1 or e[size - 2] <= _NEGLIGIBLE * value or steps_left == 0:
-            size -= 1
+        total = totals[size - 1]
+        if total + shift > bound:
+            size, shift = start, 0.0
+            continue
+        last, alone = q[size - 1], start == size - 1
+        value = total + last + (e[size - 1] if alone else 0.0)
+        least = 0.125 * _EPSILON * value
+        others, done = 0.0, alone or steps_left == 0
+        if not done and last <= least and e[size - 1] == 0.0:
+            others = _laguerre(trace, square, size - 1 - start)
+            done = last * e[size - 2] <= least * others
+        if done:
+            size, shift = size - 1, others
             if value <= bound:
-                place = found
-                while place > 0 and values[place - 1] > value:
-                    values[place] = values[place - 1]
-                    place -= 1
-                values[place] = value
-                found += 1
-        else:
-            steps_left -= 1
-            total += _improve(q, e, start, size, total, work)
-            for i in range(start, size):
-                work[totals + i] = total
+                found = _insert(values, found, value)
+            continue
+        steps_left -= 1
+        if e[size - 1] == 0.0 and 1.5 * q[start] < last:
+            _turn(q[start:size], e[start:size])
+        trace, square, whole, whole_square = _shift(q[start:size], e[start:size], shift, work)
+        if whole < 0.0:
+            shift = 0.5 * shift if shift > _EPSILON * total else 0.0
+            continue
+        for i in range(start, size):
+            totals[i] = total + shift
+        shift = _laguerre(whole, whole_square, size - start)
     return found
 
 

@@ -34,7 +34,8 @@ def _recurrence(
 ) -> int:
     """Write the qd array of p (or q) whose eigenvalues are ``4 cos^2(w/2)``; return its size.
 
-    Mirrored, it belongs to A(-z), whose frequencies are pi - w. A zero at w = pi is left out.
+    Mirrored, it belongs to A(-z), whose frequencies are pi - w. A zero at w = pi, which an even
+    number of coefficients has, is left out: the last `e` is beyond the last `q`.
     """
     order = len(reflection)
     size = 0
@@ -49,19 +50,9 @@ def _recurrence(
         if beside:
             e[size - 1] = value
         else:
-            q[size] = value
+            q[size], e[size] = value, 0.0
             size += 1
         beside = not beside
-    if size == 0 or beside:
-        return size
-    # Even number of coefficients: the singular value zero leaves after one step of dqd.
-    d = q[0]
-    for i in range(size):
-        q[i] = d + e[i]
-        if i + 1 < size:
-            following = q[i + 1] / q[i]
-            e[i] *= following
-            d *= following
     return size
 
 
@@ -71,6 +62,11 @@ def separate(lsf: FloatArray) -> None:
 
     Zeros of P and Q come arbitrarily close to each other as reflection coefficients near one.
     """
+    apart = lsf[0] >= _LEAST_FREQUENCY and lsf[len(lsf) - 1] < math.pi
+    for i in range(1, len(lsf)):
+        apart = apart and lsf[i - 1] < lsf[i]
+    if apart:
+        return
     least = _LEAST_FREQUENCY
     for i in range(len(lsf)):
         lsf[i] = max(lsf[i], least)
@@ -116,6 +112,14 @@ def reflection_to_lsf_into(reflection: FloatArray, lsf: FloatArray, work: FloatA
         for i in range(count - upper):
             lsf[first + 2 * i] = 2.0 * math.asin(0.5 * math.sqrt(values[i]))
     separate(lsf)
+
+
+@kernel("void(f8[:, ::1], f8[:, ::1])")
+def reflection_to_lsf_each_into(reflection: FloatArray, lsf: FloatArray) -> None:
+    """Do `reflection_to_lsf_into` for every row (n, m)."""
+    work = np.empty(6 * (reflection.shape[1] // 2 + 1))
+    for row in range(len(reflection)):
+        reflection_to_lsf_into(reflection[row], lsf[row], work)
 
 
 @kernel("f8(f8, f8)")
@@ -214,3 +218,11 @@ def lsf_to_reflection_into(lsf: FloatArray, reflection: FloatArray, work: FloatA
             ratio *= p_q[done // 2] / q_q[done // 2]
         else:
             ratio *= p_e[done // 2] / q_e[done // 2]
+
+
+@kernel("void(f8[:, ::1], f8[:, ::1])")
+def lsf_to_reflection_each_into(lsf: FloatArray, reflection: FloatArray) -> None:
+    """Do `lsf_to_reflection_into` for every row (n, m)."""
+    work = np.empty(5 * (lsf.shape[1] // 2 + 2))
+    for row in range(len(lsf)):
+        lsf_to_reflection_into(lsf[row], reflection[row], work)
