@@ -2,7 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from mmt.compiled import drop_stale_kernels, kernel
+from mmt.compiled import kernel
+from mmt.kernel_cache import drop_stale_kernels, kernels_are_compiled
 
 
 def test_a_kernel_needs_a_signature() -> None:
@@ -21,3 +22,9 @@ def test_kernels_are_dropped_when_any_source_of_their_folder_changes(tmp_path: P
     source.write_text("two")
     assert drop_stale_kernels(tmp_path)
     assert not compiled.exists()
+
+
+def test_what_was_imported_is_compiled() -> None:
+    import mmt.texture.interpolation  # noqa: F401
+
+    assert kernels_are_compiled()

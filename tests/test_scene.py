@@ -77,6 +77,10 @@ def test_only_the_channels_that_the_scene_needs() -> None:
     assert channels({"playout": {}, "actuator": {}}) == ("acceleration",)
     assert channels({"force_feedback": {}}) == ("force",)
     assert channels({"texture": {}}) == ("position", "force", "acceleration")
+    assert channels({"recording": {}}) == ("position", "force", "acceleration")
+    assert channels({"recording": {"channels": "needed"}}) == channels({"recording": {}})
+    assert channels({"force_feedback": {}, "recording": {"channels": "needed"}}) == ("force",)
+    assert len(channels({"force_feedback": {}, "recording": {}})) == 3
     assert Scene().channels() == ()
 
 
@@ -124,3 +128,14 @@ def test_examples_are_found_by_name_and_files_beside_the_scene(
     assert model() == scene_file.parent / "m.npz"
     (tmp_path / "m.npz").touch()
     assert model() == Path("m.npz")
+
+
+def test_to_record_a_run_does_not_change_its_wire(tmp_path: Path) -> None:
+    plain = load_scene(Path("stream-only"))
+    recorded = load_scene(Path("stream-only"), record=tmp_path / "a.mcap")
+    assert recorded.recording is not None
+    assert recorded.recording.file == tmp_path / "a.mcap"
+    assert recorded.channels() == plain.channels() == ("force", "acceleration")
+    demo = load_scene(Path("demo"), record=tmp_path / "a.mcap").recording
+    assert demo is not None
+    assert demo.channels == "all"

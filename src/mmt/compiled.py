@@ -1,38 +1,15 @@
 """One place where numerical kernels are compiled, cached and released from the lock."""
 
-import hashlib
 from collections.abc import Callable
-from contextlib import suppress
-from pathlib import Path
 from typing import TypeVar, cast
 
 import numba
 
+from mmt.kernel_cache import drop_stale_kernels
+
 Function = TypeVar("Function", bound=Callable[..., object])
 
-
-def drop_stale_kernels(sources: Path) -> bool:
-    """Delete the compiled kernels of a folder if any of its sources has changed since.
-
-    numba renews a cached kernel when its own file changes, not when a kernel that it has
-    inlined from another file does. Returns whether anything was stale.
-    """
-    cache = sources / "__pycache__"
-    digest = hashlib.sha256()
-    for source in sorted(sources.glob("*.py")):
-        digest.update(source.name.encode() + source.read_bytes())
-    stamp = cache / "kernels.sha256"
-    with suppress(OSError):
-        if stamp.exists() and stamp.read_text() == digest.hexdigest():
-            return False
-        for compiled in cache.glob("*.nb[ci]"):
-            compiled.unlink(missing_ok=True)
-        cache.mkdir(exist_ok=True)
-        stamp.write_text(digest.hexdigest())
-    return True
-
-
-drop_stale_kernels(Path(__file__).parent / "texture")
+drop_stale_kernels()
 
 
 def kernel(*signatures: str) -> Callable[[Function], Function]:

@@ -36,7 +36,7 @@ def ask_for_short_turns() -> bool:
     nice = os.getpriority(os.PRIO_PROCESS, 0)
     attributes = struct.pack(_ATTRIBUTES, size, os.SCHED_OTHER, 0, nice, 0, SLICE_NS, 0, 0)
     this_thread, no_flags = 0, 0
-    return ctypes.CDLL(None).syscall(number, this_thread, attributes, no_flags) == 0
+    return bool(ctypes.CDLL(None).syscall(number, this_thread, attributes, no_flags) == 0)
 
 
 def prefer_even_ticks() -> None:

@@ -144,6 +144,7 @@ class Recording(_Table):
     """``[recording]``: every frame received goes into an MCAP file."""
 
     file: Path = Path("mmt-demo/session.mcap")
+    channels: Literal["all", "needed"] = "all"
 
 
 class Scene(_Table):
@@ -179,7 +180,7 @@ class Scene(_Table):
     def channels(self) -> tuple[Channel, ...]:
         """Return the channels that this scene needs on the wire, in the frame's order."""
         wanted: set[Channel] = set()
-        if self.texture is not None or self.recording is not None:
+        if self.texture is not None:
             wanted |= {"position", "force", "acceleration"}
         if self.rendering is not None and self.hand is None:
             wanted |= {"position", "force"}
@@ -187,6 +188,8 @@ class Scene(_Table):
             wanted.add("acceleration")
         if self.force_feedback is not None:
             wanted.add("force")
+        if self.recording is not None and (self.recording.channels == "all" or not wanted):
+            wanted |= {"position", "force", "acceleration"}
         return ordered_channels(wanted) if wanted else ()
 
     def parts(self) -> dict[str, bool]:

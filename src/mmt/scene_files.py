@@ -16,7 +16,11 @@ ENVIRONMENT_PREFIX = "MMT_"
 
 
 def load_scene(
-    path: Path, overrides: Mapping[str, Any] | None = None, *, replay: Path | None = None
+    path: Path,
+    overrides: Mapping[str, Any] | None = None,
+    *,
+    replay: Path | None = None,
+    record: Path | None = None,
 ) -> Scene:
     """Read and validate a scene; the environment, then `overrides`, take precedence.
 
@@ -31,6 +35,9 @@ def load_scene(
     replay
         A recorded session that takes the place of the scene's own follower; without a
         follower that obeys commands there is no hand, and no force to feed back to it.
+    record
+        Where to record. A scene that records nothing by itself has its wire as it is
+        recorded, since its follower knows nothing of it.
 
     Raises
     ------
@@ -50,6 +57,10 @@ def load_scene(
             tables.pop(name, None)
         table = tables.get("replay")
         tables["replay"] = {**(table if isinstance(table, dict) else {}), "file": str(replay)}
+    if record is not None:
+        table = tables.setdefault("recording", {"channels": "needed"})
+        if isinstance(table, dict):
+            table["file"] = str(record)
     _look_beside(path, tables)
     flags = {key: value for key, value in (overrides or {}).items() if value is not None}
     merged = {**environment_overrides(os.environ), **flags}

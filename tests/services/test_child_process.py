@@ -20,22 +20,23 @@ PROGRAMS = {
         "sys.exit(3)\n"
     ),
     "lasting_program": (
-        "import os, time\n"
-        'print(\'{"kind": "ready", "variable": "\' + os.environ[\'WHO\'] + \'"}\', flush=True)\n'
+        "import sys, time\n"
+        'print(\'{"kind": "ready", "argument": "\' + sys.argv[1] + \'"}\', flush=True)\n'
         "try:\n    time.sleep(60)\nexcept KeyboardInterrupt:\n    raise SystemExit(4)\n"
     ),
 }
 
 
 @pytest.fixture
-def directory(tmp_path: Path) -> Path:
+def directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for name, text in PROGRAMS.items():
         (tmp_path / f"{name}.py").write_text(text)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     return tmp_path
 
 
 async def started(directory: Path, program: str) -> Child:
-    return await Child.start(program, program, [], {"PYTHONPATH": str(directory), "WHO": "me"})
+    return await Child.start(program, program, ["me"])
 
 
 @pytest.fixture
@@ -63,7 +64,7 @@ async def test_a_child_that_writes_much_never_waits_for_a_reader(directory: Path
 async def test_a_child_is_interrupted_as_by_a_person(lasting: Child) -> None:
     async with asyncio.timeout(20):
         async for line in lasting.lines():
-            assert line == {"kind": "ready", "variable": "me"}
+            assert line == {"kind": "ready", "argument": "me"}
             lasting.interrupt()
         assert await lasting.wait() == 4
     lasting.interrupt()  # harmless once it has ended

@@ -2,6 +2,7 @@
 
 import asyncio
 import errno
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -46,13 +47,13 @@ async def test_bad_frames_are_counted_and_the_model_never_sees_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[RecordArray] = []
-    update = OnlineModeller.update
+    stages = OnlineModeller.stages
 
-    def watched(self: OnlineModeller, frames: RecordArray) -> ModelUpdate:
+    def watched(self: OnlineModeller, frames: RecordArray) -> Iterator[ModelUpdate | None]:
         seen.append(frames)
-        return update(self, frames)
+        return stages(self, frames)
 
-    monkeypatch.setattr(OnlineModeller, "update", watched)
+    monkeypatch.setattr(OnlineModeller, "stages", watched)
     scene = small_scene(tmp_path, texture={"update_period_s": 0.1}, rendering={})
     leader, follower = await run_session(scene, MadeSource(bad_blocks()))
     assert (leader.outcome, leader.problem) == ("source ended", None)

@@ -67,7 +67,8 @@ def _services(duration_s: float) -> dict[str, Row]:
         recording = Path(directory) / "session.mcap"
         scene = load_scene(
             scene_file,
-            {"session.duration_s": duration_s, "recording.file": str(recording)},
+            {"session.duration_s": duration_s},
+            record=recording,
         )
         run = asyncio.run(run_services(scene_file, scene, duration_s, None))
     if run.failed:

@@ -5,7 +5,7 @@ import json
 import os
 import signal
 import sys
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator
 from typing import Any, Final
 
 _LONGEST_LINE: Final = 2**20
@@ -26,10 +26,8 @@ class Child:
         self._reading = asyncio.create_task(self._read_messages())
 
     @classmethod
-    async def start(
-        cls, name: str, module: str, arguments: list[str], environment: Mapping[str, str]
-    ) -> "Child":
-        """Run ``python -m module`` with more variables in its environment."""
+    async def start(cls, name: str, module: str, arguments: list[str]) -> "Child":
+        """Run ``python -m module``."""
         process = await asyncio.create_subprocess_exec(
             sys.executable,
             "-m",
@@ -38,7 +36,6 @@ class Child:
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE,
             limit=_LONGEST_LINE,
-            env={**os.environ, **environment},
             start_new_session=os.name == "posix",
         )
         return cls(name, process)

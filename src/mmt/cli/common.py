@@ -81,12 +81,6 @@ def print_parts(scene: Scene, mine: Iterable[str]) -> None:
     messages.print(f"left out: {', '.join(left_out) or 'nothing'}", highlight=False)
 
 
-def numerics_are_compiled() -> bool:
-    """Say whether an earlier start has left compiled kernels behind."""
-    cache = Path(mmt.__file__).parent / "texture" / "__pycache__"
-    return any(cache.glob("*.nbi"))
-
-
 def stop_on_signals(stop: Callable[[], None]) -> None:
     """End the running service on Ctrl-C and on termination, with its summary."""
     loop = asyncio.get_running_loop()

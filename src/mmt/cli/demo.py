@@ -62,8 +62,7 @@ def run_demo(
     overrides: dict[str, Any] = {"session.duration_s": duration_s}
     scene = load_scene(scene_file, overrides, replay=replay)
     if scene.link is not None:
-        overrides["recording.file"] = str(recording)
-        scene = load_scene(scene_file, overrides, replay=replay)
+        scene = load_scene(scene_file, overrides, replay=replay, record=recording)
     _check(scene, directory)
     run = asyncio.run(run_services(scene_file, scene, duration_s, replay))
     for name, table in run.tables().items():
@@ -115,9 +114,8 @@ class _Demo:
             self._leader_arguments += ["--duration", str(duration_s)]
         if scene.link is not None:
             self._leader_arguments += ["--port", "0"]
-        self._environment: dict[str, str] = {}
-        if scene.recording is not None:  # both must know: it decides the channels on the wire
-            self._environment["MMT_RECORDING__FILE"] = str(scene.recording.file)
+        if scene.recording is not None:
+            self._leader_arguments += ["--record", str(scene.recording.file)]
         self._children: list[Child] = []
         self._interrupted = False
         self._progress = Progress(
@@ -144,7 +142,7 @@ class _Demo:
         return self._run
 
     async def _start(self, name: str, arguments: list[str]) -> Child:
-        child = await Child.start(name, f"mmt.cli.{name}", arguments, self._environment)
+        child = await Child.start(name, f"mmt.cli.{name}", arguments)
         self._children.append(child)
         if self._interrupted:
             child.interrupt()

@@ -10,7 +10,6 @@ import typer
 
 from mmt.cli.common import (
     messages,
-    numerics_are_compiled,
     output,
     print_parts,
     run_app,
@@ -20,6 +19,7 @@ from mmt.cli.common import (
     write_line,
 )
 from mmt.errors import InputError, MmtError
+from mmt.kernel_cache import kernels_are_compiled
 from mmt.leader.summary import LeaderStatus, LeaderSummary
 from mmt.scene import Scene
 from mmt.scene_files import load_scene
@@ -71,10 +71,9 @@ def leader(
     overrides = {
         "session.duration_s": duration,
         "link.port": port,
-        "recording.file": str(record) if record else None,
         "rendering.model": str(model) if model else None,
     }
-    scene = load_scene(scene_file, overrides, replay=replay)
+    scene = load_scene(scene_file, overrides, replay=replay, record=record)
     if report is not None and scene.recording is None:
         raise InputError("--report needs a recording: give --record FILE or add [recording]")
     if not json_lines:
@@ -93,7 +92,7 @@ def leader(
 
 async def _serve(scene: Scene, json_lines: bool) -> LeaderSummary:
     needs_numerics = scene.texture is not None or scene.rendering is not None
-    if needs_numerics and not numerics_are_compiled():
+    if needs_numerics and not kernels_are_compiled():
         sentence = "compiling the numerics, at the first start only (15 to 60 s)"
         write_line("event", event=sentence) if json_lines else messages.print(sentence)
     from mmt.leader.service import LeaderService

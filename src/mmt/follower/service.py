@@ -16,7 +16,6 @@ from mmt.process import ProcessMeter, prefer_even_ticks
 from mmt.scene import Link, Scene
 from mmt.ticking import Ticker
 
-_STATUS_PERIOD_S: Final = 0.2
 _UNWANTED: Final = (FAILED, f"leader {FAILED}", "leader lost")
 
 
@@ -54,8 +53,6 @@ class FollowerService:
         Of the leader, ``http://host:port``; None takes the scene's ``[link]``.
     on_event
         Called with a sentence whenever something happens that a person wants to know.
-    on_status
-        Called five times a second with the number of frames sent.
     """
 
     def __init__(
@@ -64,13 +61,11 @@ class FollowerService:
         url: str | None = None,
         *,
         on_event: Callable[[str], None] | None = None,
-        on_status: Callable[[int], None] | None = None,
     ) -> None:
         self.scene = scene
         self._link = scene.link or Link()
         self.url = url or f"http://{self._link.host}:{self._link.port}"
         self._say = on_event or (lambda _: None)
-        self._on_status = on_status or (lambda _: None)
         self.source = build_source(scene)
         self._client = FollowerClient(
             self.url,
@@ -109,20 +104,16 @@ class FollowerService:
         prefer_even_ticks()
         if on_ready is not None:
             on_ready()
-        status: asyncio.Task[None] | None = None
         meter = ProcessMeter()
         try:
             await self._connect()
             if not self._ended.is_set():
                 meter = ProcessMeter()
-                status = asyncio.create_task(self._report_status())
                 await self._stream()
         finally:
             self._ticker.stop()
             if self._lost_deadline is not None:
                 self._lost_deadline.cancel()
-            if status is not None:
-                status.cancel()
             await self._client.end(self._outcome)
             await self._client.disconnect()
             self._close_source()
@@ -211,8 +202,3 @@ class FollowerService:
     def _give_up(self) -> None:
         if not self._client.connected:
             self.stop("leader lost")
-
-    async def _report_status(self) -> None:
-        while True:
-            await asyncio.sleep(_STATUS_PERIOD_S)
-            self._on_status(self._client.statistics.frames)
