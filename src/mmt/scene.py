@@ -90,7 +90,7 @@ class Texture(_Table):
     straightness_mm: float = Field(1.0, gt=0, le=50)
     stationarity: float = Field(0.12, gt=0, le=1)
     shortest_samples: int = Field(120, ge=30, le=2000)
-    longest_samples: int = Field(400, ge=100, le=5000)
+    longest_samples: int = Field(1000, ge=100, le=5000)
     least_speed_mm_s: float = Field(10.0, gt=0, le=300)
     least_force_n: float = Field(0.1, gt=0, le=3)
     start_distance: float = Field(7.5, gt=0)

@@ -46,7 +46,7 @@ class SegmentationSettings:
     straightness_mm: float = 1.0
     stationarity: float = 0.12
     shortest_samples: int = 120
-    longest_samples: int = 400
+    longest_samples: int = 1000
     least_speed_mm_s: float = 10.0
     least_force_n: float = 0.1
 
