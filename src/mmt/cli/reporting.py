@@ -25,6 +25,7 @@ def report_recording(directory: Path, recording: Path, run: Mapping[str, Any]) -
     if len(session.frames) and scene.texture is not None:
         evaluations.append(evaluate(session, scene))
         output.print(evaluation_table(evaluations))
+        output.print(evaluations[0].coverage.remark, highlight=False)
     write_report(
         directory, evaluations, title=scene.session.name, scene=session.scene, run=dict(run)
     )
