@@ -1,0 +1,1 @@
+"""Numerical stability where it is stiff and extreme: cases that hold, or do not."""
