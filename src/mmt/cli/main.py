@@ -88,6 +88,22 @@ def bench(
     messages.print("ratios within one run are to be trusted, absolute times are not")
 
 
+@app.command()
+def stability(
+    families: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[ar] [lsf] [model] [contact] [loop] [services]"),
+    ] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the rows.")] = None,
+    report: Annotated[Path | None, typer.Option(help="Write a report there.")] = None,
+) -> None:
+    """Run the stiff and extreme cases, a row each, and say whether it held."""
+    from mmt.cli.stability import run_stability
+
+    if not run_stability(families or [], json_file=json_file, report_to=report):
+        raise typer.Exit(1)
+
+
 def run() -> None:
     """Run ``mmt``."""
     run_app(app)
