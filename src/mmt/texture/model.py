@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, Final, Self
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from mmt.arrays import FloatArray, IntArray
 from mmt.compiled import kernel
@@ -29,15 +28,13 @@ from mmt.texture.settings import (
 )
 from mmt.texture.spectra import lsf_spectrum
 from mmt.texture.split import separate
+from mmt.texture.vertices import vertex_table
 
 FORMAT_VERSION: Final = 1
 """Of the ``.npz`` file that `TextureModel.save` writes."""
 
 LEVELS: Final[dict[Interpolated, int]] = {"variance": 0, "power": 1, "amplitude": 2}
 """What is interpolated linearly, by its number in the compiled kernels."""
-
-COINCIDENT: Final = 1e-6
-"""Normalised distance below which two samples are one vertex, with their mean as value."""
 
 _FIRST_LSF = 3  # columns of the vertex table: x, y, level, then the LSF
 
@@ -128,7 +125,12 @@ class TextureModel:
         self.interpolate: Interpolated = interpolate
         self.rate_hz = float(rate_hz)
         self.points = _read_only(self.samples.normalised(maximum_speed_mm_s, maximum_force_n))
-        self.vertices = _vertex_table(self.points, self.samples, interpolate)
+        level = {
+            "variance": self.samples.variance,
+            "power": self.samples.power,
+            "amplitude": np.sqrt(self.samples.power),
+        }[interpolate]
+        self.vertices = vertex_table(self.points, level, self.samples.lsf)
         self._triangulation = triangulate(self.vertices[:, :2])
 
     @property
@@ -266,71 +268,6 @@ def _check(samples: TextureSamples) -> None:
     inside = np.isfinite(lsf).all() and (lsf > 0).all() and (lsf < np.pi).all()
     if not inside or (np.diff(lsf, axis=1) <= 0).any():
         raise InputError("lsf must ascend strictly inside (0, pi)")
-
-
-def _boundary_points() -> FloatArray:
-    """Return 20 points: positions 0, 1/5 ... 1 of each edge, corners shared; shape (20, 2)."""
-    steps = np.arange(6) / 5
-    edges = [(s, e) for s in steps for e in (0.0, 1.0)] + [
-        (e, s) for s in steps[1:-1] for e in (0.0, 1.0)
-    ]
-    return np.array(edges)
-
-
-def _on_edges(points: FloatArray) -> FloatArray:
-    """Return the points (n, 2), those that all but lie on an edge moved onto it.
-
-    Beside the edge they would leave triangles without area, or a plane that ends before it.
-    """
-    moved = np.where(points < COINCIDENT, 0.0, points)
-    return np.where(moved > 1.0 - COINCIDENT, 1.0, moved)
-
-
-def _coincident(points: FloatArray) -> IntArray:
-    """Return the vertex, counted from 0, that each of the points (n, 2) is part of; (n,).
-
-    Points closer than `COINCIDENT` have one vertex, those in cells of that width which touch
-    each other may have: a chain of them is one vertex.
-    """
-    cells = np.round(points / COINCIDENT)
-    cells, cell = np.unique(cells, axis=0, return_inverse=True)
-    label = np.arange(len(cells))
-    for pair in cKDTree(cells).query_pairs(1.5, p=np.inf, output_type="ndarray"):
-        one, other = label[pair]
-        label[label == max(one, other)] = min(one, other)
-    _, vertex = np.unique(label[cell.reshape(-1)], return_inverse=True)
-    return vertex.reshape(-1).astype(np.int64)
-
-
-def _vertex_table(
-    points: FloatArray, samples: TextureSamples, interpolate: Interpolated
-) -> FloatArray:
-    """Return x, y, level and LSF of samples and boundary points, shape (n + b, 3 + order).
-
-    Coincident samples become one vertex with the mean of their filters (a convex
-    combination of ordered LSF is ordered) and of their level. A boundary point copies its
-    nearest sample; on the edges of zero speed and zero force its level is zero.
-    """
-    level = {
-        "variance": samples.variance,
-        "power": samples.power,
-        "amplitude": np.sqrt(samples.power),
-    }[interpolate]
-    rows = np.column_stack([_on_edges(points), level, samples.lsf])
-    vertex = _coincident(rows[:, :2])
-    counts = np.bincount(vertex)
-    merged = np.zeros((len(counts), rows.shape[1]))
-    np.add.at(merged, vertex, rows)
-    merged /= counts[:, None]
-
-    boundary = _boundary_points()
-    offsets = boundary[:, None, :] - merged[None, :, :2]
-    distance = np.hypot(offsets[..., 0], offsets[..., 1])
-    extension = merged[distance.argmin(axis=1)]
-    extension[:, :2] = boundary
-    extension[(boundary == 0.0).any(axis=1), 2] = 0.0
-    apart = distance.min(axis=1) > COINCIDENT
-    return np.ascontiguousarray(np.vstack([merged, extension[apart]]))
 
 
 @kernel("f8(f8[:, ::1], i8[:, ::1], i8, f8[::1], f8[::1])")
