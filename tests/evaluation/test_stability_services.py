@@ -7,7 +7,7 @@ import pytest
 
 import mmt.leader.playout
 import mmt.texture.modelling
-from mmt.evaluation.stability import services, uptime
+from mmt.evaluation.stability import clocks, services, uptime
 from mmt.evaluation.stability.cases import Case, run_case
 from mmt.evaluation.stability.fake_time import FakeClock, run_in_fake_time
 from mmt.evaluation.stability.uptime import MemoryWatch, run_endless_modelling, run_hour
@@ -37,10 +37,10 @@ def test_a_clock_that_is_not_watched_does_not_hold(monkeypatch: pytest.MonkeyPat
 
 
 def test_the_age_of_what_is_heard() -> None:
-    heard = services.play(np.full(400, 5.0), lambda _: (0, 0))
-    assert np.nanmedian(services.ages_ms(heard)) == pytest.approx(7.0, abs=1.0)
-    assert np.isnan(services.ages_ms(np.zeros(5))).all()
-    assert np.isnan(services.ages_ms(0.6 * heard[100:110])).all()
+    heard = clocks.play(np.full(400, 5.0), lambda _: (0, 0))
+    assert np.nanmedian(clocks.ages_ms(heard)) == pytest.approx(7.0, abs=1.0)
+    assert np.isnan(clocks.ages_ms(np.zeros(5))).all()
+    assert np.isnan(clocks.ages_ms(0.6 * heard[100:110])).all()
 
 
 def test_time_passes_by_waiting_alone() -> None:

@@ -186,9 +186,9 @@ def _swaps(spread: float, samples: int) -> Outcome:
     for _ in range(samples // _BLOCK):
         speed = generator.uniform(0.3 * _SPEED_MM_S, _SPEED_MM_S, _BLOCK)
         force = generator.uniform(0.3 * _FORCE_N, _FORCE_N, _BLOCK)
-        started = time.perf_counter()
+        started = time.thread_time()
         output = synthesizer.render(speed, force)
-        seconds.append(time.perf_counter() - started)
+        seconds.append(time.thread_time() - started)
         power += float(np.mean(output**2))
         peak = max(peak, float(np.abs(output).max()))
     error = power / len(seconds) - 1.0
@@ -203,8 +203,8 @@ def _swaps(spread: float, samples: int) -> Outcome:
 def _flatness(seconds: list[float]) -> tuple[float, float]:
     """Return slowest over quickest quarter of a run, and ns a sample.
 
-    By the tenth percentile of each quarter's blocks, which other work on the machine leaves
-    alone.
+    By the tenth percentile of the processor's time for each quarter's blocks, which other
+    work on the machine leaves alone.
     """
     quick = [float(np.quantile(part, 0.1)) for part in np.array_split(seconds, _QUARTERS)]
     return max(quick) / min(quick), 1e9 * min(quick) / _BLOCK
@@ -220,9 +220,9 @@ def _pauses(samples: int) -> Outcome:
     heard = 0.0
     for _ in range(samples // 2000):
         for speed, seconds in ((stroke, loud), (rest, quiet)):
-            started = time.perf_counter()
+            started = time.thread_time()
             output = synthesizer.render(speed, force)
-            seconds.append(time.perf_counter() - started)
+            seconds.append(time.thread_time() - started)
         heard = max(heard, float(np.abs(output[200:]).max()))
     ratio = float(np.quantile(quiet, 0.1) / np.quantile(loud, 0.1))
     return Outcome(

@@ -55,14 +55,15 @@ class MemoryWatch:
     def look(self) -> None:
         """Note the present state."""
         gc.collect()
-        self.seconds.append(time.perf_counter())
+        self.seconds.append(time.thread_time())
         self.blocks.append(sys.getallocatedblocks())
         self.megabytes.append(psutil.Process().memory_info().rss / 1e6)
 
     def growth(self) -> tuple[int, float, float]:
         """Return blocks and MB from then to the end, and the slow-down.
 
-        The slow-down is the last quarter's time over that of the first one after `since`.
+        The slow-down is the processor's time for the last quarter over that for the first one
+        after `since`.
         """
         spans = np.diff(self.seconds)
         return (
