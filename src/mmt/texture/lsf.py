@@ -226,20 +226,3 @@ def ar_to_reflection_each_into(ar: FloatArray, reflection: FloatArray) -> float:
     for row in range(len(ar)):
         loss = max(loss, ar_to_reflection_into(ar[row], reflection[row]))
     return loss
-
-
-@kernel("f8(f8[::1], f8[::1])")
-def inverse_gain(ar: FloatArray, work: FloatArray) -> float:
-    """Return ``prod (1 - k_i^2)`` of the coefficients (m,), or -1 if they are not stable.
-
-    `work` is scratch of length m or more. The error grows as in `ar_to_reflection_into`;
-    `lsf_inverse_gain` has none of it.
-    """
-    order = len(ar)
-    reflection = work[:order]
-    if ar_to_reflection_into(ar, reflection) == np.inf:
-        return -1.0
-    product = 1.0
-    for i in range(order):
-        product *= (1.0 - reflection[i]) * (1.0 + reflection[i])
-    return product
