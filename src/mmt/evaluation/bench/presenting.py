@@ -1,0 +1,163 @@
+"""The bench as tables for the terminal and as a report."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from mmt.errors import InputError
+from mmt.evaluation.bench.results import Cell, Panel, Point, Records, Spread, StageResult, Target
+from mmt.evaluation.document import Block, Heading, Paragraph, Picture, Table, to_html, to_markdown
+from mmt.evaluation.report import FIGURES
+
+TITLE: Final = "Error against run time"
+_NOTICEABLE: Final = 0.005
+
+
+def targets_table(results: Sequence[StageResult]) -> Table:
+    """Return every target of a run beside what was measured."""
+    rows = [
+        (target.what, result.name, _number(target.measured), *_aim(target))
+        for result in results
+        for target in result.targets
+    ]
+    return Table(("what", "stage", "measured", "target", "met"), rows, "Targets")
+
+
+def stage_tables(result: StageResult, *, narrow: bool = False) -> list[Table]:
+    """Return a stage's tables: one for each panel, its records, and what was left out.
+
+    Narrow ones, for a terminal, have a row for each setting of a knob in place of a column.
+    """
+    lay_out = narrow_panel_table if narrow else panel_table
+    tables = [lay_out(panel) for panel in result.panels]
+    tables += [records_table(records) for records in result.records if records.rows]
+    if result.left_out:
+        rows = [(out.name, out.reason, out.remedy) for out in result.left_out]
+        tables.append(Table(("left out", "because", "remedy"), rows, "Left out"))
+    return tables
+
+
+def panel_table(panel: Panel) -> Table:
+    """Return a panel with two rows a method, x and y, and a column for each knob's setting."""
+    knobs = list(dict.fromkeys(point.knob for curve in panel.curves for point in curve.points))
+    rows, notes = [], []
+    for curve in panel.curves:
+        at = {point.knob: point for point in curve.points}
+        over_knob = all(point.x.median == point.knob for point in curve.points)
+        if not over_knob:
+            cells = (_spread(at[knob].x) if knob in at else "-" for knob in knobs)
+            rows.append((curve.method, panel.x.short, *cells))
+        name = curve.method if over_knob else ""
+        rows.append((name, panel.y.short, *(_y(at.get(knob)) for knob in knobs)))
+        failed = [f"{knob}: {reason}" for knob, reason in curve.failures.items()]
+        notes += [f"{curve.method} at {text}" for text in failed]
+    columns = ("method", panel.knob, *(f"{knob:g}" for knob in knobs))
+    return Table(columns, rows, ". ".join([panel.title, *notes]))
+
+
+def narrow_panel_table(panel: Panel) -> Table:
+    """Return a panel with a row for each point."""
+    rows = []
+    for curve in panel.curves:
+        for index, point in enumerate(curve.points):
+            name = curve.method if index == 0 else ""
+            rows.append((name, f"{point.knob:g}", _spread(point.x), _spread(point.y)))
+        for knob, reason in curve.failures.items():
+            rows.append((curve.method if not curve.points else "", knob, "-", reason))
+    return Table(("method", panel.knob, panel.x.short, panel.y.short), rows, panel.title)
+
+
+def records_table(records: Records) -> Table:
+    """Return rows of a record as text."""
+    columns = list(dict.fromkeys(key for row in records.rows for key in row))
+    rows = [tuple(_cell(row.get(column)) for column in columns) for row in records.rows]
+    return Table(columns, rows, records.title)
+
+
+def write_bench_report(
+    directory: Path, results: Sequence[StageResult], machine: Mapping[str, str]
+) -> Path:
+    """Write ``report.md``, ``report.html``, ``figures/`` and ``bench.json``.
+
+    Returns
+    -------
+    Path
+        Of ``report.html``, which holds its figures inside.
+
+    Raises
+    ------
+    InputError
+        The directory cannot be written.
+    """
+    blocks: list[Block] = [
+        Heading(TITLE, 1),
+        Paragraph(
+            "Methods took turns on the machine below; times are medians over rounds, with half "
+            "the distance of the quartiles behind them. Trust the ratios within this run more "
+            "than the times."
+        ),
+        Table(("what", "value"), [(key, value) for key, value in machine.items()], "Machine"),
+    ]
+    if any(result.targets for result in results):
+        blocks.append(targets_table(results))
+    try:
+        (directory / FIGURES).mkdir(parents=True, exist_ok=True)
+        for result in results:
+            blocks += _stage(result, directory / FIGURES)
+        page = directory / "report.html"
+        page.write_text(to_html(TITLE, blocks), encoding="utf-8")
+        (directory / "report.md").write_text(to_markdown(blocks), encoding="utf-8")
+        text = json.dumps(as_dict(results, machine), indent=2) + "\n"
+        (directory / "bench.json").write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"report {directory}: {error.strerror or error}") from error
+    return page
+
+
+def as_dict(results: Sequence[StageResult], machine: Mapping[str, str]) -> dict[str, Any]:
+    """Return a run for a program: the machine, and every stage by its name."""
+    return {"machine": dict(machine), **{result.name: result.as_dict() for result in results}}
+
+
+def _stage(result: StageResult, directory: Path) -> list[Block]:
+    blocks: list[Block] = [Heading(result.title), Paragraph(result.about)]
+    if result.panels:
+        from mmt.evaluation.bench.plotting import stage_figure
+        from mmt.evaluation.figures import to_png
+
+        png = to_png(stage_figure(result))
+        (directory / f"{result.name}.png").write_bytes(png)
+        caption = (
+            f"{result.title}: every method a curve, numbers at its ends the setting of the knob; "
+            "bars are quartiles; an error of zero is drawn at the bottom."
+        )
+        blocks.append(Picture(f"{FIGURES}/{result.name}.png", png, caption))
+    return [*blocks, *stage_tables(result)]
+
+
+def _aim(target: Target) -> tuple[str, str]:
+    met = {True: "yes", False: "no", None: "not measured"}[target.met]
+    return f"{target.side} {_number(target.bound)}", met
+
+
+def _y(point: Point | None) -> str:
+    return "-" if point is None else _spread(point.y)
+
+
+def _spread(value: Spread) -> str:
+    share = value.relative
+    scatter = f" ±{100 * share:.0f} %" if share >= _NOTICEABLE else ""
+    return f"{_number(value.median)}{scatter}"
+
+
+def _cell(value: Cell) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return value if isinstance(value, str) else _number(value)
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"

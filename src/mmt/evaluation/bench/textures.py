@@ -1,0 +1,102 @@
+"""Known textures: exact filters at any point, and sessions simulated once a run."""
+
+from functools import cache
+from typing import Final
+
+import numpy as np
+
+from mmt.arrays import FloatArray
+from mmt.devices.simulated.offline import simulate_session
+from mmt.devices.simulated.surfaces import Surface
+from mmt.devices.simulated.textures import get_surface
+from mmt.evaluation.levels import root_mean_square
+from mmt.evaluation.truth import GRID_FORCE_N, GRID_SPEED_MM_S
+from mmt.scene import Scene
+from mmt.session.recorded import RecordedSession
+from mmt.texture.autoregression import (
+    ar_spectrum,
+    lsf_to_ar,
+    lsf_to_reflection,
+    output_power,
+    reflection_to_lsf,
+)
+from mmt.texture.metrics import gfc_of_rows, power_error_db
+from mmt.texture.model import TextureSamples
+from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
+
+RATE_HZ: Final = 1000.0
+SHAPE_HZ: Final[FloatArray] = np.arange(10.0, 501.0, 2.0)
+_GRID: Final = 8192
+
+
+@cache
+def session(surface: str, duration_s: float, seed: int = 1) -> RecordedSession:
+    """Return a simulated session on a known texture; the same one within a process."""
+    frames, annotations = simulate_session(Scene(), surface, duration_s, seed)
+    return RecordedSession(frames=frames, annotations=annotations)
+
+
+def exact_samples(
+    surface: Surface, speed_mm_s: FloatArray, force_n: FloatArray, order: int
+) -> TextureSamples:
+    """Return what an endless recording would be fitted with at points (n,) of the plane.
+
+    The filter of this order whose output has the texture's own first autocorrelations
+    (Levinson's recursion), and the texture's exact power.
+    """
+    frequencies_hz = np.linspace(0.0, 0.5 * RATE_HZ, _GRID + 1)
+    density = 0.5 * surface.spectrum(speed_mm_s, force_n, frequencies_hz)
+    correlation = np.fft.irfft(density, axis=1)[:, : order + 1] * RATE_HZ
+    reflection = _levinson(correlation)
+    variance = correlation[:, 0] * np.prod(1.0 - reflection**2, axis=1)
+    return TextureSamples(
+        speed_mm_s=speed_mm_s,
+        force_n=force_n,
+        lsf=reflection_to_lsf(reflection),
+        variance=variance,
+        power=correlation[:, 0],
+    )
+
+
+def scattered(count: int, seed: int) -> tuple[FloatArray, FloatArray]:
+    """Return speeds and forces (count,) of points scattered over the plane."""
+    points = np.random.default_rng(seed).uniform(0.05, 1.0, (2, count))
+    return points[0] * MAXIMUM_SPEED_MM_S, points[1] * MAXIMUM_FORCE_N
+
+
+class Truth:
+    """A known texture over the grid of points at which models are evaluated."""
+
+    def __init__(self, name: str) -> None:
+        self.surface = get_surface(name)
+        speed, force = np.meshgrid(GRID_SPEED_MM_S, GRID_FORCE_N)
+        self.speed_mm_s, self.force_n = speed.ravel(), force.ravel()
+        density = self.surface.spectrum(self.speed_mm_s, self.force_n, SHAPE_HZ)
+        self._amplitude = np.sqrt(density)
+        self._power = self.surface.power(self.speed_mm_s, self.force_n)
+
+    def errors(self, lsf: FloatArray, variance: FloatArray) -> tuple[float, float]:
+        """Return the errors of filters at the grid's points, shapes (k, m) and (k,).
+
+        Of the spectrum, one less the goodness of fit between exact amplitude spectra, 10 to
+        500 Hz in steps of 2 Hz, the mean; of the power, in dB, the root mean square.
+        """
+        own = np.sqrt(ar_spectrum(lsf_to_ar(lsf), variance, SHAPE_HZ, RATE_HZ))
+        power = output_power(variance, lsf_to_reflection(lsf))
+        shape = 1.0 - float(gfc_of_rows(own, self._amplitude).mean())
+        return shape, root_mean_square(power_error_db(power, self._power))
+
+
+def _levinson(correlation: FloatArray) -> FloatArray:
+    """Return the reflection coefficients (n, m) of autocorrelations (n, m + 1)."""
+    order = correlation.shape[1] - 1
+    reflection = np.zeros((len(correlation), order))
+    ar = np.zeros((len(correlation), order))
+    error = correlation[:, 0].copy()
+    for j in range(order):
+        ahead = np.einsum("nj,nj->n", ar[:, :j], correlation[:, j:0:-1])
+        k = -(correlation[:, j + 1] + ahead) / error
+        ar[:, :j] += k[:, np.newaxis] * ar[:, :j][:, ::-1]
+        ar[:, j] = reflection[:, j] = k
+        error *= 1.0 - k * k
+    return reflection
