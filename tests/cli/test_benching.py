@@ -1,24 +1,48 @@
 import pytest
 
+from mmt.cli import benching
 from mmt.cli.benching import run_benches
 from mmt.errors import InputError
+from mmt.evaluation.bench.results import StageResult, Target
 
 
-def test_an_unknown_measurement_is_explained() -> None:
-    with pytest.raises(InputError, match="allowed are link, services, evaluate"):
+def test_an_unknown_stage_is_explained() -> None:
+    with pytest.raises(InputError, match=r"allowed are burg, lines, .*, link, services, evaluate"):
         run_benches(["speed"], 1.0)
 
 
 def test_the_evaluation_is_measured() -> None:
-    tables, figures = run_benches(["evaluate"], 1.0)
-    assert len(tables) == 1
-    assert figures["evaluate"]["median_s"] > 0
-    assert figures["evaluate"]["times_real_time"] == pytest.approx(
-        18.0 / figures["evaluate"]["median_s"]
-    )
+    _, figures = run_benches(["evaluate"], 1.0)
+    found = figures["evaluate"]["figures"]
+    assert found["median_s"] > 0
+    assert found["times_real_time"] == pytest.approx(18.0 / found["median_s"])
+    assert figures["machine"]["processor"]
 
 
 def test_the_link_is_measured_beside_a_bare_websocket() -> None:
     _, figures = run_benches(["link"], 1.5)
-    assert figures["link"]["up_lost"] == 0
-    assert figures["link"]["ratio_up_p50"] > 0
+    assert figures["link"]["figures"]["up_lost"] == 0
+    assert figures["link"]["figures"]["ratio_up_p50"] > 0
+    assert figures["link"]["targets"][0]["met"] is True
+
+
+def test_targets_are_printed_beside_what_is_measured(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    result = StageResult("burg", "B", "About.", targets=(Target("ratio", 5.0, "at least", 4.0),))
+    monkeypatch.setattr(benching, "run_stage", lambda name: result)
+    results, _ = run_benches(["burg", "burg"], 1.0)
+    assert results == [result]
+    printed = capsys.readouterr().out
+    assert "ratio" in printed
+    assert "at least 4" in printed
+
+
+def test_a_stage_without_its_reference_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(name: str) -> StageResult:
+        raise ModuleNotFoundError("No module named 'mpmath'", name="mpmath")
+
+    monkeypatch.setattr(benching, "run_stage", missing)
+    results, figures = run_benches(["burg"], 1.0)
+    assert results[0].left_out[0].name == "mpmath"
+    assert "mmt-haptics[bench]" in figures["burg"]["left_out"][0]["remedy"]

@@ -1,64 +1,132 @@
-"""``mmt bench``: the link, the services and the evaluation, measured on this machine."""
+"""``mmt bench``: error against run time, and the link, the services and the evaluation."""
 
 import asyncio
 import statistics
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from rich.table import Table
-
-from mmt.cli.common import messages
+from mmt.cli.common import messages, output
 from mmt.errors import InputError
+from mmt.evaluation.bench import STAGES, run_stage
+from mmt.evaluation.bench.measuring import machine
+from mmt.evaluation.bench.presenting import (
+    as_dict,
+    stage_tables,
+    targets_table,
+    write_bench_report,
+)
+from mmt.evaluation.bench.results import LeftOut, Records, Side, StageResult, Target
+from mmt.evaluation.document import Table
+from mmt.evaluation.table import as_rich
 from mmt.scene import Scene
 from mmt.scene_files import example_scenes, load_scene
 
 EVALUATIONS: Final = 5
 """Repetitions of the evaluation; the median counts."""
 
-Row = tuple[str, float | int | None, str]
-"""What, the figure, and what it is to be."""
+EXTRA: Final = "pip install 'mmt-haptics[bench]'"
+
+Row = tuple[str, float | int | None] | tuple[str, float | int | None, Side, float]
+"""What, the figure, and where there is one its target."""
 
 
-def run_benches(names: list[str], duration_s: float) -> tuple[list[Table], dict[str, Any]]:
-    """Run the named measurements, all of them where none is named.
+def run_benches(
+    names: list[str], duration_s: float, report: Path | None = None
+) -> tuple[list[StageResult], dict[str, Any]]:
+    """Run the named stages, all of them where none is named; print each as it is done.
+
+    Parameters
+    ----------
+    names
+        Of stages.
+    duration_s
+        Seconds for each measurement of the link and of the services.
+    report
+        Where a report is written, None for none.
+
+    Returns
+    -------
+    results, figures
+        Every stage, and what ``--json`` writes.
 
     Raises
     ------
     InputError
-        A name is none of the measurements.
+        A name is none of the stages, or the report cannot be written.
     """
-    benches: dict[str, Callable[[float], dict[str, Row]]] = {
-        "link": _link,
-        "services": _services,
+    stages = _stages(duration_s)
+    unknown = [name for name in names if name not in stages]
+    if unknown:
+        raise InputError(f"bench {unknown[0]}: allowed are {', '.join(stages)}")
+    results = []
+    for name in dict.fromkeys(names or stages):
+        messages.print(f"measuring: {name}")
+        results.append(stages[name]())
+        _print_stage(results[-1])
+    if any(result.targets for result in results):
+        _print_table(targets_table(results))
+    about = machine()
+    if report is not None:
+        page = write_bench_report(report, results, about)
+        messages.print(f"report: {page}", highlight=False)
+    return results, as_dict(results, about)
+
+
+def _stages(duration_s: float) -> dict[str, Callable[[], StageResult]]:
+    stages: dict[str, Callable[[], StageResult]] = {
+        name: lambda name=name: _or_left_out(name)  # type: ignore[misc]
+        for name in STAGES
+    }
+    return {
+        **stages,
+        "link": lambda: _link(duration_s),
+        "services": lambda: _services(duration_s),
         "evaluate": _evaluate,
     }
-    unknown = [name for name in names if name not in benches]
-    if unknown:
-        raise InputError(f"bench {unknown[0]}: allowed are {', '.join(benches)}")
-    tables, figures = [], {}
-    for name in names or benches:
-        messages.print(f"measuring: {name}")
-        rows = benches[name](duration_s)
-        tables.append(_table(name, rows))
-        figures[name] = {key: value for key, (_, value, _) in rows.items()}
-    return tables, figures
 
 
-def _table(title: str, rows: dict[str, Row]) -> Table:
-    table = Table(title=title, title_justify="left", pad_edge=False)
-    table.add_column("what")
-    table.add_column("measured", justify="right")
-    table.add_column("target", justify="right")
-    for what, value, target in rows.values():
-        text = "-" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
-        table.add_row(what, text, target)
-    return table
+def _or_left_out(name: str) -> StageResult:
+    """Run a stage, or say that it needs a package that is not there."""
+    try:
+        return run_stage(name)
+    except ImportError as error:
+        missing = error.name or str(error)
+        left_out = LeftOut(missing, "the stage needs it for its reference", EXTRA)
+        return StageResult(name, name, "Not measured.", left_out=(left_out,))
 
 
-def _services(duration_s: float) -> dict[str, Row]:
+def _print_stage(result: StageResult) -> None:
+    output.print(result.title, style="bold")
+    output.print(result.about, highlight=False)
+    for table in stage_tables(result, narrow=True):
+        _print_table(table)
+
+
+def _print_table(table: Table) -> None:
+    """Print a table with its title above."""
+    output.print(f"\n{table.caption}", style="italic", highlight=False)
+    output.print(as_rich(replace(table, caption="")))
+
+
+def _figures(name: str, title: str, about: str, rows: dict[str, Row]) -> StageResult:
+    """Return single figures as a stage."""
+    targets = tuple(Target(row[0], row[1], row[2], row[3]) for row in rows.values() if len(row) > 2)
+    table = tuple({"what": row[0], "measured": row[1]} for row in rows.values())
+    return StageResult(
+        name,
+        title,
+        about,
+        records=(Records("figures", title, table),),
+        targets=targets,
+        figures={key: row[1] for key, row in rows.items()},
+    )
+
+
+def _services(duration_s: float) -> StageResult:
     """Run the demo's scene with both services as processes."""
     from mmt.cli.demo import run_services
 
@@ -67,89 +135,84 @@ def _services(duration_s: float) -> dict[str, Row]:
         recording = Path(directory) / "session.mcap"
         scene = load_scene(
             scene_file,
-            {"session.duration_s": duration_s},
-            record=recording,
+            {"session.duration_s": duration_s, "recording.file": str(recording)},
         )
         run = asyncio.run(run_services(scene_file, scene, duration_s, None))
     if run.failed:
         raise InputError("the services did not end well: " + "; ".join(run.errors))
     leader, follower = run.leader, run.follower
     link, ticks = leader["link"], leader["ticks"]
-    return {
-        "frames": ("frames received", link["frames"], ""),
-        "frames_lost": ("frames lost or out of order", link["lost"] + link["out_of_order"], "0"),
-        "ready_s": ("leader ready after (s)", leader["process"]["ready_s"], "3"),
-        "tick_p99_ms": ("rendering tick, p99 period (ms)", ticks["period_p99_ms"], "1.5"),
-        "tick_unrendered": (
-            "samples not rendered",
-            link["frames"] - leader["vibration"]["actuator"]["samples"],
-            "0 or less",
-        ),
+    wrong = link["lost"] + link["out_of_order"]
+    unrendered = link["frames"] - leader["vibration"]["actuator"]["samples"]
+    late_ms = ticks["late_while_modelling_p99_ms"]
+    texture = leader["texture"]
+    rows: dict[str, Row] = {
+        "frames": ("frames received", link["frames"]),
+        "frames_lost": ("frames lost or out of order", wrong, "at most", 0),
+        "ready_s": ("leader ready after (s)", leader["process"]["ready_s"], "at most", 3),
+        "tick_p99_ms": ("rendering tick, p99 period (ms)", ticks["period_p99_ms"], "at most", 1.5),
+        "tick_unrendered": ("samples not rendered", unrendered, "at most", 0),
         "late_while_modelling_p99_ms": (
             "tick late while modelling, p99 (ms)",
-            ticks["late_while_modelling_p99_ms"],
-            "1",
+            late_ms,
+            "at most",
+            1,
         ),
-        "update_median_ms": (
-            "model update, median (ms)",
-            leader["texture"]["update_median_ms"],
-            "50",
-        ),
-        "update_longest_ms": (
-            "model update, longest (ms)",
-            leader["texture"]["update_longest_ms"],
-            "50",
-        ),
-        "leader_core": ("leader, share of a core", leader["process"]["core_share"], "0.6"),
-        "follower_core": ("follower, share of a core", follower["process"]["core_share"], "0.6"),
-        "leader_mb": ("leader, memory (MB)", leader["process"]["memory_mb"], "250"),
-        "follower_mb": ("follower, memory (MB)", follower["process"]["memory_mb"], "120"),
     }
+    for key, what in (("update_median_ms", "median"), ("update_longest_ms", "longest")):
+        rows[key] = (f"model update, {what} (ms)", texture[key], "at most", 50)
+    for name, summary, megabytes in (("leader", leader, 250), ("follower", follower, 120)):
+        process = summary["process"]
+        rows[f"{name}_core"] = (f"{name}, share of a core", process["core_share"], "at most", 0.6)
+        rows[f"{name}_mb"] = (f"{name}, memory (MB)", process["memory_mb"], "at most", megabytes)
+    about = f"The demo's scene, leader and follower as two processes, {duration_s:g} s."
+    return _figures("services", "Services", about, rows)
 
 
-def _evaluate(_: float) -> dict[str, Row]:
+def _evaluate() -> StageResult:
     """Evaluate a simulated session several times."""
     from mmt.cli.reporting import evaluate
-    from mmt.devices.simulated.offline import simulate_session
-    from mmt.session import RecordedSession
+    from mmt.evaluation.bench.textures import session
 
-    scene = Scene()
-    frames, annotations = simulate_session(scene, "wood", 18.0, 1)
-    session = RecordedSession(frames=frames, annotations=annotations)
-    evaluate(session, scene)
+    recorded, scene = session("wood", 18.0), Scene()
+    evaluate(recorded, scene)
     times_s = []
     for _round in range(EVALUATIONS):
         started = time.perf_counter()
-        evaluate(session, scene)
+        evaluate(recorded, scene)
         times_s.append(time.perf_counter() - started)
     median_s = statistics.median(times_s)
-    return {
-        "times_real_time": ("evaluation, times faster than real time", 18.0 / median_s, "50"),
-        "median_s": ("18 s session, median (s)", median_s, ""),
-        "spread_s": ("longest less shortest (s)", max(times_s) - min(times_s), ""),
+    rows: dict[str, Row] = {
+        "times_real_time": (
+            "evaluation, times faster than real time",
+            18.0 / median_s,
+            "at least",
+            50,
+        ),
+        "median_s": ("18 s session, median (s)", median_s),
+        "spread_s": ("longest less shortest (s)", max(times_s) - min(times_s)),
     }
+    about = f"An 18 s session, evaluated {EVALUATIONS} times as mmt evaluate does."
+    return _figures("evaluate", "Evaluation", about, rows)
 
 
-def _link(duration_s: float) -> dict[str, Row]:
+def _link(duration_s: float) -> StageResult:
     """Compare the link with a bare WebSocket in the same run."""
     from mmt.evaluation.link_bench import bench_link
 
     result = bench_link(duration_s)
     rows: dict[str, Row] = {}
     for way, direction in (("up", result.ours.up), ("down", result.ours.down)):
-        rows[f"{way}_lost"] = (
-            f"{way}: lost or out of order",
-            direction.lost + direction.out_of_order,
-            "0",
-        )
-        rows[f"{way}_p50_ms"] = (f"{way}: one way, p50 (ms)", direction.p50_ms, "")
-        rows[f"{way}_p99_ms"] = (f"{way}: one way, p99 (ms)", direction.p99_ms, "")
-    targets = {"p50": "2.5", "p99": "3.5"}
+        wrong = direction.lost + direction.out_of_order
+        rows[f"{way}_lost"] = (f"{way}: lost or out of order", wrong, "at most", 0)
+        rows[f"{way}_p50_ms"] = (f"{way}: one way, p50 (ms)", direction.p50_ms)
+        rows[f"{way}_p99_ms"] = (f"{way}: one way, p99 (ms)", direction.p99_ms)
+    bounds = {"p50": 2.5, "p99": 3.5}
     for name, ratio in result.ratios.items():
-        target = targets.get(name.partition("_")[2], "")
-        rows[f"ratio_{name}"] = (
-            f"{name.replace('_', ' ')}: ours over bare WebSocket",
-            ratio,
-            target,
-        )
-    return rows
+        what = f"{name.replace('_', ' ')}: ours over bare WebSocket"
+        bound = bounds.get(name.partition("_")[2])
+        rows[f"ratio_{name}"] = (what, ratio) if bound is None else (what, ratio, "at most", bound)
+    about = (
+        f"Frames up and commands down at 1 kHz, in turns with a bare WebSocket, {duration_s:g} s."
+    )
+    return _figures("link", "Link", about, rows)

@@ -73,17 +73,22 @@ def evaluate(
 @app.command()
 def bench(
     what: Annotated[
-        list[str] | None, typer.Argument(metavar="[link] [services] [evaluate]")
+        list[str] | None,
+        typer.Argument(
+            metavar="[burg] [lines] [interpolation] [synthesis] [update] [order] [pipeline] "
+            "[contact] [link] [services] [evaluate]"
+        ),
     ] = None,
-    duration: Annotated[float, typer.Option(help="Seconds for each measurement.")] = 60.0,
+    duration: Annotated[
+        float, typer.Option(help="Seconds for each measurement of link and services.")
+    ] = 20.0,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+    report: Annotated[Path | None, typer.Option(help="Write a report there.")] = None,
 ) -> None:
-    """Measure the link, the services and the evaluation on this machine."""
+    """Measure error against run time on this machine, beside every peer that is installed."""
     from mmt.cli.benching import run_benches
 
-    tables, figures = run_benches(what or [], duration)
-    for table in tables:
-        output.print(table)
+    _, figures = run_benches(what or [], duration, report)
     write_json(json_file, figures)
     messages.print("ratios within one run are to be trusted, absolute times are not")
 
