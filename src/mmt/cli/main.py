@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from mmt.cli import models, sessions
-from mmt.cli.common import messages, output, run_app, version, write_json
+from mmt.cli.common import messages, run_app, version, write_json
 
 app = typer.Typer(
     no_args_is_help=True,
