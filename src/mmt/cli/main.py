@@ -94,6 +94,45 @@ def bench(
 
 
 @app.command()
+def sweep(
+    sessions: Annotated[list[Path], typer.Argument(metavar="SESSION...")],
+    choices: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE,VALUE", help="Values of a key; repeatable."),
+    ] = None,
+    scene_file: Annotated[
+        Path | None, typer.Option("--scene", help="Take \\[texture] from this scene.")
+    ] = None,
+    step: Annotated[float, typer.Option(help="Seconds between the rows of an evaluation.")] = 2.5,
+    seed: Annotated[int, typer.Option(help="Chooses the segments that are held out.")] = 0,
+    workers: Annotated[
+        int | None, typer.Option(help="Local processes; as many as there are processors.")
+    ] = None,
+    dask: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Of a Dask cluster's scheduler.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Where the results are kept.")] = Path("mmt-sweep"),
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the summary.")] = None,
+) -> None:
+    """Evaluate every session with every combination of settings; go on where it stopped."""
+    from mmt.cli.sweeping import sweep_files
+
+    good = sweep_files(
+        sessions,
+        choices or [],
+        scene_file=scene_file,
+        step_s=step,
+        seed=seed,
+        workers=workers,
+        dask=dask,
+        out=out,
+        json_file=json_file,
+    )
+    if not good:
+        raise typer.Exit(1)
+
+
+@app.command()
 def stability(
     families: Annotated[
         list[str] | None,
