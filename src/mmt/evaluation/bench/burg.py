@@ -37,7 +37,7 @@ class Plan:
     order: int = 16
     lengths: tuple[int, ...] = (200, 400, 800, 1200)
     batch: tuple[int, int] = (50, 1000)
-    rounds: int = 7
+    rounds: int = 15
     offsets: tuple[float, ...] = (1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6)
     stiff: tuple[signals.StiffCase, ...] = signals.STIFF_CASES
 

@@ -47,7 +47,7 @@ class Plan:
     distances: tuple[float, ...] = (0.1, 0.01, 0.001, 0.0001)
     batch: int = 50
     looked_at: int = 5
-    rounds: int = 7
+    rounds: int = 15
 
 
 @dataclass(frozen=True)
