@@ -4,6 +4,7 @@ import json
 import re
 
 import pytest
+from rich.console import Console
 
 from mmt.errors import InputError
 from mmt.evaluation.bench.presenting import (
@@ -24,6 +25,8 @@ from mmt.evaluation.bench.results import (
     StageResult,
     Target,
 )
+from mmt.evaluation.document import Table
+from mmt.evaluation.table import as_rich
 
 TIME, ERROR = Axis("time (µs)", "µs"), Axis("error", "error")
 
@@ -116,3 +119,35 @@ def test_a_report_that_cannot_be_written_is_said(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="report"):
         write_bench_report(tmp_path / "file", [made_result()], {})
+
+
+def test_what_is_said_once_is_not_repeated_in_a_terminal():
+    curves = Curves()
+    curves.add("mmt", 8, 8, 1e-16)
+    curves.fail("mmt", 16, "raises: no")
+    over_knob = Panel("p", "By order", "order", Axis("order", "order"), ERROR, curves.done())
+    table = narrow_panel_table(over_knob)
+    assert table.columns == ("method", "order", "error")
+    assert table.rows == [("mmt", "8", "1e-16"), ("", "16", "raises: no")]
+
+    rows = ({"case": "tone", "n": 1}, {"case": "tone", "n": 2}, {"case": "step", "n": 1})
+    assert records_table(Records("r", "R", rows)).rows == [
+        ("tone", "1"),
+        ("", "2"),
+        ("step", "1"),
+    ]
+
+
+def test_a_table_in_eighty_columns_loses_no_number_and_no_word():
+    words = "a method of a rather long name that no peer would ever have"
+    table = Table(
+        ("method", "order", "remark"),
+        [(words, str(number), f"{words} {number}") for number in (8, 123456789)],
+    )
+    console = Console(width=80)
+    with console.capture() as capture:
+        console.print(as_rich(table))
+    lines = capture.get().splitlines()
+    assert max(map(len, lines)) <= 80
+    for word in [*words.split(), "123456789"]:
+        assert sum(line.split().count(word) for line in lines) >= 2

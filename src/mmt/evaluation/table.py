@@ -23,19 +23,19 @@ def step_table(evaluation: Evaluation) -> rich.console.Group:
 def as_rich(table: document.Table) -> rich.console.Group:
     """Return a report's table for the terminal, narrow enough for 80 columns.
 
-    The words of a heading stand below each other; only the first column may be cut.
+    The words of a heading stand below each other. Numbers stay whole, texts are folded.
     """
     result = rich.table.Table(
         box=rich.box.SIMPLE_HEAD,
         padding=0,
         pad_edge=False,
     )
-    for place, name in enumerate(table.columns):
-        numeric = document.numeric_columns(table)[place]
+    numeric_columns = document.numeric_columns(table)
+    for place, (name, numeric) in enumerate(zip(table.columns, numeric_columns, strict=True)):
         result.add_column(
             name.replace(" ", "\n"),
             justify="right" if numeric else "left",
-            no_wrap=place > 0,
+            no_wrap=numeric,
             min_width=12 if place == 0 and not numeric else None,
             overflow="fold",
             vertical="bottom",

@@ -6,7 +6,16 @@ from pathlib import Path
 from typing import Any, Final
 
 from mmt.errors import InputError
-from mmt.evaluation.bench.results import Cell, Panel, Point, Records, Spread, StageResult, Target
+from mmt.evaluation.bench.results import (
+    Cell,
+    Curve,
+    Panel,
+    Point,
+    Records,
+    Spread,
+    StageResult,
+    Target,
+)
 from mmt.evaluation.document import Block, Heading, Paragraph, Picture, Table, to_html, to_markdown
 from mmt.evaluation.report import FIGURES
 
@@ -44,7 +53,7 @@ def panel_table(panel: Panel) -> Table:
     rows, notes = [], []
     for curve in panel.curves:
         at = {point.knob: point for point in curve.points}
-        over_knob = all(point.x.median == point.knob for point in curve.points)
+        over_knob = _over_knob(curve)
         if not over_knob:
             cells = (_spread(at[knob].x) if knob in at else "-" for knob in knobs)
             rows.append((curve.method, panel.x.short, *cells))
@@ -57,21 +66,31 @@ def panel_table(panel: Panel) -> Table:
 
 
 def narrow_panel_table(panel: Panel) -> Table:
-    """Return a panel with a row for each point."""
+    """Return a panel with a row for each point; x is left out where it is the knob itself."""
+    over_knob = all(_over_knob(curve) for curve in panel.curves)
     rows = []
     for curve in panel.curves:
         for index, point in enumerate(curve.points):
             name = curve.method if index == 0 else ""
-            rows.append((name, f"{point.knob:g}", _spread(point.x), _spread(point.y)))
+            x = () if over_knob else (_spread(point.x),)
+            rows.append((name, f"{point.knob:g}", *x, _spread(point.y)))
         for knob, reason in curve.failures.items():
-            rows.append((curve.method if not curve.points else "", knob, "-", reason))
-    return Table(("method", panel.knob, panel.x.short, panel.y.short), rows, panel.title)
+            x = () if over_knob else ("-",)
+            rows.append((curve.method if not curve.points else "", knob, *x, reason))
+    columns = (panel.knob,) if over_knob else (panel.knob, panel.x.short)
+    return Table(("method", *columns, panel.y.short), rows, panel.title)
 
 
 def records_table(records: Records) -> Table:
-    """Return rows of a record as text."""
+    """Return rows of a record as text; a name is not repeated below itself."""
     columns = list(dict.fromkeys(key for row in records.rows for key in row))
-    rows = [tuple(_cell(row.get(column)) for column in columns) for row in records.rows]
+    rows: list[tuple[str, ...]] = []
+    above: Cell = None
+    for row in records.rows:
+        first, *others = (row.get(column) for column in columns)
+        repeated = isinstance(first, str) and first == above
+        rows.append(("" if repeated else _cell(first), *map(_cell, others)))
+        above = first
     return Table(columns, rows, records.title)
 
 
@@ -134,6 +153,11 @@ def _stage(result: StageResult, directory: Path) -> list[Block]:
         )
         blocks.append(Picture(f"{FIGURES}/{result.name}.png", png, caption))
     return [*blocks, *stage_tables(result)]
+
+
+def _over_knob(curve: Curve) -> bool:
+    """Say whether the curve stands over its knob itself, and not over a time."""
+    return all(point.x.median == point.knob for point in curve.points)
 
 
 def _aim(target: Target) -> tuple[str, str]:
