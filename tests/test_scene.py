@@ -6,6 +6,7 @@ import pytest
 from mmt.errors import InputError
 from mmt.scene import Scene
 from mmt.scene_files import environment_overrides, load_scene, scene_from_tables
+from mmt.scene_parts import SERVICES_OF_PART
 
 CONFIGS = sorted((Path(__file__).parents[1] / "configs").glob("*.toml"))
 SIMULATED: dict[str, Any] = {"link": {}, "simulated": {}, "hand": {}, "recording": {}}
@@ -15,6 +16,14 @@ SIMULATED: dict[str, Any] = {"link": {}, "simulated": {}, "hand": {}, "recording
 def test_every_example_scene_is_valid(path: Path) -> None:
     scene = load_scene(path)
     assert scene_from_tables(scene.dump()) == scene
+
+
+def test_every_part_concerns_a_service() -> None:
+    assert set(SERVICES_OF_PART) == set(Scene().parts())
+    assert {service for services in SERVICES_OF_PART.values() for service in services} == {
+        "leader",
+        "follower",
+    }
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import asyncio
 import json
 import signal
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from rich.text import Text
 import mmt
 from mmt.errors import InputError, MmtError
 from mmt.scene import Scene
+from mmt.scene_parts import parts_of
 
 output = Console(markup=False, emoji=False)
 """For results; brackets in a text, such as a table's name, are no markup."""
@@ -71,12 +72,11 @@ def write_line(kind: str, **content: Any) -> None:
     sys.stdout.flush()
 
 
-def print_parts(scene: Scene, mine: Iterable[str]) -> None:
+def print_parts(scene: Scene, service: str) -> None:
     """Say which of the parts that concern a service run, and which are left out."""
-    parts = scene.parts()
-    concerned = [name for name in parts if name in set(mine)]
-    running = [name for name in concerned if parts[name]]
-    left_out = [name for name in concerned if not parts[name]]
+    parts = parts_of(scene, service)
+    running = [name for name, runs in parts.items() if runs]
+    left_out = [name for name, runs in parts.items() if not runs]
     messages.print(f"runs:     {', '.join(running) or 'nothing'}", highlight=False)
     messages.print(f"left out: {', '.join(left_out) or 'nothing'}", highlight=False)
 

@@ -21,8 +21,6 @@ from mmt.follower.service import FollowerService, FollowerSummary
 from mmt.scene import Scene
 from mmt.scene_files import load_scene
 
-PARTS = ("link", "simulated", "replay", "devices")
-
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
@@ -55,7 +53,7 @@ def follower(
             raise InputError("--speed is for a replay: give --replay FILE, or a scene of one")
         scene = load_scene(scene_file, {"replay.speed": speed}, replay=replay)
     if not json_lines:
-        print_parts(scene, PARTS)
+        print_parts(scene, "follower")
     summary = asyncio.run(_stream(scene, leader, json_lines))
     if json_lines:
         write_line("summary", **summary.as_dict())

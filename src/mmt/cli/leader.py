@@ -24,17 +24,6 @@ from mmt.leader.summary import LeaderStatus, LeaderSummary
 from mmt.scene import Scene
 from mmt.scene_files import load_scene
 
-PARTS = (
-    "link",
-    "hand",
-    "texture",
-    "rendering",
-    "playout",
-    "actuator",
-    "force_feedback",
-    "recording",
-)
-
 _STARTED_S = time.perf_counter()
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -77,7 +66,7 @@ def leader(
     if report is not None and scene.recording is None:
         raise InputError("--report needs a recording: give --record FILE or add [recording]")
     if not json_lines:
-        print_parts(scene, PARTS)
+        print_parts(scene, "leader")
     summary = asyncio.run(_serve(scene, json_lines))
     if json_lines:
         write_line("summary", **summary.as_dict())

@@ -1,0 +1,25 @@
+"""Which of a scene's parts concern which service."""
+
+from typing import Final
+
+from mmt.scene import Scene
+
+SERVICES_OF_PART: Final[dict[str, tuple[str, ...]]] = {
+    "link": ("leader", "follower"),
+    "simulated": ("follower",),
+    "replay": ("follower",),
+    "devices": ("follower",),
+    "hand": ("leader",),
+    "texture": ("leader",),
+    "rendering": ("leader",),
+    "playout": ("leader",),
+    "actuator": ("leader",),
+    "force_feedback": ("leader",),
+    "recording": ("leader",),
+}
+"""Every table of a scene but ``[session]``, which is no part."""
+
+
+def parts_of(scene: Scene, service: str) -> dict[str, bool]:
+    """Return the parts that concern "leader" or "follower", and whether they run."""
+    return {name: runs for name, runs in scene.parts().items() if service in SERVICES_OF_PART[name]}

@@ -1,0 +1,81 @@
+"""A scene's description against bytes that were counted by hand."""
+
+from typing import Any
+
+import pytest
+
+from mmt.scene_description import Stream, describe_scene
+from mmt.scene_files import example_scenes, load_scene, scene_from_tables
+
+FRAME = 12
+"""Sequence number (4) and time (8); each channel adds three floats, 12."""
+COMMAND = 40
+FRAMES_ENVELOPE = 1 + 5 + 1 + 5 + 1 + 7 + 2 + 4 + 2
+"""map, "type", 2, "data", list, "frames", bytes of one length byte, "nsp", "/"."""
+COMMANDS_ENVELOPE = FRAMES_ENVELOPE + 2
+SIMULATED: dict[str, Any] = {"link": {}, "simulated": {}, "hand": {}}
+
+
+def streams(**tables: dict[str, Any]) -> tuple[Stream, ...]:
+    return describe_scene(scene_from_tables(tables)).streams
+
+
+def test_the_demo_sends_whole_frames_up_and_commands_down() -> None:
+    up, down = describe_scene(load_scene(example_scenes()["demo"])).streams
+    assert (up.way, up.event, up.holds) == ("up", "frames", ("position", "force", "acceleration"))
+    assert (up.record_bytes, up.message_bytes) == (FRAME + 36, FRAME + 36 + FRAMES_ENVELOPE)
+    assert (up.payload_bytes_per_s, up.bytes_per_s) == (48_000.0, 76_000.0)
+    assert (down.way, down.event, down.record_bytes) == ("down", "commands", COMMAND)
+    assert (down.message_bytes, down.bytes_per_s) == (COMMAND + COMMANDS_ENVELOPE, 70_000.0)
+
+
+@pytest.mark.parametrize(
+    ("part", "channels"),
+    [("force_feedback", 1), ("playout", 1), ("texture", 3), ("recording", 3)],
+)
+def test_only_the_channels_that_a_part_needs_are_sent(part: str, channels: int) -> None:
+    up, _ = streams(**SIMULATED, **{part: {}}, actuator={})
+    assert len(up.holds) == channels
+    assert up.record_bytes == FRAME + 12 * channels
+
+
+def test_gathered_frames_share_an_envelope() -> None:
+    (up,) = streams(link={"frames_per_message": 20}, replay={}, playout={}, actuator={})
+    assert (up.records_per_message, up.messages_per_s) == (20, 50.0)
+    longer_length = 2  # two more bytes say the length of 480
+    assert up.message_bytes == 20 * 24 + FRAMES_ENVELOPE + longer_length - 1
+    assert up.payload_bytes_per_s == 24_000.0
+
+
+@pytest.mark.parametrize(
+    ("speed", "gathered", "records", "per_s"),
+    [(1.0, 1, 1, 1000), (8.0, 1, 8, 1000), (8.0, 20, 24, 8000 / 24), (0.5, 1, 1, 500)],
+)
+def test_a_replay_at_another_speed_sends_more_or_less(
+    speed: float, gathered: int, records: int, per_s: float
+) -> None:
+    link, replay = {"frames_per_message": gathered}, {"speed": speed}
+    (up,) = streams(link=link, replay=replay, playout={}, actuator={})
+    assert (up.records_per_message, up.messages_per_s) == (records, per_s)
+    assert up.payload_bytes_per_s == 1000 * speed * 24
+
+
+def test_without_a_hand_no_command_goes_down() -> None:
+    description = describe_scene(load_scene(example_scenes()["replay"]))
+    assert [stream.way for stream in description.streams] == ["up"]
+
+
+def test_a_scene_without_a_link_has_a_leader_alone() -> None:
+    description = describe_scene(load_scene(example_scenes()["model-only"]))
+    assert description.follower is None
+    assert description.streams == ()
+    assert description.leader.runs == ("hand", "rendering", "actuator")
+
+
+def test_both_services_say_what_they_leave_out() -> None:
+    description = describe_scene(load_scene(example_scenes()["stream-only"]))
+    assert description.leader.runs == ("link", "hand", "playout", "actuator", "force_feedback")
+    assert description.leader.left_out == ("texture", "rendering", "recording")
+    assert description.follower is not None
+    assert description.follower.runs == ("link", "simulated")
+    assert description.follower.left_out == ("replay", "devices")
