@@ -1,6 +1,5 @@
-"""Draw the pictures of README and docs from one run of ``mmt demo``; see ``scripts/pictures``."""
+"""Draw the demo's pictures of README and docs, from one run; see ``scripts/pictures``."""
 
-import io
 import subprocess
 import sys
 import tempfile
@@ -10,17 +9,13 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from image_files import write
 from matplotlib.figure import Figure
-from PIL import Image
 
 from mmt.cli.reporting import evaluate, scene_of
 from mmt.evaluation import figures
 from mmt.evaluation.results import Evaluation
 from mmt.session import RecordedSession, read_session
-
-IMAGES: Final = Path(__file__).resolve().parents[1] / "docs" / "images"
-LARGEST_BYTES: Final = 150_000
-FULL_COLOUR_BYTES: Final = 60_000
 
 MODE_COLOURS: Final[Mapping[str, str]] = {
     "streamed": figures.COLOURS[0],
@@ -75,20 +70,6 @@ def vibration_at_the_switch(session: RecordedSession) -> Figure:
     axis.spines[["top", "right"]].set_visible(False)
     axis.legend(loc="upper right", ncols=3, frameon=False, fontsize=9)
     return figure
-
-
-def write(name: str, figure: Figure) -> None:
-    """Write a figure as a PNG, in full colour where that is small enough, else in 256."""
-    path = IMAGES / f"{name}.png"
-    IMAGES.mkdir(parents=True, exist_ok=True)
-    drawn = Image.open(io.BytesIO(figures.to_png(figure))).convert("RGB")
-    drawn.save(path, optimize=True)
-    if path.stat().st_size > FULL_COLOUR_BYTES:
-        drawn.quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
-    size = path.stat().st_size
-    if size > LARGEST_BYTES:
-        raise SystemExit(f"{path}: {size} bytes, more than {LARGEST_BYTES}")
-    print(f"{path.relative_to(IMAGES.parents[1])}: {size} bytes")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,28 @@
+"""Write the documentation's pictures, small enough for a repository."""
+
+import io
+from pathlib import Path
+from typing import Final
+
+from matplotlib.figure import Figure
+from PIL import Image
+
+from mmt.evaluation import figures
+
+IMAGES: Final = Path(__file__).resolve().parents[1] / "docs" / "images"
+LARGEST_BYTES: Final = 150_000
+FULL_COLOUR_BYTES: Final = 60_000
+
+
+def write(name: str, figure: Figure) -> None:
+    """Write a figure as a PNG, in full colour where that is small enough, else in 256."""
+    path = IMAGES / f"{name}.png"
+    IMAGES.mkdir(parents=True, exist_ok=True)
+    drawn = Image.open(io.BytesIO(figures.to_png(figure))).convert("RGB")
+    drawn.save(path, optimize=True)
+    if path.stat().st_size > FULL_COLOUR_BYTES:
+        drawn.quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
+    size = path.stat().st_size
+    if size > LARGEST_BYTES:
+        raise SystemExit(f"{path}: {size} bytes, more than {LARGEST_BYTES}")
+    print(f"{path.relative_to(IMAGES.parents[1])}: {size} bytes")

@@ -1,0 +1,27 @@
+"""Write the targets of ``mmt bench --json`` into the docs; see ``scripts/measure_bench``."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Final
+
+from write_measured import ROOT, replace
+
+BENCH: Final = ROOT / "docs" / "reference" / "bench.md"
+
+
+def main() -> None:
+    """Replace what stands between the marks."""
+    stages = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
+    rows = []
+    for name, stage in stages.items():
+        for target in stage.get("targets", ()):
+            met = {True: "", False: ", missed", None: ""}[target["met"]]
+            found = "not measured" if target["measured"] is None else f"{target['measured']:.3g}"
+            aim = f"{target['side']} {target['bound']:g}"
+            rows.append((f"{name}: {target['what']} ({aim})", f"{found}{met}"))
+    replace(BENCH, ("target", "measured"), rows)
+
+
+if __name__ == "__main__":
+    main()
