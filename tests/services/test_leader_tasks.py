@@ -330,9 +330,30 @@ def test_the_force_fades_to_zero_in_silence_and_comes_back() -> None:
     assert normal[:50] == [2.0] * 50
     assert (np.diff(normal[49:100]) < 0).all()
     assert normal[99:] == [0.0] * 21
-    force.take(forced(0.0, 0.0, 2.0))
-    force.tick(1)
-    assert handle.forces[-1] == (0.0, 0.0, 2.0)
+    for _ in range(60):
+        force.take(forced(0.0, 0.0, 2.0))
+        force.tick(1)
+    back = [z for _, _, z in handle.forces[120:]]
+    assert back[0] == pytest.approx(0.04)
+    assert (np.diff(back[:50]) > 0).all()
+    assert back[49:] == [2.0] * 11
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(st.integers(1, 200), st.floats(0.0, 3.0)), min_size=1, max_size=12))
+def test_a_force_that_comes_and_goes_never_steps(stretches: list[tuple[int, float]]) -> None:
+    handle = Handle()
+    force = StreamedForce(handle, limit_n=3.0)
+    for _ in range(60):  # as before a session: nothing has been heard yet
+        force.tick(1)
+    for silence_ticks, force_n in stretches:
+        for _ in range(50 + silence_ticks):
+            force.tick(1)
+        for _ in range(1 + silence_ticks % 60):
+            force.take(forced(0.0, 0.0, force_n))
+            force.tick(1)
+    normal = np.array([z for _, _, z in handle.forces])
+    assert np.abs(np.diff(normal)).max() <= 3.0 / 50 + 1e-12
 
 
 def test_missed_ticks_count_for_the_silence() -> None:

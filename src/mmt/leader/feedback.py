@@ -2,6 +2,7 @@
 
 from mmt.arrays import RecordArray
 from mmt.devices.protocols import LeaderInterface
+from mmt.leader.silence import SILENCE_TICKS, SilenceRamp
 
 
 class StreamedForce:
@@ -14,17 +15,17 @@ class StreamedForce:
     limit_n
         Bound of the displayed force; its direction is kept.
     silence_ticks
-        After so many ticks without a frame the force fades to zero over as many.
+        After so many ticks without a frame the force fades to zero over as many; when frames
+        come again it returns over as many.
     """
 
     def __init__(
-        self, interface: LeaderInterface, *, limit_n: float, silence_ticks: int = 50
+        self, interface: LeaderInterface, *, limit_n: float, silence_ticks: int = SILENCE_TICKS
     ) -> None:
         self._interface = interface
         self._limit_n = limit_n
-        self._silence_ticks = silence_ticks
+        self._ramp = SilenceRamp(silence_ticks, silence_ticks)
         self._force = (0.0, 0.0, 0.0)
-        self._age_ticks = 0
 
     def take(self, frames: RecordArray) -> None:
         """Keep the newest frame's force."""
@@ -32,13 +33,8 @@ class StreamedForce:
         magnitude = float((x * x + y * y + z * z) ** 0.5)
         scale = min(1.0, self._limit_n / magnitude) if magnitude > 0 else 1.0
         self._force = (x * scale, y * scale, z * scale)
-        self._age_ticks = 0
+        self._ramp.heard()
 
     def tick(self, elapsed: int) -> None:
         """Display the force for the elapsed ticks."""
-        self._age_ticks += elapsed
-        beyond = self._age_ticks - self._silence_ticks
-        share = min(1.0, max(0.0, 1.0 - beyond / self._silence_ticks))
-        self._interface.write(
-            (self._force[0] * share, self._force[1] * share, self._force[2] * share)
-        )
+        self._interface.write(self._ramp.shape(self._force, elapsed))
