@@ -147,7 +147,7 @@ def run(
     program, *arguments = command.split()
     monkeypatch.setattr(sys, "argv", [program, *arguments])
     with pytest.raises(SystemExit) as ended:
-        run_app(APPS[program])
+        run_app(APPS[program], program)
     code = ended.value.code
     assert isinstance(code, int)
     return code, *capsys.readouterr()

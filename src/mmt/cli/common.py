@@ -25,10 +25,18 @@ messages = Console(stderr=True, markup=False, emoji=False)
 messages.soft_wrap = not messages.is_terminal  # a program reads whole lines
 
 
-def run_app(app: typer.Typer) -> None:
-    """Run a command line; an error for a person is printed without a traceback."""
+def run_app(app: typer.Typer, program: str) -> None:
+    """Run a command line; an error for a person is printed without a traceback.
+
+    Parameters
+    ----------
+    app
+        The commands.
+    program
+        Their name in the help, however Python was started.
+    """
     try:
-        app()
+        app(prog_name=program)
     except MmtError as error:
         print_error(str(error))
         sys.exit(error.exit_code)

@@ -81,7 +81,7 @@ async def _stream(scene: Scene, url: str | None, json_lines: bool) -> FollowerSu
 
 def run() -> None:
     """Run ``mmt-follower``."""
-    run_app(app)
+    run_app(app, "mmt-follower")
 
 
 if __name__ == "__main__":

@@ -147,7 +147,7 @@ def _write_report(directory: Path, recording: Path, summary: LeaderSummary) -> N
 
 def run() -> None:
     """Run ``mmt-leader``."""
-    run_app(app)
+    run_app(app, "mmt-leader")
 
 
 if __name__ == "__main__":

@@ -150,7 +150,7 @@ def stability(
 
 def run() -> None:
     """Run ``mmt``."""
-    run_app(app)
+    run_app(app, "mmt")
 
 
 if __name__ == "__main__":
