@@ -12,9 +12,10 @@ from mmt.arrays import FloatArray
 from mmt.errors import InputError
 from mmt.frames import FIELD_OF_CHANNEL, Channel
 from mmt.session.flat import axis_columns, flat_columns
+from mmt.session.framing import frames_of
 from mmt.session.recorded import RecordedSession
 from mmt.session.replacing import replacing
-from mmt.session.samples import Samples, frames_of
+from mmt.session.samples import Samples
 
 _FIRST_ROW = 2
 """The line of the first row, as editors count: line 1 is the header."""

@@ -12,10 +12,11 @@ import numpy as np
 from mmt.arrays import FloatArray
 from mmt.errors import InputError
 from mmt.frames import CHANNELS, FIELD_OF_CHANNEL
+from mmt.session.framing import frames_of
 from mmt.session.jsontext import to_json
 from mmt.session.recorded import RecordedSession
 from mmt.session.replacing import replacing
-from mmt.session.samples import Samples, frames_of
+from mmt.session.samples import Samples
 
 
 def read_npz(path: Path, longest_gap_s: float | None = None) -> RecordedSession:
