@@ -5,12 +5,15 @@ same file. Every key is documented in ``docs/reference/scene.md``.
 """
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from mmt.frames import Channel, ordered_channels
 from mmt.texture.settings import ModellingSettings
+
+LARGEST_SPEED: Final = 100.0
+"""Of a replay, over real time."""
 
 
 class _Table(BaseModel):
@@ -48,7 +51,7 @@ class Replay(_Table):
     """``[replay]``: the follower sends a recorded session with its true timing."""
 
     file: Path | None = None
-    speed: float = Field(1.0, gt=0, le=100)
+    speed: float = Field(1.0, gt=0, le=LARGEST_SPEED)
     loop: bool = False
     gaps: Literal["keep", "skip"] = "keep"
 

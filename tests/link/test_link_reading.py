@@ -12,6 +12,7 @@ from link_samples import commands, frames
 from mmt.arrays import RecordArray
 from mmt.frames import COMMAND_DTYPE
 from mmt.link.reading import BlockReader
+from mmt.pacing import shortest_period_ns
 
 
 def reader() -> BlockReader:
@@ -72,16 +73,105 @@ def test_frames_that_are_not_finite_become_a_gap(value: float, channel: str) -> 
 def test_opposite_infinities_do_not_cancel_and_extremes_are_finite() -> None:
     into, block = reader(), frames(0, 3)
     block["position_mm"][0] = (math.inf, -math.inf, 0)
-    block["position_mm"][1] = np.finfo(np.float32).max
-    block["force_n"][1] = np.finfo(np.float32).max
+    block["position_mm"][1] = 4e5
+    block["force_n"][1] = -4e5
     block["position_mm"][2] = np.finfo(np.float32).smallest_subnormal
-    block["time_ns"][2] = np.iinfo(np.int64).max
+    block["time_ns"][2] = 2**62 - 1
     assert read(into, block) == [1, 2]
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "reason"),
+    [
+        ("position_mm", 1.1e6, "out of range"),
+        ("force_n", -1.1e6, "out of range"),
+        ("force_n", np.finfo(np.float32).max, "out of range"),
+        ("time_ns", -1, "time out of range"),
+        ("time_ns", 2**62, "time out of range"),
+        ("time_ns", np.iinfo(np.int64).min, "time out of range"),
+    ],
+)
+def test_what_nothing_can_measure_becomes_a_gap(field: str, value: float, reason: str) -> None:
+    into, block = reader(), frames(0, 3)
+    block[field][1] = value
+    assert read(into, block) == [0, 2]
+    assert into.rejected == {reason: 1}
+
+
+# --- numbers that the time that passed does not allow
+
+SECOND = 1_000_000_000
+PACE = shortest_period_ns(1000, 1.0)
+
+
+def numbered(sequence: int) -> RecordArray:
+    block = frames(0)
+    block["sequence"] = sequence
+    return block
+
+
+def read_at(into: BlockReader, block: RecordArray, arrival_ns: int) -> list[int]:
+    good = into.read((block.tobytes(),), arrival_ns)
+    return [] if good is None else good["sequence"].tolist()
+
+
+def test_a_number_far_ahead_is_not_believed_and_does_no_harm() -> None:
+    into = BlockReader(frames(0).dtype, "frames", PACE)
+    assert read_at(into, frames(0, 10), 10 * SECOND) == list(range(10))
+    for huge in (2**32 - 1, 2**31, 100_000, 4100):
+        assert read_at(into, numbered(huge), 10 * SECOND) == []
+    assert into.rejected == {"implausible jump": 4}
+    assert into.lost == 0
+    assert read_at(into, frames(10, 2), 10 * SECOND) == [10, 11]
+
+
+def test_after_a_silence_as_much_is_believed_as_it_lasted() -> None:
+    into = BlockReader(frames(0).dtype, "frames", PACE)
+    read_at(into, frames(0), 10 * SECOND)
+    assert read_at(into, numbered(601_000), 310 * SECOND) == [601_000]
+    assert into.lost == 600_999
+    assert read_at(into, numbered(610_000), 311 * SECOND) == []
+
+
+def test_a_clump_after_a_stall_passes() -> None:
+    into = BlockReader(frames(0).dtype, "frames", PACE)
+    read_at(into, frames(0), 10 * SECOND)
+    for first in range(1, 5901, 100):
+        assert len(read_at(into, frames(first, 100), 16 * SECOND)) == 100
+
+
+@given(st.lists(st.tuples(st.integers(0, 2**32 - 1), st.integers(0, SECOND)), max_size=60))
+def test_numbers_never_outrun_twice_the_pace(arrivals: list[tuple[int, int]]) -> None:
+    into = BlockReader(frames(0).dtype, "frames", PACE)
+    now_ns, start_ns = 10 * SECOND, 0
+    passed: list[int] = []
+    for sequence, silence_ns in arrivals:
+        now_ns += silence_ns
+        passed += read_at(into, numbered(sequence), now_ns)
+        start_ns = start_ns or (now_ns if passed else 0)
+        if passed:
+            assert passed[-1] - passed[0] <= 2 * (now_ns - start_ns + 2 * SECOND) / 1e6
+    assert into.lost <= max(0, (passed or [0])[-1] - (passed or [0])[0])
+
+
+def test_a_first_number_so_high_that_it_would_wrap_is_not_believed() -> None:
+    into = reader()
+    assert read(into, numbered(2**31)) == []
+    assert into.rejected == {"implausible number": 1}
+    assert read(into, frames(0)) == [0]
+
+
+def test_a_follower_that_comes_back_too_far_ahead_is_a_new_one() -> None:
+    into = BlockReader(frames(0).dtype, "frames", PACE)
+    read_at(into, frames(0, 10), 10 * SECOND)
+    into.restart()
+    assert read_at(into, numbered(1_000_000), 11 * SECOND) == [1_000_000]
+    assert into.lost == 0
 
 
 @given(
     st.lists(st.lists(st.integers(0, 40), min_size=1, max_size=6), min_size=1, max_size=30),
-    st.integers(0, 2**32 - 41),
+    st.integers(0, 2**31 - 41),
 )
 @settings(max_examples=200, deadline=None)
 def test_order_agrees_with_a_model_that_remembers_everything(
@@ -111,7 +201,7 @@ def test_order_agrees_with_a_model_that_remembers_everything(
 
 def test_a_number_from_very_long_ago_is_out_of_order() -> None:
     into = reader()
-    assert read(into, frames(2**32 - 1)) == [2**32 - 1]
+    assert read(into, numbered(2**31 - 1)) == [2**31 - 1]
     assert read(into, frames(0)) == []
     assert (into.out_of_order, into.repeated) == (1, 0)
 
@@ -130,21 +220,22 @@ def test_after_a_break_the_same_sender_goes_on_and_another_begins() -> None:
 
 def test_the_end_tells_what_was_lost_last() -> None:
     into = reader()
-    into.end(0)
+    into.end(0, 0)
     assert into.lost == 0
     read(into, frames(0, 10))
-    into.end(10)
+    into.end(10, 0)
     assert into.lost == 0
-    into.end(9)
+    into.end(9, 0)
     assert into.lost == 0
-    into.end(13)
+    into.end(13, 0)
     assert into.lost == 3
     other = reader()
-    other.end(4)
+    other.end(4, 0)
     assert other.lost == 4
     huge = reader()
-    huge.end(10**30)
-    assert huge.lost == 2**32
+    huge.end(10**30, 0)
+    assert huge.lost == 0
+    assert huge.rejected == {"implausible count": 1}
 
 
 def test_latency_is_measured_only_where_the_clocks_are_one() -> None:

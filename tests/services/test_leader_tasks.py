@@ -63,6 +63,16 @@ def test_a_follower_that_is_started_anew_is_put_behind_the_silence() -> None:
     assert following["sequence"].tolist() == [360, 361]
 
 
+def test_a_follower_that_counts_from_far_ahead_is_put_behind_the_silence_too() -> None:
+    numbering = SessionNumbering(PERIOD_NS)
+    numbering.take(made_frames(0, 100), 5 * SECOND)
+    numbering.reconnect()
+    taken, left_out = numbering.take(made_frames(2**31 - 20, 10), 5 * SECOND + 250 * PERIOD_NS)
+    assert left_out == 250
+    assert taken["sequence"].tolist() == list(range(350, 360))
+    assert numbering.frames == 360
+
+
 def test_another_clock_is_put_right_but_echoed_as_it_is() -> None:
     numbering = SessionNumbering(PERIOD_NS)
     first = made_frames(0, 100)

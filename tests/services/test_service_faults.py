@@ -333,3 +333,23 @@ async def test_resetting_the_model_fades_back_to_the_stream_and_begins_anew(
     assert times_s == sorted(times_s)
     assert len(times_s) >= 4
     assert "model reset" in [event["event"] for event in recording.events]
+
+
+async def test_a_number_far_ahead_neither_ends_the_session_nor_counts_as_lost(
+    tmp_path: Path,
+) -> None:
+    blocks = [made_frames(k, 1) for k in range(100)]
+    for huge in (2**32 - 1, 2**31, 10**6):
+        block = made_frames(0, 1)
+        block["sequence"] = huge
+        blocks[50:50] = [block]
+    last = made_frames(0, 1)
+    last["sequence"] = 2**32 - 1
+    leader, _ = await run_session(small_scene(tmp_path), MadeSource([*blocks, last]))
+    assert leader.outcome == "source ended"
+    assert leader.session["duration_s"] == 0.1
+    assert leader.link["frames"] == 100
+    assert leader.link["lost"] == 0
+    assert leader.link["rejected"] == {"implausible jump": 4, "implausible count": 1}
+    recorded = read_session(tmp_path / "session.mcap").frames["sequence"]
+    assert recorded.tolist() == list(range(100))

@@ -5,6 +5,7 @@ from typing import Final
 import numpy as np
 
 from mmt.arrays import RecordArray
+from mmt.pacing import most_ahead, shortest_period_ns
 
 _SAME_CLOCK_NS: Final = 1_000_000_000
 """Times that are further off than this come from another clock."""
@@ -14,7 +15,8 @@ class SessionNumbering:
     """Number the frames of a session on, whichever process sends them.
 
     A follower that takes its link up again goes on counting, and its frames pass as they
-    are. One that was started anew counts from 0: its frames are put behind those of the
+    are. One that was started anew counts from 0, or from further ahead than the time that
+    passed allows: its frames are put behind those of the
     session, with as many missing as the silence lasted, at least one. So nobody takes them
     for late or repeated ones, and the gap is seen. If it runs on another clock, its times are
     shifted likewise.
@@ -23,10 +25,13 @@ class SessionNumbering:
     ----------
     period_ns
         Time from frame to frame.
+    fastest
+        How many times faster than real time a follower may stream.
     """
 
-    def __init__(self, period_ns: int) -> None:
+    def __init__(self, period_ns: int, fastest: float = 1.0) -> None:
         self._period_ns = period_ns
+        self._shortest_ns = shortest_period_ns(1e9 / period_ns, fastest)
         self._first: int | None = None
         self._newest = -1
         self._newest_time_ns = 0
@@ -71,9 +76,11 @@ class SessionNumbering:
 
     def _go_on(self, frames: RecordArray, arrival_ns: int) -> int:
         sequence = int(frames["sequence"][0])
-        if sequence + self._shift > self._newest:
+        ahead = sequence + self._shift - self._newest
+        silence_ns = arrival_ns - self.arrival_ns
+        if 0 < ahead <= most_ahead(silence_ns, self._shortest_ns):
             return 0
-        missing = max(1, round((arrival_ns - self.arrival_ns) / self._period_ns))
+        missing = max(1, round(silence_ns / self._period_ns))
         self._shift = self._newest + 1 + missing - sequence
         expected_ns = self._newest_time_ns + (missing + 1) * self._period_ns
         behind_ns = expected_ns - int(frames["time_ns"][0])

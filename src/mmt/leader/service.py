@@ -16,7 +16,7 @@ from mmt.leader.numbering import SessionNumbering
 from mmt.leader.parts import LeaderParts, build_parts
 from mmt.leader.summary import LeaderStatus, LeaderSummary, RunLog, summarise
 from mmt.process import ProcessMeter, prefer_even_ticks
-from mmt.scene import Scene
+from mmt.scene import LARGEST_SPEED, Scene
 from mmt.ticking import Ticker
 
 if TYPE_CHECKING:
@@ -66,7 +66,8 @@ class LeaderService:
         self._fault: Exception | None = None
         self._last_tick_ns = 0
         self._ticks = 0
-        self._numbering = SessionNumbering(self._period_ns)
+        self._fastest = LARGEST_SPEED if scene.replay is not None else 1.0
+        self._numbering = SessionNumbering(self._period_ns, self._fastest)
         self._commands = MotionCommands(self._numbering)
         self._mode = self.parts.switch.mode if self.parts.switch is not None else "silent"
         self._meter = ProcessMeter()
@@ -171,6 +172,7 @@ class LeaderService:
                 on_lost=self._on_lost,
                 on_error=self._fail,
             ),
+            fastest=self._fastest,
         )
         await self._server.start()
 

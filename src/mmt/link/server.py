@@ -36,6 +36,7 @@ from mmt.link.protocol import (
     reason_of,
 )
 from mmt.link.reading import BlockReader
+from mmt.pacing import shortest_period_ns
 from mmt.scene import Link
 
 __all__ = ["LeaderEvents", "LeaderServer"]
@@ -65,6 +66,9 @@ class LeaderServer:
         What to call.
     rate_hz
         Frames a second that the scene expects.
+    fastest
+        How many times faster than real time a follower may stream, as a replay can; what its
+        numbers claim beyond that is not believed.
 
     Raises
     ------
@@ -79,12 +83,15 @@ class LeaderServer:
         events: LeaderEvents,
         *,
         rate_hz: int = 1000,
+        fastest: float = 100.0,
     ) -> None:
         self._settings = settings
         self._channels = ordered_channels(channels)
         self._events = events
         self._rate_hz = rate_hz
-        self._reader = BlockReader(frame_dtype(self._channels), "frames")
+        self._reader = BlockReader(
+            frame_dtype(self._channels), "frames", shortest_period_ns(rate_hz, fastest)
+        )
         self._outbox = Outbox(_COMMANDS_WAITING)
         self._follower: _Follower | None = None
         self._left = asyncio.Event()
@@ -244,13 +251,14 @@ class LeaderServer:
     def _on_end(self, sid: str, *arguments: object) -> None:
         if not self._expects(sid) or self._follower is None:
             return
+        arrival_ns = time.monotonic_ns()
         payload = arguments[0] if len(arguments) == 1 else None
         reason = reason_of(payload)
         sent = payload.get("frames") if isinstance(payload, Mapping) else None
         if reason is None or not isinstance(sent, int):
             self._reader.reject("malformed end")
             return
-        self._reader.end(sent)
+        self._reader.end(sent, arrival_ns)
         self._follower.ended = True
         self._outbox.close()
         call(self._events.on_end, reason, on_error=self._events.on_error)
