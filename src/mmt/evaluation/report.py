@@ -3,31 +3,22 @@
 import json
 import os
 import platform
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import mmt
-from mmt.errors import InputError
 from mmt.evaluation import tables
 from mmt.evaluation.document import (
     Block,
     Heading,
     Listing,
     Paragraph,
-    Picture,
     Table,
-    to_html,
-    to_markdown,
 )
+from mmt.evaluation.report_files import picture, write_report_files
 from mmt.evaluation.results import DEFINITIONS, Evaluation, evaluations_as_dict
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-FIGURES: Final = "figures"
-"""The folder of the PNG files beside the report."""
 
 _PACKAGES: Final = ("numpy", "scipy", "numba", "matplotlib")
 
@@ -65,28 +56,18 @@ def write_report(
     InputError
         The directory cannot be written.
     """
-    pictures = _Pictures(directory / FIGURES)
     blocks: list[Block] = [Heading(title, 1)]
-    try:
-        (directory / FIGURES).mkdir(parents=True, exist_ok=True)
-        if evaluations:
-            blocks += _overview(evaluations, pictures)
-        if run:
-            blocks += tables.run_blocks(run)
-        for place, evaluation in enumerate(evaluations):
-            blocks += _session(evaluation, f"{place + 1}-{_file_name(evaluation.name)}", pictures)
-        blocks += _appendix(scene, with_scores=bool(evaluations))
-        page = directory / "report.html"
-        page.write_text(to_html(title, blocks), encoding="utf-8")
-        (directory / "report.md").write_text(to_markdown(blocks), encoding="utf-8")
-        summary = {**evaluations_as_dict(evaluations), "environment": environment()}
-        summary |= {"scene": scene} if scene is not None else {}
-        summary |= {"run": run} if run is not None else {}
-        text = json.dumps(summary, indent=2, default=str) + "\n"
-        (directory / "summary.json").write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"report {directory}: {error.strerror or error}") from error
-    return page
+    if evaluations:
+        blocks += _overview(evaluations)
+    if run:
+        blocks += tables.run_blocks(run)
+    for place, evaluation in enumerate(evaluations):
+        blocks += _session(evaluation, f"{place + 1}-{_file_name(evaluation.name)}")
+    blocks += _appendix(scene, with_scores=bool(evaluations))
+    summary = {**evaluations_as_dict(evaluations), "environment": environment()}
+    summary |= {"scene": scene} if scene is not None else {}
+    summary |= {"run": run} if run is not None else {}
+    return write_report_files(directory, title, blocks, "summary.json", summary)
 
 
 def environment() -> dict[str, str]:
@@ -101,55 +82,41 @@ def environment() -> dict[str, str]:
     return {**versions, "machine": machine, "processors": str(os.cpu_count() or "unknown")}
 
 
-class _Pictures:
-    """Draw figures, keep each as a file, and return it as a block."""
-
-    def __init__(self, directory: Path) -> None:
-        self._directory = directory
-
-    def draw(self, name: str, caption: str, make: "Callable[[], Figure]") -> Picture:
-        from mmt.evaluation.figures import to_png
-
-        png = to_png(make())
-        (self._directory / f"{name}.png").write_bytes(png)
-        return Picture(f"{FIGURES}/{name}.png", png, caption)
-
-
-def _overview(evaluations: Sequence[Evaluation], pictures: _Pictures) -> list[Block]:
+def _overview(evaluations: Sequence[Evaluation]) -> list[Block]:
     from mmt.evaluation import figures
 
     blocks: list[Block] = [
         Heading("Overview"),
         tables.overview(evaluations),
         tables.by_time(evaluations, "distance", 2, "Distance sum at each step (paper A, Table I)"),
-        pictures.draw(
+        picture(
             "distance",
             "Completion: the distance sum after each update, and both thresholds.",
-            lambda: figures.distance_over_time(evaluations),
+            figures.distance_over_time(evaluations),
         ),
     ]
     if any(step.gfc is not None for e in evaluations for step in e.steps):
         blocks += [
             tables.by_time(evaluations, "gfc", 3, "GFC of the held-out segments at each step"),
-            pictures.draw(
+            picture(
                 "gfc",
                 "GFC of the held-out segments; dotted: what the model scores against itself; "
                 "dashed: 0.9.",
-                lambda: figures.gfc_over_time(evaluations),
+                figures.gfc_over_time(evaluations),
             ),
         ]
     if any(step.power_error_db is not None for e in evaluations for step in e.steps):
         blocks.append(
-            pictures.draw(
+            picture(
                 "power_error",
                 "Power error, which GFC ignores; dashed: the just noticeable difference.",
-                lambda: figures.power_error_over_time(evaluations),
+                figures.power_error_over_time(evaluations),
             )
         )
     return blocks
 
 
-def _session(evaluation: Evaluation, prefix: str, pictures: _Pictures) -> list[Block]:
+def _session(evaluation: Evaluation, prefix: str) -> list[Block]:
     from mmt.evaluation import figures
 
     blocks: list[Block] = [
@@ -157,30 +124,30 @@ def _session(evaluation: Evaluation, prefix: str, pictures: _Pictures) -> list[B
         Paragraph(tables.account(evaluation)),
         Paragraph(evaluation.coverage.remark),
         tables.moments(evaluation),
-        pictures.draw(
+        picture(
             f"{prefix}-model",
             "The model as it grows: samples (red), boundary points (white), triangulation, and "
             "the nine cells in the shade of their distance to the three nearest samples.",
-            lambda: figures.model_growth(evaluation),
+            figures.model_growth(evaluation),
         ),
     ]
     if evaluation.held_out:
         blocks += [
-            pictures.draw(
+            picture(
                 f"{prefix}-spectra",
                 "Held-out segments: measured, and synthesized by the model rebuilt without "
                 f"them, at {evaluation.final.time_s:.1f} s.",
-                lambda: figures.held_out_spectra(evaluation),
+                figures.held_out_spectra(evaluation),
             ),
             tables.held_out(evaluation),
         ]
     if evaluation.power_map is not None:
         blocks += [
-            pictures.draw(
+            picture(
                 f"{prefix}-errors",
                 f"The model at {evaluation.final.time_s:.1f} s against the known texture; dots: "
                 "samples; circles: the worst points.",
-                lambda: figures.power_error_map(evaluation),
+                figures.power_error_map(evaluation),
             ),
             tables.worst(evaluation),
         ]

@@ -1,11 +1,9 @@
 """The bench as tables for the terminal and as a report."""
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from mmt.errors import InputError
 from mmt.evaluation.bench.results import (
     Cell,
     Curve,
@@ -16,8 +14,8 @@ from mmt.evaluation.bench.results import (
     StageResult,
     Target,
 )
-from mmt.evaluation.document import Block, Heading, Paragraph, Picture, Table, to_html, to_markdown
-from mmt.evaluation.report import FIGURES
+from mmt.evaluation.document import Block, Heading, Paragraph, Table
+from mmt.evaluation.report_files import picture, write_report_files
 
 TITLE: Final = "Error against run time"
 _NOTICEABLE: Final = 0.005
@@ -120,18 +118,9 @@ def write_bench_report(
     ]
     if any(result.targets for result in results):
         blocks.append(targets_table(results))
-    try:
-        (directory / FIGURES).mkdir(parents=True, exist_ok=True)
-        for result in results:
-            blocks += _stage(result, directory / FIGURES)
-        page = directory / "report.html"
-        page.write_text(to_html(TITLE, blocks), encoding="utf-8")
-        (directory / "report.md").write_text(to_markdown(blocks), encoding="utf-8")
-        text = json.dumps(as_dict(results, machine), indent=2) + "\n"
-        (directory / "bench.json").write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"report {directory}: {error.strerror or error}") from error
-    return page
+    for result in results:
+        blocks += _stage(result)
+    return write_report_files(directory, TITLE, blocks, "bench.json", as_dict(results, machine))
 
 
 def as_dict(results: Sequence[StageResult], machine: Mapping[str, str]) -> dict[str, Any]:
@@ -139,19 +128,16 @@ def as_dict(results: Sequence[StageResult], machine: Mapping[str, str]) -> dict[
     return {"machine": dict(machine), **{result.name: result.as_dict() for result in results}}
 
 
-def _stage(result: StageResult, directory: Path) -> list[Block]:
+def _stage(result: StageResult) -> list[Block]:
     blocks: list[Block] = [Heading(result.title), Paragraph(result.about)]
     if result.panels:
         from mmt.evaluation.bench.plotting import stage_figure
-        from mmt.evaluation.figures import to_png
 
-        png = to_png(stage_figure(result))
-        (directory / f"{result.name}.png").write_bytes(png)
         caption = (
             f"{result.title}: every method a curve, numbers at its ends the setting of the knob; "
             "bars are quartiles; an error of zero is drawn at the bottom."
         )
-        blocks.append(Picture(f"{FIGURES}/{result.name}.png", png, caption))
+        blocks.append(picture(result.name, caption, stage_figure(result)))
     return [*blocks, *stage_tables(result)]
 
 

@@ -1,26 +1,14 @@
 """A stability run as tables, JSON and a report in one folder."""
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
-from mmt.errors import InputError
-from mmt.evaluation.document import (
-    Block,
-    Heading,
-    Paragraph,
-    Picture,
-    Table,
-    to_html,
-    to_markdown,
-)
-from mmt.evaluation.report import FIGURES, environment
+from mmt.evaluation.document import Block, Heading, Paragraph, Picture, Table
+from mmt.evaluation.report import environment
+from mmt.evaluation.report_files import picture, write_report_files
 from mmt.evaluation.stability.cases import Row, broken
 from mmt.evaluation.stability.families import FAMILIES
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 COLUMNS: Final = ("case", "expected", "got", "held")
 TITLE: Final = "Numerical stability"
@@ -74,28 +62,19 @@ def write_stability_report(directory: Path, rows: Sequence[Row]) -> Path:
         The directory cannot be written.
     """
     blocks: list[Block] = [Heading(TITLE, 1), Paragraph(verdict(rows))]
-    try:
-        (directory / FIGURES).mkdir(parents=True, exist_ok=True)
-        for name, family in by_family(rows).items():
-            blocks.append(Heading(FAMILIES[name].title))
-            blocks += _pictures(name, family, directory)
-            blocks.append(Table(COLUMNS, family_table(family).rows))
-        blocks += [Heading("Made with"), Table(("part", "version"), list(environment().items()))]
-        page = directory / "report.html"
-        page.write_text(to_html(TITLE, blocks), encoding="utf-8")
-        (directory / "report.md").write_text(to_markdown(blocks), encoding="utf-8")
-        text = json.dumps(summary(rows), indent=2) + "\n"
-        (directory / "summary.json").write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"report {directory}: {error.strerror or error}") from error
-    return page
+    for name, family in by_family(rows).items():
+        blocks.append(Heading(FAMILIES[name].title))
+        blocks += _pictures(name, family)
+        blocks.append(Table(COLUMNS, family_table(family).rows))
+    blocks += [Heading("Made with"), Table(("part", "version"), list(environment().items()))]
+    return write_report_files(directory, TITLE, blocks, "summary.json", summary(rows))
 
 
-def _pictures(name: str, rows: Sequence[Row], directory: Path) -> list[Picture]:
+def _pictures(name: str, rows: Sequence[Row]) -> list[Picture]:
     if name == "contact":
-        return [_contact(found, directory) for found in _with(rows, "growth", "limit_s")]
+        return [_contact(found) for found in _with(rows, "growth", "limit_s")]
     if name == "loop":
-        return [_loop(found, rows, directory) for found in _with(rows, "grows")]
+        return [_loop(found, rows) for found in _with(rows, "grows")]
     return []
 
 
@@ -103,35 +82,25 @@ def _with(rows: Sequence[Row], *names: str) -> list[Mapping[str, Any]]:
     return [row.figures for row in rows if all(name in row.figures for name in names)]
 
 
-def _contact(figures: Mapping[str, Any], directory: Path) -> Picture:
+def _contact(figures: Mapping[str, Any]) -> Picture:
     from mmt.evaluation.stability.contact import MAP_MASS_KG, MAP_RATIO
     from mmt.evaluation.stability.figures import contact_map
 
-    return _picture(
-        directory,
+    return picture(
         "contact",
-        contact_map(figures),
         f"Impacts of {1e3 * MAP_MASS_KG:g} g at 0.5 m/s on walls with {MAP_RATIO:g} of critical "
         "damping: by how much the energy grows above what was there before. Dashed: where "
         "sustained contact becomes unstable.",
+        contact_map(figures),
     )
 
 
-def _loop(figures: Mapping[str, Any], rows: Sequence[Row], directory: Path) -> Picture:
+def _loop(figures: Mapping[str, Any], rows: Sequence[Row]) -> Picture:
     from mmt.evaluation.stability.figures import loop_map
 
-    return _picture(
-        directory,
+    return picture(
         "loop",
-        loop_map(figures, _with(rows, "wall_n_mm", "measured_ms")),
         "Force feedback over a delay, a light grip on the handle: where a small disturbance of "
         "steady contact dies out and where it grows, beside linear theory (shaded).",
+        loop_map(figures, _with(rows, "wall_n_mm", "measured_ms")),
     )
-
-
-def _picture(directory: Path, name: str, figure: "Figure", caption: str) -> Picture:
-    from mmt.evaluation.figures import to_png
-
-    png = to_png(figure)
-    (directory / FIGURES / f"{name}.png").write_bytes(png)
-    return Picture(f"{FIGURES}/{name}.png", png, caption)

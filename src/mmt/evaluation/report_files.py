@@ -1,0 +1,65 @@
+"""Write a report into one folder: Markdown, a page that needs no other file, figures and JSON."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from mmt.errors import InputError
+from mmt.evaluation.document import Block, Picture, to_html, to_markdown
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FIGURES: Final = "figures"
+"""The folder of the PNG files beside the report."""
+
+
+def picture(name: str, caption: str, figure: "Figure") -> Picture:
+    """Return a figure as a block that is kept as ``figures/NAME.png`` beside the report."""
+    from mmt.evaluation.figures import to_png
+
+    return Picture(f"{FIGURES}/{name}.png", to_png(figure), caption)
+
+
+def write_report_files(
+    directory: Path, title: str, blocks: Sequence[Block], data_name: str, data: Mapping[str, Any]
+) -> Path:
+    """Write ``report.md``, ``report.html``, the pictures among the blocks, and the data.
+
+    Parameters
+    ----------
+    directory
+        Made where it does not exist; files of an earlier report are replaced.
+    title
+        Of the page.
+    blocks
+        What the report says.
+    data_name
+        Of the JSON file.
+    data
+        For a program.
+
+    Returns
+    -------
+    Path
+        Of ``report.html``, which holds its figures inside.
+
+    Raises
+    ------
+    InputError
+        The directory cannot be written.
+    """
+    page = directory / "report.html"
+    try:
+        (directory / FIGURES).mkdir(parents=True, exist_ok=True)
+        for block in blocks:
+            if isinstance(block, Picture):
+                (directory / block.source).write_bytes(block.png)
+        page.write_text(to_html(title, blocks), encoding="utf-8")
+        (directory / "report.md").write_text(to_markdown(blocks), encoding="utf-8")
+        text = json.dumps(data, indent=2, default=str) + "\n"
+        (directory / data_name).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"report {directory}: {error.strerror or error}") from error
+    return page
