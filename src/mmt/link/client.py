@@ -219,10 +219,9 @@ class FollowerClient:
             "connect_error": self._on_refused,
             "disconnect": self._on_disconnect,
             WELCOME: self._on_welcome,
-            COMMANDS: self._on_commands,
             STOP: self._on_stop,
         }
-        self._line = line = Line.make(handlers)
+        self._line = line = Line.make(handlers, {COMMANDS: self._on_commands})
         try:
             return await line.open(self._url, self._hello.to_auth(), timeout_s)
         finally:

@@ -12,6 +12,7 @@ import socketio
 from mmt.errors import InputError
 from mmt.link.log import LOG, wire_logger
 from mmt.link.protocol import MAX_MESSAGE_BYTES
+from mmt.link.receiving import Handlers, client_websocket
 
 ATTEMPT_S: Final = 3.0
 """How long one attempt to connect may take."""
@@ -34,10 +35,14 @@ class Line:
     _dropping: set[asyncio.Task[bool]] = field(default_factory=set)
 
     @classmethod
-    def make(cls, handlers: Mapping[str, Callable[..., None]]) -> "Line":
-        """Make one that is not connected, with a handler for each event."""
+    def make(cls, handlers: Mapping[str, Callable[..., None]], direct: Handlers) -> "Line":
+        """Make one that is not connected, with a handler for each event.
+
+        The `direct` ones are called past the library where they can be.
+        """
         session = aiohttp.ClientSession(
-            timeout=aiohttp.ClientTimeout(total=ATTEMPT_S, sock_connect=ATTEMPT_S)
+            timeout=aiohttp.ClientTimeout(total=ATTEMPT_S, sock_connect=ATTEMPT_S),
+            ws_response_class=client_websocket(direct),
         )
         client = socketio.AsyncClient(
             serializer="msgpack",
@@ -51,7 +56,7 @@ class Line:
             logger=wire_logger(),
             engineio_logger=wire_logger(),
         )
-        for event, handler in handlers.items():
+        for event, handler in {**handlers, **direct}.items():
             client.on(event, handler)
         return cls(client, session)
 

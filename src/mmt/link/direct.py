@@ -15,6 +15,8 @@ from weakref import WeakValueDictionary
 import socketio
 from aiohttp import ClientWebSocketResponse, WSCloseCode, web
 
+from mmt.link.receiving import Handlers, take_directly
+
 Send = Callable[[bytes], Awaitable[None]]
 
 _NAMESPACE: Final = "/"
@@ -46,12 +48,21 @@ class ServerSockets:
 
     def send(self, sid: str, environ: Mapping[str, object]) -> Send:
         """Return what sends an encoded message to the client that connects so."""
-        websocket = self._of_request.get(id(environ.get("aiohttp.request")))
+        websocket = self._websocket(environ)
         if websocket is not None:
             return websocket.send_bytes
         return partial(
             self._server.eio.send, self._server.manager.eio_sid_from_sid(sid, _NAMESPACE)
         )
+
+    def receive(self, environ: Mapping[str, object], handlers: Handlers) -> None:
+        """Take these events of the client that connects so past the library."""
+        websocket = self._websocket(environ)
+        if websocket is not None:
+            take_directly(websocket, handlers)
+
+    def _websocket(self, environ: Mapping[str, object]) -> web.WebSocketResponse | None:
+        return self._of_request.get(id(environ.get("aiohttp.request")))
 
 
 def client_send(client: socketio.AsyncClient) -> Send:

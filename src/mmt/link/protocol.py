@@ -48,8 +48,9 @@ _LOSSES: Final = {
 
 Value = TypeVar("Value")
 
-_MSGPACK_EVENT: Final = 2
-_EVENT_NAMESPACE: Final = "/"
+MSGPACK_EVENT: Final = 2
+"""Type of a Socket.IO packet that carries an event."""
+EVENT_NAMESPACE: Final = "/"
 
 
 @dataclass(frozen=True)
@@ -179,7 +180,7 @@ class LinkStatistics:
 
 def encode_event(event: str, payload: bytes) -> bytes:
     """Return the Engine.IO message of a Socket.IO event with one binary argument."""
-    packet = {"type": _MSGPACK_EVENT, "data": [event, payload], "nsp": _EVENT_NAMESPACE}
+    packet = {"type": MSGPACK_EVENT, "data": [event, payload], "nsp": EVENT_NAMESPACE}
     encoded: bytes = msgpack.packb(packet)
     return encoded
 

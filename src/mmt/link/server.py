@@ -4,6 +4,7 @@ import asyncio
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import socketio
@@ -227,6 +228,7 @@ class LeaderServer:
         self._left.clear()
         self._reader.restart()
         self._reader.compare_clocks(hello.clock_id == clock_id())
+        self._sockets.receive(environ, {FRAMES: partial(self._on_frames, sid)})
         send = self._sockets.send(sid, environ)
         self._greeting = asyncio.get_running_loop().create_task(self._greet(sid, send))
 

@@ -1,0 +1,94 @@
+"""Take the frequent events from the WebSocket itself, before the library sees them.
+
+python-engineio and python-socketio spend one to three tasks, a timer and several turns of the
+event loop on every message. Both ask their WebSocket for the next message by its public
+``receive``; here that method hands the events it was told of to their handlers and returns
+only what is left, so that connecting, pings, acknowledgements and all other events stay the
+library's. Pings come every second, well within the time that the library waits for a message.
+Where a version asks its WebSocket in another way, every event goes through the library, which
+has the same handlers.
+"""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Mapping
+from functools import partial
+from typing import Final
+
+import msgpack
+from aiohttp import ClientWebSocketResponse, WSMessage, WSMsgType, web
+
+from mmt.link.log import LOG
+from mmt.link.protocol import EVENT_NAMESPACE, MSGPACK_EVENT
+
+Handlers = Mapping[str, Callable[[bytes], None]]
+"""By event; called on the loop with the event's one argument, must return soon and not raise."""
+
+_BURST: Final = 64
+"""Messages that may be taken before the rest of the loop has its turn."""
+
+
+def binary_event(message: bytes) -> tuple[str, bytes] | None:
+    """Return name and argument of an event that may be taken past the library.
+
+    Parameters
+    ----------
+    message
+        Any binary WebSocket message, as anybody may have sent it.
+
+    Returns
+    -------
+    name, argument
+        None unless it is an event of our namespace with one binary argument that asks for no
+        acknowledgement.
+    """
+    try:
+        packet = msgpack.unpackb(message)
+    except (ValueError, TypeError, OverflowError, RecursionError):
+        return None
+    if (
+        not isinstance(packet, dict)
+        or packet.get("type") != MSGPACK_EVENT
+        or packet.get("nsp") != EVENT_NAMESPACE
+        or packet.get("id") is not None
+    ):
+        return None
+    match packet.get("data"):
+        case [str(name), bytes(argument)]:
+            return name, argument
+    return None
+
+
+def client_websocket(handlers: Handlers) -> type[ClientWebSocketResponse]:
+    """Return the class of a client's WebSocket that takes these events itself."""
+
+    class DirectWebSocket(ClientWebSocketResponse):
+        async def receive(self, timeout: float | None = None) -> WSMessage:
+            return await _rest(partial(super().receive, timeout), handlers)
+
+    return DirectWebSocket
+
+
+def take_directly(websocket: web.WebSocketResponse, handlers: Handlers) -> None:
+    """Let a server's WebSocket take these events itself from its next message on."""
+    receive = partial(type(websocket).receive, websocket)
+    try:
+        websocket.receive = partial(_rest, receive, handlers)  # type: ignore[method-assign]
+    except AttributeError:
+        LOG.info("this version of aiohttp keeps its WebSocket closed: the library's way is taken")
+
+
+async def _rest(receive: Callable[[], Awaitable[WSMessage]], handlers: Handlers) -> WSMessage:
+    """Return the next message that is not for one of the handlers."""
+    taken = 0
+    while True:
+        message = await receive()
+        if message.type is not WSMsgType.BINARY:
+            return message
+        event = binary_event(message.data)
+        handler = handlers.get(event[0]) if event is not None else None
+        if event is None or handler is None:
+            return message
+        handler(event[1])
+        taken += 1
+        if taken % _BURST == 0:
+            await asyncio.sleep(0)

@@ -1,0 +1,227 @@
+"""The frequent events go past the library, all others through it; and both ways are one."""
+
+import asyncio
+from collections import Counter
+
+import aiohttp
+import msgpack
+import numpy as np
+import pytest
+import socketio
+from aiohttp import WSMessage, WSMsgType, web
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from link_samples import (
+    FollowerNotes,
+    LeaderNotes,
+    commands,
+    follower,
+    frames,
+    hello,
+    leader,
+    until,
+)
+from socketio.msgpack_packet import MsgPackPacket
+
+import mmt.link.dialling
+import mmt.link.direct
+from mmt.link.protocol import encode_event
+from mmt.link.receiving import _rest, binary_event, take_directly
+
+
+@pytest.fixture
+def decoded(monkeypatch: pytest.MonkeyPatch) -> Counter[int]:
+    """Count by type the packets that the library decodes, on both sides together."""
+    counted: Counter[int] = Counter()
+    usual = MsgPackPacket.decode
+
+    def decode(self: MsgPackPacket, encoded: bytes) -> None:
+        usual(self, encoded)
+        counted[self.packet_type] += 1
+
+    monkeypatch.setattr(MsgPackPacket, "decode", decode)
+    return counted
+
+
+async def exchange(count: int) -> tuple[LeaderNotes, FollowerNotes]:
+    """Send so many frames and commands, one a message, and a reason at the end."""
+    up, down = LeaderNotes(), FollowerNotes()
+    async with leader(up) as server, follower(server.port, down) as client:
+        await until(lambda: server._outbox.is_open)
+        for sequence in range(count):
+            client.send_frames(frames(sequence))
+            server.send_commands(commands(sequence))
+            await asyncio.sleep(0)
+        await until(lambda: len(up.sequences) == len(down.sequences) == count)
+        await client.end("enough")
+        await until(lambda: up.ends)
+    return up, down
+
+
+async def test_frames_and_commands_do_not_pass_through_the_library(
+    decoded: Counter[int],
+) -> None:
+    await exchange(100)
+    # the welcome, the end, and at most what came before the connection was told of
+    assert decoded[socketio.packet.EVENT] <= 4
+    assert decoded[socketio.packet.CONNECT] == 2
+    assert decoded[socketio.packet.ACK] == 1
+
+
+async def test_where_the_websocket_cannot_be_asked_the_library_hands_over_the_same(
+    monkeypatch: pytest.MonkeyPatch, decoded: Counter[int]
+) -> None:
+    monkeypatch.setattr(mmt.link.direct, "take_directly", lambda websocket, handlers: None)
+    monkeypatch.setattr(
+        mmt.link.dialling, "client_websocket", lambda handlers: aiohttp.ClientWebSocketResponse
+    )
+    up, down = await exchange(40)
+    assert decoded[socketio.packet.EVENT] == 82
+    assert np.array_equal(np.concatenate(up.blocks), frames(0, 40))
+    assert np.array_equal(np.concatenate(down.blocks), commands(0, 40))
+    assert up.ends == ["enough"]
+    assert up.losses == down.losses == up.errors == down.errors == []
+
+
+async def test_frames_that_ask_for_an_acknowledgement_get_one() -> None:
+    notes = LeaderNotes()
+    client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False)
+    async with leader(notes) as server:
+        await client.connect(
+            f"http://127.0.0.1:{server.port}", auth=hello().to_auth(), transports=["websocket"]
+        )
+        for sequence in range(4):
+            if sequence % 2:
+                await client.call("frames", frames(sequence).tobytes(), timeout=5)
+            else:
+                await client.emit("frames", frames(sequence).tobytes())
+        await client.disconnect()
+    assert notes.sequences == [0, 1, 2, 3]
+
+
+async def test_a_client_that_joins_again_on_the_same_websocket_is_a_new_follower() -> None:
+    notes = LeaderNotes()
+    join = MsgPackPacket(socketio.packet.CONNECT, data=hello().to_auth(), namespace="/").encode()
+    leave = MsgPackPacket(socketio.packet.DISCONNECT, namespace="/").encode()
+    async with (
+        leader(notes) as server,
+        aiohttp.ClientSession() as session,
+        session.ws_connect(
+            f"http://127.0.0.1:{server.port}/socket.io/?EIO=4&transport=websocket"
+        ) as websocket,
+    ):
+        await websocket.send_bytes(encode_event("frames", frames(7).tobytes()))
+        for _visit in range(2):
+            await websocket.send_bytes(join)
+            await websocket.send_bytes(encode_event("frames", frames(0).tobytes()))
+            await websocket.send_bytes(leave)
+            await websocket.send_bytes(encode_event("frames", frames(1).tobytes()))
+        await until(lambda: len(notes.losses) == 2)
+        await until(lambda: notes.sequences == [0, 0])
+    assert len(notes.hellos) == 2
+    assert server.statistics.rejected == {}
+
+
+async def test_a_flood_leaves_the_loop_its_turns() -> None:
+    message = WSMessage(WSMsgType.BINARY, encode_event("frames", b"x"), None)
+    last = WSMessage(WSMsgType.TEXT, "2", None)
+    flood = iter([*[message] * 1000, last])
+    taken: list[bytes] = []
+    turns = 0
+
+    async def receive() -> WSMessage:
+        return next(flood)
+
+    async def count_turns() -> None:
+        nonlocal turns
+        while len(taken) < 1000:
+            await asyncio.sleep(0)
+            turns += 1
+
+    counting = asyncio.create_task(count_turns())
+    assert await _rest(receive, {"frames": taken.append}) is last
+    await counting
+    assert taken == [b"x"] * 1000
+    assert turns >= 10
+
+
+def test_a_websocket_that_cannot_be_changed_is_left_as_it_is() -> None:
+    class Closed(web.WebSocketResponse):
+        def __setattr__(self, name: str, value: object) -> None:
+            if name == "receive":
+                raise AttributeError(name)
+            super().__setattr__(name, value)
+
+    websocket = Closed()
+    take_directly(websocket, {"frames": pytest.fail})
+    assert websocket.receive.__func__ is web.WebSocketResponse.receive
+
+
+@pytest.mark.parametrize("kind", [WSMsgType.TEXT, WSMsgType.CLOSE, WSMsgType.ERROR])
+async def test_what_is_not_binary_is_the_librarys(kind: WSMsgType) -> None:
+    message = WSMessage(kind, encode_event("frames", b"x"), None)
+
+    async def receive() -> WSMessage:
+        return message
+
+    assert await _rest(receive, {"frames": pytest.fail}) is message
+
+
+async def test_events_that_were_not_asked_for_are_the_librarys() -> None:
+    message = WSMessage(WSMsgType.BINARY, encode_event("end", b"x"), None)
+
+    async def receive() -> WSMessage:
+        return message
+
+    assert await _rest(receive, {"frames": pytest.fail}) is message
+
+
+@given(st.text(max_size=10), st.binary(max_size=300))
+@settings(max_examples=50, deadline=None)
+def test_an_event_of_the_library_is_read_back(name: str, argument: bytes) -> None:
+    packet = MsgPackPacket(socketio.packet.EVENT, data=[name, argument], namespace="/")
+    assert binary_event(packet.encode()) == (name, argument)
+
+
+def test_the_order_of_keys_and_further_ones_do_not_matter() -> None:
+    packet = {"nsp": "/", "options": {"compress": True}, "data": ["frames", b"x"], "type": 2}
+    assert binary_event(msgpack.packb(packet)) == ("frames", b"x")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"type": 3},
+        {"nsp": "/other"},
+        {"id": 0},
+        {"id": 7},
+        {"data": ["frames"]},
+        {"data": ["frames", "text"]},
+        {"data": ["frames", b"x", b"y"]},
+        {"data": [b"frames", b"x"]},
+        {"data": {"frames": b"x"}},
+        {"data": None},
+    ],
+)
+def test_all_else_is_the_librarys(changes: dict[str, object]) -> None:
+    packet = {"type": 2, "data": ["frames", b"x"], "nsp": "/", **changes}
+    assert binary_event(msgpack.packb(packet)) is None
+
+
+_EVENT = encode_event("frames", bytes(20))
+
+
+@given(
+    st.one_of(
+        st.binary(max_size=200),
+        st.tuples(st.integers(0, len(_EVENT)), st.binary(max_size=20)).map(
+            lambda cut: _EVENT[: cut[0]] + cut[1]
+        ),
+        st.integers(1, 100_000).map(lambda depth: b"\x91" * depth),
+        st.integers(1, 50_000).map(lambda depth: b"\x81\xa1a" * depth),
+    )
+)
+@settings(max_examples=300, deadline=None)
+def test_no_message_whatever_raises(message: bytes) -> None:
+    event = binary_event(message)
+    assert event is None or (isinstance(event[0], str) and isinstance(event[1], bytes))
