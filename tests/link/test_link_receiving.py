@@ -25,7 +25,7 @@ from socketio.msgpack_packet import MsgPackPacket
 
 import mmt.link.dialling
 import mmt.link.direct
-from mmt.link.protocol import encode_event
+from mmt.link.protocol import MAX_MESSAGE_BYTES, encode_event
 from mmt.link.receiving import _rest, binary_event, take_directly
 
 
@@ -167,8 +167,11 @@ async def test_what_is_not_binary_is_the_librarys(kind: WSMsgType) -> None:
     assert await _rest(receive, {"frames": pytest.fail}) is message
 
 
-async def test_events_that_were_not_asked_for_are_the_librarys() -> None:
-    message = WSMessage(WSMsgType.BINARY, encode_event("end", b"x"), None)
+@pytest.mark.parametrize(
+    "data", [encode_event("end", b"x"), encode_event("frames", bytes(MAX_MESSAGE_BYTES))]
+)
+async def test_other_events_and_those_too_long_are_the_librarys(data: bytes) -> None:
+    message = WSMessage(WSMsgType.BINARY, data, None)
 
     async def receive() -> WSMessage:
         return message

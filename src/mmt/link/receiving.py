@@ -18,7 +18,7 @@ import msgpack
 from aiohttp import ClientWebSocketResponse, WSMessage, WSMsgType, web
 
 from mmt.link.log import LOG
-from mmt.link.protocol import EVENT_NAMESPACE, MSGPACK_EVENT
+from mmt.link.protocol import EVENT_NAMESPACE, MAX_MESSAGE_BYTES, MSGPACK_EVENT
 
 Handlers = Mapping[str, Callable[[bytes], None]]
 """By event; called on the loop with the event's one argument, must return soon and not raise."""
@@ -82,8 +82,8 @@ async def _rest(receive: Callable[[], Awaitable[WSMessage]], handlers: Handlers)
     taken = 0
     while True:
         message = await receive()
-        if message.type is not WSMsgType.BINARY:
-            return message
+        if message.type is not WSMsgType.BINARY or len(message.data) > MAX_MESSAGE_BYTES:
+            return message  # too long: older libraries find that out for themselves
         event = binary_event(message.data)
         handler = handlers.get(event[0]) if event is not None else None
         if event is None or handler is None:
