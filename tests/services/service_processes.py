@@ -27,7 +27,7 @@ class Service:
 
     def __init__(self, module: str, *arguments: object, cwd: Path, **variables: str) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-m", f"mmt.cli.{module}", *map(str, arguments)],
+            [sys.executable, "-m", "mmt.cli.entry", module, *map(str, arguments)],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,

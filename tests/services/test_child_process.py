@@ -21,8 +21,9 @@ PROGRAMS = {
     ),
     "lasting_program": (
         "import sys, time\n"
-        'print(\'{"kind": "ready", "argument": "\' + sys.argv[1] + \'"}\', flush=True)\n'
-        "try:\n    time.sleep(60)\nexcept KeyboardInterrupt:\n    raise SystemExit(4)\n"
+        "try:\n"
+        '    print(\'{"kind": "ready", "argument": "\' + sys.argv[1] + \'"}\', flush=True)\n'
+        "    time.sleep(60)\nexcept KeyboardInterrupt:\n    raise SystemExit(4)\n"
     ),
 }
 

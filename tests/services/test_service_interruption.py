@@ -1,5 +1,6 @@
 """Services that are interrupted, terminated, killed, or find nobody."""
 
+import os
 import signal
 import time
 from pathlib import Path
@@ -173,3 +174,36 @@ def test_interrupting_the_demo_ends_both_and_reports(tmp_path: Path) -> None:
         assert demo.end() == 0, demo.stderr
     assert read_session(tmp_path / "mmt-demo" / "session.mcap").complete
     assert (tmp_path / "mmt-demo" / "report.html").exists()
+
+
+@pytest.mark.parametrize("module", ["leader", "follower", "main"])
+def test_an_interruption_while_the_program_is_loaded_leaves_no_traceback(
+    tmp_path: Path, module: str
+) -> None:
+    (tmp_path / "sitecustomize.py").write_text(  # stands in for a person who is quick
+        "import sys\n"
+        "class Interrupt:\n"
+        "    def find_spec(self, name, path, target=None):\n"
+        "        if name == 'mmt.scene':\n"
+        "            import os, signal\n"
+        "            os.kill(os.getpid(), signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Interrupt())\n"
+    )
+    path = f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}"
+    with Service(module, "--help", cwd=tmp_path, PYTHONPATH=path) as service:
+        assert service.end() == 130
+    assert service.stderr == "stopped\n"
+    assert service.stdout == ""
+
+
+def test_a_second_leader_does_not_touch_the_recording_of_the_first(tmp_path: Path) -> None:
+    with session(tmp_path, "stream-only", **RECORDED) as (leader, follower):
+        leader.wait_for(lambda: streamed_s(leader) > 0.3)
+        with Service(
+            "leader", scene("stream-only"), "--port", 0, cwd=tmp_path, **RECORDED
+        ) as second:
+            assert second.end() == 2
+        assert "session.mcap: another leader records into it" in second.stderr
+        leader.signal(signal.SIGINT)
+        assert (leader.end(), follower.end()) == (0, 0)
+    assert_recorded(tmp_path, leader, at_least=300)

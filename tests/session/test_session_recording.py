@@ -206,3 +206,36 @@ def test_a_pause_of_the_stream_leaves_no_frame_behind(tmp_path):
         saved = recover(path, tmp_path / "saved.mcap")
     assert saved.frames == 7
     assert read_session(saved.path).frames["time_ns"][0] >= START_NS
+
+
+def test_two_recorders_never_write_the_same_file(tmp_path):
+    path = tmp_path / "run.mcap"
+    with McapRecorder(path, channels=CHANNELS) as first:
+        first.record_frames(made_frames(100))
+        with pytest.raises(InputError, match=r"run\.mcap: another leader records into it: end"):
+            McapRecorder(path, channels=CHANNELS)
+    assert len(read_session(path).frames) == 100
+    with McapRecorder(path, channels=CHANNELS) as second:  # the file is free again
+        second.record_frames(made_frames(20))
+    assert len(read_session(path).frames) == 20
+
+
+def test_a_recorder_that_was_killed_leaves_its_file_free(tmp_path):
+    path = tmp_path / "run.mcap"
+    program = (
+        "import os, pathlib, sys\n"
+        "from mmt.session.recording import McapRecorder\n"
+        "McapRecorder(pathlib.Path(sys.argv[1]), channels=('force',))\n"
+        "os.kill(os.getpid(), 9)\n"
+    )
+    subprocess.run([sys.executable, "-c", program, path], check=False, timeout=60)
+    with McapRecorder(path, channels=CHANNELS) as recorder:
+        recorder.record_frames(made_frames(20))
+    assert len(read_session(path).frames) == 20
+
+
+def test_where_the_system_has_no_locks_recording_goes_on(tmp_path, monkeypatch):
+    monkeypatch.setattr("mmt.session.locking.fcntl", None)
+    with McapRecorder(tmp_path / "run.mcap", channels=CHANNELS) as recorder:
+        recorder.record_frames(made_frames(20))
+    assert len(read_session(tmp_path / "run.mcap").frames) == 20

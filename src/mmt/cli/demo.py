@@ -142,7 +142,7 @@ class _Demo:
         return self._run
 
     async def _start(self, name: str, arguments: list[str]) -> Child:
-        child = await Child.start(name, f"mmt.cli.{name}", arguments)
+        child = await Child.start(name, "mmt.cli.entry", [name, *arguments])
         self._children.append(child)
         if self._interrupted:
             child.interrupt()

@@ -5,6 +5,8 @@ frame) and is neither blocked by a slow disk nor stopped by a full one.
 """
 
 import math
+import os
+import stat
 import threading
 import time
 from collections import deque
@@ -21,6 +23,7 @@ from mmt.errors import InputError
 from mmt.frames import Channel, frame_dtype, ordered_channels
 from mmt.session.assembling import FrameAssembler, OutputAssembler
 from mmt.session.jsontext import to_json
+from mmt.session.locking import lock
 from mmt.session.mcap_writer import SessionWriter
 from mmt.session.recorded import JsonObject
 
@@ -50,7 +53,7 @@ class McapRecorder:
     Parameters
     ----------
     path
-        Missing folders are made; an existing file is replaced.
+        Missing folders are made; an existing file is replaced, unless it is being recorded into.
     channels
         What the frames carry.
     scene
@@ -65,7 +68,7 @@ class McapRecorder:
     Raises
     ------
     InputError
-        The file cannot be made.
+        The file cannot be made, or another recorder writes it.
     """
 
     def __init__(
@@ -246,6 +249,15 @@ class McapRecorder:
 def _create(path: Path) -> BinaryIO:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        return path.open("wb")
+        stream = path.open("ab")  # nothing is lost before the file is known to be ours
+        if not lock(stream):
+            stream.close()
+            raise InputError(
+                f"recording {path}: another leader records into it: end that one, "
+                "or record into another file"
+            )
+        if stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+            stream.truncate(0)
     except OSError as error:
         raise InputError(f"recording {path}: {error.strerror or error}") from error
+    return stream
