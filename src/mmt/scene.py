@@ -36,6 +36,12 @@ class Link(_Table):
     port: int = Field(8765, ge=0, le=65_535)
     frames_per_message: int = Field(1, ge=1, le=100)
     patience_s: float = Field(10.0, ge=0.5, le=3600)
+    silence_ms: float = Field(100.0, ge=10, le=10_000)
+    on_silence: Literal["hold", "retract"] = "hold"
+    retract_mm: float = Field(10.0, gt=0, le=100)
+    stale_ms: float = Field(500.0, ge=10, le=10_000)
+    recovery_mm_s: float = Field(50.0, ge=1, le=1000)
+    limit_mm_s: float = Field(1000.0, ge=10, le=10_000)
 
 
 class Simulated(_Table):

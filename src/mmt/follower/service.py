@@ -1,19 +1,21 @@
 """The follower service: one event loop that ticks, measures and streams."""
 
 import asyncio
+import math
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
 from mmt.arrays import RecordArray
 from mmt.devices.protocols import Vector
 from mmt.errors import FAILED, MmtError
+from mmt.follower.guarding import CommandGuard
 from mmt.follower.sources import build_source
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.process import ProcessMeter, prefer_even_ticks
-from mmt.scene import Link, Scene
+from mmt.scene import Link, Scene, Texture
 from mmt.ticking import Ticker
 
 _UNWANTED: Final = (FAILED, f"leader {FAILED}", "leader lost")
@@ -31,6 +33,7 @@ class FollowerSummary:
     link: dict[str, Any]
     ticks: dict[str, Any]
     process: dict[str, Any]
+    commands: dict[str, Any] = field(default_factory=dict)
 
     @property
     def problem(self) -> str | None:
@@ -84,7 +87,8 @@ class FollowerService:
             ),
         )
         self._ticker = Ticker(round(1e9 / scene.session.rate_hz), self._tick)
-        self._command: Vector | None = None
+        self._guard = self._make_guard()
+        self._newest: RecordArray | None = None
         self._ended = asyncio.Event()
         self._outcome = "source ended"
         self._fault: Exception | None = None
@@ -126,6 +130,7 @@ class FollowerService:
                 "core_share": round(cost.core_share, 3),
                 "memory_mb": round(cost.memory_mb, 1),
             },
+            commands=self._guard.summary if self._guard is not None else {},
         )
 
     def stop(self, outcome: str = "stopped") -> None:
@@ -177,15 +182,36 @@ class FollowerService:
             self._say(str(error))
 
     def _tick(self, elapsed: int) -> None:
-        frames = self.source.step(elapsed, time.monotonic_ns(), self._command)
+        guard = self._guard
+        command = guard.step(elapsed, self._measured) if guard is not None else None
+        frames = self.source.step(elapsed, time.monotonic_ns(), command)
         if len(frames):
+            self._newest = frames
             self._client.send_frames(frames)
         if self.source.finished:
             self.stop("source ended")
 
-    def _on_commands(self, commands: RecordArray, arrival_ns: int) -> None:  # noqa: ARG002
-        x, y, z = commands["position_mm"][-1].tolist()
-        self._command = (x, y, z)
+    def _make_guard(self) -> CommandGuard | None:
+        if self.scene.replay is not None:
+            return None  # a recording follows no commands
+        return CommandGuard(
+            self._link,
+            self.scene.session.rate_hz,
+            (self.scene.texture or Texture()).normal,
+            measures_position="position" in self.scene.channels(),
+            say=self._say,
+        )
+
+    def _measured(self) -> Vector | None:
+        """Return the robot's newest measured position, None before there is one."""
+        if self._newest is None:
+            return None
+        x, y, z = self._newest["position_mm"][-1].tolist()
+        return (x, y, z) if math.isfinite(x + y + z) else None
+
+    def _on_commands(self, commands: RecordArray, arrival_ns: int) -> None:
+        if self._guard is not None:
+            self._guard.take(commands, arrival_ns)
 
     def _on_stop(self, reason: str) -> None:
         self._say(f"the leader ended the session: {reason}")

@@ -23,13 +23,13 @@ class MotionCommands:
 
     def make(self, now_ns: int, position_mm: Vector) -> RecordArray:
         """Return the command, shape (1,), that asks the follower to take a position."""
-        arrival_ns = self._numbering.arrival_ns
+        echo_time_ns = self._numbering.follower_time_ns
         command = np.zeros(1, dtype=COMMAND_DTYPE)
         command[0] = (
             self._sequence,
             now_ns,
-            self._numbering.follower_time_ns,
-            now_ns - arrival_ns if arrival_ns else 0,
+            echo_time_ns,
+            now_ns - self._numbering.arrival_ns if echo_time_ns else 0,
             position_mm,
         )
         self._sequence += 1

@@ -39,7 +39,8 @@ class SessionNumbering:
         self._shift = 0
         self._time_shift_ns = 0
         self.follower_time_ns = 0
-        """The newest frame's time by the follower's own clock; 0 before the first."""
+        """The newest frame's time by the follower's own clock; 0 before the first of each
+        connection, since another follower may have another clock."""
         self.arrival_ns = 0
         """When the newest frame arrived; 0 before the first."""
 
@@ -51,6 +52,7 @@ class SessionNumbering:
     def reconnect(self) -> None:
         """Expect a follower that was connected before, or another one."""
         self._reconnected = self._first is not None
+        self.follower_time_ns = 0
 
     def take(self, frames: RecordArray, arrival_ns: int) -> tuple[RecordArray, int]:
         """Return the next frames (n,), n >= 1, numbered on, and how many this left out.

@@ -1,0 +1,200 @@
+"""The robot is safe from a leader that falls silent, speaks too late, or jumps."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mmt.arrays import RecordArray
+from mmt.devices.protocols import Vector
+from mmt.follower.guarding import CommandGuard
+from mmt.frames import COMMAND_DTYPE
+from mmt.scene import Link
+
+HOME = (0.0, 0.0, 5.0)
+SECOND_NS = 1_000_000_000
+
+
+def command(*position_mm: float, round_trip_ns: int = 0) -> tuple[RecordArray, int]:
+    """A command and its arrival; it echoes a frame of time 1 s, which the leader had for 2 s."""
+    block = np.zeros(1, dtype=COMMAND_DTYPE)
+    block["position_mm"] = position_mm
+    block["echo_time_ns"] = SECOND_NS
+    block["echo_age_ns"] = 2 * SECOND_NS
+    return block, 3 * SECOND_NS + round_trip_ns
+
+
+class Guarded:
+    """A guard whose positions and sentences are noted."""
+
+    def __init__(self, measured: Vector | None = HOME, normal: str = "z", **keys: object) -> None:
+        self.said: list[str] = []
+        self.measured = measured
+        self.positions: list[Vector | None] = []
+        self.guard = CommandGuard(
+            Link.model_validate(keys),
+            1000.0,
+            normal,
+            measures_position=True,
+            say=self.said.append,
+        )
+
+    def run(self, ticks: int, position_mm: Vector | None = None) -> None:
+        """Let ticks pass, with a command before each where there is one."""
+        for _ in range(ticks):
+            if position_mm is not None:
+                self.guard.take(*command(*position_mm))
+            self.positions.append(self.guard.step(1, lambda: self.measured))
+
+    @property
+    def newest(self) -> Vector:
+        position = self.positions[-1]
+        assert position is not None
+        return position
+
+
+def steps_mm(positions: list[Vector | None]) -> list[float]:
+    known = np.array([position for position in positions if position is not None])
+    return [float(step) for step in np.linalg.norm(np.diff(known, axis=0), axis=1)]
+
+
+def test_nothing_is_commanded_before_the_leader_commands() -> None:
+    robot = Guarded()
+    robot.run(300)
+    assert robot.positions == [None] * 300
+    assert robot.said == []
+    assert robot.guard.summary["silences"] == 0
+
+
+def test_commands_pass_as_they_are_where_the_robot_is_there_already() -> None:
+    robot = Guarded()
+    path = [(0.2 * k, -0.1 * k, 5.0 - 0.1 * k) for k in range(200)]
+    for position in path:
+        robot.run(1, position)
+    assert robot.positions == [pytest.approx(position) for position in path]
+    assert robot.guard.summary == {
+        "silences": 0,
+        "silent_s": 0.0,
+        "stale_commands": 0,
+        "slowed_ticks": 0,
+    }
+
+
+def test_the_robot_begins_where_it_is() -> None:
+    robot = Guarded(measured=None)
+    robot.run(3, (10.0, 0.0, 5.0))
+    assert robot.positions == [None] * 3
+    robot.measured = HOME
+    robot.run(250, (10.0, 0.0, 5.0))
+    assert robot.positions[3] == pytest.approx((0.05, 0.0, 5.0))
+    assert max(steps_mm(robot.positions)) == pytest.approx(0.05)
+    assert robot.newest == (10.0, 0.0, 5.0)
+
+
+def test_a_robot_that_is_not_measured_begins_at_the_first_command() -> None:
+    guard = CommandGuard(Link(), 1000.0, "z", measures_position=False, say=lambda _: None)
+    guard.take(*command(3.0, 2.0, 1.0))
+    assert guard.step(1, lambda: None) == (3.0, 2.0, 1.0)
+
+
+def test_in_silence_the_last_position_is_held() -> None:
+    robot = Guarded()
+    robot.run(10, (0.0, 0.0, 4.5))
+    robot.run(99)
+    assert robot.said == []
+    robot.run(401)
+    assert robot.said == ["leader silent for 0.1 s: holding"]
+    assert robot.newest == (0.0, 0.0, 4.5)
+    assert robot.guard.summary["silences"] == 1
+    assert robot.guard.summary["silent_s"] == pytest.approx(0.401)
+
+
+@pytest.mark.parametrize("normal", ["x", "y", "z"])
+def test_in_silence_the_robot_retracts_along_the_normal(normal: str) -> None:
+    robot = Guarded(normal=normal, on_silence="retract", retract_mm=8.0, silence_ms=40.0)
+    robot.run(10, HOME)
+    robot.run(39)
+    assert robot.newest == HOME
+    robot.run(200)
+    moved = np.subtract(robot.newest, HOME)
+    expected = {"x": (8.0, 0.0, 0.0), "y": (0.0, 8.0, 0.0), "z": (0.0, 0.0, 8.0)}[normal]
+    np.testing.assert_allclose(moved, expected)
+    assert max(steps_mm(robot.positions)) == pytest.approx(0.05)
+    assert robot.said == ["leader silent for 0.04 s: retracting"]
+
+
+def test_commands_are_taken_up_again_without_a_jump_while_the_hand_moves_on() -> None:
+    robot = Guarded(recovery_mm_s=100.0)
+    robot.run(10, HOME)
+    robot.run(500)
+    for k in range(600):  # the hand is 20 mm off by now and goes on at 150 mm/s
+        robot.run(1, (20.0 + 0.15 * k, 0.0, 5.0))
+    assert robot.said[-1] == "leader heard again after 0.5 s: taking up its commands at 100 mm/s"
+    steps = steps_mm(robot.positions[500:])
+    assert max(steps) == pytest.approx(0.25, abs=1e-4)  # the hand's own motion and the recovery's
+    assert steps[0] == 0.0
+    assert robot.newest == pytest.approx((20.0 + 0.15 * 599, 0.0, 5.0))
+    assert robot.guard.summary["slowed_ticks"] == 0
+
+
+def test_stale_commands_are_thrown_away_and_are_no_end_of_the_silence() -> None:
+    robot = Guarded(stale_ms=300.0)
+    robot.run(10, HOME)
+    for _ in range(150):
+        robot.guard.take(*command(50.0, 0.0, 0.0, round_trip_ns=SECOND_NS))
+        robot.run(1)
+    assert robot.newest == HOME
+    assert robot.said == ["leader silent for 0.1 s: holding"]
+    assert robot.guard.summary["stale_commands"] == 150
+    robot.guard.take(*command(5.0, 0.0, 5.0, round_trip_ns=299_000_000))
+    robot.run(200)
+    assert robot.newest == pytest.approx((5.0, 0.0, 5.0))
+
+
+def test_a_command_that_echoes_nothing_cannot_be_stale() -> None:
+    robot = Guarded()
+    block, arrival_ns = command(1.0, 0.0, 5.0)
+    block["echo_time_ns"] = block["echo_age_ns"] = 0
+    robot.guard.take(block, arrival_ns)
+    robot.run(100)
+    assert robot.newest == (1.0, 0.0, 5.0)
+
+
+def test_a_jump_of_the_commands_is_slowed_down_and_counted() -> None:
+    robot = Guarded(limit_mm_s=500.0)
+    robot.run(10, HOME)
+    robot.run(100, (40.0, 0.0, 5.0))
+    assert max(steps_mm(robot.positions)) == pytest.approx(0.5)
+    assert robot.newest == (40.0, 0.0, 5.0)
+    assert robot.guard.summary["slowed_ticks"] == 79
+
+
+coordinates = st.floats(-1e6, 1e6)
+
+
+@settings(max_examples=80, deadline=None)
+@given(
+    st.sampled_from(["hold", "retract"]),
+    st.lists(
+        st.tuples(
+            st.none() | st.tuples(coordinates, coordinates, coordinates), st.integers(1, 120)
+        ),
+        max_size=60,
+    ),
+)
+def test_whatever_comes_and_whenever_the_robot_never_jumps(
+    on_silence: str, ticks: list[tuple[Vector | None, int]]
+) -> None:
+    robot = Guarded(on_silence=on_silence)
+    limit_mm = Link().limit_mm_s / 1000.0
+    before = HOME
+    for position, elapsed in ticks:
+        if position is not None:
+            robot.guard.take(*command(*position))
+        after = robot.guard.step(elapsed, lambda: HOME)
+        if after is None:
+            continue
+        assert math.dist(before, after) <= limit_mm * elapsed * (1 + 1e-6) + 1e-9
+        before = after
