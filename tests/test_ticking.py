@@ -15,8 +15,8 @@ PERIOD_NS = 1_000_000
 @pytest.fixture(params=["timerfd", "call_at"])
 def clock(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     if request.param == "call_at":
-        monkeypatch.setattr(mmt.ticking, "_open_timer", lambda: None)
-    elif mmt.ticking._open_timer() is None:
+        monkeypatch.setattr(mmt.ticking, "open_timer", lambda: None)
+    elif mmt.ticking.open_timer() is None:
         pytest.skip("this system has no timerfd")
     return str(request.param)
 
@@ -154,7 +154,7 @@ async def test_without_statistics_only_the_ticks_are_counted() -> None:
 
 
 async def test_no_file_stays_open() -> None:
-    timer = mmt.ticking._open_timer()
+    timer = mmt.ticking.open_timer()
     if timer is None:
         pytest.skip("this system has no timerfd")
     first = timer.file
@@ -163,7 +163,7 @@ async def test_no_file_stays_open() -> None:
         ticker = Ticker(PERIOD_NS, lambda elapsed: None)
         ticker.start()
         ticker.stop()
-    timer = mmt.ticking._open_timer()
+    timer = mmt.ticking.open_timer()
     assert timer is not None
     assert timer.file == first
     timer.close()

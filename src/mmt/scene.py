@@ -10,6 +10,7 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from mmt.frames import Channel, ordered_channels
+from mmt.network_table import Network
 from mmt.texture.settings import ModellingSettings
 
 LARGEST_SPEED: Final = 100.0
@@ -161,6 +162,7 @@ class Scene(_Table):
 
     session: Session = Session()
     link: Link | None = None
+    network: Network | None = None
     simulated: Simulated | None = None
     replay: Replay | None = None
     devices: Devices | None = None
@@ -218,7 +220,7 @@ def _impossible(scene: Scene) -> list[str]:
     sources = [n for n in ("simulated", "replay", "devices") if getattr(scene, n) is not None]
     needs_link = [
         n
-        for n in ("texture", "playout", "force_feedback", "recording", *sources)
+        for n in ("network", "texture", "playout", "force_feedback", "recording", *sources)
         if getattr(scene, n) is not None
     ]
     rules = [

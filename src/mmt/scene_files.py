@@ -4,12 +4,14 @@ import os
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from mmt.errors import InputError
 from mmt.scene import Scene
+
+AnyTable = TypeVar("AnyTable", bound=BaseModel)
 
 ENVIRONMENT_PREFIX = "MMT_"
 """``MMT_LINK__PORT=9000`` overrides ``port`` of ``[link]``."""
@@ -140,22 +142,36 @@ def environment_overrides(environment: Mapping[str, str]) -> dict[str, str]:
     return overrides
 
 
-def _explain(error: ValidationError) -> str:
+def table_from(model: type[AnyTable], name: str, payload: object) -> AnyTable:
+    """Validate one table by itself, as it comes from the other side or a program.
+
+    Raises
+    ------
+    InputError
+        A key, a value or a combination is not allowed.
+    """
+    try:
+        return model.model_validate(payload)
+    except ValidationError as error:
+        raise InputError(f"[{name}]: {_explain(error, model)}") from error
+
+
+def _explain(error: ValidationError, model: type[BaseModel] = Scene) -> str:
     sentences = []
     for problem in error.errors(include_url=False):
         place = ".".join(str(part) for part in problem["loc"] if part not in {"int", "float"})
         if problem["type"] == "extra_forbidden":
-            sentences.append(f"{place} is not a key; allowed are {_allowed(problem['loc'])}")
+            sentences.append(f"{place} is not a key; allowed are {_allowed(problem['loc'], model)}")
         elif problem["type"] == "value_error":
             where = f"{place}: " if place else ""
             sentences.append(where + problem["msg"].removeprefix("Value error, "))
         else:
-            sentences.append(f"{place} is {problem['input']!r}: {problem['msg']}")
+            where = f"{place} is " if place else ""
+            sentences.append(f"{where}{problem['input']!r}: {problem['msg']}")
     return "; ".join(sentences)
 
 
-def _allowed(location: tuple[int | str, ...]) -> str:
-    model: type[BaseModel] = Scene
+def _allowed(location: tuple[int | str, ...], model: type[BaseModel]) -> str:
     for part in location[:-1]:
         annotation = model.model_fields[str(part)].annotation
         candidates = [annotation, *getattr(annotation, "__args__", ())]

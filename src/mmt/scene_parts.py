@@ -6,6 +6,7 @@ from mmt.scene import Scene
 
 SERVICES_OF_PART: Final[dict[str, tuple[str, ...]]] = {
     "link": ("leader", "follower"),
+    "network": ("leader", "follower"),
     "simulated": ("follower",),
     "replay": ("follower",),
     "devices": ("follower",),

@@ -1,13 +1,12 @@
 """A fixed-rate tick on the asyncio loop: no drift, no tick lost, cheap statistics."""
 
 import asyncio
-import ctypes
-import os
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
+
+from mmt.timer_file import TimerFile, open_timer
 
 LATE_NS: Final = 1_000_000
 """A tick handed over later than this counts as late."""
@@ -127,7 +126,7 @@ class Ticker:
         self._late = 0
         self._last_ns = 0
         self._due_ns = 0
-        self._timer: _TimerFile | None = None
+        self._timer: TimerFile | None = None
         self._handle: asyncio.TimerHandle | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._done: asyncio.Future[None] | None = None
@@ -163,7 +162,7 @@ class Ticker:
         self._loop = asyncio.get_running_loop()
         self._done = self._loop.create_future()
         self._due_ns = self._clock_ns() + self._period_ns
-        self._timer = None if self._simulated else _open_timer()
+        self._timer = None if self._simulated else open_timer()
         if self._timer is None:
             self._schedule(self._loop)
         else:
@@ -205,7 +204,7 @@ class Ticker:
         else:
             self._done.set_exception(error)
 
-    def _on_readable(self, timer: "_TimerFile") -> None:
+    def _on_readable(self, timer: "TimerFile") -> None:
         elapsed = timer.expirations()
         if elapsed:
             self._tick(elapsed)
@@ -240,55 +239,3 @@ class Ticker:
         late_ns = now_ns - self._due_ns - LATE_NS
         if late_ns > 0:
             self._late += min(late_ns // self._period_ns + 1, elapsed)
-
-
-class _TimerFile:
-    """A kernel timer (timerfd) on the monotonic clock, read without blocking."""
-
-    def __init__(self) -> None:
-        if sys.version_info >= (3, 13):
-            self.file = os.timerfd_create(
-                time.CLOCK_MONOTONIC, flags=os.TFD_NONBLOCK | os.TFD_CLOEXEC
-            )
-        else:
-            self._libc = ctypes.CDLL(None, use_errno=True)
-            self.file = self._libc.timerfd_create(
-                time.CLOCK_MONOTONIC, os.O_NONBLOCK | os.O_CLOEXEC
-            )
-            if self.file < 0:
-                code = ctypes.get_errno()
-                raise OSError(code, os.strerror(code))
-
-    def arm(self, first_ns: int, period_ns: int) -> None:
-        """Expire at the absolute monotonic time `first_ns`, then every period."""
-        if sys.version_info >= (3, 13):
-            os.timerfd_settime_ns(
-                self.file, flags=os.TFD_TIMER_ABSTIME, initial=first_ns, interval=period_ns
-            )
-        else:
-            absolute = 1
-            times = (*divmod(period_ns, 10**9), *divmod(first_ns, 10**9))
-            specification = (ctypes.c_long * 4)(*times)
-            if self._libc.timerfd_settime(self.file, absolute, specification, None):
-                code = ctypes.get_errno()
-                raise OSError(code, os.strerror(code))
-
-    def expirations(self) -> int:
-        """Return how often it has expired since the last call."""
-        try:
-            return int.from_bytes(os.read(self.file, 8), sys.byteorder)
-        except BlockingIOError:
-            return 0
-
-    def close(self) -> None:
-        os.close(self.file)
-
-
-def _open_timer() -> _TimerFile | None:
-    """Return a timerfd, or None where the system has none."""
-    if sys.platform != "linux":
-        return None
-    try:
-        return _TimerFile()
-    except (OSError, AttributeError):
-        return None

@@ -5,7 +5,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from mmt.arrays import RecordArray
 from mmt.devices.protocols import Vector
@@ -17,6 +17,9 @@ from mmt.link.protocol import FollowerHello
 from mmt.process import ProcessMeter, prefer_even_ticks
 from mmt.scene import Link, Scene, Texture
 from mmt.ticking import Ticker
+
+if TYPE_CHECKING:
+    from mmt.link.network import EmulatedNetwork
 
 _UNWANTED: Final = (FAILED, f"leader {FAILED}", "leader lost")
 
@@ -85,6 +88,7 @@ class FollowerService:
                 on_lost=self._on_lost,
                 on_error=self._fail,
             ),
+            network=self._emulated_network(),
         )
         self._ticker = Ticker(round(1e9 / scene.session.rate_hz), self._tick)
         self._guard = self._make_guard()
@@ -138,6 +142,13 @@ class FollowerService:
         if not self._ended.is_set():
             self._outcome = outcome
             self._ended.set()
+
+    def _emulated_network(self) -> "EmulatedNetwork | None":
+        if self.scene.network is None:
+            return None
+        from mmt.link.network import EmulatedNetwork
+
+        return EmulatedNetwork(self.scene.network, "up", self.scene.session.seed, self._say)
 
     async def _connect(self) -> None:
         """Connect, unless the person stops first."""

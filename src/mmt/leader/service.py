@@ -20,6 +20,7 @@ from mmt.scene import LARGEST_SPEED, Scene
 from mmt.ticking import Ticker
 
 if TYPE_CHECKING:
+    from mmt.link.network import EmulatedNetwork
     from mmt.link.protocol import FollowerHello
     from mmt.link.server import LeaderServer
     from mmt.texture.modelling import ModelUpdate
@@ -173,8 +174,16 @@ class LeaderService:
                 on_error=self._fail,
             ),
             fastest=self._fastest,
+            network=self._emulated_network(),
         )
         await self._server.start()
+
+    def _emulated_network(self) -> "EmulatedNetwork | None":
+        if self.scene.network is None:
+            return None
+        from mmt.link.network import EmulatedNetwork
+
+        return EmulatedNetwork(self.scene.network, "down", self.scene.session.seed, self._event)
 
     # --- what the link reports
 

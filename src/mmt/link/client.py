@@ -4,12 +4,12 @@ import asyncio
 import struct
 import time
 from collections.abc import Callable, Mapping
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import socketio
 
 from mmt.arrays import RecordArray
-from mmt.errors import MmtError
+from mmt.errors import InputError, MmtError
 from mmt.frames import COMMAND_DTYPE, frame_dtype
 from mmt.link.clock import clock_id
 from mmt.link.counting import gather
@@ -23,6 +23,7 @@ from mmt.link.protocol import (
     END,
     FRAMES,
     MAX_RECORDS_PER_MESSAGE,
+    NETWORK,
     STOP,
     WELCOME,
     FollowerHello,
@@ -33,6 +34,9 @@ from mmt.link.protocol import (
 )
 from mmt.link.reading import BlockReader
 from mmt.ticking import TimeHistogram
+
+if TYPE_CHECKING:
+    from mmt.link.network import EmulatedNetwork
 
 __all__ = ["FollowerClient", "FollowerEvents"]
 
@@ -52,6 +56,8 @@ class FollowerClient:
         What the follower says of itself; sent again with every connection.
     events
         What to call.
+    network
+        Emulated between this side and the leader.
 
     Raises
     ------
@@ -59,7 +65,14 @@ class FollowerClient:
         `url` is none.
     """
 
-    def __init__(self, url: str, hello: FollowerHello, events: FollowerEvents) -> None:
+    def __init__(
+        self,
+        url: str,
+        hello: FollowerHello,
+        events: FollowerEvents,
+        *,
+        network: "EmulatedNetwork | None" = None,
+    ) -> None:
         check_url(url)
         self._url = url
         self._hello = hello
@@ -68,7 +81,9 @@ class FollowerClient:
         self._gathered = bytearray()
         self._last_frame = b""
         self._reader = BlockReader(COMMAND_DTYPE, "commands")
-        self._outbox = Outbox(_MESSAGES_WAITING)
+        self._network = network
+        make_outbox = Outbox if network is None else network.outbox
+        self._outbox = make_outbox(_MESSAGES_WAITING)
         self._round_trip = TimeHistogram()
         self._line: Line | None = None
         self._refusal: str | None = None
@@ -209,6 +224,13 @@ class FollowerClient:
         self._told_to_stop = True
         call(self._events.on_stop, reason or "no reason given", on_error=self._events.on_error)
 
+    def _on_network(self, *arguments: object) -> None:
+        if self._network is not None:
+            try:
+                self._network.change(arguments[0] if len(arguments) == 1 else None)
+            except InputError:
+                self._reader.reject("malformed network")
+
     # --- the rest
 
     async def _attempt(self, timeout_s: float) -> str | None:
@@ -220,6 +242,7 @@ class FollowerClient:
             "disconnect": self._on_disconnect,
             WELCOME: self._on_welcome,
             STOP: self._on_stop,
+            NETWORK: self._on_network,
         }
         self._line = line = Line.make(handlers, {COMMANDS: self._on_commands})
         try:

@@ -27,6 +27,7 @@ def gather(
         out_of_order=reader.out_of_order,
         repeated=reader.repeated,
         rejected=dict(reader.rejected),
+        emulated=outbox.emulated,
         latency_p50_ms=reader.latency.quantile_ms(0.5),
         latency_p99_ms=reader.latency.quantile_ms(0.99),
         round_trip_p50_ms=None if round_trip is None else round_trip.quantile_ms(0.5),

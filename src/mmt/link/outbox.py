@@ -28,6 +28,11 @@ class Outbox:
         """Whether what is put will be sent."""
         return self._task is not None and not self._task.done()
 
+    @property
+    def emulated(self) -> dict[str, int]:
+        """What an emulated network did to messages; nothing here."""
+        return {}
+
     def open(self, send: Callable[[bytes], Awaitable[None]]) -> None:
         """Start to send; closes what was open before.
 

@@ -25,6 +25,8 @@ WELCOME: Final = "welcome"
 """Leader to follower, once after it was accepted: ``{"protocol": int, "clock_id": str}``."""
 STOP: Final = "stop"
 """Leader to follower: ``{"reason": str}``; the follower is to end."""
+NETWORK: Final = "network"
+"""Leader to follower: the scene's table ``[network]`` as it is now."""
 
 MAX_RECORDS_PER_MESSAGE: Final = 100
 """Most frames or commands in one message."""
@@ -176,6 +178,8 @@ class LinkStatistics:
     round_trip_p50_ms: float | None
     """From a frame's time to the arrival of a command that echoes it, less the echo's age."""
     round_trip_p99_ms: float | None
+    emulated: dict[str, int] = field(default_factory=dict)
+    """Messages that the emulated network took on this side, lost, and repeated."""
 
 
 def encode_event(event: str, payload: bytes) -> bytes:

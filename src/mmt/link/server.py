@@ -5,7 +5,7 @@ import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import socketio
 from aiohttp import web
@@ -25,6 +25,7 @@ from mmt.link.protocol import (
     FRAMES,
     MAX_MESSAGE_BYTES,
     MAX_RECORDS_PER_MESSAGE,
+    NETWORK,
     PING_INTERVAL_S,
     PING_TIMEOUT_S,
     PROTOCOL_VERSION,
@@ -39,6 +40,9 @@ from mmt.link.protocol import (
 from mmt.link.reading import BlockReader
 from mmt.pacing import shortest_period_ns
 from mmt.scene import Link
+
+if TYPE_CHECKING:
+    from mmt.link.network import EmulatedNetwork
 
 __all__ = ["LeaderEvents", "LeaderServer"]
 
@@ -70,6 +74,8 @@ class LeaderServer:
     fastest
         How many times faster than real time a follower may stream, as a replay can; what its
         numbers claim beyond that is not believed.
+    network
+        Emulated between this side and the follower; programs may change it over HTTP.
 
     Raises
     ------
@@ -85,6 +91,7 @@ class LeaderServer:
         *,
         rate_hz: int = 1000,
         fastest: float = 100.0,
+        network: "EmulatedNetwork | None" = None,
     ) -> None:
         self._settings = settings
         self._channels = ordered_channels(channels)
@@ -93,7 +100,9 @@ class LeaderServer:
         self._reader = BlockReader(
             frame_dtype(self._channels), "frames", shortest_period_ns(rate_hz, fastest)
         )
-        self._outbox = Outbox(_COMMANDS_WAITING)
+        self._network = network
+        make_outbox = Outbox if network is None else network.outbox
+        self._outbox = make_outbox(_COMMANDS_WAITING)
         self._follower: _Follower | None = None
         self._left = asyncio.Event()
         self._stopping = False
@@ -112,6 +121,8 @@ class LeaderServer:
         )
         self._application = web.Application()
         self._server.attach(self._application)
+        if network is not None:
+            network.serve(self._application, self._tell_network)
         self._sockets = ServerSockets(self._server, self._application)
         self._server.on("connect", self._on_connect)
         self._server.on("disconnect", self._on_disconnect)
@@ -289,5 +300,11 @@ class LeaderServer:
     async def _greet(self, sid: str, send: Send) -> None:
         greeting = {"protocol": PROTOCOL_VERSION, "clock_id": clock_id()}
         await self._server.emit(WELCOME, greeting, to=sid)
+        await self._tell_network()
         if self._follower is not None and self._follower.sid == sid:
             self._outbox.open(send)
+
+    async def _tell_network(self) -> None:
+        """Let the follower emulate the same network as this side."""
+        if self._network is not None and self._follower is not None:
+            await self._server.emit(NETWORK, self._network.payload(), to=self._follower.sid)

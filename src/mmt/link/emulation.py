@@ -1,0 +1,150 @@
+"""Hold messages back, lose and repeat them, before they go out: the emulated network.
+
+It stands on the side that sends. What python-socketio sends by itself (connecting, pings,
+acknowledgements) and the events `welcome`, `stop` and `end` do not pass it, so that an emulated
+outage is silence on a link that is up.
+"""
+
+import asyncio
+import heapq
+import itertools
+import time
+from collections.abc import Callable
+from typing import Final
+
+from mmt.link.impairments import MessageFates
+from mmt.link.outbox import Outbox
+from mmt.network_table import Network
+from mmt.timer_file import TimerFile, open_timer
+
+_MOST_HELD: Final = 20_000
+"""Messages that are held back at most."""
+
+
+class EmulatedOutbox(Outbox):
+    """An outbox before which messages meet the fates of an emulated network.
+
+    Parameters
+    ----------
+    capacity
+        Messages that may wait for the link once their time has come.
+    settings
+        What to emulate; it can be changed at any time.
+    seed
+        Of the fates.
+    """
+
+    def __init__(self, capacity: int, settings: Network, seed: int) -> None:
+        super().__init__(capacity)
+        self._fates = MessageFates(settings, seed, time.monotonic_ns())
+        self._held: list[tuple[int, int, int, bytes]] = []
+        self._number = itertools.count()
+        self._alarm = _Alarm(self._release)
+        self._at_once = max(1, capacity // 2)  # the task that empties the queue runs in between
+        self._taken = self._lost = self._repeated = 0
+
+    @property
+    def emulated(self) -> dict[str, int]:
+        """Messages that came here since the start, and what was done to them."""
+        return {"messages": self._taken, "lost": self._lost, "repeated": self._repeated}
+
+    def change(self, settings: Network, seed: int) -> None:
+        """Treat messages so from now on; those that are held keep their time."""
+        fates = MessageFates(settings, seed, time.monotonic_ns())
+        fates.follow(self._fates)
+        self._fates = fates
+
+    def put(self, records: int, message: bytes) -> None:
+        """Take a message that holds so many records; never waits."""
+        if not self.is_open:
+            super().put(records, message)
+            return
+        self._taken += 1
+        now_ns = time.monotonic_ns()
+        arrivals = self._fates.fate(now_ns, len(message))
+        if not arrivals or len(self._held) + len(arrivals) > _MOST_HELD:
+            self._lost += 1
+            return
+        self._repeated += len(arrivals) - 1
+        for arrival_ns in arrivals:
+            heapq.heappush(self._held, (arrival_ns, next(self._number), records, message))
+            records = 0  # a repeated one is the same once more
+        self._release()
+
+    async def finish(self, timeout_s: float) -> None:
+        """Send what is held when its time comes, and what waits, within this long; then close."""
+        if self._held:
+            last_ns = max(arrival_ns for arrival_ns, *_ in self._held)
+            wait_s = min(max(last_ns - time.monotonic_ns(), 0) / 1e9, timeout_s)
+            await asyncio.sleep(wait_s)
+            timeout_s -= wait_s
+            while self._held and self._held[0][0] <= time.monotonic_ns():
+                self._release()
+                await asyncio.sleep(0)
+        await super().finish(timeout_s)
+
+    def close(self) -> None:
+        """Stop sending at once; what is held back is lost, as on its way."""
+        self._lost += len(self._held)
+        self._held.clear()
+        self._alarm.close()
+        super().close()
+
+    def _release(self) -> None:
+        now_ns = time.monotonic_ns()
+        for _ in range(self._at_once):
+            if not self._held or self._held[0][0] > now_ns:
+                break
+            _, _, records, message = heapq.heappop(self._held)
+            super().put(records, message)
+        if self._held:
+            self._alarm.set(self._held[0][0])
+
+
+class _Alarm:
+    """Call back once at a monotonic time: by a timerfd, or the loop's timers without one."""
+
+    def __init__(self, callback: Callable[[], None]) -> None:
+        self._callback = callback
+        self._timer: TimerFile | None = None
+        self._handle: asyncio.TimerHandle | None = None
+        self._open = False
+        self._due_ns: int | None = None
+
+    def set(self, due_ns: int) -> None:
+        """Call back at this time; one that was set before is forgotten."""
+        loop = asyncio.get_running_loop()
+        if not self._open:
+            self._open = True
+            self._timer = open_timer()
+            if self._timer is not None:
+                loop.add_reader(self._timer.file, self._on_readable, self._timer)
+        if self._due_ns == due_ns:
+            return
+        self._due_ns = due_ns
+        if self._timer is not None:
+            self._timer.arm(due_ns, 0)
+            return
+        if self._handle is not None:
+            self._handle.cancel()
+        wait_s = (due_ns - time.monotonic_ns()) / 1e9
+        self._handle = loop.call_at(loop.time() + wait_s, self._fire)
+
+    def close(self) -> None:
+        """Call back no more, until it is set again."""
+        if self._timer is not None:
+            asyncio.get_running_loop().remove_reader(self._timer.file)
+            self._timer.close()
+            self._timer = None
+        if self._handle is not None:
+            self._handle.cancel()
+            self._handle = None
+        self._open, self._due_ns = False, None
+
+    def _on_readable(self, timer: TimerFile) -> None:
+        if timer.expirations():
+            self._fire()
+
+    def _fire(self) -> None:
+        self._due_ns = None
+        self._callback()

@@ -1,0 +1,178 @@
+"""What an emulated network does to each message: when it arrives, twice, or never.
+
+A pure model: given when messages are sent and how long they are, it says when they arrive. It
+reads no clock and holds no message; the same seed and the same messages give the same fates.
+"""
+
+import math
+import random
+from typing import Final
+
+from mmt.network_table import Network
+
+__all__ = ["MessageFates"]
+
+_MS: Final = 1_000_000
+_S: Final = 1_000_000_000
+_ROOT_HALF: Final = math.sqrt(0.5)
+
+
+class MessageFates:
+    """Decide on each message of one direction, in the order in which they are sent.
+
+    A message that is sent during an outage is lost. It then waits for those before it where
+    the bandwidth is limited, and is lost if that takes longer than the queue holds; it is
+    lost with the loss's probability; what remains arrives after its delay, and perhaps once
+    more. About 2 us a message with everything on.
+
+    Parameters
+    ----------
+    settings
+        What to emulate.
+    seed
+        Of all that is random.
+    start_ns
+        When the first interval between outages begins.
+    """
+
+    def __init__(self, settings: Network, seed: int, start_ns: int) -> None:
+        self._settings = settings
+        self._start_ns = start_ns
+        self._random = random.Random(seed)  # noqa: S311 - an emulation, no secret
+        self._jitter = _Jitter(settings.jitter_time_ms * _MS, self._random)
+        self._losses = _BurstLosses(settings, self._random)
+        rate = settings.bandwidth_kbit_s
+        self._ns_per_byte = 8 * _S / (rate * 1000) if rate is not None else 0.0
+        self._free_ns = start_ns
+        self._latest_ns: int | None = None
+
+    def follow(self, earlier: "MessageFates") -> None:
+        """Let no message overtake those of an earlier model, whose order this one keeps on."""
+        self._latest_ns = earlier._latest_ns
+
+    def fate(self, send_ns: int, size_bytes: int) -> tuple[int, ...]:
+        """Return when a message arrives: once, twice, or never where it is lost.
+
+        Parameters
+        ----------
+        send_ns
+            When it is sent; not before the message that was asked about last.
+        size_bytes
+            How long it is, for the bandwidth.
+        """
+        if self._is_out(send_ns):
+            return ()
+        departure_ns = self._departure(send_ns, size_bytes)
+        if departure_ns is None or self._losses.loses():
+            return ()
+        arrival_ns = self._arrival(departure_ns)
+        share = self._settings.duplicate
+        if share and self._random.random() < share:
+            return (arrival_ns, self._arrival(departure_ns))
+        return (arrival_ns,)
+
+    def _is_out(self, send_ns: int) -> bool:
+        """Whether an outage holds: each lasts to the end of its interval."""
+        settings = self._settings
+        if not settings.outage_s:
+            return False
+        every_ns = round(settings.outage_every_s * _S)
+        return (send_ns - self._start_ns) % every_ns >= every_ns - round(settings.outage_s * _S)
+
+    def _departure(self, send_ns: int, size_bytes: int) -> int | None:
+        """Return when the last bit has gone out, None where the queue was full."""
+        if not self._ns_per_byte:
+            return send_ns
+        begin_ns = max(send_ns, self._free_ns)
+        if begin_ns - send_ns > self._settings.queue_ms * _MS:
+            return None
+        self._free_ns = begin_ns + round(size_bytes * self._ns_per_byte)
+        return self._free_ns
+
+    def _arrival(self, departure_ns: int) -> int:
+        settings = self._settings
+        delay_ms = settings.delay_ms
+        if settings.jitter_ms:
+            delay_ms += settings.jitter_ms * self._jitter.at(departure_ns)
+        arrival_ns = departure_ns + round(delay_ms * _MS)
+        if not settings.reorder:
+            if self._latest_ns is not None:
+                arrival_ns = max(arrival_ns, self._latest_ns)
+            self._latest_ns = arrival_ns
+        return arrival_ns
+
+
+class _BurstLosses:
+    """Gilbert's and Elliott's channel: a state that loses messages, and one that loses none.
+
+    E. O. Elliott: *Estimates of Error Rates for Codes on Burst-Noise Channels*, Bell System
+    Technical Journal 42, 1963, with the good state without loss. The share of the bad state
+    follows from the loss; a mean burst of fewer messages than chance alone gives is
+    lengthened to that, so that bursts of 1 are independent losses.
+    """
+
+    def __init__(self, settings: Network, generator: random.Random) -> None:
+        self._random = generator
+        self._burst_loss = settings.burst_loss
+        bad = settings.loss / settings.burst_loss
+        if bad < 1.0:
+            burst = max(settings.burst_messages, 1.0 / (1.0 - bad))
+            self._leave = 1.0 / burst
+            self._enter = bad / (burst * (1.0 - bad))
+        else:
+            self._leave, self._enter = 0.0, 1.0
+        self._active = bad > 0.0
+        self._is_bad = self._active and generator.random() < bad
+
+    def loses(self) -> bool:
+        """Return whether the next message is lost."""
+        if not self._active:
+            return False
+        lost = self._is_bad and (
+            self._burst_loss >= 1.0 or self._random.random() < self._burst_loss
+        )
+        change = self._leave if self._is_bad else self._enter
+        if self._random.random() < change:
+            self._is_bad = not self._is_bad
+        return lost
+
+
+class _Jitter:
+    """Values within -1 to 1, equally likely, that follow each other smoothly or not at all.
+
+    With a correlation time they are a stationary Gaussian process with the Matern covariance
+    of order 3/2, (1 + t/T) exp(-t/T), sampled exactly at any times, through the normal
+    distribution function. It has a derivative, so that slow jitter shifts messages without
+    changing their order.
+    """
+
+    def __init__(self, time_ns: float, generator: random.Random) -> None:
+        self._time_ns = time_ns
+        self._random = generator
+        self._value, self._slope = generator.gauss(0.0, 1.0), generator.gauss(0.0, 1.0)
+        self._at_ns: int | None = None
+
+    def at(self, time_ns: int) -> float:
+        """Return the value at a time not before that of the last call."""
+        if not self._time_ns:
+            return 2.0 * self._random.random() - 1.0
+        if self._at_ns is not None and time_ns > self._at_ns:
+            self._advance((time_ns - self._at_ns) / self._time_ns)
+        self._at_ns = time_ns
+        return math.erf(self._value * _ROOT_HALF)
+
+    def _advance(self, step: float) -> None:
+        """Go on by a multiple of the correlation time; the slope is in units of its inverse."""
+        decay = math.exp(-step)
+        value = decay * ((1.0 + step) * self._value + step * self._slope)
+        slope = decay * (-step * self._value + (1.0 - step) * self._slope)
+        square = decay * decay
+        # what the transition leaves of the unit variances; rounding may take it below zero
+        of_value = max(0.0, 1.0 - square * ((1.0 + step) ** 2 + step**2))
+        common = 2.0 * square * step**2
+        of_slope = max(0.0, 1.0 - square * (step**2 + (1.0 - step) ** 2))
+        first, second = self._random.gauss(0.0, 1.0), self._random.gauss(0.0, 1.0)
+        root = math.sqrt(of_value)
+        across = common / root if root > 0.0 else 0.0
+        self._value = value + root * first
+        self._slope = slope + across * first + math.sqrt(max(0.0, of_slope - across**2)) * second

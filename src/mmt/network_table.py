@@ -1,0 +1,80 @@
+"""The scene's table ``[network]``: the network that is emulated between the two services."""
+
+from typing import Any, Final, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+PROFILES: Final[dict[str, dict[str, float]]] = {
+    "lan": {"delay_ms": 0.3, "jitter_ms": 0.2},
+    "wifi": {"delay_ms": 3.0, "jitter_ms": 2.0, "jitter_time_ms": 5.0},
+    "wan": {"delay_ms": 40.0, "jitter_ms": 10.0, "jitter_time_ms": 50.0},
+    "bad": {
+        "delay_ms": 150.0,
+        "jitter_ms": 60.0,
+        "jitter_time_ms": 200.0,
+        "loss": 0.02,
+        "burst_messages": 10.0,
+    },
+    "outage": {"delay_ms": 3.0, "jitter_ms": 2.0, "jitter_time_ms": 5.0, "outage_s": 2.0},
+}
+"""What each profile sets; a key that is given beside the profile has its own value."""
+
+
+class Network(BaseModel):
+    """``[network]``: what the services do to each other's messages before they are sent."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    profile: Literal["lan", "wifi", "wan", "bad", "outage"] | None = None
+    direction: Literal["both", "up", "down"] = "both"
+    delay_ms: float = Field(0.0, ge=0, le=1000)
+    jitter_ms: float = Field(0.0, ge=0, le=1000)
+    jitter_time_ms: float = Field(0.0, ge=0, le=60_000)
+    reorder: bool = False
+    loss: float = Field(0.0, ge=0, le=1)
+    burst_messages: float = Field(1.0, ge=1, le=1_000_000)
+    burst_loss: float = Field(1.0, gt=0, le=1)
+    duplicate: float = Field(0.0, ge=0, le=1)
+    bandwidth_kbit_s: float | None = Field(None, ge=1, le=10_000_000)
+    queue_ms: float = Field(200.0, ge=1, le=1000)
+    outage_s: float = Field(0.0, ge=0, le=3600)
+    outage_every_s: float = Field(10.0, ge=0.01, le=86_400)
+    seed: int | None = Field(None, ge=0, lt=2**63)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_profile(cls, given: Any) -> Any:
+        """Fill in what the profile sets; what is no profile is refused with the other keys."""
+        profile = given.get("profile") if isinstance(given, dict) else None
+        return {**PROFILES.get(profile, {}), **given} if isinstance(profile, str) else given
+
+    @model_validator(mode="after")
+    def _combinations(self) -> Self:
+        if self.jitter_ms > self.delay_ms:
+            raise ValueError(
+                "jitter_ms must not exceed delay_ms: the delay lies within delay_ms +- jitter_ms"
+            )
+        if self.loss > self.burst_loss:
+            raise ValueError("loss must not exceed burst_loss: no message is lost between bursts")
+        if self.outage_s > self.outage_every_s:
+            raise ValueError("outage_s must not exceed outage_every_s, from start to start")
+        return self
+
+    def concerns(self, direction: Literal["up", "down"]) -> bool:
+        """Return whether messages of this direction are to be changed."""
+        return self.direction in {"both", direction}
+
+    def describe(self) -> str:
+        """Return a sentence's worth of what is emulated."""
+        ways = "" if self.direction == "both" else f" {self.direction} alone"
+        bandwidth = self.bandwidth_kbit_s
+        said = [
+            (self.delay_ms > 0, f"delay {self.delay_ms:g} +- {self.jitter_ms:g} ms"),
+            (self.reorder, "reordering"),
+            (self.loss > 0, f"{self.loss:.3g} lost in bursts of {self.burst_messages:g}"),
+            (self.duplicate > 0, f"{self.duplicate:.3g} repeated"),
+            (bandwidth is not None, f"{bandwidth or 0:g} kbit/s"),
+            (self.outage_s > 0, f"out {self.outage_s:g} s every {self.outage_every_s:g} s"),
+        ]
+        texts = [text for holds, text in said if holds]
+        return ", ".join(texts) + ways if texts else "none"
