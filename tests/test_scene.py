@@ -148,3 +148,16 @@ def test_to_record_a_run_does_not_change_its_wire(tmp_path: Path) -> None:
     demo = load_scene(Path("demo"), record=tmp_path / "a.mcap").recording
     assert demo is not None
     assert demo.channels == "all"
+
+
+def test_a_network_without_a_link_is_refused() -> None:
+    with pytest.raises(InputError, match=r"\[network\] needs a follower: add \[link\]"):
+        scene_from_tables({"network": {}, "hand": {}})
+
+
+def test_a_variable_emulates_a_network_in_any_scene() -> None:
+    variables = environment_overrides({"MMT_NETWORK__PROFILE": "wan", "MMT_NETWORK__LOSS": "0.5"})
+    scene = scene_from_tables(SIMULATED, variables)
+    assert scene.network is not None
+    assert (scene.network.delay_ms, scene.network.loss) == (40.0, 0.5)
+    assert scene_from_tables(scene.dump()) == scene

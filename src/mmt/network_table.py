@@ -32,10 +32,10 @@ class Network(BaseModel):
     jitter_time_ms: float = Field(0.0, ge=0, le=60_000)
     reorder: bool = False
     loss: float = Field(0.0, ge=0, le=1)
-    burst_messages: float = Field(1.0, ge=1, le=1_000_000)
+    burst_messages: float = Field(1.0, ge=1, le=100_000)
     burst_loss: float = Field(1.0, gt=0, le=1)
     duplicate: float = Field(0.0, ge=0, le=1)
-    bandwidth_kbit_s: float | None = Field(None, ge=1, le=10_000_000)
+    bandwidth_kbit_s: float | None = Field(None, ge=1, le=100_000)
     queue_ms: float = Field(200.0, ge=1, le=1000)
     outage_s: float = Field(0.0, ge=0, le=3600)
     outage_every_s: float = Field(10.0, ge=0.01, le=86_400)

@@ -137,6 +137,11 @@ def test_a_leader_of_a_replay_has_no_hand(modules: dict[str, set[str]]) -> None:
     }
 
 
+def test_without_the_table_no_network_is_emulated(modules: dict[str, set[str]]) -> None:
+    emulation = {"mmt.link.emulation", "mmt.link.network", "mmt.link.impairments"}
+    assert all(among(found, emulation) == set() for found in modules.values())
+
+
 def test_a_follower_has_its_own_source_alone(modules: dict[str, set[str]]) -> None:
     sources = {"mmt.devices.simulated.follower", "mmt.session.replay", "mmt.devices.source"}
     assert among(modules["follower demo"], sources) == {"mmt.devices.simulated.follower"}
