@@ -4,7 +4,7 @@ import os
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -15,6 +15,17 @@ AnyTable = TypeVar("AnyTable", bound=BaseModel)
 
 ENVIRONMENT_PREFIX = "MMT_"
 """``MMT_LINK__PORT=9000`` overrides ``port`` of ``[link]``."""
+
+
+_READ: Final = (
+    ("rendering", "model"),
+    ("replay", "file"),
+    ("link", "token_file"),
+    ("link", "certificate"),
+    ("link", "key"),
+    ("link", "authority"),
+)
+"""Keys that name files which a scene reads."""
 
 
 def load_scene(
@@ -98,7 +109,7 @@ def find_scene(path: Path) -> Path:
 
 def _look_beside(path: Path, tables: dict[str, Any]) -> None:
     """Let files that a scene reads stand beside it."""
-    for name, key in (("rendering", "model"), ("replay", "file")):
+    for name, key in _READ:
         table = tables.get(name)
         if isinstance(table, dict) and isinstance(table.get(key), str):
             beside = path.parent / table[key]

@@ -225,7 +225,7 @@ async def test_a_port_that_is_taken_is_explained() -> None:
         with pytest.raises(MmtError, match=rf"cannot listen on 127.0.0.1 port {server.port}"):
             await second.start()
         await second.stop()
-    elsewhere = LeaderServer(Link(host="203.0.113.1"), CHANNELS, LeaderNotes().events())
+    elsewhere = LeaderServer(Link(host="203.0.113.1", open=True), CHANNELS, LeaderNotes().events())
     with pytest.raises(MmtError, match=r"cannot listen on 203\.0\.113\.1"):
         await elsewhere.start()
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+import signal
 from collections.abc import Iterator
 from dataclasses import dataclass
 from io import BytesIO
@@ -238,3 +239,27 @@ def test_the_demo_leaves_a_recording_and_a_report(tmp_path: Path) -> None:
     assert content["follower"]["link"]["frames"] == len(recording.frames)
     assert content["evaluation"]
     assert "recording: mmt-demo/session.mcap" in demo.stderr
+
+
+def test_a_token_lets_the_follower_in_and_is_written_nowhere(tmp_path: Path) -> None:
+    token = "a secret of this test alone"
+    recorded = {"MMT_RECORDING__FILE": "session.mcap", "MMT_LINK_TOKEN": token}
+    with session(tmp_path, "stream-only", **recorded) as (leader, follower):
+        with follower_of(leader, "stream-only", tmp_path, MMT_LINK_TOKEN="x" * 16) as stranger:
+            assert stranger.end() == 1
+        assert "refused: the token is missing or wrong" in stranger.stderr
+        leader.signal(signal.SIGTERM)
+        assert (leader.end(), follower.end()) == (0, 0), leader.stderr + follower.stderr
+    outputs = (leader.stdout, leader.stderr, follower.stdout, follower.stderr)
+    assert not any(token in output for output in outputs)
+    assert token.encode() not in (tmp_path / "session.mcap").read_bytes()
+    assert "token" not in read_session(tmp_path / "session.mcap").scene["link"]
+
+
+def test_a_leader_does_not_listen_for_strangers(tmp_path: Path) -> None:
+    with Service(
+        "leader", scene("stream-only"), "--port", 0, cwd=tmp_path, MMT_LINK__HOST="0.0.0.0"
+    ) as leader:
+        assert leader.end() == 2
+    assert "lets everyone who reaches port 0 be the follower: set a token" in leader.stderr
+    assert "Traceback" not in leader.stderr

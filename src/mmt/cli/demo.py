@@ -158,7 +158,7 @@ class _Demo:
         async for line in leader.lines():
             self._take_leader(line)
             if line["kind"] == "ready" and self._scene.link is not None:
-                url = f"http://{self._scene.link.host}:{line['port']}"
+                url = self._scene.link.url(line["port"])
                 follower = await self._start("follower", [*self._arguments, "--leader", url])
                 following = asyncio.create_task(self._watch_follower(follower, leader))
         failed = await self._note_end(leader) != 0

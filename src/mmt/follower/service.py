@@ -12,6 +12,7 @@ from mmt.devices.protocols import Vector
 from mmt.errors import FAILED, MmtError
 from mmt.follower.guarding import CommandGuard
 from mmt.follower.sources import build_source
+from mmt.link.access import Access
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.process import ProcessMeter, prefer_even_ticks
@@ -70,7 +71,7 @@ class FollowerService:
     ) -> None:
         self.scene = scene
         self._link = scene.link or Link()
-        self.url = url or f"http://{self._link.host}:{self._link.port}"
+        self.url = url or self._link.url()
         self._say = on_event or (lambda _: None)
         self.source = build_source(scene)
         self._client = FollowerClient(
@@ -89,6 +90,7 @@ class FollowerService:
                 on_error=self._fail,
             ),
             network=self._emulated_network(),
+            access=Access.of(self._link),
         )
         self._ticker = Ticker(round(1e9 / scene.session.rate_hz), self._tick)
         self._guard = self._make_guard()

@@ -11,9 +11,18 @@ import socketio
 from mmt.arrays import RecordArray
 from mmt.errors import InputError, MmtError
 from mmt.frames import COMMAND_DTYPE, frame_dtype
+from mmt.link.access import Access, check_scheme
 from mmt.link.clock import clock_id
 from mmt.link.counting import gather
-from mmt.link.dialling import ACKNOWLEDGE_S, ATTEMPT_S, CLOSE_TIMEOUT_S, Line, check_url
+from mmt.link.dialling import (
+    ACKNOWLEDGE_S,
+    ATTEMPT_S,
+    CLOSE_TIMEOUT_S,
+    Line,
+    check_url,
+    distrust,
+    what_to_check,
+)
 from mmt.link.direct import client_send
 from mmt.link.events import FollowerEvents, call
 from mmt.link.log import LOG
@@ -51,18 +60,21 @@ class FollowerClient:
     Parameters
     ----------
     url
-        Of the leader: ``http://host:port``, or ``https`` behind a proxy.
+        Of the leader: ``http://host:port``, or ``https``.
     hello
         What the follower says of itself; sent again with every connection.
     events
         What to call.
     network
         Emulated between this side and the leader.
+    access
+        The token and the certificates of this side.
 
     Raises
     ------
     InputError
-        `url` is none.
+        `url` is none, or without TLS where there are certificates, or one of these cannot be
+        used.
     """
 
     def __init__(
@@ -72,8 +84,12 @@ class FollowerClient:
         events: FollowerEvents,
         *,
         network: "EmulatedNetwork | None" = None,
+        access: Access | None = None,
     ) -> None:
         check_url(url)
+        self._access = access or Access()
+        check_scheme(url, self._access)
+        self._tls = self._access.client_context()
         self._url = url
         self._hello = hello
         self._events = events
@@ -125,10 +141,15 @@ class FollowerClient:
                 return
             if self._refusal is not None:
                 raise MmtError(f"the leader at {self._url} refused: {self._refusal}")
+            if distrust(problem):
+                raise MmtError(
+                    f"the leader at {self._url} and this follower do not trust each other "
+                    f"({problem}): check certificate, key and authority of [link] on both"
+                )
             if loop.time() + _BETWEEN_ATTEMPTS_S > deadline_s:
                 raise MmtError(
                     f"no leader answered at {self._url} within {timeout_s:g} s ({problem}): "
-                    "start mmt-leader there, and check host, port and firewall"
+                    f"start mmt-leader there, and check {what_to_check(self._url)}"
                 )
             await asyncio.sleep(_BETWEEN_ATTEMPTS_S)
 
@@ -244,13 +265,17 @@ class FollowerClient:
             STOP: self._on_stop,
             NETWORK: self._on_network,
         }
-        self._line = line = Line.make(handlers, {COMMANDS: self._on_commands})
+        self._line = line = Line.make(handlers, {COMMANDS: self._on_commands}, self._tls)
         try:
-            return await line.open(self._url, self._hello.to_auth(), timeout_s)
+            return await line.open(self._url, self._auth(), timeout_s)
         finally:
             if not self._connected:
                 self._line = None
                 await line.close()
+
+    def _auth(self) -> dict[str, object]:
+        token = self._access.token
+        return self._hello.to_auth() | ({} if token is None else {"token": token})
 
     def _send_gathered(self) -> None:
         gathered, size = bytes(self._gathered), self._dtype.itemsize

@@ -1,6 +1,7 @@
 """Make, open and close the follower's Socket.IO connection."""
 
 import asyncio
+import ssl
 import urllib.parse
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -35,12 +36,19 @@ class Line:
     _dropping: set[asyncio.Task[bool]] = field(default_factory=set)
 
     @classmethod
-    def make(cls, handlers: Mapping[str, Callable[..., None]], direct: Handlers) -> "Line":
+    def make(
+        cls,
+        handlers: Mapping[str, Callable[..., None]],
+        direct: Handlers,
+        tls: ssl.SSLContext | None = None,
+    ) -> "Line":
         """Make one that is not connected, with a handler for each event.
 
-        The `direct` ones are called past the library where they can be.
+        The `direct` ones are called past the library where they can be. Without `tls` an https
+        URL is trusted as the system does.
         """
         session = aiohttp.ClientSession(
+            connector=aiohttp.TCPConnector(ssl=tls or True),
             timeout=aiohttp.ClientTimeout(total=ATTEMPT_S, sock_connect=ATTEMPT_S),
             ws_response_class=client_websocket(direct),
         )
@@ -106,7 +114,19 @@ def check_url(url: str) -> None:
     except ValueError:
         good = False
     if not good:
-        raise InputError(f"leader's URL {url!r}: allowed is http://HOST:PORT")
+        raise InputError(f"leader's URL {url!r}: allowed is http://HOST:PORT or https://HOST:PORT")
+
+
+def distrust(problem: str) -> bool:
+    """Whether what stood in the way is a certificate, which does not change by trying again."""
+    return "CERTIFICATE" in problem.upper()
+
+
+def what_to_check(url: str) -> str:
+    """Return what keeps a follower from its leader; one that TLS refuses just hears nothing."""
+    if url.startswith(("https:", "wss:")):
+        return "this follower's certificate, host, port and firewall"
+    return "http or https, host, port and firewall"
 
 
 def _first_cause(error: BaseException) -> str:

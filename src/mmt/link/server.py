@@ -8,15 +8,17 @@ from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import socketio
-from aiohttp import web
 
 from mmt.arrays import RecordArray
-from mmt.errors import InputError, MmtError
+from mmt.errors import MmtError
 from mmt.frames import COMMAND_DTYPE, Channel, frame_dtype, ordered_channels
+from mmt.link.access import Access
+from mmt.link.admission import admit
 from mmt.link.clock import clock_id
 from mmt.link.counting import gather
 from mmt.link.direct import Send, ServerSockets
 from mmt.link.events import LeaderEvents, call
+from mmt.link.listening import CLOSE_TIMEOUT_S, Listener, guarded_application
 from mmt.link.log import LOG, wire_logger
 from mmt.link.outbox import Outbox
 from mmt.link.protocol import (
@@ -48,7 +50,6 @@ __all__ = ["LeaderEvents", "LeaderServer"]
 
 _COMMANDS_WAITING: Final = 50
 """Commands that wait for a stalled link, 50 ms at 1 kHz: older ones are of no use."""
-_CLOSE_TIMEOUT_S: Final = 1.0
 
 
 @dataclass
@@ -80,7 +81,7 @@ class LeaderServer:
     Raises
     ------
     InputError
-        The channels are none or unknown.
+        The channels are none or unknown, or the token cannot be had.
     """
 
     def __init__(
@@ -94,6 +95,7 @@ class LeaderServer:
         network: "EmulatedNetwork | None" = None,
     ) -> None:
         self._settings = settings
+        self._access = Access.of(settings)
         self._channels = ordered_channels(channels)
         self._events = events
         self._rate_hz = rate_hz
@@ -107,7 +109,6 @@ class LeaderServer:
         self._left = asyncio.Event()
         self._stopping = False
         self._greeting: asyncio.Task[None] | None = None
-        self._runner: web.AppRunner | None = None
         self._server = socketio.AsyncServer(
             async_mode="aiohttp",
             serializer="msgpack",
@@ -119,11 +120,12 @@ class LeaderServer:
             logger=wire_logger(),
             engineio_logger=wire_logger(),
         )
-        self._application = web.Application()
-        self._server.attach(self._application)
+        application = guarded_application(self._access)
+        self._server.attach(application)
         if network is not None:
-            network.serve(self._application, self._tell_network)
-        self._sockets = ServerSockets(self._server, self._application)
+            network.serve(application, self._tell_network)
+        self._listener = Listener(application)
+        self._sockets = ServerSockets(self._server, application)
         self._server.on("connect", self._on_connect)
         self._server.on("disconnect", self._on_disconnect)
         self._server.on(FRAMES, self._on_frames)
@@ -132,8 +134,7 @@ class LeaderServer:
     @property
     def port(self) -> int:
         """The port that is listened on, 0 before `start`."""
-        addresses = self._runner.addresses if self._runner is not None else []
-        return int(addresses[0][1]) if addresses else 0
+        return self._listener.port
 
     @property
     def connected(self) -> bool:
@@ -155,23 +156,16 @@ class LeaderServer:
 
         Raises
         ------
+        InputError
+            Strangers could connect and the scene does not allow it, or a certificate cannot
+            be used.
         MmtError
             The host or the port cannot be had.
         """
-        runner = web.AppRunner(
-            self._application, access_log=None, shutdown_timeout=_CLOSE_TIMEOUT_S
+        settings = self._settings
+        await self._listener.start(
+            settings.host, settings.port, self._access, allowed=settings.open
         )
-        await runner.setup()
-        host, port = self._settings.host, self._settings.port
-        try:
-            await web.TCPSite(runner, host, port).start()
-        except OSError as error:
-            await runner.cleanup()
-            raise MmtError(
-                f"cannot listen on {host} port {port} ({error.strerror or error}): "
-                "set host and port of [link] to an address of this machine and a free port"
-            ) from error
-        self._runner = runner
 
     async def request_stop(self, reason: str) -> None:
         """Ask the follower to end, and wait a second at most until it has left."""
@@ -180,9 +174,9 @@ class LeaderServer:
         if not self._follower.ended:
             await self._server.emit(STOP, {"reason": reason}, to=self._follower.sid)
         try:
-            await asyncio.wait_for(self._left.wait(), _CLOSE_TIMEOUT_S)
+            await asyncio.wait_for(self._left.wait(), CLOSE_TIMEOUT_S)
         except TimeoutError:
-            LOG.info("the follower did not leave within %g s", _CLOSE_TIMEOUT_S)
+            LOG.info("the follower did not leave within %g s", CLOSE_TIMEOUT_S)
 
     async def stop(self) -> None:
         """Drop the follower, if there is one, and stop listening."""
@@ -190,12 +184,11 @@ class LeaderServer:
         self._outbox.close()
         if self._greeting is not None:
             self._greeting.cancel()
-        if self._runner is None:
+        if not self._listener.port:
             return
-        await self._sockets.close(_CLOSE_TIMEOUT_S)
+        await self._sockets.close(CLOSE_TIMEOUT_S)
         await self._server.shutdown()
-        await self._runner.cleanup()
-        self._runner = None
+        await self._listener.stop()
 
     def send_commands(self, commands: RecordArray) -> None:
         """Queue motion commands for the follower; never waits.
@@ -226,8 +219,13 @@ class LeaderServer:
 
     def _on_connect(self, sid: str, environ: Mapping[str, object], auth: object = None) -> None:
         try:
-            hello = FollowerHello.from_auth(auth)
-            self._check(hello)
+            hello = admit(
+                auth,
+                self._access,
+                self._channels,
+                self._rate_hz,
+                occupied=self._follower is not None,
+            )
             self._events.on_follower(hello)
         except MmtError as error:
             LOG.warning("refused a follower: %s", error)
@@ -282,20 +280,6 @@ class LeaderServer:
         """Whether this is the follower, and still in its session."""
         follower = self._follower
         return follower is not None and follower.sid == sid and not follower.ended
-
-    def _check(self, hello: FollowerHello) -> None:
-        if self._follower is not None:
-            raise MmtError("another follower is connected: one leader serves one follower")
-        if hello.rate_hz != self._rate_hz:
-            raise InputError(
-                f"the follower streams at {hello.rate_hz} Hz, the leader's scene expects "
-                f"{self._rate_hz} Hz: use the same scene on both"
-            )
-        if hello.channels != self._channels:
-            raise InputError(
-                f"the follower sends {', '.join(hello.channels)}, the leader's scene needs "
-                f"{', '.join(self._channels)}: use the same scene on both"
-            )
 
     async def _greet(self, sid: str, send: Send) -> None:
         greeting = {"protocol": PROTOCOL_VERSION, "clock_id": clock_id()}

@@ -1,0 +1,198 @@
+"""Who may connect: a shared token, TLS, and what may be listened on without them.
+
+The token never becomes part of the scene, which is written into recordings, reports and logs;
+it comes from the environment or from a file of its own.
+"""
+
+import hmac
+import ipaddress
+import os
+import socket
+import ssl
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from mmt.errors import InputError
+from mmt.scene import Link
+
+TOKEN_VARIABLE: Final = "MMT_LINK_TOKEN"  # noqa: S105 - the variable's name
+SHORTEST_TOKEN: Final = 16
+"""A token of so many random hexadecimal digits cannot be guessed over a network."""
+
+REFUSED: Final = (
+    "the token is missing or wrong: give the follower the leader's token, "
+    f"in {TOKEN_VARIABLE} or token_file of [link]"
+)
+
+_LONGEST_FILE: Final = 4096
+
+
+@dataclass(frozen=True)
+class Access:
+    """What one side shows to the other, and asks of it; nothing by default.
+
+    Parameters
+    ----------
+    token
+        Shared secret; None asks for none.
+    certificate, key
+        PEM files of this side's certificate, with its chain, and of its private key.
+    authority
+        PEM file of the authority that has signed the other side's certificate. A leader that
+        has one takes followers with such a certificate alone.
+    """
+
+    token: str | None = field(default=None, repr=False)
+    certificate: Path | None = None
+    key: Path | None = None
+    authority: Path | None = None
+
+    @classmethod
+    def of(cls, settings: Link, environment: Mapping[str, str] = os.environ) -> "Access":
+        """Return the access that a scene's ``[link]`` and the environment ask for.
+
+        Raises
+        ------
+        InputError
+            The token is too short, or its file cannot be read.
+        """
+        token = environment.get(TOKEN_VARIABLE) or None
+        origin = TOKEN_VARIABLE
+        if token is None and settings.token_file is not None:
+            token, origin = _read_token(settings.token_file), f"the file {settings.token_file}"
+        if token is not None and len(token) < SHORTEST_TOKEN:
+            raise InputError(
+                f"the token in {origin} has {len(token)} characters, at least {SHORTEST_TOKEN} "
+                "are needed: make one by `openssl rand -hex 32`"
+            )
+        return cls(token, settings.certificate, settings.key, settings.authority)
+
+    def admits(self, offered: object) -> bool:
+        """Whether this is the token, compared in constant time; all are if there is none."""
+        if self.token is None:
+            return True
+        text = offered if isinstance(offered, str) else ""
+        return hmac.compare_digest(_bytes(text), _bytes(self.token))
+
+    def admits_header(self, authorization: str | None) -> bool:
+        """Whether an HTTP request's ``Authorization`` carries the token, as ``Bearer``."""
+        scheme, _, offered = (authorization or "").partition(" ")
+        return self.admits(offered.strip() if scheme.lower() == "bearer" else None)
+
+    @property
+    def knows_its_peer(self) -> bool:
+        """Whether a leader asks for anything that a stranger lacks."""
+        return self.token is not None or self.authority is not None
+
+    def server_context(self) -> ssl.SSLContext | None:
+        """Return how a leader speaks TLS, None where it does not.
+
+        Raises
+        ------
+        InputError
+            A file cannot be used, or a leader has an authority but no certificate.
+        """
+        if self.certificate is None:
+            if self.authority is not None:
+                raise InputError(
+                    "a leader that asks for its follower's certificate (authority of [link]) "
+                    "needs its own: set certificate and key of [link]"
+                )
+            return None
+        context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
+        self._load(context)
+        if self.authority is not None:
+            context.verify_mode = ssl.CERT_REQUIRED
+        return context
+
+    def client_context(self) -> ssl.SSLContext | None:
+        """Return how a follower speaks TLS, None where the system's authorities are enough.
+
+        Raises
+        ------
+        InputError
+            A file cannot be used.
+        """
+        if self.certificate is None and self.authority is None:
+            return None
+        context = ssl.create_default_context(ssl.Purpose.SERVER_AUTH)
+        self._load(context)
+        return context
+
+    def _load(self, context: ssl.SSLContext) -> None:
+        if self.certificate is not None:
+            try:  # without a password it would ask the terminal
+                context.load_cert_chain(self.certificate, self.key, password="")
+            except (OSError, ValueError) as error:
+                raise InputError(
+                    f"certificate {self.certificate} with key {self.key}: {_why(error)}; both "
+                    "must be PEM files that belong together, the key without a password"
+                ) from error
+        if self.authority is not None:
+            try:
+                context.load_verify_locations(self.authority)
+            except OSError as error:
+                raise InputError(
+                    f"authority {self.authority}: {_why(error)}; it must be a PEM file"
+                ) from error
+
+
+def check_listening(host: str, port: int, access: Access, *, allowed: bool) -> None:
+    """Refuse to listen where strangers can connect, unless the scene allows it.
+
+    Raises
+    ------
+    InputError
+        `host` is not this machine alone, and neither a token nor certificates are asked for.
+    """
+    if allowed or access.knows_its_peer or _is_loopback(host):
+        return
+    raise InputError(
+        f"listening on {host or 'all addresses'} lets everyone who reaches port {port} be the "
+        f"follower: set a token ({TOKEN_VARIABLE}, or token_file of [link]), or certificates "
+        "(certificate, key and authority of [link]), or allow it by open = true of [link]"
+    )
+
+
+def check_scheme(url: str, access: Access) -> None:
+    """Refuse a URL without TLS where the scene has certificates.
+
+    Raises
+    ------
+    InputError
+        So it is.
+    """
+    wanted = access.certificate is not None or access.authority is not None
+    if wanted and not url.startswith(("https:", "wss:")):
+        raise InputError(
+            f"leader's URL {url!r}: the scene's [link] has certificates, give an https:// URL"
+        )
+
+
+def _read_token(path: Path) -> str:
+    try:
+        with path.open(encoding="utf-8") as stream:
+            return stream.read(_LONGEST_FILE).strip()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"token_file {path}: {_why(error)}") from error
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        found = socket.getaddrinfo(host or None, 0, flags=socket.AI_PASSIVE)
+    except OSError:
+        return True  # nobody can listen there: that is explained when it is tried
+    addresses = (str(info[4][0]).partition("%")[0] for info in found)
+    return all(ipaddress.ip_address(address).is_loopback for address in addresses)
+
+
+def _bytes(text: str) -> bytes:
+    return text.encode("utf-8", "backslashreplace")
+
+
+def _why(error: Exception) -> str:
+    if isinstance(error, ssl.SSLError):
+        return (error.reason or "not readable").replace("_", " ").lower()
+    return (error.strerror if isinstance(error, OSError) else None) or str(error)

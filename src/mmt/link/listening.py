@@ -1,0 +1,93 @@
+"""Listen for HTTP and WebSockets, as the scene allows."""
+
+from typing import Final
+
+from aiohttp import web
+from aiohttp.typedefs import Handler
+
+from mmt.errors import MmtError
+from mmt.link.access import Access, check_listening
+
+CLOSE_TIMEOUT_S: Final = 1.0
+"""How long open connections may take to end."""
+
+
+_OPEN_PATHS: Final = frozenset({"/socket.io/", "/health"})
+"""A follower shows its token when it connects; health says nothing more without it."""
+
+
+def guarded_application(access: Access) -> web.Application:
+    """Return an application whose every page asks for the token, as ``Bearer``."""
+
+    @web.middleware
+    async def guard(request: web.Request, handler: Handler) -> web.StreamResponse:
+        if request.path not in _OPEN_PATHS and not access.admits_header(
+            request.headers.get("Authorization")
+        ):
+            return web.Response(
+                status=401,
+                headers={"WWW-Authenticate": "Bearer"},
+                text="give the leader's token: Authorization: Bearer TOKEN\n",
+            )
+        return await handler(request)
+
+    return web.Application(middlewares=[guard])
+
+
+class Listener:
+    """A web application on one address and port.
+
+    Parameters
+    ----------
+    application
+        What is served.
+    """
+
+    def __init__(self, application: web.Application) -> None:
+        self._application = application
+        self._runner: web.AppRunner | None = None
+
+    @property
+    def port(self) -> int:
+        """The port that is listened on, 0 before `start`."""
+        addresses = self._runner.addresses if self._runner is not None else []
+        return int(addresses[0][1]) if addresses else 0
+
+    async def start(self, host: str, port: int, access: Access, *, allowed: bool) -> None:
+        """Listen.
+
+        Parameters
+        ----------
+        host, port
+            Where; port 0 takes any free one.
+        access
+            What is asked of who connects.
+        allowed
+            Whether strangers may.
+
+        Raises
+        ------
+        InputError
+            Strangers could connect although they may not, or a certificate cannot be used.
+        MmtError
+            The host or the port cannot be had.
+        """
+        check_listening(host, port, access, allowed=allowed)
+        context = access.server_context()
+        runner = web.AppRunner(self._application, access_log=None, shutdown_timeout=CLOSE_TIMEOUT_S)
+        await runner.setup()
+        try:
+            await web.TCPSite(runner, host, port, ssl_context=context).start()
+        except OSError as error:
+            await runner.cleanup()
+            raise MmtError(
+                f"cannot listen on {host} port {port} ({error.strerror or error}): "
+                "set host and port of [link] to an address of this machine and a free port"
+            ) from error
+        self._runner = runner
+
+    async def stop(self) -> None:
+        """Stop listening; nothing happens where nothing is listened on."""
+        runner, self._runner = self._runner, None
+        if runner is not None:
+            await runner.cleanup()

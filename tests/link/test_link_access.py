@@ -1,0 +1,346 @@
+"""Who may connect: tokens, certificates, and what is listened on without them."""
+
+import logging
+import re
+import ssl
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import aiohttp
+import pytest
+import trustme
+import yarl
+from link_samples import CHANNELS, FollowerNotes, LeaderNotes, frames, hello, until
+
+from mmt.errors import InputError, MmtError
+from mmt.link.access import TOKEN_VARIABLE, Access, check_listening
+from mmt.link.client import FollowerClient
+from mmt.link.server import LeaderServer
+from mmt.scene import Link
+
+TOKEN = "a token that nobody guesses"
+
+
+@dataclass(frozen=True)
+class Files:
+    """PEM files of an authority, and of a leader and a follower that it has signed."""
+
+    authority: Path
+    leader: Path
+    leader_key: Path
+    follower: Path
+    follower_key: Path
+
+    @classmethod
+    def make(cls, directory: Path) -> "Files":
+        directory.mkdir()
+        authority = trustme.CA()
+        authority.cert_pem.write_to_path(directory / "authority.pem")
+        for name in ("127.0.0.1", "follower"):
+            issued = authority.issue_cert(name)
+            issued.private_key_pem.write_to_path(directory / f"{name}-key.pem")
+            for index, pem in enumerate(issued.cert_chain_pems):
+                pem.write_to_path(directory / f"{name}.pem", append=index > 0)
+        return cls(
+            directory / "authority.pem",
+            directory / "127.0.0.1.pem",
+            directory / "127.0.0.1-key.pem",
+            directory / "follower.pem",
+            directory / "follower-key.pem",
+        )
+
+    def leads(self, **changes: object) -> Link:
+        """How the leader listens: TLS, and certificates from its followers."""
+        values = {
+            "port": 0,
+            "certificate": self.leader,
+            "key": self.leader_key,
+            "authority": self.authority,
+        }
+        return Link.model_validate({**values, **changes})
+
+    def follows(self, **changes: object) -> Access:
+        values = {
+            "certificate": self.follower,
+            "key": self.follower_key,
+            "authority": self.authority,
+        }
+        return Access(**{**values, **changes})  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
+    return Files.make(tmp_path_factory.mktemp("certificates") / "ours")
+
+
+@pytest.fixture(scope="module")
+def strangers(tmp_path_factory: pytest.TempPathFactory) -> Files:
+    return Files.make(tmp_path_factory.mktemp("certificates") / "theirs")
+
+
+@asynccontextmanager
+async def listening(settings: Link, notes: LeaderNotes | None = None) -> AsyncIterator[str]:
+    """A leader; yields its URL."""
+    server = LeaderServer(settings, CHANNELS, (notes or LeaderNotes()).events())
+    await server.start()
+    try:
+        yield settings.url(server.port)
+    finally:
+        await server.stop()
+
+
+async def stream_one(url: str, access: Access, notes: LeaderNotes, timeout_s: float = 5.0) -> None:
+    """Connect, send a frame, and end."""
+    client = FollowerClient(url, hello(), FollowerNotes().events(), access=access)
+    try:
+        await client.connect(timeout_s)
+        client.send_frames(frames(0))
+        await client.end("done")
+    finally:
+        await client.disconnect()
+    await until(lambda: notes.ends)
+
+
+async def refusal(url: str, access: Access) -> str:
+    with pytest.raises(MmtError) as raised:
+        await stream_one(url, access, LeaderNotes(), timeout_s=0.5)
+    return str(raised.value)
+
+
+# --- the token
+
+
+@pytest.fixture
+def token_file(tmp_path: Path) -> Path:
+    path = tmp_path / "token"
+    path.write_text(f"{TOKEN}\n")
+    return path
+
+
+async def test_a_follower_with_the_token_is_served(token_file: Path) -> None:
+    notes = LeaderNotes()
+    settings = Link(port=0, token_file=token_file)
+    async with listening(settings, notes) as url:
+        await stream_one(url, Access.of(settings), notes)
+    assert notes.sequences == [0]
+
+
+@pytest.mark.parametrize("offered", [None, "another token, as long", TOKEN[:-1], TOKEN + "x", "ü"])
+async def test_without_the_token_nobody_is_served_nor_told_anything(
+    token_file: Path, offered: str | None, caplog: pytest.LogCaptureFixture
+) -> None:
+    notes = LeaderNotes()
+    async with listening(Link(port=0, token_file=token_file), notes) as url:
+        sentence = await refusal(url, Access(offered))
+        assert "refused: the token is missing or wrong: give the follower the leader's" in sentence
+        other = FollowerClient(url, hello(channels=("force",)), FollowerNotes().events())
+        with pytest.raises(MmtError, match="the token is missing"):  # before any other reason
+            await other.connect(5.0)
+        await other.disconnect()
+    assert notes.hellos == []
+    assert TOKEN not in caplog.text
+
+
+@pytest.mark.parametrize("offered", [5, TOKEN.encode(), [TOKEN], {"token": TOKEN}, True, "\ud800"])
+async def test_a_token_of_another_type_is_none(token_file: Path, offered: object) -> None:
+    access = Access.of(Link(token_file=token_file))
+    assert access.admits(TOKEN)
+    assert not access.admits(offered)
+
+
+async def test_a_token_that_nobody_asks_for_is_no_reason_to_refuse() -> None:
+    notes = LeaderNotes()
+    async with listening(Link(port=0), notes) as url:
+        await stream_one(url, Access(TOKEN), notes)
+
+
+async def test_the_token_is_asked_for_again_after_a_break(token_file: Path) -> None:
+    async with listening(Link(port=0, token_file=token_file)) as url:
+        follower = FollowerClient(url, hello(), FollowerNotes().events(), access=Access(TOKEN))
+        await follower.connect(5.0)
+        assert follower._line is not None
+        await follower._line.client.eio.ws.close()
+        await until(lambda: not follower.connected)
+        await until(lambda: follower.connected)
+        await follower.disconnect()
+
+
+def test_the_environment_precedes_the_file(token_file: Path) -> None:
+    settings = Link(token_file=token_file)
+    assert Access.of(settings, {}).token == TOKEN
+    assert Access.of(settings, {TOKEN_VARIABLE: "x" * 16}).token == "x" * 16
+    assert Access.of(settings, {TOKEN_VARIABLE: ""}).token == TOKEN
+    assert Access.of(Link(), {}).token is None
+
+
+def test_a_token_that_can_be_guessed_or_not_be_read_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"MMT_LINK_TOKEN has 15 characters, at least 16 .*rand"):
+        Access.of(Link(), {TOKEN_VARIABLE: "x" * 15})
+    (tmp_path / "token").write_text("\n")
+    with pytest.raises(InputError, match="token has 0 characters"):
+        Access.of(Link(token_file=tmp_path / "token"), {})
+    with pytest.raises(InputError, match="nothing: No such file"):
+        Access.of(Link(token_file=tmp_path / "nothing"), {})
+
+
+def test_the_token_is_neither_shown_nor_dumped(token_file: Path) -> None:
+    assert TOKEN not in repr(Access(TOKEN))
+    assert TOKEN not in Link(token_file=token_file).model_dump_json()
+
+
+def test_bearer_tokens(token_file: Path) -> None:
+    access = Access(TOKEN)
+    assert access.admits_header(f"Bearer {TOKEN}")
+    assert access.admits_header(f"bearer  {TOKEN} ")
+    for header in (None, "", TOKEN, f"Basic {TOKEN}", "Bearer", "Bearer x", f"Bearer {TOKEN}x"):
+        assert not access.admits_header(header)
+    assert Access().admits_header(None)
+
+
+@pytest.mark.parametrize("path", ["/network", "/nothing", "/socket.io", "/socket.io/../network"])
+async def test_every_page_asks_for_the_token(token_file: Path, path: str) -> None:
+    async with (
+        listening(Link(port=0, token_file=token_file)) as url,
+        aiohttp.ClientSession() as session,
+    ):
+        for header in ({}, {"Authorization": "Bearer wrong"}):
+            async with session.get(yarl.URL(url + path, encoded=True), headers=header) as answer:
+                assert answer.status == 401
+                assert answer.headers["WWW-Authenticate"] == "Bearer"
+        good = {"Authorization": f"Bearer {TOKEN}"}
+        async with session.get(yarl.URL(url + path, encoded=True), headers=good) as answer:
+            assert answer.status == 404
+
+
+# --- what is listened on
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "127.8.8.8", "::1"])
+def test_the_own_machine_needs_no_permission(host: str) -> None:
+    check_listening(host, 1, Access(), allowed=False)
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "", "::", "192.0.2.1"])
+def test_listening_for_strangers_must_be_allowed(host: str, files: Files) -> None:
+    with pytest.raises(InputError, match=r"everyone who reaches port 1 .* or allow it by open = t"):
+        check_listening(host, 1, Access(), allowed=False)
+    with pytest.raises(InputError, match="everyone"):  # encrypted, but for everyone
+        check_listening(host, 1, Access(certificate=files.leader), allowed=False)
+    check_listening(host, 1, Access(), allowed=True)
+    check_listening(host, 1, Access(TOKEN), allowed=False)
+    check_listening(host, 1, Access(authority=files.authority), allowed=False)
+
+
+async def test_a_leader_does_not_listen_for_strangers(monkeypatch: pytest.MonkeyPatch) -> None:
+    server = LeaderServer(Link(host="0.0.0.0", port=0), CHANNELS, LeaderNotes().events())
+    with pytest.raises(InputError, match=r"listening on 0\.0\.0\.0 lets everyone"):
+        await server.start()
+    assert server.port == 0
+    monkeypatch.setenv(TOKEN_VARIABLE, TOKEN)
+    async with listening(Link(host="0.0.0.0", port=0)):
+        pass
+
+
+# --- TLS
+
+
+async def test_certificates_on_both_sides(files: Files) -> None:
+    notes = LeaderNotes()
+    async with listening(files.leads(), notes) as url:
+        assert url.startswith("https://127.0.0.1:")
+        await stream_one(url, files.follows(), notes)
+    assert notes.sequences == [0]
+
+
+async def test_tls_with_a_token_needs_no_certificate_of_the_follower(
+    files: Files, token_file: Path
+) -> None:
+    notes = LeaderNotes()
+    settings = files.leads(authority=None, token_file=token_file)
+    async with listening(settings, notes) as url:
+        await stream_one(url, Access(TOKEN, authority=files.authority), notes)
+        assert "token is missing" in await refusal(url, Access(authority=files.authority))
+
+
+async def test_a_follower_without_the_right_certificate_is_refused(
+    files: Files, strangers: Files
+) -> None:
+    notes = LeaderNotes()
+    async with listening(files.leads(), notes) as url:
+        for access in (
+            files.follows(certificate=None, key=None),
+            files.follows(certificate=strangers.follower, key=strangers.follower_key),
+        ):
+            assert re.search(
+                "do not trust each other|check this follower's certificate",
+                await refusal(url, access),
+            )
+    assert notes.hellos == []
+
+
+async def test_a_leader_that_is_not_the_one_is_refused(files: Files, strangers: Files) -> None:
+    async with listening(strangers.leads(authority=None)) as url:
+        sentence = await refusal(url, files.follows())
+        assert "do not trust each other" in sentence
+        assert "check certificate, key and authority of [link] on both" in sentence
+
+
+async def test_plain_text_gets_nowhere(files: Files) -> None:
+    async with listening(files.leads()) as url:
+        with pytest.raises(InputError, match="has certificates, give an https:// URL"):
+            FollowerClient(
+                url.replace("https", "http"),
+                hello(),
+                FollowerNotes().events(),
+                access=files.follows(),
+            )
+        async with aiohttp.ClientSession() as session:
+            with pytest.raises(aiohttp.ClientError):
+                await session.get(plain)
+
+
+async def test_https_to_a_leader_without_tls_is_explained() -> None:
+    async with listening(Link(port=0)) as url:
+        client = FollowerClient(url.replace("http", "https"), hello(), FollowerNotes().events())
+        with pytest.raises(MmtError, match=r"no leader answered .* start mmt-leader there"):
+            await client.connect(0.3)
+        await client.disconnect()
+
+
+def test_certificate_files_that_do_not_fit_are_explained(
+    files: Files, strangers: Files, tmp_path: Path
+) -> None:
+    nothing, rubbish = tmp_path / "nothing.pem", tmp_path / "rubbish.pem"
+    rubbish.write_text("rubbish")
+    for access, sentence in (
+        (files.follows(key=strangers.follower_key), "key values mismatch; both must be PEM files"),
+        (files.follows(certificate=nothing), "No such file"),
+        (files.follows(authority=rubbish), "rubbish.pem: no certificate or crl found; it must be"),
+        (files.follows(authority=nothing), "authority .*nothing.pem: No such file"),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            access.client_context()
+    with pytest.raises(InputError, match=r"needs its own: set certificate and key of \[link\]"):
+        Access(authority=files.authority).server_context()
+    with pytest.raises(ValueError, match="belong together: give both or neither"):
+        Link(certificate=files.leader)
+
+
+def test_old_tls_is_not_spoken(files: Files) -> None:
+    context = Access(None, files.leader, files.leader_key, files.authority).server_context()
+    assert context is not None
+    assert context.minimum_version >= ssl.TLSVersion.TLSv1_2
+    assert context.verify_mode is ssl.CERT_REQUIRED
+
+
+async def test_a_handshake_that_fails_leaves_the_leader_alone(
+    files: Files, strangers: Files, caplog: pytest.LogCaptureFixture
+) -> None:
+    notes = LeaderNotes()
+    with caplog.at_level(logging.WARNING):
+        async with listening(files.leads(), notes) as url:
+            await refusal(url, strangers.follows(authority=files.authority))
+            await stream_one(url, files.follows(), notes)
+    assert "Traceback" not in caplog.text
