@@ -288,17 +288,12 @@ async def test_a_leader_that_is_not_the_one_is_refused(files: Files, strangers: 
 
 
 async def test_plain_text_gets_nowhere(files: Files) -> None:
-    async with listening(files.leads()) as url:
+    async with listening(files.leads()) as url, aiohttp.ClientSession() as session:
+        plain, notes = url.replace("https", "http"), FollowerNotes()
         with pytest.raises(InputError, match="has certificates, give an https:// URL"):
-            FollowerClient(
-                url.replace("https", "http"),
-                hello(),
-                FollowerNotes().events(),
-                access=files.follows(),
-            )
-        async with aiohttp.ClientSession() as session:
-            with pytest.raises(aiohttp.ClientError):
-                await session.get(plain)
+            FollowerClient(plain, hello(), notes.events(), access=files.follows())
+        with pytest.raises(aiohttp.ClientError):
+            await session.get(plain)
 
 
 async def test_https_to_a_leader_without_tls_is_explained() -> None:
