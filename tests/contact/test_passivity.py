@@ -1,0 +1,224 @@
+"""The ports give out no more than was put in, whatever hand, force, delay and loss do."""
+
+import math
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from mmt.contact.passivity import REACH_M_S2, ForcePort, MotionPort, PassivitySettings
+from mmt.errors import InputError
+
+SETTINGS = PassivitySettings()
+REACH_M = REACH_M_S2 * SETTINGS.tick_s**2
+
+forces = st.floats(-50.0, 50.0)
+"""Wanted force of a tick."""
+
+
+class Account:
+    """An independent account of the hand's work on a port."""
+
+    def __init__(self) -> None:
+        self.net_j = 0.0
+        self.least_j = 0.0
+        self.largest_j = 0.0
+        self._force = self._position = 0.0
+
+    def move(self, position_m: float, force_n: float) -> None:
+        work = -self._force * (position_m - self._position)
+        self.net_j += work
+        self.least_j = min(self.least_j, self.net_j)
+        self.largest_j = max(self.largest_j, abs(work))
+        self._position, self._force = position_m, force_n
+
+
+@given(st.lists(st.tuples(forces, st.floats(-1.0, 1.0)), max_size=120))
+@settings(max_examples=60, deadline=None)
+def test_a_hand_within_reach_never_gets_more_than_the_reserve(
+    ticks: list[tuple[float, float]],
+) -> None:
+    """Any forces, any motion whose acceleration is below what is expected of a hand."""
+    port, account = ForcePort(SETTINGS), Account()
+    position = travel = 0.0
+    for wanted, push in ticks:
+        travel += push * REACH_M
+        position += travel
+        account.move(position, port.step(wanted, position))
+    assert account.least_j >= -SETTINGS.reserve_j * (1 + 1e-6)
+    assert port.overdrawn_j == 0.0
+    assert port.in_j - port.out_j == pytest.approx(account.net_j, abs=1e-9)
+
+
+@given(st.lists(st.tuples(forces, st.floats(-0.5, 0.5)), max_size=120))
+@settings(max_examples=60, deadline=None)
+@example([(50.0, 0.0), (50.0, 0.5), (50.0, -0.5)] * 20)
+def test_any_jump_overdraws_at_most_its_own_work_and_that_is_told(
+    ticks: list[tuple[float, float]],
+) -> None:
+    """Positions that no hand takes, half a metre from tick to tick."""
+    port, account = ForcePort(SETTINGS), Account()
+    overdrawn = jumps = 0
+    for wanted, position in ticks:
+        account.move(position, port.step(wanted, position))
+        jumps += port.overdrawn_j > overdrawn
+        overdrawn = port.overdrawn_j
+    allowed = SETTINGS.reserve_j + jumps * (SETTINGS.reserve_j + account.largest_j)
+    assert account.least_j >= -allowed * (1 + 1e-6)
+    assert account.least_j >= -(SETTINGS.reserve_j + port.overdrawn_j) * (1 + 1e-6)
+
+
+@given(
+    st.lists(
+        st.tuples(forces, st.floats(-1.0, 1.0), st.floats(0.0, 1e-3), st.booleans()), max_size=120
+    )
+)
+@settings(max_examples=60, deadline=None)
+def test_it_gives_no_more_than_the_other_side_gave_however_late_its_counts_come(
+    ticks: list[tuple[float, float, float, bool]],
+) -> None:
+    port, account = ForcePort(SETTINGS), Account()
+    position = travel = given_j = heard_j = 0.0
+    for wanted, push, more_j, lost in ticks:
+        given_j += more_j
+        heard_j = heard_j if lost else given_j
+        travel += push * REACH_M
+        position += travel
+        account.move(position, port.step(wanted, position, heard_j))
+        assert port.out_j <= heard_j + SETTINGS.reserve_j * (1 + 1e-6)
+    assert account.least_j >= -SETTINGS.reserve_j * (1 + 1e-6)
+
+
+def test_a_spring_is_displayed_as_it_is() -> None:
+    """What gives back only what it got is not touched: 1 N/mm, 10 mm there and back."""
+    port = ForcePort(SETTINGS)
+
+    def depth_m(tick: float) -> float:
+        return 0.005 * (1.0 - math.cos(2.0 * math.pi * tick / 200))
+
+    port.step(0.0, 0.0)
+    for tick in range(1, 600):
+        wanted = -1000.0 * depth_m(tick + 0.5)  # the middle of the tick for which it is held
+        assert port.step(wanted, depth_m(tick)) == pytest.approx(wanted, abs=0.02)
+
+
+def test_a_spring_that_comes_late_gives_no_energy() -> None:
+    """20 ms late it would give 1.6 times what it got, again and again."""
+    port, account = ForcePort(SETTINGS), Account()
+    raw = Account()
+    path = [0.005 * (1.0 - math.cos(2.0 * math.pi * k / 200)) for k in range(2000)]
+    for step, depth_m in enumerate(path):
+        late_n = -1000.0 * path[max(0, step - 20)]
+        account.move(depth_m, port.step(late_n, depth_m))
+        raw.move(depth_m, late_n)
+    assert raw.net_j < -0.05
+    assert account.least_j >= -SETTINGS.reserve_j
+    assert port.dissipated_j > 0.05
+
+
+def test_a_port_that_gave_its_reserve_away_is_of_use_again_once_energy_comes() -> None:
+    port = ForcePort(SETTINGS)
+    position = 0.0
+    for _ in range(500):
+        position += 5e-5
+        port.step(5.0, position)  # pushes the way the hand goes
+    assert abs(port.step(5.0, position + 5e-5)) < 0.05
+    for _ in range(200):
+        position -= 5e-5
+        force = port.step(5.0, position)
+    assert force == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_what_is_not_finite_is_no_motion_and_no_force(bad: float) -> None:
+    port = ForcePort(SETTINGS)
+    port.step(1.0, 0.0)
+    port.step(1.0, 0.0)
+    assert math.isfinite(port.step(1.0, bad))
+    assert port.step(bad, 0.0) == 0.0
+    assert port.in_j == port.out_j == 0.0
+
+
+def test_missed_ticks_count_with_all_their_work() -> None:
+    port = ForcePort(SETTINGS)
+    port.step(-1.0, 0.0)
+    port.step(-1.0, 0.0)
+    port.step(-1.0, 5e-4, ticks=5)
+    assert port.in_j == pytest.approx(5e-4)
+
+
+def test_a_released_port_displays_nothing_and_counts_nothing() -> None:
+    port = ForcePort(SETTINGS)
+    port.step(-1.0, 0.0)
+    port.step(-1.0, 0.0)
+    port.release()
+    assert port.step(0.0, 0.1) == 0.0
+    assert port.in_j == port.out_j == 0.0
+
+
+# --- the follower's port
+
+
+@given(
+    st.lists(st.tuples(st.floats(-2e-4, 2e-4), st.floats(0.0, 20.0)), min_size=1, max_size=120),
+    st.floats(0.0, 1e-2),
+)
+@settings(max_examples=60, deadline=None)
+def test_a_surface_gets_what_was_sent_and_the_reserve_while_there_is_drift_left(
+    ticks: list[tuple[float, float]], given_j: float
+) -> None:
+    """A force that only pushes; overdrawn by no more than the work of a tick at each touch."""
+    port = MotionPort(PassivitySettings(drift_m=math.inf))
+    wanted = command = force = touches = 0.0
+    largest = out = 0.0
+    port.step(0.0, given_j)
+    for step, next_force in ticks:
+        wanted += step
+        now = port.step(wanted, given_j)
+        rise = max(0.0, next_force - max(force, 0.05))
+        work = -next_force * (now - command)
+        out += max(0.0, work)
+        touches += rise > 0.0
+        largest = max(largest, abs(work))
+        port.measure(next_force)
+        command, force = now, next_force
+    assert out <= given_j + port._settings.reserve_j + touches * largest + 0.05 * 2e-4 * len(ticks)
+
+
+def test_free_motion_is_followed_exactly() -> None:
+    port = MotionPort(SETTINGS)
+    for step in range(1000):
+        wanted = 0.05 * math.sin(step / 100)
+        assert port.step(wanted, 0.0) == pytest.approx(wanted)
+        port.measure(0.03 * math.sin(step))
+    assert port.largest_drift_m == pytest.approx(0.0)
+    assert port.in_j == port.out_j == 0.0
+
+
+def test_first_contact_is_held_back_until_the_leader_pays_then_caught_up() -> None:
+    port = MotionPort(SETTINGS)
+    command = 0.0
+    for step in range(100):
+        command = port.step(-5e-5 * step, 0.0)
+        port.measure(max(0.0, -5000.0 * command))
+    assert port.drift_m == pytest.approx(SETTINGS.drift_m)
+    for _ in range(500):
+        command = port.step(-5e-3, 1.0)
+        port.measure(max(0.0, -5000.0 * command))
+    assert command == pytest.approx(-5e-3, abs=1e-5)
+
+
+def test_a_robot_that_seems_to_return_more_than_it_got_is_not_believed() -> None:
+    port = MotionPort(SETTINGS)
+    for step in range(200):
+        port.step(1e-4 * step, 1.0)  # moves away while pushed all the time
+        port.measure(5.0)
+    assert port.in_j == port.out_j == 0.0
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"reserve_j": 0.0}, {"tick_s": math.nan}, {"damping_n_s_m": -1.0}, {"drift_m": -1.0}]
+)
+def test_bounds_out_of_range_are_named(wrong: dict[str, float]) -> None:
+    with pytest.raises(InputError, match=next(iter(wrong))):
+        PassivitySettings(**wrong)
