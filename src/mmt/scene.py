@@ -154,6 +154,7 @@ class Playout(_Table):
 
     delay_ms: Annotated[float, Field(ge=0, le=1000)] | Literal["auto"] = "auto"
     longest_delay_ms: float = Field(100.0, gt=0, le=1000)
+    conceal: Literal["auto", "model", "repetition", "silence"] = "auto"
 
 
 class Actuator(_Table):

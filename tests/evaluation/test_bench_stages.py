@@ -6,6 +6,7 @@ import pytest
 
 from mmt.evaluation.bench import (
     burg,
+    conceal,
     contact,
     interpolation,
     lines,
@@ -81,6 +82,12 @@ PLANS = {
     "pipeline": (
         pipeline,
         pipeline.Plan(surfaces=("wood",), duration_s=6.0, moments_s=(0.5, 4.0, 6.0), rounds=1),
+    ),
+    "conceal": (
+        conceal,
+        conceal.Plan(
+            surfaces=("wood",), duration_s=8.0, gaps=(5, 20), compared=(5, 20), timed_gaps=20
+        ),
     ),
     "contact": (
         contact,
@@ -214,3 +221,18 @@ def test_the_exact_step_agrees_with_the_general_solver(results):
         at = errors(panel, method)
         assert at[1000.0 / 16] < at[1000.0]
     assert errors(panel, contact.RADAU)[1e-4] < 1e-2
+
+
+def test_a_model_conceals_gaps_better_than_silence(results):
+    result = results["conceal"]
+    spectrum, alone, step = result.panels
+    for gap in (5, 20):
+        of = {curve.method: errors(spectrum, curve.method)[gap] for curve in spectrum.curves}
+        assert of[conceal.MODEL] < of[conceal.SILENCE]
+        assert 0.0 < errors(alone, conceal.MODEL)[gap] < 0.1
+        assert errors(step, conceal.MODEL)[gap] < 1.0
+    assert [row[""] for row in result.records[0].rows] == [
+        conceal.MODEL,
+        conceal.BACKWARDS,
+        conceal.SILENCE,
+    ]

@@ -2,9 +2,9 @@
 
 Samples are played in the order of their sequence numbers, one a tick, a delay after the
 quickest frame would have arrived. The delay follows the jitter that is seen. A sample that is
-missing when its turn comes is bridged by fading out within five samples; when the stream
-stops, the buffer runs empty and the output is silent, so that nothing older than the buffer is
-ever played. A step in either clock is noticed, the follower's by its sequence numbers and the
+missing when its turn comes is concealed (`mmt.leader.concealment`); when the stream stops, the
+buffer runs empty and the output falls silent, so that nothing older than the buffer is ever
+played. A step in either clock is noticed, the follower's by its sequence numbers and the
 leader's by its ticks, and the clocks are compared anew.
 """
 
@@ -13,8 +13,9 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from mmt.leader.concealment import Concealment, FadeOut
+
 _RING: Final = 4096
-_FADE_STEP: Final = 0.2
 _WINDOW_TICKS: Final = 2000
 _SPREAD_EVERY: Final = 100
 _SLIP_EVERY: Final = 20
@@ -54,6 +55,8 @@ class PlayoutBuffer:
         Bound of the automatic delay.
     period_ns
         Time between samples.
+    concealment
+        What is played where samples are missing; None fades out and in.
     """
 
     def __init__(
@@ -61,7 +64,9 @@ class PlayoutBuffer:
         delay_ms: float | Literal["auto"] = "auto",
         longest_delay_ms: float = 100.0,
         period_ns: int = 1_000_000,
+        concealment: Concealment | None = None,
     ) -> None:
+        self._concealment = concealment or FadeOut()
         self._period_ns = period_ns
         self._automatic = delay_ms == "auto"
         self._longest = max(1, round(longest_delay_ms * 1e6 / period_ns))
@@ -75,8 +80,6 @@ class PlayoutBuffer:
         self._anchor: tuple[int, int] | None = None  # (sequence, time_ns) of the newest frame
         self._quickest_ns = 0
         self._now_ns: int | None = None
-        self._gain = 0.0
-        self._last = 0.0
         self._ticks = 0
         self._played = self._bridged = self._late = self._slips = self._resyncs = 0
 
@@ -117,14 +120,11 @@ class PlayoutBuffer:
         self._next = sequence + 1
         place = sequence % _RING
         if self._sequences[place] == sequence:
-            self._last = self._values[place]
-            self._gain = min(1.0, self._gain + _FADE_STEP)
             self._played += 1
-        else:
-            self._gain = max(0.0, self._gain - _FADE_STEP)
-            if sequence <= self._newest + self._longest:
-                self._bridged += 1
-        return self._gain * self._last
+            return self._concealment.play(self._values[place])
+        if sequence <= self._newest + self._longest:
+            self._bridged += 1
+        return self._concealment.bridge()
 
     def statistics(self) -> PlayoutStatistics:
         """Return the counts so far."""
@@ -167,7 +167,7 @@ class PlayoutBuffer:
         if abs(off) > _RESYNC_SAMPLES:
             self._next = due
             self._resyncs += 1
-        elif abs(off) > 1 and self._gain == 0.0:
+        elif abs(off) > 1 and self._concealment.silent:
             self._next = due
         elif abs(off) > 1 and self._ticks % _SLIP_EVERY == 0:
             self._next += 1 if off > 0 else -1

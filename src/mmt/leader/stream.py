@@ -8,6 +8,7 @@ import math
 from typing import Final
 
 from mmt.arrays import RecordArray
+from mmt.leader.concealment import LONGEST_SAMPLES
 from mmt.leader.playout import PlayoutBuffer
 from mmt.texture.biquad import BiquadFilter, bessel_low_pass, butterworth_high_pass
 from mmt.texture.settings import Axis, VibrationAxis
@@ -15,6 +16,8 @@ from mmt.texture.settings import Axis, VibrationAxis
 _AXES: Final[dict[str, int]] = {"x": 0, "y": 1, "z": 2}
 _MOTION_CUTOFF_HZ: Final = 20.0
 _VIBRATION_CUTOFF_HZ: Final = 10.0
+_PEAK_DECAY: Final = 0.995
+_PEAKS: Final = 2.0
 
 
 class StreamedVibration:
@@ -31,17 +34,31 @@ class StreamedVibration:
         self._axis = _AXES[normal if axis == "dft321" else axis]
         self._filter = BiquadFilter(butterworth_high_pass(_VIBRATION_CUTOFF_HZ, rate_hz))
         self._next: int | None = None
+        self._peak = 0.0
 
     def take(self, frames: RecordArray, arrival_ns: int) -> None:
-        """Filter frames (n,) and queue their vibration; a gap restarts the filter at rest."""
+        """Filter frames (n,) and queue their vibration.
+
+        A gap that can be concealed leaves the filter as it was: restarted at rest it would
+        return with an offset that decays for longer than the gap lasted. It restarts after a
+        longer one, and where the acceleration has moved by more than it vibrates.
+        """
         values = frames["acceleration_m_s2"][:, self._axis].tolist()
         sequences = frames["sequence"].tolist()
         times_ns = frames["time_ns"].tolist()
         for sequence, time_ns, value in zip(sequences, times_ns, values, strict=True):
-            if sequence != self._next:
+            vibration = self._filter.step(value)
+            if sequence != self._next and not self._goes_on(sequence, vibration):
                 self._filter.reset()
+                vibration = self._filter.step(value)
             self._next = sequence + 1
-            self._buffer.push(sequence, time_ns, arrival_ns, self._filter.step(value))
+            self._peak = max(abs(vibration), _PEAK_DECAY * self._peak)
+            self._buffer.push(sequence, time_ns, arrival_ns, vibration)
+
+    def _goes_on(self, sequence: int, vibration: float) -> bool:
+        """Say whether a sample continues those before the gap."""
+        near = self._next is not None and 0 < sequence - self._next <= LONGEST_SAMPLES
+        return near and abs(vibration) <= _PEAKS * self._peak
 
 
 class StreamedMotion:

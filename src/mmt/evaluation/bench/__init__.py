@@ -18,6 +18,7 @@ STAGES: Final = {
     "update": "mmt.evaluation.bench.update",
     "order": "mmt.evaluation.bench.order",
     "pipeline": "mmt.evaluation.bench.pipeline",
+    "conceal": "mmt.evaluation.bench.conceal",
     "contact": "mmt.evaluation.bench.contact",
 }
 """Modules by the name of their stage."""

@@ -1,0 +1,147 @@
+"""Gaps in streamed vibration, from the buffer's input to its output."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.signal import lfilter
+
+from mmt.frames import frame_dtype
+from mmt.leader.concealment import LONGEST_SAMPLES, build_concealment, course
+from mmt.leader.playout import PlayoutBuffer
+from mmt.leader.stream import StreamedVibration
+
+MS = 1_000_000
+DELAY = 4
+WAYS = ("model", "repetition", "silence")
+INVENTING = ("model", "repetition")
+
+
+def textured(samples, seed=0):
+    generator = np.random.default_rng(seed)
+    poles = [0.95 * np.exp(0.5j), 0.9 * np.exp(1.4j)]
+    ar = np.poly([*poles, *np.conj(poles)]).real
+    return lfilter([1.0], ar, generator.standard_normal(samples))
+
+
+def play(way, values, missing=(), seed=1):
+    """Return the output for a stream of values of which some numbers are missing."""
+    lost = set(missing)
+    buffer = PlayoutBuffer(DELAY, concealment=build_concealment(way, seed))
+    output = []
+    for k, value in enumerate(values):
+        if k not in lost:
+            buffer.push(k, k * MS, k * MS, value)
+        output.append(buffer.pull(k * MS))
+    return np.array(output), buffer.statistics()
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_whole_stream_is_played_to_the_bit(way):
+    values = textured(1000)
+    output, statistics = play(way, values)
+    np.testing.assert_array_equal(output[DELAY + 4 :], values[4:-DELAY])
+    assert statistics.bridged == 0
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("length", [1, 2, 5, 20, 60, 100, 300])
+def test_outside_the_gap_and_its_fade_the_stream_is_played_to_the_bit(way, length):
+    values = textured(1500)
+    output, statistics = play(way, values, range(500, 500 + length))
+    played = np.delete(output[DELAY + 4 :], range(496, 496 + length + 4))
+    np.testing.assert_array_equal(played, np.delete(values[4:-DELAY], range(496, 500 + length)))
+    assert statistics.bridged == min(length, 100 + DELAY)  # the buffer's longest delay
+
+
+@pytest.mark.parametrize("way", INVENTING)
+@given(gaps=st.lists(st.integers(1, 130), min_size=1, max_size=8), seed=st.integers(0, 30))
+@settings(max_examples=40, deadline=None)
+def test_no_joint_clicks_whatever_is_missing(way, gaps, seed):
+    values = textured(400 + 30 * len(gaps) + sum(gaps), seed)
+    missing, at = [], 300
+    for gap in gaps:
+        missing += range(at, at + gap)
+        at += gap + 7
+    output, _ = play(way, values, missing, seed)
+    peak, step = np.abs(values).max(), np.abs(np.diff(values)).max()
+    assert np.abs(output).max() <= peak
+    # within a fade, a fifth of the difference between two signals, and what each moves by
+    assert np.abs(np.diff(output)).max() <= step + 0.4 * peak + 1e-9
+
+
+def test_the_joint_of_a_model_is_as_smooth_as_the_signal():
+    steps = {way: [] for way in WAYS}
+    for seed in range(60):
+        values = textured(700, seed)
+        for way in WAYS:
+            output, _ = play(way, values, range(500, 520), seed)
+            joint = np.abs(np.diff(output[500 + DELAY - 1 : 500 + DELAY + 1]))
+            steps[way].append(joint.max() / np.std(np.diff(values)))
+    assert np.max(steps["model"]) < 4.5
+    assert np.mean(steps["model"]) < 1.2
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_nothing_is_invented_for_longer_than_a_tenth_of_a_second(way):
+    values = textured(1500)
+    output, _ = play(way, values, range(500, 1200))
+    assert (output[500 + DELAY + LONGEST_SAMPLES + 20 : 1200 + DELAY] == 0.0).all()
+    heard = np.std(output[500 + DELAY : 550 + DELAY]) / np.std(values)
+    assert heard > 0.5 if way != "silence" else heard < 0.5
+
+
+@pytest.mark.parametrize("way", INVENTING)
+def test_a_trickle_of_samples_keeps_nothing_alive(way):
+    values = np.sin(0.3 * np.arange(3000))
+    missing = [k for k in range(500, 3000) if k % 20]
+    output, _ = play(way, values, missing)
+    assert np.std(output[1500:]) < 0.25 * np.std(values)
+
+
+@pytest.mark.parametrize(("way", "within"), [("model", 0.25), ("repetition", 0.4)])
+def test_every_third_sample_missing_keeps_the_level(way, within):
+    values = textured(4000)
+    generator = np.random.default_rng(2)
+    missing = [k for k in range(500, 4000) if generator.random() < 0.33]
+    output, statistics = play(way, values, missing)
+    assert statistics.bridged > 900
+    assert np.std(output[1000:]) == pytest.approx(np.std(values[1000:]), rel=within)
+
+
+def test_the_seed_decides_what_is_invented():
+    values, gap = textured(800), range(500, 560)
+    first, again, other = (play("model", values, gap, seed)[0] for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first, again)
+    assert (first != other).any()
+
+
+@pytest.mark.parametrize("invented", [0, 30, 50, 77, 99, LONGEST_SAMPLES])
+def test_the_level_never_falls_faster_than_a_fade(invented):
+    gains = np.concatenate([[1.0], course(invented)])
+    assert (np.diff(gains) <= 0.0).all()
+    assert np.diff(gains).min() >= -0.2 - 1e-12
+    assert (gains[-20 + 5 :] == 0.0).all()
+
+
+@pytest.mark.parametrize("length", [3, 30, 90])
+def test_after_a_gap_the_stream_comes_back_without_an_offset(length):
+    """A high-pass that restarts at every gap would give 9.81 m/s2 and half the vibration."""
+    frames = np.zeros(3000, frame_dtype())
+    frames["sequence"] = np.arange(3000)
+    frames["time_ns"] = frames["sequence"].astype(np.int64) * MS
+    frames["acceleration_m_s2"][:, 2] = 9.81 + textured(3000)
+    kept = np.delete(frames, range(1500, 1500 + length))
+    whole, holed = (np.array(list(output_of(some))) for some in (frames, kept))
+    error = (holed - whole)[1500 + length + DELAY + 5 : 1500 + length + DELAY + 25]
+    assert np.sqrt(np.mean(error**2)) < 0.35 * np.std(whole)
+
+
+def output_of(frames):
+    buffer = PlayoutBuffer(DELAY, concealment=build_concealment("model", 1))
+    vibration = StreamedVibration(buffer, "z", "z", 1000.0)
+    at = {int(frame["sequence"]): frames[i : i + 1] for i, frame in enumerate(frames)}
+    for k in range(3000):
+        if k in at:
+            vibration.take(at[k], k * MS)
+        yield buffer.pull(k * MS)
