@@ -1,4 +1,8 @@
-"""Write the figures of ``mmt demo --json`` into the documentation; see ``scripts/measure``."""
+"""Write measured figures into the documentation; see ``scripts/measure``.
+
+Usage: write_measured.py DEMO.json SCENES, the figures of ``mmt demo --json`` and a folder with
+those of ``mmt scene explain --json``, a file for each example scene.
+"""
 
 import json
 import re
@@ -10,15 +14,60 @@ ROOT: Final = Path(__file__).resolve().parents[1]
 README: Final = ROOT / "README.md"
 PERFORMANCE: Final = ROOT / "docs" / "explanation" / "performance.md"
 
-Row = tuple[str, str]
+Row = tuple[str, ...]
+
+SCENE_COLUMNS: Final = (
+    "scene",
+    "parts",
+    "for",
+    "leader: start, core, memory",
+    "follower: start, core, memory",
+    "up, down",
+)
+WRITTEN_COLUMNS: Final = 3
+"""Of the scenes' table; people write these, the rest is measured."""
 
 
 def main() -> None:
     """Replace what stands between the marks."""
+    write_scenes(Path(sys.argv[2]))
     figures = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
     model, services = model_rows(figures["evaluation"]), service_rows(figures)
-    replace(README, ("figure", "measured"), [*model[:4], *services[:4]])
-    replace(PERFORMANCE, ("figure", "measured"), [*model, *services])
+    replace(README, "measured", ("figure", "measured"), [*model[:4], *services[:4]])
+    replace(PERFORMANCE, "measured", ("figure", "measured"), [*model, *services])
+
+
+def write_scenes(folder: Path) -> None:
+    """Put the figures of every example scene behind what people wrote of it.
+
+    A scene that could not be measured keeps the figures that it has.
+    """
+    rows = []
+    for cells in table_rows(README, "scenes"):
+        name = cells[0].partition("`")[2].partition("`")[0]
+        file = folder / f"{name}.json"
+        measured: Row = tuple(cells[WRITTEN_COLUMNS:]) or ("-",) * 3
+        if file.exists():
+            measured = scene_figures(json.loads(file.read_text(encoding="utf-8"))["measured"])
+        rows.append((*cells[:WRITTEN_COLUMNS], *measured))
+    replace(README, "scenes", SCENE_COLUMNS, rows)
+
+
+def scene_figures(measured: dict[str, Any]) -> Row:
+    """Say what both services cost, and what goes over the wire."""
+    services, wire = measured["services"], measured["bytes_per_s"]
+    sides = (_side(services.get(name)) for name in ("leader", "follower"))
+    sent = [f"{wire[way] / 1e3:.0f}" if way in wire else "0" for way in ("up", "down")]
+    return (*sides, f"{', '.join(sent)} kB/s" if wire else "-")
+
+
+def _side(service: dict[str, Any] | None) -> str:
+    if service is None:
+        return "-"
+    start_s, core, memory_mb = (
+        service[name]["mean"] for name in ("start_s", "core_share", "memory_mb")
+    )
+    return f"{start_s:.1f} s, {core:.2f}, {memory_mb:.0f} MB"
 
 
 def model_rows(evaluation: dict[str, Any]) -> list[Row]:
@@ -93,18 +142,29 @@ def _cost(leader: dict[str, Any], follower: dict[str, Any]) -> str:
     return f"{', '.join(shares)}; {', '.join(memory)} MB"
 
 
-def replace(page: Path, columns: Row, rows: list[Row]) -> None:
+def between(page: Path, mark: str) -> re.Match[str]:
+    """Find what stands between the marks of a page."""
+    text = page.read_text(encoding="utf-8")
+    pattern = rf"(<!-- {mark}: begin -->\n)(.*?)(\n<!-- {mark}: end -->)"
+    found = list(re.finditer(pattern, text, flags=re.DOTALL))
+    if len(found) != 1:
+        raise SystemExit(f"{page}: the marks of the table {mark!r} stand there {len(found)} times")
+    return found[0]
+
+
+def table_rows(page: Path, mark: str) -> list[list[str]]:
+    """Return the cells of a table's rows, its heading left out."""
+    lines = between(page, mark)[2].splitlines()[2:]
+    return [[cell.strip() for cell in line.strip().strip("|").split("|")] for line in lines]
+
+
+def replace(page: Path, mark: str, columns: Row, rows: list[Row]) -> None:
     """Put a table between the marks of a page."""
-    lines = [f"| {left} | {right} |" for left, right in (columns, ("---", "---"), *rows)]
-    table = "\n".join(lines)
-    text, count = re.subn(
-        r"(<!-- measured: begin -->\n).*?(\n<!-- measured: end -->)",
-        lambda match: f"{match[1]}{table}{match[2]}",
-        page.read_text(encoding="utf-8"),
-        flags=re.DOTALL,
+    table = "\n".join(f"| {' | '.join(row)} |" for row in (columns, ("---",) * len(columns), *rows))
+    found = between(page, mark)
+    text = (
+        f"{found.string[: found.start()]}{found[1]}{table}{found[3]}{found.string[found.end() :]}"
     )
-    if count != 1:
-        raise SystemExit(f"{page}: the marks of the measured table stand there {count} times")
     page.write_text(text, encoding="utf-8")
 
 

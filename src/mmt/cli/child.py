@@ -5,7 +5,8 @@ import json
 import os
 import signal
 import sys
-from collections.abc import AsyncIterator
+import time
+from collections.abc import AsyncIterator, Mapping
 from typing import Any, Final
 
 _LONGEST_LINE: Final = 2**20
@@ -19,15 +20,23 @@ class Child:
     What it writes to standard error is read all the while: it never waits for a reader.
     """
 
-    def __init__(self, name: str, process: asyncio.subprocess.Process) -> None:
+    def __init__(self, name: str, process: asyncio.subprocess.Process, started_s: float) -> None:
         self.name = name
+        self._started_s = started_s
         self._process = process
         self._kept = b""
         self._reading = asyncio.create_task(self._read_messages())
 
     @classmethod
-    async def start(cls, name: str, module: str, arguments: list[str]) -> "Child":
-        """Run ``python -m module``."""
+    async def start(
+        cls,
+        name: str,
+        module: str,
+        arguments: list[str],
+        environment: Mapping[str, str] | None = None,
+    ) -> "Child":
+        """Run ``python -m module``, in this process's environment unless another is given."""
+        started_s = time.perf_counter()
         process = await asyncio.create_subprocess_exec(
             sys.executable,
             "-m",
@@ -37,8 +46,9 @@ class Child:
             stderr=asyncio.subprocess.PIPE,
             limit=_LONGEST_LINE,
             start_new_session=os.name == "posix",
+            env=environment,
         )
-        return cls(name, process)
+        return cls(name, process, started_s)
 
     async def lines(self) -> AsyncIterator[dict[str, Any]]:
         """Yield its JSON lines until it closes its standard output.
@@ -53,6 +63,11 @@ class Child:
         """Wait for its end and return the exit code."""
         await asyncio.wait([self._reading])
         return await self._process.wait()
+
+    @property
+    def age_s(self) -> float:
+        """Seconds since it was started."""
+        return time.perf_counter() - self._started_s
 
     @property
     def messages(self) -> str:

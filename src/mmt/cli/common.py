@@ -4,9 +4,9 @@ import asyncio
 import json
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import typer
 from rich.console import Console
@@ -14,8 +14,11 @@ from rich.text import Text
 
 import mmt
 from mmt.errors import InputError, MmtError
+from mmt.inventory import Inventory
 from mmt.scene import Scene
 from mmt.scene_parts import parts_of
+
+Result = TypeVar("Result")
 
 output = Console(markup=False, emoji=False)
 """For results; brackets in a text, such as a table's name, are no markup."""
@@ -78,6 +81,15 @@ def write_line(kind: str, **content: Any) -> None:
     """Write one JSON line to standard output, for the program that reads it."""
     sys.stdout.write(json.dumps({"kind": kind, **content}) + "\n")
     sys.stdout.flush()
+
+
+async def with_inventory(running: Coroutine[Any, Any, Result]) -> Result:
+    """Run a service, and write at its end which tasks, threads and modules it had."""
+    inventory = Inventory()
+    try:
+        return await inventory.watch(running)
+    finally:
+        write_line("inventory", **inventory.as_dict())
 
 
 def print_parts(scene: Scene, service: str) -> None:

@@ -2,11 +2,13 @@
 
 import asyncio
 import signal
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from mmt.cli.child import Child
@@ -28,6 +30,11 @@ class DemoRun:
     follower: dict[str, Any] = field(default_factory=dict)
     errors: list[str] = field(default_factory=list)
     failed: bool = False
+    interrupted: bool = False
+    start_s: dict[str, float] = field(default_factory=dict)
+    """By service: from the start of its process until it was ready."""
+    inventories: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """By service: its tasks, threads and modules."""
 
     def tables(self) -> dict[str, Any]:
         """Return the summaries that arrived."""
@@ -94,17 +101,42 @@ def _check(scene: Scene, directory: Path) -> None:
 
 
 async def run_services(
-    scene_file: Path, scene: Scene, duration_s: float | None, replay: Path | None
+    scene_file: Path,
+    scene: Scene,
+    duration_s: float | None,
+    replay: Path | None,
+    *,
+    console: Console = messages,
+    environment: Mapping[str, str] | None = None,
 ) -> DemoRun:
-    """Run the services of a scene as processes, with live progress, until both have ended."""
-    return await _Demo(scene_file, scene, duration_s, replay).run()
+    """Run the services of a scene as processes until both have ended.
+
+    Parameters
+    ----------
+    scene_file, duration_s, replay
+        What the services are given.
+    scene
+        What they make of it.
+    console
+        Shows the live progress.
+    environment
+        Of the processes; None for this process's own.
+    """
+    return await _Demo(scene_file, scene, duration_s, replay, console, environment).run()
 
 
 class _Demo:
     def __init__(
-        self, scene_file: Path, scene: Scene, duration_s: float | None, replay: Path | None
+        self,
+        scene_file: Path,
+        scene: Scene,
+        duration_s: float | None,
+        replay: Path | None,
+        console: Console,
+        environment: Mapping[str, str] | None,
     ) -> None:
         self._scene = scene
+        self._environment = environment
         self._run = DemoRun()
         self._arguments = [str(scene_file), "--json-lines"]
         if replay is not None:
@@ -117,11 +149,10 @@ class _Demo:
         if scene.recording is not None:
             self._leader_arguments += ["--record", str(scene.recording.file)]
         self._children: list[Child] = []
-        self._interrupted = False
         self._progress = Progress(
             TextColumn("{task.fields[status]}"),
             BarColumn(bar_width=None),
-            console=messages,
+            console=console,
             expand=True,
         )
         self._bar = self._progress.add_task(
@@ -142,20 +173,23 @@ class _Demo:
         return self._run
 
     async def _start(self, name: str, arguments: list[str]) -> Child:
-        child = await Child.start(name, "mmt.cli.entry", [name, *arguments])
+        child = await Child.start(
+            name, "mmt.cli.entry", [name, *arguments], self._environment
+        )
         self._children.append(child)
-        if self._interrupted:
+        if self._run.interrupted:
             child.interrupt()
         return child
 
     def _interrupt(self) -> None:
-        self._interrupted = True
+        self._run.interrupted = True
         for child in self._children:
             child.interrupt()
 
     async def _watch_leader(self, leader: Child) -> None:
         follower: Child | None = None
         async for line in leader.lines():
+            self._take(leader, line)
             self._take_leader(line)
             if line["kind"] == "ready" and self._scene.link is not None:
                 url = self._scene.link.url(line["port"])
@@ -171,6 +205,7 @@ class _Demo:
 
     async def _watch_follower(self, follower: Child, leader: Child) -> None:
         async for line in follower.lines():
+            self._take(follower, line)
             if line["kind"] == "event":
                 self._progress.console.print(f"follower: {line['event']}", highlight=False)
             elif line["kind"] == "summary":
@@ -184,6 +219,12 @@ class _Demo:
             self._run.failed = True
             self._run.errors.append(f"{child.name} ended with exit code {code}: {child.messages}")
         return code
+
+    def _take(self, child: Child, line: dict[str, Any]) -> None:
+        if line["kind"] == "ready":
+            self._run.start_s[child.name] = child.age_s
+        elif line["kind"] == "inventory":
+            self._run.inventories[child.name] = {k: v for k, v in line.items() if k != "kind"}
 
     def _take_leader(self, line: dict[str, Any]) -> None:
         kind = line["kind"]

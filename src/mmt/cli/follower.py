@@ -13,6 +13,7 @@ from mmt.cli.common import (
     run_app,
     stop_on_signals,
     version,
+    with_inventory,
     write_json,
     write_line,
 )
@@ -76,7 +77,13 @@ async def _stream(scene: Scene, url: str | None, json_lines: bool) -> FollowerSu
     service = FollowerService(scene, url, on_event=say)
     stop_on_signals(service.stop)
     say(f"{service.source.describe()}; leader {service.url}")
-    return await service.run()
+
+    def ready() -> None:
+        if json_lines:
+            write_line("ready")
+
+    running = service.run(ready)
+    return await (with_inventory(running) if json_lines else running)
 
 
 def run() -> None:

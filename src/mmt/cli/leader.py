@@ -15,6 +15,7 @@ from mmt.cli.common import (
     run_app,
     stop_on_signals,
     version,
+    with_inventory,
     write_json,
     write_line,
 )
@@ -103,7 +104,8 @@ async def _serve(scene: Scene, json_lines: bool) -> LeaderSummary:
     stop_on_signals(service.stop)
     if hasattr(signal, "SIGUSR1"):
         asyncio.get_running_loop().add_signal_handler(signal.SIGUSR1, service.reset_model)
-    return await service.run(ready)
+    running = service.run(ready)
+    return await (with_inventory(running) if json_lines else running)
 
 
 def _write_status(status: LeaderStatus) -> None:

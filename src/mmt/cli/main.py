@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from mmt.cli import models, sessions
+from mmt.cli import models, scenes, sessions
 from mmt.cli.common import messages, run_app, version, write_json
 
 app = typer.Typer(
@@ -16,6 +16,7 @@ app = typer.Typer(
 )
 app.add_typer(sessions.app, name="session")
 app.add_typer(models.app, name="model")
+app.add_typer(scenes.app, name="scene")
 
 DEFAULT_SCENE = Path("demo")
 

@@ -1,0 +1,117 @@
+"""``mmt scene``: what a scene runs, sends, imports and costs."""
+
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from mmt.cli.common import messages, output, write_json
+from mmt.scene import Scene
+from mmt.scene_files import load_scene
+
+if TYPE_CHECKING:
+    from mmt.evaluation.scene_costs import SceneCosts
+
+app = typer.Typer(no_args_is_help=True, help="Look at scenes.")
+
+_KEY = (
+    "± is half the 95 % confidence interval, from what scatters between runs, other programs' load "
+    "included; ≈0 is a difference within it. One in twenty lies outside by chance."
+)
+
+
+@app.callback()
+def main() -> None:
+    """Take a command, also while there is only one."""
+
+
+@app.command()
+def explain(
+    scene_file: Annotated[
+        Path, typer.Argument(metavar="SCENE", help="A TOML file, or an example's name.")
+    ],
+    replay: Annotated[
+        Path | None, typer.Option(help="Replay this recorded session; else a simulated one.")
+    ] = None,
+    measure: Annotated[
+        bool, typer.Option("--measure/--no-measure", help="Run it, or only read it.")
+    ] = True,
+    parts: Annotated[
+        bool, typer.Option("--parts/--no-parts", help="Run it also without each of its parts.")
+    ] = True,
+    duration: Annotated[float, typer.Option(min=1.0, max=600.0, help="Seconds of each run.")] = 3.0,
+    rounds: Annotated[int, typer.Option(min=2, max=100, help="Runs of each, in turns.")] = 2,
+    devices: Annotated[
+        bool, typer.Option("--devices", help="Measure although the scene moves real devices.")
+    ] = False,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+) -> None:
+    """Say what a scene runs, sends and imports, and measure what each part costs."""
+    from mmt.cli import scene_tables
+    from mmt.scene_description import describe_scene
+
+    scene = load_scene(scene_file, replay=replay)
+    description = describe_scene(scene)
+    content: dict[str, Any] = {"scene": scene.session.name, **description.as_dict()}
+    output.print(scene_tables.parts_table(description))
+    moves = scene.devices is not None and not devices
+    costs = None
+    if measure and not moves:
+        costs, scene = _measure(scene, duration, rounds, parts)
+    if description.streams:
+        output.print(scene_tables.wire_table(description, costs))
+    if costs is not None:
+        _print_costs(costs, scene)
+        content["measured"] = _figures(costs, scene)
+    elif moves and measure:
+        messages.print("not measured: the scene moves real devices; --devices measures it")
+    write_json(json_file, content)
+
+
+def _measure(
+    scene: Scene, duration_s: float, rounds: int, parts: bool
+) -> "tuple[SceneCosts, Scene]":
+    """Return the costs, and the scene as it was run."""
+    from mmt.cli.scene_runs import SceneRunner
+    from mmt.evaluation.scene_costs import measure_scene
+
+    progress = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        console=messages,
+        transient=True,
+    )
+    with tempfile.TemporaryDirectory(prefix="mmt-explain-") as directory, progress:
+        task = progress.add_task("once to warm up", total=None)
+
+        def show(what: str, number: int, total: int) -> None:
+            progress.update(task, description=what, completed=number, total=total)
+
+        runner = SceneRunner(Path(directory), duration_s)
+        prepared = runner.prepare(scene)
+        runner.warm_up(prepared)
+        return measure_scene(prepared, runner, rounds=rounds, parts=parts, on_step=show), prepared
+
+
+def _print_costs(costs: "SceneCosts", scene: Scene) -> None:
+    from mmt.cli import scene_tables
+    from mmt.evaluation.scene_results import remarks
+
+    output.print(scene_tables.whole_table(costs, scene))
+    for table in scene_tables.part_tables(costs, scene):
+        output.print(table)
+    if costs.without:
+        output.print(_KEY, highlight=False)
+    for sentence in remarks(costs, scene):
+        output.print(f"- {sentence}", highlight=False)
+
+
+def _figures(costs: "SceneCosts", scene: Scene) -> dict[str, Any]:
+    from mmt.evaluation.bench.measuring import machine
+    from mmt.evaluation.scene_results import costs_as_dict
+
+    return {"machine": machine(), **costs_as_dict(costs, scene)}

@@ -1,0 +1,187 @@
+"""``mmt scene explain``: what it prints, what it refuses, and one run of real services."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+from typer.testing import CliRunner
+
+from mmt.cli import scene_runs
+from mmt.cli.demo import DemoRun
+from mmt.cli.main import app
+from mmt.cli.scene_runs import SceneRunner
+from mmt.errors import InputError, MmtError
+from mmt.evaluation import scene_costs
+from mmt.evaluation.scene_costs import SceneRun, ServiceRun
+from mmt.scene import Scene
+from mmt.scene_files import example_scenes, load_scene
+from mmt.session import read_session
+
+DEVICES = '[link]\n[devices]\nrobot = "lab:Robot"\naccelerometer = "lab:A"\n[playout]\n[actuator]\n'
+TASKS = {"engineio: AsyncSocket._websocket_handler.<locals>.websocket_wait": 0.2, "main": 1.0}
+
+
+def example(name: str) -> Scene:
+    return load_scene(example_scenes()[name])
+
+
+@pytest.fixture
+def explain(monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
+    """Run the command in this process, 80 columns wide, on services that are made up."""
+    monkeypatch.setattr("mmt.cli.common.output.width", 80)
+    monkeypatch.setattr(scene_costs, "import_times_s", lambda modules: dict.fromkeys(modules, 0.25))
+
+    def made(runner: SceneRunner, scene: Scene) -> SceneRun:
+        modules = ("numpy", "scipy") if scene.texture is not None else ("numpy",)
+        service = ServiceRun(1.5, 0.3, 90.0 + len(modules), modules, TASKS, {"MainThread": 1.0}, 2)
+        sides = ("leader", "follower") if scene.source else ("leader",)
+        return SceneRun(dict.fromkeys(sides, service), {"up": 71_300.0, "down": 0.0}, None)
+
+    monkeypatch.setattr(SceneRunner, "__call__", made)
+
+    def run(*arguments: object) -> str:
+        result = CliRunner().invoke(app, ["scene", "explain", *map(str, arguments)])
+        if result.exception is not None and not isinstance(result.exception, SystemExit):
+            raise result.exception
+        assert result.exit_code == 0, result.output
+        return result.output
+
+    return run
+
+
+def test_without_measuring_it_says_parts_channels_and_bytes(explain: Callable[..., str]) -> None:
+    said = explain("demo", "--no-measure")
+    for word in ("recording", "replay, devices", "frames: position", "76.0", "70.0"):
+        assert word in said
+    assert "memory" not in said
+
+
+@pytest.mark.parametrize("name", example_scenes())
+def test_measured_it_fits_80_columns_and_cuts_nothing(
+    name: str, explain: Callable[..., str]
+) -> None:
+    said = explain(name)
+    assert max(map(len, said.splitlines())) <= 80
+    assert "…" not in said
+    for word in ("1.50 (1.50 to 1.50)", "numpy", "websocket_wait", "(at", "MainThread"):
+        assert word in said
+    assert ("kB/s" in said) == (name != "model-only")
+
+
+def test_a_part_that_costs_is_told_from_those_that_do_not(explain: Callable[..., str]) -> None:
+    said = explain("demo").partition("What a part costs the leader")[2]
+    rows = {line.split()[0]: line for line in said.splitlines() if "±" in line}
+    assert "≈0 ±0.00" in rows["recording"]
+    assert rows["rendering)"].split("±")[2].split()[-1] == "1.0", "texture holds a module"
+    assert "0.25" in rows["rendering)"]
+    assert "What a part costs the follower" not in said, "no part changes what it sends"
+
+
+def test_a_part_that_the_follower_sends_for_is_in_its_table(explain: Callable[..., str]) -> None:
+    said = explain("stream-only").partition("What a part costs the follower")[2]
+    assert "force_feedback" in said
+    assert "12.0" in said
+
+
+def test_the_json_holds_what_was_printed(explain: Callable[..., str], tmp_path: Path) -> None:
+    explain("demo", "--no-parts", "--json", tmp_path / "it.json")
+    content: dict[str, Any] = json.loads((tmp_path / "it.json").read_text())
+    assert content["scene"] == "demo"
+    assert content["leader"]["left_out"] == []
+    assert content["streams"][0]["bytes_per_s"] == 76_000.0
+    assert content["measured"]["services"]["leader"]["packages"] == ["numpy", "scipy"]
+    assert content["measured"]["parts"] == {}
+    assert content["measured"]["machine"]["processor"]
+
+
+def test_devices_move_only_when_asked(explain: Callable[..., str], tmp_path: Path) -> None:
+    scene = tmp_path / "lab.toml"
+    scene.write_text(DEVICES)
+    said = explain(scene)
+    assert "--devices measures it" in said.replace("\n", " ")
+    assert "start (s)" not in said
+    assert "start (s)" in explain(scene, "--devices")
+
+
+def test_a_scene_that_does_not_exist_is_explained(explain: Callable[..., str]) -> None:
+    with pytest.raises(InputError, match="nowhere: no such file"):
+        explain("nowhere")
+
+
+# --- running
+
+
+def test_a_run_writes_nowhere_but_in_its_directory(tmp_path: Path) -> None:
+    runner = SceneRunner(tmp_path, 2.0)
+    prepared = runner.prepare(example("replay"))
+    assert prepared.session.duration_s == 2.0
+    assert prepared.recording is not None
+    assert prepared.recording.file.parent == tmp_path
+    assert prepared.replay is not None
+    assert prepared.replay.file is not None
+    assert len(read_session(prepared.replay.file).frames) >= 3000, "longer than the run"
+
+
+def test_a_recording_that_was_named_is_replayed(tmp_path: Path) -> None:
+    scene = load_scene(example_scenes()["replay"], replay=tmp_path / "mine.mcap")
+    prepared = SceneRunner(tmp_path, 2.0).prepare(scene)
+    assert prepared.replay == scene.replay
+
+
+@pytest.mark.parametrize(
+    ("outcome", "error"),
+    [
+        (DemoRun(interrupted=True, failed=True), KeyboardInterrupt),
+        (DemoRun(failed=True, errors=["leader ended", "no port"]), MmtError),
+    ],
+)
+def test_a_run_that_does_not_end_well_is_no_measurement(
+    outcome: DemoRun, error: type[BaseException], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def run_services(*_: object, **named: Any) -> DemoRun:
+        assert "MMT_TEXTURE__ORDER" not in named["environment"], "it would bring [texture] back"
+        assert named["environment"]["PATH"] == os.environ["PATH"]
+        return outcome
+
+    monkeypatch.setenv("MMT_TEXTURE__ORDER", "8")
+    monkeypatch.setattr(scene_runs, "run_services", run_services)
+    with pytest.raises(error):
+        SceneRunner(tmp_path, 2.0)(example("stream-only"))
+
+
+def test_real_services_tell_what_they_run_and_cost(tmp_path: Path) -> None:
+    scene = tmp_path / "small.toml"
+    tables = {**example("stream-only").dump(), "recording": {"file": "never.mcap"}}
+    scene.write_text(tomli_w.dumps(tables))
+    arguments = ["--duration", "1", "--no-parts", "--json", "it.json"]
+    ended = subprocess.run(
+        [sys.executable, "-m", "mmt.cli.main", "scene", "explain", str(scene), *arguments],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=150,
+        check=False,
+    )
+    assert ended.returncode == 0, ended.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"small.toml", "it.json"}
+    measured = json.loads((tmp_path / "it.json").read_text())["measured"]
+    leader, follower = measured["services"]["leader"], measured["services"]["follower"]
+    for service in (leader, follower):
+        assert service["start_s"]["least"] > 0.05
+        assert 0.0 < service["core_share"]["mean"] < 2.0
+        assert 20 < service["memory_mb"]["mean"] < 1000
+        assert "mmt: Ticker.wait" in service["tasks"]
+        assert "mmt: Outbox._run" in service["tasks"]
+        assert not {"numba", "scipy"} & set(service["packages"])
+        assert 0.0 < service["import_s"] < 60
+    assert "mmt: LeaderService._report_status" in leader["tasks"]
+    assert "mmt-recorder" in leader["threads"]
+    assert "mcap" in leader["packages"]
+    assert "mcap" not in follower["packages"]
+    assert 10_000 < measured["bytes_per_s"]["up"] < 78_000

@@ -1,0 +1,205 @@
+"""What a part costs: which scenes are compared, and how noise is kept from being a cost."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from mmt.errors import MmtError
+from mmt.evaluation import scene_costs
+from mmt.evaluation.import_times import import_times_s
+from mmt.evaluation.scene_costs import SceneCosts, SceneRun, ServiceRun, half_width, measure_scene
+from mmt.evaluation.scene_results import costs_as_dict, packages_of, remarks
+from mmt.evaluation.scene_variants import variants_of
+from mmt.scene import Scene
+from mmt.scene_files import example_scenes, load_scene, scene_from_tables
+
+
+def example(name: str) -> Scene:
+    return load_scene(example_scenes()[name])
+
+
+# --- which scenes are compared
+
+
+def test_what_others_need_is_left_out_with_them() -> None:
+    variants, kept = variants_of(example("demo"))
+    assert [variant.left_out for variant in variants] == [
+        ("texture", "rendering"),
+        ("rendering",),
+        ("playout",),
+        ("actuator", "rendering", "playout"),
+        ("force_feedback",),
+        ("recording",),
+    ]
+    assert kept == ["link", "simulated", "hand"]
+    assert variants[0].name == "texture (with rendering)"
+
+
+@pytest.mark.parametrize("name", example_scenes())
+def test_every_variant_is_the_scene_less_what_it_says(name: str) -> None:
+    scene = example(name)
+    variants, kept = variants_of(scene)
+    for variant in variants:
+        tables = {k: v for k, v in scene.dump().items() if k not in variant.left_out}
+        assert variant.scene.dump() == tables
+    touched = {part for variant in variants for part in variant.left_out}
+    assert touched | set(kept) == {part for part, runs in scene.parts().items() if runs}
+    assert len({frozenset(variant.left_out) for variant in variants}) == len(variants)
+
+
+def test_the_last_thing_that_the_link_carries_stays() -> None:
+    scene = scene_from_tables({"link": {}, "replay": {}, "recording": {}})
+    assert variants_of(scene) == ([], ["link", "replay", "recording"])
+
+
+# --- figures
+
+
+def service(start_s: float, modules: tuple[str, ...] = ("json",)) -> ServiceRun:
+    return ServiceRun(start_s, 0.25, 80.0, modules, {"main": 1.0}, {"MainThread": 1.0}, 1)
+
+
+def scene_run(start_s: float, modules: tuple[str, ...] = ("json",)) -> SceneRun:
+    services = {"leader": service(start_s, modules), "follower": service(1.0)}
+    return SceneRun(services, {"up": 64_000.0, "down": 70_000.0}, None)
+
+
+@pytest.fixture
+def no_imports(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scene_costs, "import_times_s", lambda modules: dict.fromkeys(modules, 0.5))
+
+
+def runs_of(seen: list[Scene], start_s: Callable[[Scene], float]) -> Callable[[Scene], SceneRun]:
+    def run(scene: Scene) -> SceneRun:
+        seen.append(scene)
+        modules = ("json", "wave") if scene.playout is not None else ("json",)
+        return scene_run(start_s(scene), modules)
+
+    return run
+
+
+@pytest.mark.usefixtures("no_imports")
+def test_a_part_costs_the_difference_beyond_the_scatter() -> None:
+    scatter = iter(np.random.default_rng(1).normal(0.0, 0.01, 100).tolist())
+
+    def start_s(scene: Scene) -> float:
+        return 1.0 + (0.3 if scene.playout is not None else 0.0) + next(scatter)
+
+    costs = measure_scene(example("stream-only"), runs_of([], start_s), rounds=4)
+    playout = costs.part("playout", "leader")
+    assert playout.figures["start_s"].told_apart
+    assert playout.figures["start_s"].value == pytest.approx(0.3, abs=0.03)
+    assert not costs.part("force_feedback", "leader").figures["start_s"].told_apart
+    assert not playout.figures["memory_mb"].told_apart, "equal figures are no cost"
+    assert (playout.modules, playout.import_s) == (("wave",), 0.5)
+    assert costs.part("force_feedback", "leader").modules == ()
+
+
+@pytest.mark.usefixtures("no_imports")
+def test_the_scenes_take_turns() -> None:
+    seen: list[Scene] = []
+    steps: list[tuple[str, int, int]] = []
+    costs = measure_scene(
+        example("stream-only"),
+        runs_of(seen, lambda _: 1.0),
+        rounds=3,
+        on_step=lambda *step: steps.append(step),
+    )
+    whole = [number for number, scene in enumerate(seen) if scene == example("stream-only")]
+    assert whole == [0, 4, 8, 12]
+    assert all(len(runs) == 3 for runs in costs.without.values())
+    assert [number for _, number, _ in steps] == list(range(15))
+    assert {total for *_, total in steps} == {15}
+    assert steps[0][0] == "the whole scene"
+
+
+@pytest.mark.usefixtures("no_imports")
+def test_the_whole_alone_is_measured_where_no_parts_are_wanted() -> None:
+    seen: list[Scene] = []
+    costs = measure_scene(example("demo"), runs_of(seen, lambda _: 1.0), rounds=2, parts=False)
+    assert seen == [example("demo")] * 2
+    assert costs.without == {}
+
+
+@pytest.mark.usefixtures("no_imports")
+def test_a_scene_without_a_part_that_does_not_run_is_said() -> None:
+    def start_s(scene: Scene) -> float:
+        if scene.force_feedback is None:
+            raise MmtError("the device is gone")
+        return 1.0
+
+    costs = measure_scene(example("stream-only"), runs_of([], start_s), rounds=2)
+    assert set(costs.without) == {"playout", "actuator (with playout)"}
+    said = remarks(costs, example("stream-only"))
+    assert "force_feedback: not measured, the device is gone" in said
+
+
+def test_a_whole_scene_that_does_not_run_is_an_error() -> None:
+    def run(_: Scene) -> SceneRun:
+        raise MmtError("no such port")
+
+    with pytest.raises(MmtError, match="no such port"):
+        measure_scene(example("demo"), run, rounds=2)
+
+
+def test_the_half_width_of_two_groups_is_that_of_the_t_test() -> None:
+    generator = np.random.default_rng(2)
+    first, second = generator.normal(0, 1, 5), generator.normal(3, 1, 4)
+    interval = stats.ttest_ind(first, second).confidence_interval(0.95)
+    expected = (interval.high - interval.low) / 2
+    assert half_width([first.tolist(), second.tolist()], 5, 4) == pytest.approx(expected)
+
+
+def test_without_a_repetition_nothing_is_told_apart() -> None:
+    assert half_width([[1.0], [2.0]], 1, 1) == math.inf
+
+
+@pytest.mark.usefixtures("no_imports")
+def test_the_figures_for_a_program_are_plain_values() -> None:
+    scene = example("stream-only")
+    figures = costs_as_dict(measure_scene(scene, runs_of([], lambda _: 1.0), rounds=2), scene)
+    leader = figures["services"]["leader"]
+    assert leader["start_s"] == {"mean": 1.0, "least": 1.0, "most": 1.0}
+    assert leader["tasks"] == {"main": 1.0}
+    assert figures["bytes_per_s"] == {"up": 64_000.0, "down": 70_000.0}
+    assert figures["parts"]["playout"]["bytes_per_s"] == {"up": 12_000.0, "down": 0.0}
+    assert figures["parts"]["playout"]["leader"]["modules"] == 1
+    assert figures["parts"]["playout"]["follower"]["start_s"]["seen"] is False
+
+
+# --- remarks and imports
+
+
+@pytest.mark.parametrize(
+    ("began_s", "words"),
+    [(None, "no model was in use within 18 s"), (4.0, "in use from 4.0 s on"), (0.1, "")],
+)
+def test_it_says_when_the_model_was_not_in_use(began_s: float | None, words: str) -> None:
+    costs = SceneCosts(whole=[SceneRun({"leader": service(1.0)}, {}, began_s)])
+    said = [sentence for sentence in remarks(costs, example("demo")) if "rendering" in sentence]
+    assert words in said[0] if words else not said
+
+
+def test_packages_are_others_than_pythons_and_our_own() -> None:
+    modules = ["json.decoder", "mmt.scene", "numpy", "numpy.linalg", "_cffi_backend", "Zope.x"]
+    assert packages_of(modules) == ["numpy", "Zope"]
+
+
+def test_imports_are_timed_each_by_itself() -> None:
+    modules = ["xml", "xml.dom", "xml.dom.minidom"]
+    times = import_times_s([*modules, "no_such_module"], repeats=1)
+    assert set(modules) <= set(times), "a module that cannot be imported stops nothing"
+    assert all(0 <= value < 10 for value in times.values())
+
+
+def test_imports_that_end_the_process_are_explained(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "leaving.py").write_text("import sys\nsys.exit('no licence')\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    with pytest.raises(MmtError, match=r"cannot be timed: .*no licence"):
+        import_times_s(["leaving"], repeats=1)
