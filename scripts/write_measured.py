@@ -162,10 +162,8 @@ def replace(page: Path, mark: str, columns: Row, rows: list[Row]) -> None:
     """Put a table between the marks of a page."""
     table = "\n".join(f"| {' | '.join(row)} |" for row in (columns, ("---",) * len(columns), *rows))
     found = between(page, mark)
-    text = (
-        f"{found.string[: found.start()]}{found[1]}{table}{found[3]}{found.string[found.end() :]}"
-    )
-    page.write_text(text, encoding="utf-8")
+    before, after = found.string[: found.start()], found.string[found.end() :]
+    page.write_text(f"{before}{found[1]}{table}{found[3]}{after}", encoding="utf-8")
 
 
 if __name__ == "__main__":

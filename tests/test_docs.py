@@ -13,6 +13,7 @@ from pydantic.fields import FieldInfo
 
 from mmt.cli import follower, leader, main
 from mmt.scene import Scene
+from mmt.scene_files import example_scenes
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -186,6 +187,14 @@ def test_the_reference_has_every_command_with_every_option(name: str, command: C
     text = sections(COMMANDS_PAGE.read_text(encoding="utf-8"))[name]
     lacking = [option for option in sorted(options(command)) if f"`{option}" not in text]
     assert lacking == []
+
+
+def test_the_readme_has_a_row_for_every_example_scene() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    table = re.search(r"<!-- scenes: begin -->(.*?)<!-- scenes: end -->", text, re.DOTALL)
+    assert table is not None
+    rows = re.findall(r"^\| \[`([\w-]+)`\]\(configs/([\w-]+)\.toml\) \|", table[1], re.MULTILINE)
+    assert {(name, name) for name in example_scenes()} == set(rows)
 
 
 # --- scene keys
