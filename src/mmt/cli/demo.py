@@ -173,9 +173,7 @@ class _Demo:
         return self._run
 
     async def _start(self, name: str, arguments: list[str]) -> Child:
-        child = await Child.start(
-            name, "mmt.cli.entry", [name, *arguments], self._environment
-        )
+        child = await Child.start(name, "mmt.cli.entry", [name, *arguments], self._environment)
         self._children.append(child)
         if self._run.interrupted:
             child.interrupt()
