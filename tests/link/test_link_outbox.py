@@ -1,6 +1,7 @@
 import asyncio
 
 import pytest
+from link_samples import until
 
 from mmt.link.outbox import Outbox
 
@@ -109,3 +110,91 @@ async def test_a_fault_that_is_not_the_links_comes_to_light() -> None:
     assert outbox._task is not None
     with pytest.raises(ZeroDivisionError):
         await outbox._task
+
+
+async def test_what_the_link_takes_at_once_is_sent_as_it_is_put() -> None:
+    outbox, link = Outbox(1), Link(permits=3)
+    outbox.open(link)
+    for number in range(5):
+        outbox.put(1, bytes([number]))
+    assert link.sent == [b"\0", b"\1", b"\2"]
+    assert (outbox.messages, outbox.dropped) == (3, 0)  # one is under way, one waits
+    link.permits.release()
+    link.permits.release()
+    await until(lambda: outbox.messages == 5)
+    link.permits.release()
+    outbox.put(1, b"\5")  # at once again
+    assert link.sent == [bytes([number]) for number in range(6)]
+    outbox.close()
+
+
+async def test_a_message_under_way_is_not_given_up_for_a_newer_one() -> None:
+    outbox, link = Outbox(2), Link(permits=0)
+    outbox.open(link)
+    for number in range(6):
+        outbox.put(1, bytes([number]))
+    for _ in range(3):
+        link.permits.release()
+    await until(lambda: outbox.messages == 3)
+    assert link.sent == [b"\0", b"\4", b"\5"]
+    assert outbox.dropped == 3
+    outbox.close()
+
+
+async def test_closing_gives_up_the_message_under_way() -> None:
+    given_up = 0
+
+    async def never(message: bytes) -> None:
+        nonlocal given_up
+        try:
+            await asyncio.get_running_loop().create_future()
+        finally:
+            given_up += 1
+
+    for turns in (0, 20):
+        outbox = Outbox(4)
+        outbox.open(never)
+        outbox.put(2, b"x")
+        outbox.put(2, b"y")
+        for _ in range(turns):
+            await asyncio.sleep(0)
+        outbox.close()
+        await spin()
+        assert outbox.dropped == 4
+    assert given_up == 2
+
+
+async def test_a_link_may_wait_several_times_and_handle_what_it_waits_for() -> None:
+    sent = []
+    future: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+    async def send(message: bytes) -> None:
+        try:
+            await future
+        except KeyError:
+            await asyncio.sleep(0)
+            await asyncio.sleep(0.001)
+        sent.append(message)
+
+    outbox = Outbox(4)
+    outbox.open(send)
+    outbox.put(1, b"x")
+    outbox.put(1, b"y")
+    await spin()
+    assert sent == []
+    future.set_exception(KeyError())
+    await outbox.finish(5.0)
+    assert sent == [b"x", b"y"]
+    assert outbox.dropped == 0
+
+
+async def test_a_link_that_breaks_while_it_waits_ends_the_sending() -> None:
+    outbox, link = Outbox(4), Link(permits=0)
+    outbox.open(link)
+    outbox.put(1, b"x")
+    outbox.put(1, b"y")
+    link.broken = True
+    link.permits.release()
+    await until(lambda: not outbox.is_open)
+    outbox.close()
+    assert (outbox.records, outbox.dropped) == (0, 2)

@@ -194,14 +194,23 @@ async def test_the_end_counts_what_was_lost_at_the_tail() -> None:
 
 
 async def test_a_stalled_link_drops_the_oldest_and_says_how_many() -> None:
-    notes = LeaderNotes()
+    notes, gate = LeaderNotes(), asyncio.Event()
     async with leader(notes) as server, follower(server.port) as client:
-        for sequence in range(1200):  # the loop gets no turn to send
+        send = client._outbox._send
+        assert send is not None
+
+        async def stalled(message: bytes) -> None:
+            await gate.wait()
+            await send(message)
+
+        client._outbox.open(stalled)
+        for sequence in range(1200):
             client.send_frames(frames(sequence))
-        assert client.statistics.dropped == 200
-        await until(lambda: len(notes.sequences) == 1000)
-        assert server.statistics.lost == 0  # the first that came was the first seen
-    assert notes.sequences == list(range(200, 1200))
+        assert client.statistics.dropped == 199  # the first is under way
+        gate.set()
+        await until(lambda: len(notes.sequences) == 1001)
+        assert server.statistics.lost == 199
+    assert notes.sequences == [0, *range(200, 1200)]
 
 
 async def test_both_may_be_used_without_ever_being_connected() -> None:

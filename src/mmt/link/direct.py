@@ -7,7 +7,7 @@ WebSocket, they go through the library's queue.
 """
 
 import asyncio
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Final
 from weakref import WeakValueDictionary
@@ -15,9 +15,10 @@ from weakref import WeakValueDictionary
 import socketio
 from aiohttp import ClientWebSocketResponse, WSCloseCode, web
 
+from mmt.link.outbox import Sending
 from mmt.link.receiving import Handlers, take_directly
 
-Send = Callable[[bytes], Awaitable[None]]
+Send = Callable[[bytes], Sending]
 
 _NAMESPACE: Final = "/"
 

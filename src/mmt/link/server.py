@@ -1,6 +1,7 @@
 """The leader's side of the link: it listens, and serves one follower at a time."""
 
 import asyncio
+import math
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -48,8 +49,8 @@ if TYPE_CHECKING:
 
 __all__ = ["LeaderEvents", "LeaderServer"]
 
-_COMMANDS_WAITING: Final = 50
-"""Commands that wait for a stalled link, 50 ms at 1 kHz: older ones are of no use."""
+_COMMANDS_WAIT_S: Final = 0.05
+"""How long commands wait for a stalled link: older ones are of no use."""
 
 
 @dataclass
@@ -104,7 +105,7 @@ class LeaderServer:
         )
         self._network = network
         make_outbox = Outbox if network is None else network.outbox
-        self._outbox = make_outbox(_COMMANDS_WAITING)
+        self._outbox = make_outbox(math.ceil(_COMMANDS_WAIT_S * rate_hz))
         self._follower: _Follower | None = None
         self._left = asyncio.Event()
         self._stopping = False
