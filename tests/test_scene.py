@@ -161,3 +161,20 @@ def test_a_variable_emulates_a_network_in_any_scene() -> None:
     assert scene.network is not None
     assert (scene.network.delay_ms, scene.network.loss) == (40.0, 0.5)
     assert scene_from_tables(scene.dump()) == scene
+
+
+@pytest.mark.parametrize(
+    ("name", "conceal", "expected"),
+    [
+        ("demo", "auto", "model"),
+        ("stream-only", "auto", "repetition"),
+        ("stream-only", "model", "model"),
+        ("demo", "silence", "silence"),
+        ("model-only", None, "silence"),
+    ],
+)
+def test_gaps_are_concealed_from_a_model_where_the_numerics_are_there_anyway(
+    name: str, conceal: str | None, expected: str
+) -> None:
+    scene = load_scene(Path(name), {"playout.conceal": conceal})
+    assert scene.concealment == expected

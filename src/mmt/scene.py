@@ -207,6 +207,15 @@ class Scene(_Table):
                 return name
         return None
 
+    @property
+    def concealment(self) -> Literal["model", "repetition", "silence"]:
+        """How gaps in the stream are concealed; a model needs the compiled numerics."""
+        if self.playout is None:
+            return "silence"
+        if self.playout.conceal != "auto":
+            return self.playout.conceal
+        return "repetition" if self.texture is None and self.rendering is None else "model"
+
     def channels(self) -> tuple[Channel, ...]:
         """Return the channels that this scene needs on the wire, in the frame's order."""
         wanted: set[Channel] = set()

@@ -81,7 +81,8 @@ def leader(
 
 
 async def _serve(scene: Scene, json_lines: bool) -> LeaderSummary:
-    needs_numerics = scene.texture is not None or scene.rendering is not None
+    modelled = scene.texture is not None or scene.rendering is not None
+    needs_numerics = modelled or scene.concealment == "model"
     if needs_numerics and not kernels_are_compiled():
         sentence = "compiling the numerics, at the first start only (15 to 60 s)"
         write_line("event", event=sentence) if json_lines else messages.print(sentence)

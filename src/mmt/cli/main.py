@@ -77,7 +77,7 @@ def bench(
         list[str] | None,
         typer.Argument(
             metavar="[burg] [lines] [interpolation] [synthesis] [update] [order] [pipeline] "
-            "[contact] [link] [services] [evaluate]"
+            "[conceal] [contact] [link] [services] [evaluate]"
         ),
     ] = None,
     duration: Annotated[

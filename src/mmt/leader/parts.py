@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from mmt.devices.protocols import LeaderInterface, VibrationActuator
-from mmt.leader.concealment import Way, build_concealment
+from mmt.leader.concealment import build_concealment
 from mmt.leader.feedback import StreamedForce
 from mmt.leader.playout import PlayoutBuffer
 from mmt.leader.rendering import VibrationSwitch
@@ -109,7 +109,7 @@ def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None])
             scene.playout.delay_ms,
             scene.playout.longest_delay_ms,
             round(1e9 / rate_hz),
-            build_concealment(_way_to_conceal(scene), scene.session.seed),
+            build_concealment(scene.concealment, scene.session.seed),
         )
         parts.streamed_vibration = StreamedVibration(
             parts.playout, geometry.axis, geometry.normal, rate_hz
@@ -127,13 +127,6 @@ def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None])
             McapRecorder, scene.recording.file, channels=scene.channels(), scene=scene.dump()
         )
     return parts
-
-
-def _way_to_conceal(scene: Scene) -> Way:
-    """Return how gaps are concealed: from a model where the numerics are there anyway."""
-    if scene.playout is not None and scene.playout.conceal != "auto":
-        return scene.playout.conceal
-    return "repetition" if scene.texture is None and scene.rendering is None else "model"
 
 
 def _build_vibration(scene: Scene, parts: LeaderParts) -> None:
