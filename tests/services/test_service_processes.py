@@ -263,3 +263,37 @@ def test_a_leader_does_not_listen_for_strangers(tmp_path: Path) -> None:
         assert leader.end() == 2
     assert "lets everyone who reaches port 0 be the follower: set a token" in leader.stderr
     assert "Traceback" not in leader.stderr
+
+
+def test_both_services_log_one_session(tmp_path: Path) -> None:
+    arguments = ("--duration", 0.5, "--log", "leader.jsonl", "--log-level", "debug")
+    with session(
+        tmp_path,
+        "stream-only",
+        *arguments,
+        follower_arguments=("--log", "follower.jsonl"),
+        MMT_RECORDING__FILE="session.mcap",
+    ) as (leader, follower):
+        assert (leader.end(), follower.end()) == (0, 0), leader.stderr + follower.stderr
+    identity = leader.summary()["session"]["id"]
+    assert re.fullmatch("[0-9a-f]{12}", identity)
+    assert follower.summary()["session"]["id"] == identity
+    assert read_session(tmp_path / "session.mcap").session_id == identity
+    for name in ("leader", "follower"):
+        text = (tmp_path / f"{name}.jsonl").read_text(encoding="utf-8")
+        lines = [json.loads(line) for line in text.splitlines()]
+        assert {line["service"] for line in lines} == {name}
+        assert lines[0]["event"] == "started"
+        assert lines[0]["scene"]["session"]["name"]
+        assert lines[-1]["event"] == "summary"
+        assert lines[-1]["summary"]["outcome"]
+        assert {line["session"] for line in lines if line["event"] != "started"} >= {identity}
+        assert lines[-1]["session"] == identity
+    assert any(line["event"] == "follower connected (simulated)" for line in _log(tmp_path))
+    assert any(line["event"] == "status" for line in _log(tmp_path))
+    assert (leader.stderr, follower.stderr) == ("", "")
+
+
+def _log(directory: Path) -> list[dict[str, Any]]:
+    text = (directory / "leader.jsonl").read_text(encoding="utf-8")
+    return [json.loads(line) for line in text.splitlines()]

@@ -1,11 +1,13 @@
 """``mmt-follower``: measure and stream."""
 
 import asyncio
+import logging
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
+import mmt
 from mmt.cli.common import (
     messages,
     output,
@@ -19,8 +21,11 @@ from mmt.cli.common import (
 )
 from mmt.errors import InputError, MmtError
 from mmt.follower.service import FollowerService, FollowerSummary
+from mmt.logs import Logs, details
 from mmt.scene import Scene
 from mmt.scene_files import load_scene
+
+LOG: Final = logging.getLogger("mmt.follower")
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -43,6 +48,12 @@ def follower(
     json_lines: Annotated[
         bool, typer.Option("--json-lines", help="Events and summary as JSON lines on stdout.")
     ] = False,
+    log: Annotated[
+        Path | None, typer.Option(help="Add a JSON line per event to this file.")
+    ] = None,
+    log_level: Annotated[
+        str | None, typer.Option(metavar="LEVEL", help="debug, info, warning or error.")
+    ] = None,
     _: Annotated[
         bool, typer.Option("--version", callback=version, is_eager=True, help="Print it.")
     ] = False,
@@ -55,7 +66,10 @@ def follower(
         scene = load_scene(scene_file, {"replay.speed": speed}, replay=replay)
     if not json_lines:
         print_parts(scene, "follower")
-    summary = asyncio.run(_stream(scene, leader, json_lines))
+    with Logs("follower", log, log_level) as logs:
+        LOG.info("started", extra=details(version=mmt.__version__, scene=scene.dump()))
+        summary = asyncio.run(_stream(scene, leader, json_lines, logs))
+        LOG.info("summary", extra=details(summary=summary.as_dict()))
     if json_lines:
         write_line("summary", **summary.as_dict())
     else:
@@ -67,14 +81,17 @@ def follower(
         raise MmtError(summary.problem)
 
 
-async def _stream(scene: Scene, url: str | None, json_lines: bool) -> FollowerSummary:
+async def _stream(scene: Scene, url: str | None, json_lines: bool, logs: Logs) -> FollowerSummary:
     def say(sentence: str) -> None:
         if json_lines:
             write_line("event", event=sentence)
         else:
             messages.print(sentence, highlight=False)
 
-    service = FollowerService(scene, url, on_event=say)
+    def note(session_id: str) -> None:
+        logs.session_id = session_id
+
+    service = FollowerService(scene, url, on_event=say, on_session=note)
     stop_on_signals(service.stop)
     say(f"{service.source.describe()}; leader {service.url}")
 

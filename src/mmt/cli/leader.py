@@ -1,13 +1,15 @@
 """``mmt-leader``: model and render."""
 
 import asyncio
+import logging
 import signal
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import typer
 
+import mmt
 from mmt.cli.common import (
     messages,
     output,
@@ -22,8 +24,11 @@ from mmt.cli.common import (
 from mmt.errors import InputError, MmtError
 from mmt.kernel_cache import kernels_are_compiled
 from mmt.leader.summary import LeaderStatus, LeaderSummary
+from mmt.logs import Logs, details
 from mmt.scene import Scene
 from mmt.scene_files import load_scene
+
+LOG: Final = logging.getLogger("mmt.leader")
 
 _STARTED_S = time.perf_counter()
 
@@ -53,6 +58,12 @@ def leader(
     json_lines: Annotated[
         bool, typer.Option("--json-lines", help="Status and summary as JSON lines on stdout.")
     ] = False,
+    log: Annotated[
+        Path | None, typer.Option(help="Add a JSON line per event to this file.")
+    ] = None,
+    log_level: Annotated[
+        str | None, typer.Option(metavar="LEVEL", help="debug, info, warning or error.")
+    ] = None,
     _: Annotated[
         bool, typer.Option("--version", callback=version, is_eager=True, help="Print it.")
     ] = False,
@@ -68,7 +79,10 @@ def leader(
         raise InputError("--report needs a recording: give --record FILE or add [recording]")
     if not json_lines:
         print_parts(scene, "leader")
-    summary = asyncio.run(_serve(scene, json_lines))
+    with Logs("leader", log, log_level) as logs:
+        LOG.info("started", extra=details(version=mmt.__version__, scene=scene.dump()))
+        summary = asyncio.run(_serve(scene, json_lines, logs))
+        LOG.info("summary", extra=details(summary=summary.as_dict()))
     if json_lines:
         write_line("summary", **summary.as_dict())
     else:
@@ -80,7 +94,7 @@ def leader(
         raise MmtError(summary.problem)
 
 
-async def _serve(scene: Scene, json_lines: bool) -> LeaderSummary:
+async def _serve(scene: Scene, json_lines: bool, logs: Logs) -> LeaderSummary:
     modelled = scene.texture is not None or scene.rendering is not None
     needs_numerics = modelled or scene.concealment == "model"
     if needs_numerics and not kernels_are_compiled():
@@ -93,6 +107,8 @@ async def _serve(scene: Scene, json_lines: bool) -> LeaderSummary:
         on_status=_write_status if json_lines else _print_status,
         on_event=_write_event if json_lines else _print_event,
     )
+
+    logs.session_id = service.log.session_id
 
     def ready() -> None:
         service.log.ready_s = round(time.perf_counter() - _STARTED_S, 2)

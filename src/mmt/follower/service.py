@@ -1,6 +1,7 @@
 """The follower service: one event loop that ticks, measures and streams."""
 
 import asyncio
+import logging
 import math
 import time
 from collections.abc import Callable
@@ -22,6 +23,8 @@ from mmt.ticking import Ticker
 if TYPE_CHECKING:
     from mmt.link.network import EmulatedNetwork
 
+LOG: Final = logging.getLogger("mmt.follower")
+
 _UNWANTED: Final = (FAILED, f"leader {FAILED}", "leader lost")
 
 
@@ -34,6 +37,7 @@ class FollowerSummary:
     """
 
     outcome: str
+    session: dict[str, Any]
     link: dict[str, Any]
     ticks: dict[str, Any]
     process: dict[str, Any]
@@ -60,6 +64,8 @@ class FollowerService:
         Of the leader, ``http://host:port``; None takes the scene's ``[link]``.
     on_event
         Called with a sentence whenever something happens that a person wants to know.
+    on_session
+        Called with the leader's name of the session, as soon as it is known.
     """
 
     def __init__(
@@ -68,11 +74,14 @@ class FollowerService:
         url: str | None = None,
         *,
         on_event: Callable[[str], None] | None = None,
+        on_session: Callable[[str], None] | None = None,
     ) -> None:
         self.scene = scene
         self._link = scene.link or Link()
         self.url = url or self._link.url()
-        self._say = on_event or (lambda _: None)
+        self._tell = on_event or (lambda _: None)
+        self._on_session = on_session or (lambda _: None)
+        self._session_id: str | None = None
         self.source = build_source(scene)
         self._client = FollowerClient(
             self.url,
@@ -85,6 +94,7 @@ class FollowerService:
             ),
             FollowerEvents(
                 on_commands=self._on_commands,
+                on_session=self._take_session,
                 on_stop=self._on_stop,
                 on_lost=self._on_lost,
                 on_error=self._fail,
@@ -130,6 +140,7 @@ class FollowerService:
         cost = meter.read()
         return FollowerSummary(
             outcome=self._outcome,
+            session={"id": self._session_id},
             link=asdict(self._client.statistics),
             ticks=asdict(self._ticker.statistics),
             process={
@@ -144,6 +155,16 @@ class FollowerService:
         if not self._ended.is_set():
             self._outcome = outcome
             self._ended.set()
+
+    def _say(self, sentence: str) -> None:
+        self._tell(sentence)
+        LOG.info(sentence)
+
+    def _take_session(self, session_id: str) -> None:
+        if session_id != self._session_id:
+            self._session_id = session_id
+            self._on_session(session_id)
+            LOG.info("connected to the leader")
 
     def _emulated_network(self) -> "EmulatedNetwork | None":
         if self.scene.network is None:

@@ -33,7 +33,7 @@ class LeaderParts:
     modelling: "ModellingTask | None" = None
     synthesizer: "Synthesizer | None" = None
     switch: VibrationSwitch | None = None
-    make_recorder: "Callable[[], McapRecorder] | None" = None
+    make_recorder: "Callable[..., McapRecorder] | None" = None
     recorder: "McapRecorder | None" = None
 
     def connect(self) -> None:
@@ -43,7 +43,7 @@ class LeaderParts:
                 device.connect()
                 device.calibrate()
 
-    def begin_recording(self) -> None:
+    def begin_recording(self, session_id: str) -> None:
         """Make the recording's file, which replaces an older one of that name.
 
         Call it when nothing else can keep the session from starting.
@@ -54,7 +54,7 @@ class LeaderParts:
             The file cannot be made.
         """
         if self.make_recorder is not None:
-            self.recorder = self.make_recorder()
+            self.recorder = self.make_recorder(session_id=session_id)
 
     def close(self) -> list[str]:
         """Release the devices and finish the recording, also when one of them fails.

@@ -1,12 +1,14 @@
 """The leader service: one event loop that ticks, receives, models and records."""
 
 import asyncio
+import logging
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from mmt import logs
 from mmt.arrays import RecordArray
 from mmt.devices.protocols import InterfaceState
 from mmt.errors import FAILED, MmtError
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
     from mmt.link.protocol import FollowerHello
     from mmt.link.server import LeaderServer
     from mmt.texture.modelling import ModelUpdate
+
+LOG: Final = logging.getLogger("mmt.leader")
 
 _STATUS_PERIOD_S: Final = 0.2
 _STREAM_REST_TICKS: Final = 100
@@ -104,7 +108,7 @@ class LeaderService:
             parts.connect()
             if self.scene.link is not None:
                 await self._listen()
-            parts.begin_recording()
+            parts.begin_recording(self.log.session_id)
             prefer_even_ticks()
             tasks.append(asyncio.create_task(self._report_status()))
             if parts.modelling is not None:
@@ -174,6 +178,7 @@ class LeaderService:
                 on_error=self._fail,
             ),
             fastest=self._fastest,
+            session_id=self.log.session_id,
             network=self._emulated_network(),
         )
         await self._server.start()
@@ -302,15 +307,18 @@ class LeaderService:
 
     def _event(self, sentence: str, **details: object) -> None:
         self._say(sentence)
+        time_s = round(self.time_s, 3)
+        LOG.info(sentence, extra=logs.details(time_s=time_s, **details))
         if self.parts.recorder is not None:
-            self.parts.recorder.record_event(
-                {"time_s": round(self.time_s, 3), "event": sentence, **details}
-            )
+            self.parts.recorder.record_event({"time_s": time_s, "event": sentence, **details})
 
     async def _report_status(self) -> None:
         while True:
             await asyncio.sleep(_STATUS_PERIOD_S)
-            self._on_status(self.status())
+            status = self.status()
+            self._on_status(status)
+            if LOG.isEnabledFor(logging.DEBUG):
+                LOG.debug("status", extra=logs.details(status=status.as_dict()))
             recorder = self.parts.recorder
             if recorder is not None and recorder.error is not None:
                 self._fail(MmtError(f"recording {recorder.path}: {recorder.error}"))

@@ -1,6 +1,7 @@
 """What the leader says of itself: a status several times a second, a summary at the end."""
 
 import statistics
+import uuid
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
@@ -39,6 +40,7 @@ class LeaderStatus:
 class RunLog:
     """What the service notes while it runs."""
 
+    session_id: str = field(default_factory=lambda: uuid.uuid4().hex[:12])
     outcome: str = "completed"
     update: "ModelUpdate | None" = None
     update_seconds: list[float] = field(default_factory=list)
@@ -93,7 +95,7 @@ def summarise(
     """Gather the summary of a run that has ended."""
     return LeaderSummary(
         outcome=log.outcome,
-        session={"name": name, "duration_s": round(duration_s, 3)},
+        session={"name": name, "id": log.session_id, "duration_s": round(duration_s, 3)},
         link=asdict(link) if link is not None else {},
         texture=_texture(log, parts),
         vibration=_vibration(log, parts),

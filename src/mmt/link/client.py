@@ -32,6 +32,7 @@ from mmt.link.protocol import (
     END,
     FRAMES,
     MAX_RECORDS_PER_MESSAGE,
+    MAX_SENTENCE,
     NETWORK,
     STOP,
     WELCOME,
@@ -39,6 +40,7 @@ from mmt.link.protocol import (
     LinkStatistics,
     encode_event,
     loss_of,
+    printable,
     reason_of,
 )
 from mmt.link.reading import BlockReader
@@ -213,7 +215,7 @@ class FollowerClient:
 
     def _on_refused(self, problem: object = None) -> None:
         if isinstance(problem, Mapping) and "message" in problem:
-            self._refusal = str(problem["message"])
+            self._refusal = printable(str(problem["message"]), MAX_SENTENCE)
             LOG.warning("refused by the leader: %s", self._refusal)
 
     def _on_disconnect(self, reason: str) -> None:
@@ -226,8 +228,12 @@ class FollowerClient:
 
     def _on_welcome(self, *arguments: object) -> None:
         payload = arguments[0] if len(arguments) == 1 else None
-        if isinstance(payload, Mapping):
-            self._reader.compare_clocks(payload.get("clock_id") == clock_id())
+        if not isinstance(payload, Mapping):
+            return
+        self._reader.compare_clocks(payload.get("clock_id") == clock_id())
+        session_id = payload.get("session_id")
+        if isinstance(session_id, str) and session_id:
+            call(self._events.on_session, printable(session_id), on_error=self._events.on_error)
 
     def _on_commands(self, *arguments: object) -> None:
         arrival_ns = time.monotonic_ns()

@@ -38,6 +38,8 @@ class FollowerEvents:
 
     on_commands: Callable[[RecordArray, int], None]
     """Checked commands, shape (n,), read-only, newest last; and their arrival, monotonic ns."""
+    on_session: Callable[[str], None] = _nothing
+    """The leader's name of the session, which stands in its logs as well."""
     on_stop: Callable[[str], None] = _nothing
     """The leader asks to end the session, for this reason."""
     on_lost: Callable[[str], None] = _nothing

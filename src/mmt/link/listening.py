@@ -2,11 +2,14 @@
 
 from typing import Final
 
+import socketio
 from aiohttp import web
 from aiohttp.typedefs import Handler
 
 from mmt.errors import MmtError
 from mmt.link.access import Access, check_listening
+from mmt.link.log import wire_logger
+from mmt.link.protocol import MAX_MESSAGE_BYTES, PING_INTERVAL_S
 
 CLOSE_TIMEOUT_S: Final = 1.0
 """How long open connections may take to end."""
@@ -32,6 +35,21 @@ def guarded_application(access: Access) -> web.Application:
         return await handler(request)
 
     return web.Application(middlewares=[guard])
+
+
+def make_server(ping_timeout_s: float) -> socketio.AsyncServer:
+    """Return a Socket.IO server with the link's transport, serializer and bounds."""
+    return socketio.AsyncServer(
+        async_mode="aiohttp",
+        serializer="msgpack",
+        transports=["websocket"],
+        async_handlers=False,
+        max_http_buffer_size=MAX_MESSAGE_BYTES,
+        ping_interval=PING_INTERVAL_S,
+        ping_timeout=ping_timeout_s,
+        logger=wire_logger(),
+        engineio_logger=wire_logger(),
+    )
 
 
 class Listener:

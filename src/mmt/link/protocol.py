@@ -22,7 +22,8 @@ END: Final = "end"
 COMMANDS: Final = "commands"
 """Leader to follower: bytes, 1 to 100 commands."""
 WELCOME: Final = "welcome"
-"""Leader to follower, once after it was accepted: ``{"protocol": int, "clock_id": str}``."""
+"""Leader to follower, once after it was accepted: ``{"protocol": int, "clock_id": str,
+"session_id": str}``."""
 STOP: Final = "stop"
 """Leader to follower: ``{"reason": str}``; the follower is to end."""
 NETWORK: Final = "network"
@@ -33,6 +34,8 @@ MAX_RECORDS_PER_MESSAGE: Final = 100
 MAX_ANNOTATIONS_BYTES: Final = 65_536
 MAX_MESSAGE_BYTES: Final = 131_072
 """A longer WebSocket message closes the link."""
+MAX_SENTENCE: Final = 1024
+"""Most characters of a refusal."""
 MAX_TEXT: Final = 256
 """Most characters of a reason, a source's name or a clock's name."""
 
@@ -138,7 +141,7 @@ class FollowerHello:
         channels = _read(auth, "channels", list)
         return cls(
             channels=ordered_channels(str(channel)[:MAX_TEXT] for channel in channels),
-            source=_read(auth, "source", str),
+            source=printable(_read(auth, "source", str), MAX_TEXT + 1),
             rate_hz=_read(auth, "rate_hz", int),
             frames_per_message=_read(auth, "frames_per_message", int),
             annotations=_read(auth, "annotations", bytes),
@@ -194,7 +197,12 @@ def reason_of(payload: object) -> str | None:
     if not isinstance(payload, Mapping):
         return None
     reason = payload.get("reason")
-    return reason[:MAX_TEXT] if isinstance(reason, str) else None
+    return printable(reason) if isinstance(reason, str) else None
+
+
+def printable(text: str, longest: int = MAX_TEXT) -> str:
+    """Return a text from the other side as a person or a log may see it, of bounded length."""
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text[:longest])
 
 
 def loss_of(reason: str) -> str:

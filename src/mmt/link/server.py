@@ -19,17 +19,16 @@ from mmt.link.clock import clock_id
 from mmt.link.counting import gather
 from mmt.link.direct import Send, ServerSockets
 from mmt.link.events import LeaderEvents, call
-from mmt.link.listening import CLOSE_TIMEOUT_S, Listener, guarded_application
-from mmt.link.log import LOG, wire_logger
+from mmt.link.listening import CLOSE_TIMEOUT_S, Listener, guarded_application, make_server
+from mmt.link.log import LOG
 from mmt.link.outbox import Outbox
 from mmt.link.protocol import (
     COMMANDS,
     END,
     FRAMES,
-    MAX_MESSAGE_BYTES,
     MAX_RECORDS_PER_MESSAGE,
+    MAX_SENTENCE,
     NETWORK,
-    PING_INTERVAL_S,
     PING_TIMEOUT_S,
     PROTOCOL_VERSION,
     STOP,
@@ -38,6 +37,7 @@ from mmt.link.protocol import (
     LinkStatistics,
     encode_event,
     loss_of,
+    printable,
     reason_of,
 )
 from mmt.link.reading import BlockReader
@@ -78,6 +78,8 @@ class LeaderServer:
         numbers claim beyond that is not believed.
     network
         Emulated between this side and the follower; programs may change it over HTTP.
+    session_id
+        Names the session in what both sides log.
 
     Raises
     ------
@@ -94,6 +96,7 @@ class LeaderServer:
         rate_hz: int = 1000,
         fastest: float = 100.0,
         network: "EmulatedNetwork | None" = None,
+        session_id: str = "",
     ) -> None:
         self._settings = settings
         self._access = Access.of(settings)
@@ -104,23 +107,14 @@ class LeaderServer:
             frame_dtype(self._channels), "frames", shortest_period_ns(rate_hz, fastest)
         )
         self._network = network
+        self._session_id = session_id
         make_outbox = Outbox if network is None else network.outbox
         self._outbox = make_outbox(math.ceil(_COMMANDS_WAIT_S * rate_hz))
         self._follower: _Follower | None = None
         self._left = asyncio.Event()
         self._stopping = False
         self._greeting: asyncio.Task[None] | None = None
-        self._server = socketio.AsyncServer(
-            async_mode="aiohttp",
-            serializer="msgpack",
-            transports=["websocket"],
-            async_handlers=False,
-            max_http_buffer_size=MAX_MESSAGE_BYTES,
-            ping_interval=PING_INTERVAL_S,
-            ping_timeout=PING_TIMEOUT_S,
-            logger=wire_logger(),
-            engineio_logger=wire_logger(),
-        )
+        self._server = make_server(PING_TIMEOUT_S)
         application = guarded_application(self._access)
         self._server.attach(application)
         if network is not None:
@@ -229,7 +223,7 @@ class LeaderServer:
             )
             self._events.on_follower(hello)
         except MmtError as error:
-            LOG.warning("refused a follower: %s", error)
+            LOG.warning("refused a follower: %s", printable(str(error), MAX_SENTENCE))
             raise socketio.exceptions.ConnectionRefusedError(str(error)) from error
         except Exception as error:
             self._events.on_error(error)
@@ -283,7 +277,11 @@ class LeaderServer:
         return follower is not None and follower.sid == sid and not follower.ended
 
     async def _greet(self, sid: str, send: Send) -> None:
-        greeting = {"protocol": PROTOCOL_VERSION, "clock_id": clock_id()}
+        greeting = {
+            "protocol": PROTOCOL_VERSION,
+            "clock_id": clock_id(),
+            "session_id": self._session_id,
+        }
         await self._server.emit(WELCOME, greeting, to=sid)
         await self._tell_network()
         if self._follower is not None and self._follower.sid == sid:

@@ -23,6 +23,8 @@ class SessionInfo:
     channels: tuple[Channel, ...]
     scene: str | None
     """The scene's name, None where the file holds no scene."""
+    session_id: str | None
+    """Names the session in the logs of both services, None where the file holds none."""
     truth: bool
     """Whether the follower attached annotations, such as the simulated truth."""
     models: int
@@ -53,6 +55,7 @@ def info(path: Path) -> SessionInfo:
         rate_hz=_rate_hz(session),
         channels=session.channels,
         scene=_scene_name(session),
+        session_id=session.session_id,
         truth=bool(session.annotations),
         models=len(session.models),
         events=len(session.events),

@@ -220,6 +220,7 @@ def session_of(scan: Scan) -> RecordedSession:
         events=[_event(scan, message, start_ns) for message in scan.on_topic(EVENTS_TOPIC)],
         outputs=_outputs(scan, start_ns),
         path=scan.path,
+        session_id=scan.metadata_of(SESSION_METADATA).get("session_id"),
         complete=scan.whole and not scan.metadata_of(RECOVERY_METADATA),
     )
 

@@ -59,7 +59,11 @@ class SessionWriter:
     """
 
     def __init__(
-        self, stream: BinaryIO, channels: Sequence[Channel], scene: JsonObject | None = None
+        self,
+        stream: BinaryIO,
+        channels: Sequence[Channel],
+        scene: JsonObject | None = None,
+        session_id: str | None = None,
     ) -> None:
         self._writer = open_writer(stream)
         self._frames = FrameCodec.of_channels(channels)
@@ -73,6 +77,7 @@ class SessionWriter:
                 "rate_hz": "1000",
                 "channels": ",".join(channels),
                 "created_utc": datetime.now(UTC).isoformat(timespec="milliseconds"),
+                **({} if session_id is None else {"session_id": session_id}),
             },
         )
         if scene is not None:
@@ -164,7 +169,7 @@ def write_mcap(path: Path, session: RecordedSession) -> None:
 
 def _write_all(stream: BinaryIO, session: RecordedSession) -> None:
     frames = session.frames
-    writer = SessionWriter(stream, channels_of(frames.dtype), session.scene)
+    writer = SessionWriter(stream, channels_of(frames.dtype), session.scene, session.session_id)
     start_ns = max(0, int(frames["time_ns"][0])) if len(frames) else 0
 
     def log_time_ns(time_s: float) -> int:

@@ -51,6 +51,8 @@ class RecordedSession:
     """The leader's rendered vibration."""
     path: Path = field(default=Path())
     """The file it was read from."""
+    session_id: str | None = None
+    """Names the session in the logs and summaries of both services; None where none is known."""
     complete: bool = True
     """False where the file was cut off and then mended."""
 

@@ -58,6 +58,8 @@ class McapRecorder:
         What the frames carry.
     scene
         The resolved scene.
+    session_id
+        Names the session in the logs and summaries of both services.
     on_error
         Called once, from the recorder's thread, with the reason why recording stopped.
     queue_limit
@@ -77,6 +79,7 @@ class McapRecorder:
         *,
         channels: Sequence[Channel],
         scene: JsonObject | None = None,
+        session_id: str | None = None,
         on_error: Callable[[str], None] | None = None,
         queue_limit: int = QUEUE_LIMIT,
         clock: Callable[[], int] = time.monotonic_ns,
@@ -98,7 +101,7 @@ class McapRecorder:
         self._start_ns: int | None = None
         self._closing = threading.Event()
         self._stream = _create(path)
-        self._writer = SessionWriter(self._stream, ordered_channels(channels), scene)
+        self._writer = SessionWriter(self._stream, ordered_channels(channels), scene, session_id)
         self._frame_assembler = FrameAssembler(self._dtype, self._write_frames)
         self._output_assembler = OutputAssembler(self._writer.write_output)
         # A daemon, so that a program that dies without `close` is not held back.

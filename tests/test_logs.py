@@ -1,0 +1,161 @@
+"""What is logged is whole, on time, and cannot be forged or hold anything up."""
+
+import io
+import json
+import logging
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mmt.errors import InputError, MmtError
+from mmt.logs import Logs, details
+
+LOG = logging.getLogger("mmt.test")
+
+
+def lines(path: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+
+
+def test_every_line_has_time_level_service_session_and_event(tmp_path: Path) -> None:
+    path = tmp_path / "deep" / "log.jsonl"
+    with Logs("leader", path) as logs:
+        LOG.info("before")
+        logs.session_id = "abc"
+        LOG.info("after %d", 5, extra=details(time_s=1.5, mode="streamed"))
+        LOG.debug("not at this level")
+    first, second = lines(path)
+    assert (first["service"], first["session"], first["event"]) == ("leader", None, "before")
+    assert second["time"] >= first["time"]
+    assert second["time"].endswith("+00:00")
+    del second["time"]
+    assert second == {
+        "level": "info",
+        "service": "leader",
+        "session": "abc",
+        "logger": "mmt.test",
+        "event": "after 5",
+        "time_s": 1.5,
+        "mode": "streamed",
+    }
+
+
+def test_a_line_stays_one_line_and_no_detail_hides_another_key(tmp_path: Path) -> None:
+    path = tmp_path / "log.jsonl"
+    with Logs("leader", path) as logs:
+        logs.session_id = 'a"\n{"level": "forged"}'
+        LOG.warning('x"\n{"event": "forged"}\x1b[2J\x00', extra=details(event="hidden", level="y"))
+        LOG.warning("x" * 10**6)
+    first, second = lines(path)
+    assert first["event"] == 'x"\n{"event": "forged"}\x1b[2J\x00'
+    assert first["level"] == "warning"
+    assert len(second["event"]) == 4000
+
+
+def test_what_ends_a_service_is_logged_and_a_mistake_has_its_trace(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "log.jsonl"
+    for error in (ZeroDivisionError("oops"), MmtError("the port is taken")):
+        with pytest.raises(type(error)), Logs("leader", path):
+            raise error
+    mistake, fault = lines(path)
+    assert mistake["event"] == "the service failed: oops"
+    assert "ZeroDivisionError" in mistake["traceback"]
+    assert fault["event"] == "the service failed: the port is taken"
+    assert "traceback" not in fault
+    assert capsys.readouterr().err == ""  # the command line says it itself
+
+
+@pytest.mark.parametrize(
+    ("file", "level", "shown"),
+    [
+        (False, None, ["warning: w"]),
+        (False, "debug", ["debug: d", "info: i", "warning: w"]),
+        (False, "error", []),
+        (True, None, ["warning: w"]),
+        (True, "debug", ["warning: w"]),
+    ],
+)
+def test_the_terminal_shows_warnings_unless_told_otherwise(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    file: bool,
+    level: str | None,
+    shown: list[str],
+) -> None:
+    stream = io.StringIO()
+    monkeypatch.setattr("sys.stderr", stream)
+    path = tmp_path / "log.jsonl"
+    with Logs("follower", path if file else None, level):
+        LOG.debug("d")
+        LOG.info("i")
+        LOG.warning("w")
+    assert stream.getvalue().splitlines() == shown
+    if file:
+        wanted = ["d", "i", "w"] if level == "debug" else ["i", "w"]
+        assert [line["event"] for line in lines(path)] == wanted
+
+
+def test_nothing_from_elsewhere_steers_the_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = io.StringIO()
+    monkeypatch.setattr("sys.stderr", stream)
+    with Logs("leader"):
+        LOG.warning("refused: \x1b[2Jmine\nerror: forged")
+    assert stream.getvalue() == "warning: refused: \N{REPLACEMENT CHARACTER}[2Jmine" + (
+        "\N{REPLACEMENT CHARACTER}error: forged\n"
+    )
+
+
+def test_logging_is_as_before_afterwards(tmp_path: Path) -> None:
+    root, own = logging.getLogger(), logging.getLogger("mmt")
+    before = (list(root.handlers), own.level, threading.active_count())
+    with Logs("leader", tmp_path / "log.jsonl", "debug"):
+        pass
+    assert (list(root.handlers), own.level, threading.active_count()) == before
+
+
+def test_a_level_or_a_file_that_cannot_be_is_explained(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--log-level loud: allowed are debug, info, warning, er"):
+        Logs("leader", None, "loud")
+    with pytest.raises(InputError, match=r"--log .*: Is a directory"):
+        Logs("leader", tmp_path)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
+def test_a_full_disk_is_said_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = io.StringIO()
+    monkeypatch.setattr("sys.stderr", stream)
+    with Logs("leader", Path("/dev/full")):
+        for number in range(20):
+            LOG.info("line %d", number)
+    assert stream.getvalue().count("No space left on device") == 1
+
+
+def test_a_stalled_disk_holds_up_nothing_and_the_loss_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("mmt.logs._MOST_WAITING", 100)
+    path = tmp_path / "log.jsonl"
+    flowing = threading.Event()
+    write = logging.FileHandler.emit
+
+    def stalled(handler: logging.FileHandler, record: logging.LogRecord) -> None:
+        flowing.wait(30)
+        write(handler, record)
+
+    monkeypatch.setattr("mmt.logs._FileWriter.emit", stalled)
+    with Logs("leader", path) as logs:
+        for number in range(300):
+            LOG.info("line %d", number)
+        flowing.set()
+        assert logs._listener is not None
+        while logs._listener.queue.qsize():
+            time.sleep(0.001)
+        LOG.info("last")
+    written = lines(path)
+    (loss,) = [line for line in written if line["event"] == "log lines dropped"]
+    assert loss["count"] + len(written) - 1 == 301
