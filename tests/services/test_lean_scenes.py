@@ -6,11 +6,13 @@ import subprocess
 import sys
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
-from service_processes import CONFIGS, LONGEST_S
+from service_processes import CONFIGS, LONGEST_S, Service
 from service_runs import made_frames
 
+from mmt.scene_files import load_scene
 from mmt.session import write_session
 
 PROGRAM = """
@@ -33,43 +35,99 @@ print(json.dumps(sorted(sys.modules)))
 DEVICES = """
 [link]
 [devices]
-robot = "lean_driver:Robot"
-accelerometer = "lean_driver:Robot"
+robot = "lean_driver:Device"
+accelerometer = "lean_driver:Device"
 [playout]
 [actuator]
 """
 
 DRIVER = """
-class Robot:
+class Device:
+    def connect(self):
+        pass
+
+    def calibrate(self):
+        pass
+
+    def read(self):
+        return (0.0, 0.0, 9.81)
+
+    def write(self, position_mm):
+        pass
+
     def close(self):
         pass
 """
 
 NUMERICS = {"numba", "scipy", "mmt.compiled"}
-NEVER = {"matplotlib", "scipy.signal", "mmt.evaluation", "h5py", "pyarrow"}
+NETWORK = {"mmt.link", "socketio", "aiohttp", "msgpack"}
+FILES = {"mmt.session", "mcap", "google.protobuf", "zstandard"}
+MODEL = {*NUMERICS, "mmt.texture.modelling", "mmt.texture.synthesis"}
+HAND = "mmt.devices.simulated.hand"
+ACTUATOR = "mmt.devices.simulated.actuator"
+RECORDER = "mmt.session.recording"
+SIMULATED, REPLAY, DEVICE_SOURCE = SOURCES = (
+    "mmt.devices.simulated.follower",
+    "mmt.session.replay",
+    "mmt.devices.source",
+)
+
+EXPECTED: dict[str, set[str]] = {
+    "leader demo": {*NETWORK, *MODEL, *FILES, RECORDER, HAND, ACTUATOR},
+    "follower demo": {*NETWORK, SIMULATED},
+    "leader replay": {*NETWORK, *MODEL, *FILES, RECORDER, ACTUATOR},
+    "follower replay": {*NETWORK, *FILES, REPLAY},
+    "leader stream-only": {*NETWORK, HAND, ACTUATOR},
+    "follower stream-only": {*NETWORK, SIMULATED},
+    "leader model-only": {*MODEL - {"mmt.texture.modelling"}, HAND, ACTUATOR},
+    "leader devices": {*NETWORK, ACTUATOR},
+    "follower devices": {*NETWORK, DEVICE_SOURCE},
+}
+"""What each service imports of what is heavy or stands for a part, and nothing else of it.
+
+A new example scene needs its lines here, and a new part its module.
+"""
+
+WATCHED = {*NETWORK, *MODEL, *FILES, *SOURCES, RECORDER, HAND, ACTUATOR}
+NEVER = {"matplotlib", "scipy.signal", "mmt.evaluation", "h5py", "pyarrow", "tomli_w"}
+
+
+def with_drivers(directory: Path) -> dict[str, str]:
+    """The variable that lets a service import from the folder."""
+    paths = [str(directory), *filter(None, [os.environ.get("PYTHONPATH")])]
+    return {"PYTHONPATH": os.pathsep.join(paths)}
 
 
 @pytest.fixture(scope="module")
-def modules(tmp_path_factory: pytest.TempPathFactory) -> dict[str, set[str]]:
-    """The modules of each service in each example scene, by e.g. "leader demo"."""
+def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a recording, a driver, and a scene that names the driver."""
     directory = tmp_path_factory.mktemp("lean")
     write_session(directory / "made.mcap", made_frames(0, 100))
     (directory / "devices.toml").write_text(DEVICES)
     (directory / "lean_driver.py").write_text(DRIVER)
+    return directory
+
+
+@pytest.fixture(scope="module")
+def modules(directory: Path) -> dict[str, set[str]]:
+    """The modules of each service in each example scene, by e.g. "leader demo"."""
     scenes = {path.stem: path for path in sorted(CONFIGS.glob("*.toml"))}
     scenes["devices"] = directory / "devices.toml"
+    loaded = {name: load_scene(path) for name, path in scenes.items()}
     runs = [
         (service, name)
-        for name in scenes
+        for name, scene in loaded.items()
         for service in ("leader", "follower")
-        if (service, name) != ("follower", "model-only")
+        if service == "leader" or scene.source is not None
     ]
 
     def run(service_and_name: tuple[str, str]) -> subprocess.CompletedProcess[str]:
         service, name = service_and_name
         port = {"leader": 0, "follower": 1}[service]
-        changes: dict[str, object] = {} if name == "model-only" else {"link.port": port}
-        if name == "replay":
+        changes: dict[str, object] = {}
+        if loaded[name].link is not None:
+            changes["link.port"] = port
+        if loaded[name].replay is not None:
             changes["replay.file"] = "made.mcap"
         return subprocess.run(
             [sys.executable, "-c", PROGRAM, service, scenes[name], json.dumps(changes)],
@@ -78,7 +136,7 @@ def modules(tmp_path_factory: pytest.TempPathFactory) -> dict[str, set[str]]:
             text=True,
             cwd=directory,
             timeout=LONGEST_S,
-            env={**os.environ, "PYTHONPATH": str(directory)},
+            env={**os.environ, **with_drivers(directory)},
         )
 
     with ThreadPoolExecutor(max_workers=2) as pool:
@@ -93,8 +151,21 @@ def among(modules: Iterable[str], names: Iterable[str]) -> set[str]:
     return {name for name in names if any(m == name or m.startswith(f"{name}.") for m in present)}
 
 
-def test_every_example_scene_is_looked_at(modules: dict[str, set[str]]) -> None:
-    assert {"leader demo", "leader model-only", "follower replay"} <= set(modules)
+def test_every_example_scene_has_an_expectation(modules: dict[str, set[str]]) -> None:
+    assert set(modules) == set(EXPECTED)
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_a_service_imports_what_its_scene_needs_and_no_more(
+    modules: dict[str, set[str]], name: str
+) -> None:
+    assert among(modules[name], WATCHED) == EXPECTED[name]
+
+
+def test_the_numerics_are_where_a_model_is() -> None:
+    """Holds the table above: streaming and devices need neither numba nor scipy."""
+    with_numerics = {name for name, expected in EXPECTED.items() if expected & NUMERICS}
+    assert with_numerics == {"leader demo", "leader replay", "leader model-only"}
 
 
 def test_no_service_imports_what_is_for_offline_work(modules: dict[str, set[str]]) -> None:
@@ -103,38 +174,10 @@ def test_no_service_imports_what_is_for_offline_work(modules: dict[str, set[str]
     }
 
 
-@pytest.mark.parametrize("name", ["demo", "replay", "stream-only", "devices"])
-def test_a_follower_needs_no_numerics_and_no_leader(
-    modules: dict[str, set[str]], name: str
-) -> None:
-    assert among(modules[f"follower {name}"], {*NUMERICS, "mmt.leader"}) == set()
-    assert among(modules[f"leader {name}"], {"mmt.follower"}) == set()
-
-
-def test_a_leader_that_only_streams_needs_no_numerics_and_no_recorder(
-    modules: dict[str, set[str]],
-) -> None:
-    found = modules["leader stream-only"]
-    assert among(found, {*NUMERICS, "mmt.session", "mcap", "google.protobuf"}) == set()
-    assert among(found, {"mmt.link", "mmt.devices.simulated.hand"}) == {
-        "mmt.link",
-        "mmt.devices.simulated.hand",
-    }
-
-
-def test_a_leader_without_a_link_has_no_network(modules: dict[str, set[str]]) -> None:
-    found = modules["leader model-only"]
-    lean = {"mmt.link", "socketio", "engineio", "aiohttp", "msgpack", "mmt.session", "mcap"}
-    assert among(found, {*lean, "mmt.texture.modelling", "mmt.texture.filtering"}) == set()
-    assert among(found, {"mmt.texture.synthesis", "numba"}) == {"mmt.texture.synthesis", "numba"}
-
-
-def test_a_leader_of_a_replay_has_no_hand(modules: dict[str, set[str]]) -> None:
-    assert among(modules["leader replay"], {"mmt.devices.simulated.hand"}) == set()
-    assert among(modules["leader replay"], {"mmt.texture.modelling", "mmt.session.recording"}) == {
-        "mmt.texture.modelling",
-        "mmt.session.recording",
-    }
+def test_neither_service_imports_the_other(modules: dict[str, set[str]]) -> None:
+    others = {"leader": "mmt.follower", "follower": "mmt.leader"}
+    found = {name: among(modules[name], {others[name.split()[0]]}) for name in modules}
+    assert found == {name: set() for name in modules}
 
 
 def test_without_the_table_no_network_is_emulated(modules: dict[str, set[str]]) -> None:
@@ -142,9 +185,18 @@ def test_without_the_table_no_network_is_emulated(modules: dict[str, set[str]]) 
     assert all(among(found, emulation) == set() for found in modules.values())
 
 
-def test_a_follower_has_its_own_source_alone(modules: dict[str, set[str]]) -> None:
-    sources = {"mmt.devices.simulated.follower", "mmt.session.replay", "mmt.devices.source"}
-    assert among(modules["follower demo"], sources) == {"mmt.devices.simulated.follower"}
-    assert among(modules["follower replay"], sources) == {"mmt.session.replay"}
-    assert among(modules["follower devices"], sources) == {"mmt.devices.source"}
-    assert among(modules["follower demo"], {"mmt.session", "mcap"}) == set()
+def test_devices_stream_to_a_leader_without_numerics_on_either_side(directory: Path) -> None:
+    """Not only at the start: the services say what they have imported after they streamed."""
+    scene, common = directory / "devices.toml", ("--json-lines",)
+    arguments = (scene, *common, "--port", 0, "--duration", 1)
+    with Service("leader", *arguments, cwd=directory) as leader:
+        url = f"http://127.0.0.1:{leader.port()}"
+        with Service(
+            "follower", scene, *common, "--leader", url, cwd=directory, **with_drivers(directory)
+        ) as follower:
+            assert (leader.end(), follower.end()) == (0, 0), leader.stderr + follower.stderr
+    assert leader.summary()["link"]["frames"] > 100, "a missed tick is a missing frame"
+    assert leader.summary()["vibration"]["actuator"]["samples"] > 0
+    for service in (leader, follower):
+        (inventory,) = service.lines("inventory")
+        assert among(inventory["modules"], {"mmt.link", *NUMERICS}) == {"mmt.link"}
