@@ -37,6 +37,7 @@ class Link(_Table):
     port: int = Field(8765, ge=0, le=65_535)
     frames_per_message: int = Field(1, ge=1, le=100)
     patience_s: float = Field(10.0, ge=0.5, le=3600)
+    clock_hz: float = Field(20.0, ge=0, le=100)
     token_file: Path | None = None
     certificate: Path | None = None
     key: Path | None = None

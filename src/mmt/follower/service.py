@@ -97,10 +97,12 @@ class FollowerService:
                 on_session=self._take_session,
                 on_stop=self._on_stop,
                 on_lost=self._on_lost,
+                on_jump=lambda jump: self._say(f"clocks: the leader's {jump.describe()}"),
                 on_error=self._fail,
             ),
             network=self._emulated_network(),
             access=Access.of(self._link),
+            clock_hz=self._link.clock_hz,
         )
         self._ticker = Ticker(round(1e9 / scene.session.rate_hz), self._tick)
         self._guard = self._make_guard()

@@ -137,6 +137,19 @@ class PlayoutBuffer:
             resyncs=self._resyncs,
         )
 
+    def age_ms(self, clock_offset_ns: int | None) -> float | None:
+        """Return how long after its measurement a sample is played.
+
+        Parameters
+        ----------
+        clock_offset_ns
+            The follower's clock minus this one; without it there is no answer.
+        """
+        if clock_offset_ns is None or self._anchor is None:
+            return None
+        quickest_ns = self._quickest_ns + clock_offset_ns
+        return round((quickest_ns + self._delay * self._period_ns) / 1e6, 3)
+
     def _forget_clocks(self) -> None:
         """Compare the clocks anew from the next frame on; what is queued is played on."""
         self._lags.clear()

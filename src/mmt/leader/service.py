@@ -4,7 +4,7 @@ import asyncio
 import logging
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from mmt import logs
 from mmt.arrays import RecordArray
 from mmt.devices.protocols import InterfaceState
 from mmt.errors import FAILED, MmtError
+from mmt.leader.clock_notes import ClockNotes
 from mmt.leader.commands import MotionCommands
 from mmt.leader.models import ModelUse
 from mmt.leader.numbering import SessionNumbering
@@ -22,6 +23,7 @@ from mmt.scene import LARGEST_SPEED, Scene
 from mmt.ticking import Ticker
 
 if TYPE_CHECKING:
+    from mmt.link.clock_offset import ClockJump
     from mmt.link.network import EmulatedNetwork
     from mmt.link.protocol import FollowerHello
     from mmt.link.server import LeaderServer
@@ -66,6 +68,7 @@ class LeaderService:
         self.parts: LeaderParts = build_parts(scene, self._on_update)
         self._models = ModelUse(self.parts, self.log, self._event)
         self._server: LeaderServer | None = None
+        self._clock_notes: ClockNotes | None = None
         self._ticker = Ticker(self._period_ns, self._tick)
         self._ended = asyncio.Event()
         self._fault: Exception | None = None
@@ -127,6 +130,8 @@ class LeaderService:
             await asyncio.gather(*tasks, return_exceptions=True)
             if self._server is not None:
                 await self._server.stop()
+            if self._clock_notes is not None:
+                self._clock_notes.look(last=True)
             self._models.record_last()
             for problem in parts.close():
                 self._say(problem)
@@ -175,12 +180,14 @@ class LeaderService:
                 on_frames=self._on_frames,
                 on_end=self._on_end,
                 on_lost=self._on_lost,
+                on_jump=self._on_jump,
                 on_error=self._fail,
             ),
             fastest=self._fastest,
             session_id=self.log.session_id,
             network=self._emulated_network(),
         )
+        self._clock_notes = ClockNotes(self._server.clock, self._record_event)
         await self._server.start()
 
     def _emulated_network(self) -> "EmulatedNetwork | None":
@@ -233,6 +240,11 @@ class LeaderService:
         if self.parts.streamed_motion is not None:
             self.parts.streamed_motion.rest()
         self._expect_return(patience_s)
+
+    def _on_jump(self, jump: "ClockJump") -> None:
+        if self._clock_notes is not None:
+            sentence, details = self._clock_notes.jumped(jump)
+            self._event(sentence, **details)
 
     def _expect_return(self, within_s: float | None) -> None:
         """Give up on a follower that is not back in time; None expects nothing."""
@@ -307,10 +319,12 @@ class LeaderService:
 
     def _event(self, sentence: str, **details: object) -> None:
         self._say(sentence)
-        time_s = round(self.time_s, 3)
-        LOG.info(sentence, extra=logs.details(time_s=time_s, **details))
+        LOG.info(sentence, extra=logs.details(time_s=round(self.time_s, 3), **details))
+        self._record_event({"event": sentence, **details})
+
+    def _record_event(self, event: dict[str, Any]) -> None:
         if self.parts.recorder is not None:
-            self.parts.recorder.record_event({"time_s": time_s, "event": sentence, **details})
+            self.parts.recorder.record_event({"time_s": round(self.time_s, 3), **event})
 
     async def _report_status(self) -> None:
         while True:
@@ -319,6 +333,8 @@ class LeaderService:
             self._on_status(status)
             if LOG.isEnabledFor(logging.DEBUG):
                 LOG.debug("status", extra=logs.details(status=status.as_dict()))
+            if self._clock_notes is not None:
+                self._clock_notes.look()
             recorder = self.parts.recorder
             if recorder is not None and recorder.error is not None:
                 self._fail(MmtError(f"recording {recorder.path}: {recorder.error}"))
@@ -346,6 +362,7 @@ class LeaderService:
             name=self.scene.session.name,
             duration_s=duration_s,
             link=self._server.statistics if self._server is not None else None,
+            clock_offset_ns=self._server.clock.offset_ns if self._server is not None else None,
             ticks=self._ticker.statistics,
             cost=self._meter.read(),
         )

@@ -89,6 +89,7 @@ def summarise(
     name: str,
     duration_s: float,
     link: "LinkStatistics | None",
+    clock_offset_ns: int | None,
     ticks: TickStatistics,
     cost: ProcessCost,
 ) -> LeaderSummary:
@@ -98,7 +99,7 @@ def summarise(
         session={"name": name, "id": log.session_id, "duration_s": round(duration_s, 3)},
         link=asdict(link) if link is not None else {},
         texture=_texture(log, parts),
-        vibration=_vibration(log, parts),
+        vibration=_vibration(log, parts, clock_offset_ns),
         ticks={
             **asdict(ticks),
             "late_while_modelling_p99_ms": log.late_while_modelling.quantile_ms(0.99),
@@ -129,13 +130,14 @@ def _texture(log: RunLog, parts: LeaderParts) -> dict[str, Any]:
     }
 
 
-def _vibration(log: RunLog, parts: LeaderParts) -> dict[str, Any]:
+def _vibration(log: RunLog, parts: LeaderParts, clock_offset_ns: int | None) -> dict[str, Any]:
     if parts.switch is None or parts.actuator is None:
         return {}
     table: dict[str, Any] = {"mode": parts.switch.mode, "switches": log.switches}
     table["actuator"] = asdict(parts.actuator.statistics)
     if parts.playout is not None:
-        table["playout"] = asdict(parts.playout.statistics())
+        age_ms = parts.playout.age_ms(clock_offset_ns)
+        table["playout"] = {**asdict(parts.playout.statistics()), "age_ms": age_ms}
     return table
 
 

@@ -12,7 +12,8 @@ from mmt.arrays import RecordArray
 from mmt.errors import InputError, MmtError
 from mmt.frames import COMMAND_DTYPE, frame_dtype
 from mmt.link.access import Access, check_scheme
-from mmt.link.clock import clock_id
+from mmt.link.clock_exchange import ClockAsker
+from mmt.link.clock_offset import ClockJump
 from mmt.link.counting import gather
 from mmt.link.dialling import (
     ACKNOWLEDGE_S,
@@ -28,6 +29,7 @@ from mmt.link.events import FollowerEvents, call
 from mmt.link.log import LOG
 from mmt.link.outbox import Outbox
 from mmt.link.protocol import (
+    CLOCK,
     COMMANDS,
     END,
     FRAMES,
@@ -71,6 +73,8 @@ class FollowerClient:
         Emulated between this side and the leader.
     access
         The token and the certificates of this side.
+    clock_hz
+        How often time stamps are exchanged with the leader; 0 for never.
 
     Raises
     ------
@@ -87,6 +91,7 @@ class FollowerClient:
         *,
         network: "EmulatedNetwork | None" = None,
         access: Access | None = None,
+        clock_hz: float = 0.0,
     ) -> None:
         check_url(url)
         self._access = access or Access()
@@ -102,6 +107,8 @@ class FollowerClient:
         self._network = network
         make_outbox = Outbox if network is None else network.outbox
         self._outbox = make_outbox(_MESSAGES_WAITING)
+        self._clock_hz = clock_hz
+        self._clock = ClockAsker(self._reader, self._outbox, self._on_jump)
         self._round_trip = TimeHistogram()
         self._line: Line | None = None
         self._refusal: str | None = None
@@ -122,6 +129,7 @@ class FollowerClient:
             self._outbox,
             frames=self._outbox.records,
             commands=self._reader.records,
+            clock=self._clock.statistics,
             round_trip=self._round_trip,
         )
 
@@ -187,6 +195,7 @@ class FollowerClient:
         if self._line is None or not self._connected or self._ended:
             return
         self._ended = True
+        self._clock.stop()
         self._send_gathered()
         await self._outbox.finish(CLOSE_TIMEOUT_S)
         sent = struct.unpack_from("<I", self._last_frame)[0] + 1 if self._last_frame else 0
@@ -203,6 +212,7 @@ class FollowerClient:
         if line is not None:
             await line.close()
         self._connected = False
+        self._clock.stop()
         self._outbox.close()
 
     # --- what python-socketio calls
@@ -220,6 +230,7 @@ class FollowerClient:
 
     def _on_disconnect(self, reason: str) -> None:
         self._connected = False
+        self._clock.stop()
         self._outbox.close()
         if self._line is not None and reason == self._line.client.reason.TRANSPORT_ERROR:
             self._line.drop()
@@ -230,7 +241,8 @@ class FollowerClient:
         payload = arguments[0] if len(arguments) == 1 else None
         if not isinstance(payload, Mapping):
             return
-        self._reader.compare_clocks(payload.get("clock_id") == clock_id())
+        self._clock.meet(payload.get("clock_id"))
+        self._clock.start(self._clock_hz)
         session_id = payload.get("session_id")
         if isinstance(session_id, str) and session_id:
             call(self._events.on_session, printable(session_id), on_error=self._events.on_error)
@@ -258,6 +270,9 @@ class FollowerClient:
             except InputError:
                 self._reader.reject("malformed network")
 
+    def _on_jump(self, jump: ClockJump) -> None:
+        call(self._events.on_jump, jump, on_error=self._events.on_error)
+
     # --- the rest
 
     async def _attempt(self, timeout_s: float) -> str | None:
@@ -271,7 +286,8 @@ class FollowerClient:
             STOP: self._on_stop,
             NETWORK: self._on_network,
         }
-        self._line = line = Line.make(handlers, {COMMANDS: self._on_commands}, self._tls)
+        frequent = {COMMANDS: self._on_commands, CLOCK: self._clock.take_answer}
+        self._line = line = Line.make(handlers, frequent, self._tls)
         try:
             return await line.open(self._url, self._auth(), timeout_s)
         finally:

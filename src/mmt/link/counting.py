@@ -12,6 +12,7 @@ def gather(
     *,
     frames: int,
     commands: int,
+    clock: dict[str, float | None],
     round_trip: TimeHistogram | None = None,
 ) -> LinkStatistics:
     """Return what was counted so far; a few hundred microseconds to compute."""
@@ -27,6 +28,7 @@ def gather(
         out_of_order=reader.out_of_order,
         repeated=reader.repeated,
         rejected=dict(reader.rejected),
+        clock=clock,
         emulated=outbox.emulated,
         latency_p50_ms=reader.latency.quantile_ms(0.5),
         latency_p99_ms=reader.latency.quantile_ms(0.99),

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from mmt.arrays import RecordArray
+from mmt.link.clock_offset import ClockJump
 from mmt.link.log import LOG
 from mmt.link.protocol import FollowerHello
 
@@ -28,6 +29,8 @@ class LeaderEvents:
     """The follower ended the session, for this reason."""
     on_lost: Callable[[str], None] = _nothing
     """The follower went away without ending the session."""
+    on_jump: Callable[[ClockJump], None] = _nothing
+    """One of the two clocks has jumped against the other."""
     on_error: Callable[[Exception], None] = _log
     """One of the above raised; by default the error is logged and the link goes on."""
 
@@ -44,6 +47,8 @@ class FollowerEvents:
     """The leader asks to end the session, for this reason."""
     on_lost: Callable[[str], None] = _nothing
     """The link broke; it is taken up again as soon as the leader answers."""
+    on_jump: Callable[[ClockJump], None] = _nothing
+    """One of the two clocks has jumped against the other."""
     on_error: Callable[[Exception], None] = _log
     """One of the above raised; by default the error is logged and the link goes on."""
 

@@ -26,6 +26,8 @@ WELCOME: Final = "welcome"
 "session_id": str}``."""
 STOP: Final = "stop"
 """Leader to follower: ``{"reason": str}``; the follower is to end."""
+CLOCK: Final = "clock"
+"""Follower to leader and back: bytes, the time stamps of `mmt.link.clock_exchange`."""
 NETWORK: Final = "network"
 """Leader to follower: the scene's table ``[network]`` as it is now."""
 
@@ -153,8 +155,8 @@ class FollowerHello:
 class LinkStatistics:
     """Counts of one side of the link since it was made, over all connections.
 
-    The latencies are None where they cannot be known: one way needs a common clock, the
-    round trip is measured by the follower alone.
+    The latencies are None where they cannot be known: one way needs a common clock or the
+    offset between two, the round trip is measured by the follower alone.
     """
 
     frames: int
@@ -181,6 +183,8 @@ class LinkStatistics:
     round_trip_p50_ms: float | None
     """From a frame's time to the arrival of a command that echoes it, less the echo's age."""
     round_trip_p99_ms: float | None
+    clock: dict[str, float | None] = field(default_factory=dict)
+    """The other side's clock beyond this one, from exchanged time stamps."""
     emulated: dict[str, int] = field(default_factory=dict)
     """Messages that the emulated network took on this side, lost, and repeated."""
 

@@ -60,7 +60,7 @@ class BlockReader:
         self._fresh = True
         self._newest = -1
         self._seen = 0
-        self._compares_clocks = False
+        self._offset_ns: int | None = None
         self.latency = TimeHistogram()
         self.messages = self.bytes = self.records = 0
         self.lost = self.repeated = self.out_of_order = 0
@@ -73,11 +73,11 @@ class BlockReader:
         a new one.
         """
         self._fresh = True
-        self._compares_clocks = False
+        self._offset_ns = None
 
-    def compare_clocks(self, same: bool) -> None:
-        """Say whether the sender's ``time_ns`` can be compared with the time here."""
-        self._compares_clocks = same
+    def use_clock_offset(self, offset_ns: int | None) -> None:
+        """Say what the sender's clock shows beyond the one here; None while it is not known."""
+        self._offset_ns = offset_ns
 
     def read(self, arguments: tuple[object, ...], arrival_ns: int) -> RecordArray | None:
         """Return the good records of an event, shape (n,), read-only, or None.
@@ -145,8 +145,8 @@ class BlockReader:
         if not 0 <= record[1] < _LATEST_NS:
             self.reject("time out of range")
             return False
-        if self._compares_clocks:
-            self.latency.add(arrival_ns - record[1])
+        if self._offset_ns is not None:
+            self.latency.add(arrival_ns + self._offset_ns - record[1])
         return True
 
     def _in_order(self, sequence: int, arrival_ns: int) -> bool:

@@ -16,6 +16,8 @@ from mmt.frames import COMMAND_DTYPE, Channel, frame_dtype, ordered_channels
 from mmt.link.access import Access
 from mmt.link.admission import admit
 from mmt.link.clock import clock_id
+from mmt.link.clock_exchange import ClockAnswerer
+from mmt.link.clock_offset import ClockJump
 from mmt.link.counting import gather
 from mmt.link.direct import Send, ServerSockets
 from mmt.link.events import LeaderEvents, call
@@ -23,6 +25,7 @@ from mmt.link.listening import CLOSE_TIMEOUT_S, Listener, guarded_application, m
 from mmt.link.log import LOG
 from mmt.link.outbox import Outbox
 from mmt.link.protocol import (
+    CLOCK,
     COMMANDS,
     END,
     FRAMES,
@@ -110,6 +113,7 @@ class LeaderServer:
         self._session_id = session_id
         make_outbox = Outbox if network is None else network.outbox
         self._outbox = make_outbox(math.ceil(_COMMANDS_WAIT_S * rate_hz))
+        self.clock = ClockAnswerer(self._reader, self._outbox, self._on_jump)
         self._follower: _Follower | None = None
         self._left = asyncio.Event()
         self._stopping = False
@@ -123,8 +127,10 @@ class LeaderServer:
         self._sockets = ServerSockets(self._server, application)
         self._server.on("connect", self._on_connect)
         self._server.on("disconnect", self._on_disconnect)
-        self._server.on(FRAMES, self._on_frames)
         self._server.on(END, self._on_end)
+        self._frequent = {FRAMES: self._on_frames, CLOCK: self._on_clock}
+        for event, take in self._frequent.items():
+            self._server.on(event, take)
 
     @property
     def port(self) -> int:
@@ -144,6 +150,7 @@ class LeaderServer:
             self._outbox,
             frames=self._reader.records,
             commands=self._outbox.records,
+            clock=self.clock.statistics,
         )
 
     async def start(self) -> None:
@@ -231,8 +238,9 @@ class LeaderServer:
         self._follower = _Follower(sid, hello)
         self._left.clear()
         self._reader.restart()
-        self._reader.compare_clocks(hello.clock_id == clock_id())
-        self._sockets.receive(environ, {FRAMES: partial(self._on_frames, sid)})
+        self.clock.meet(hello.clock_id)
+        handlers = {event: partial(take, sid) for event, take in self._frequent.items()}
+        self._sockets.receive(environ, handlers)
         send = self._sockets.send(sid, environ)
         self._greeting = asyncio.get_running_loop().create_task(self._greet(sid, send))
 
@@ -253,6 +261,13 @@ class LeaderServer:
         block = self._reader.read(arguments, arrival_ns)
         if block is not None:
             call(self._events.on_frames, block, arrival_ns, on_error=self._events.on_error)
+
+    def _on_clock(self, sid: str, *arguments: object) -> None:
+        if self._expects(sid):
+            self.clock.take_question(*arguments)
+
+    def _on_jump(self, jump: ClockJump) -> None:
+        call(self._events.on_jump, jump, on_error=self._events.on_error)
 
     def _on_end(self, sid: str, *arguments: object) -> None:
         if not self._expects(sid) or self._follower is None:

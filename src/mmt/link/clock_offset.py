@@ -1,0 +1,290 @@
+"""Offset and drift between two machines' clocks, from exchanged time stamps.
+
+Each exchange bounds the offset from both sides, since nothing arrives before it was sent:
+with the other's clock minus this one's as the offset, a message that left here at t1 and
+arrived there at t2 says that it is at most t2 - t1, and one that left there at t3 and arrived
+here at t4 that it is at least t3 - t4. The quickest messages of each way bound it closest,
+and the midpoint of these bounds is the estimate: exact where the quickest both ways take equally
+long, and never wrong by more than half of what they take together. The bounds of one way after
+the other are taken, not those of single exchanges, because with jitter the quickest messages
+of the two ways seldom meet in one exchange. As in S. B. Moon, P. Skelly, D. Towsley:
+*Estimation and Removal of Clock Skew from Network Delay Measurements*, INFOCOM 1999, the
+drift is the slope of these bounds; here it is the median slope between blocks half of the history
+apart (Theil's incomplete method), taken the less serious the more such slopes disagree.
+
+There is no clock in here: whoever has exchanged time stamps hands them in.
+"""
+
+import math
+import statistics
+from collections import deque
+from dataclasses import dataclass
+from typing import Final
+
+BLOCK_NS: Final = 500_000_000
+"""The quickest of each way are kept for each block of this length."""
+
+_DRIFT_BLOCKS: Final = 128
+_OFFSET_BLOCKS: Final = (8, 32, 64)
+"""How many of the newest blocks may bound the offset."""
+_LEAST_BLOCKS: Final = 6
+"""Blocks before a drift is estimated."""
+_LEAST_EXCHANGES: Final = 8
+_USUAL_DRIFT: Final = 50e-6
+"""Of two quartz clocks against each other; estimates much less certain than it count little."""
+_LARGEST_DRIFT: Final = 500e-6
+_MARGIN_NS: Final = 500_000
+_MARGIN_DRIFT: Final = 300e-6
+_WITNESSES: Final = 3
+"""Exchanges in a row that contradict the estimate before it is given up."""
+_STEP_BLOCKS: Final = 4
+_BLOCKS_BEFORE_STEP: Final = 8
+_STEP_HISTORY: Final = 32
+
+
+Bounds = tuple[int, int, int]
+"""Time, least and most that the offset can be (ns)."""
+
+
+@dataclass(frozen=True)
+class ClockEstimate:
+    """The other clock as seen from this one.
+
+    Parameters
+    ----------
+    time_ns
+        When it holds, by this clock.
+    offset_ns
+        The other clock minus this one, at that time.
+    drift
+        Seconds that the other gains in a second of this one.
+    uncertainty_ns
+        Half of the distance between the bounds.
+    """
+
+    time_ns: int
+    offset_ns: int
+    drift: float
+    uncertainty_ns: int
+
+    def at(self, time_ns: int) -> int:
+        """Return the offset (ns) at a time of this clock."""
+        return self.offset_ns + round(self.drift * (time_ns - self.time_ns))
+
+
+@dataclass(frozen=True)
+class ClockJump:
+    """The other clock has jumped by so much against this one, or this one the other way."""
+
+    time_ns: int
+    step_ns: int
+
+    def describe(self) -> str:
+        """Return what happened, as the end of a sentence about the other clock."""
+        return f"jumped by {self.step_ns / 1e9:+.3f} s against the one here"
+
+
+@dataclass
+class _Block:
+    """The closest bounds within a block, as (time, bound), relative to the origins."""
+
+    number: int
+    least: tuple[int, int]
+    most: tuple[int, int]
+
+    def add(self, time_ns: int, least_ns: int, most_ns: int) -> None:
+        if least_ns > self.least[1]:
+            self.least = (time_ns, least_ns)
+        if most_ns < self.most[1]:
+            self.most = (time_ns, most_ns)
+
+
+class ClockOffset:
+    """Follow another clock's offset from this one.
+
+    What is kept is bounded, and so is the time that `add` takes, about 0.1 ms.
+    """
+
+    def __init__(self) -> None:
+        self.jumps = 0
+        """Steps that were noticed since the start."""
+        self.exchanges = 0
+        """Exchanges that were used since the start."""
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew, with another clock; the counts go on."""
+        self._origin: tuple[int, int] | None = None
+        self._blocks: deque[_Block] = deque(maxlen=_DRIFT_BLOCKS)
+        self._drift, self._drift_error = 0.0, _USUAL_DRIFT
+        self._used = 0
+        self._estimate: ClockEstimate | None = None
+        self._doubted: list[Bounds] = []
+
+    @property
+    def estimate(self) -> ClockEstimate | None:
+        """The present estimate, None before the first eight exchanges."""
+        return self._estimate if self._used >= _LEAST_EXCHANGES else None
+
+    def add(self, time_ns: int, least_ns: int, most_ns: int) -> ClockJump | None:
+        """Take the bounds of one exchange; return a jump that they reveal.
+
+        Parameters
+        ----------
+        time_ns
+            When the exchange ended, by this clock.
+        least_ns, most_ns
+            The offset lies between them; bounds that contradict each other are thrown away.
+        """
+        if least_ns > most_ns:
+            return None
+        if self._estimate is not None and self._contradicts(time_ns, least_ns, most_ns):
+            self._doubted.append((time_ns, least_ns, most_ns))
+            if len(self._doubted) < _WITNESSES:
+                return None
+            return self._begin_behind(self._doubted, self._estimate.at(time_ns))
+        self._doubted.clear()
+        return self._take((time_ns, least_ns, most_ns))
+
+    def _contradicts(self, time_ns: int, least_ns: int, most_ns: int) -> bool:
+        estimate = self._estimate
+        if estimate is None:
+            return False
+        slack_ns = estimate.uncertainty_ns + _MARGIN_NS
+        slack_ns += round(_MARGIN_DRIFT * abs(time_ns - estimate.time_ns))
+        expected_ns = estimate.at(time_ns)
+        return least_ns > expected_ns + slack_ns or most_ns < expected_ns - slack_ns
+
+    def _begin_behind(self, bounds: list[Bounds], expected_ns: int) -> ClockJump:
+        """Begin anew from what is behind a step, which was not there without it."""
+        self.reset()
+        for bound in bounds:
+            self._take(bound)
+        time_ns = bounds[-1][0]
+        assert self._estimate is not None  # noqa: S101 - there is one from the first on
+        self.jumps += 1
+        return ClockJump(time_ns, self._estimate.at(time_ns) - expected_ns)
+
+    def _take(self, bounds: Bounds) -> ClockJump | None:
+        """Use one exchange; return a step that the blocks before it show."""
+        if self._origin is None:
+            self._origin = bounds[:2]
+        start_ns, zero_ns = self._origin
+        time, least, most = bounds[0] - start_ns, bounds[1] - zero_ns, bounds[2] - zero_ns
+        number = time // BLOCK_NS
+        if self._blocks and number <= self._blocks[-1].number:
+            self._blocks[-1].add(time, least, most)
+        else:
+            jump = self._step_of_blocks()
+            if jump is not None:
+                self._take(bounds)
+                return jump
+            if self._blocks:
+                self._drift, self._drift_error = _drift(self._blocks)
+            self._blocks.append(_Block(number, (time, least), (time, most)))
+        self.exchanges += 1
+        self._used += 1
+        self._estimate = self._fit(time)
+        return None
+
+    def _fit(self, time: int) -> ClockEstimate:
+        assert self._origin is not None  # noqa: S101 - something was taken
+        start_ns, zero_ns = self._origin
+        least, most = self._closest(time)
+        return ClockEstimate(
+            time_ns=time + start_ns,
+            offset_ns=zero_ns + round((least + most) / 2),
+            drift=self._drift,
+            uncertainty_ns=max(0, round((most - least) / 2)),
+        )
+
+    def _closest(self, time: int) -> tuple[float, float]:
+        """Return the bounds at a time from as much history as the drift is certain for."""
+        blocks = list(self._blocks)
+        best, chosen = math.inf, (0.0, 0.0)
+        for count in _OFFSET_BLOCKS:
+            recent = blocks[-count:]
+            least, most = _bounds(recent, time, self._drift)
+            span = time - min(recent[0].least[0], recent[0].most[0])
+            doubt = (most - least) / 2 + 2 * self._drift_error * span
+            crossed = most < least  # by a step too small to be told from jitter
+            if best == math.inf or (doubt < best and not crossed):
+                best, chosen = doubt, (least, most)
+            if count >= len(blocks):
+                break
+        return chosen
+
+    def _step_of_blocks(self) -> ClockJump | None:
+        """Begin anew where both bounds of the newest blocks lie off in the same direction.
+
+        A way that has become slower or quicker moves the bounds apart or together; a step moves
+        both alike. It shows where it exceeds what the jitter does to the bounds of a block.
+        """
+        blocks = list(self._blocks)[-_STEP_HISTORY:]
+        if self._origin is None or len(blocks) <= _STEP_BLOCKS + _BLOCKS_BEFORE_STEP:
+            return None
+        new = blocks[-_STEP_BLOCKS:]
+        old = blocks[: -_STEP_BLOCKS - 1]  # the step fell into the block between
+        time = max(new[-1].least[0], new[-1].most[0])
+        least, most = _bounds(old, time, self._drift)
+        of_old, of_new = (
+            [
+                (
+                    _extrapolate(block.least, time, self._drift) - least,
+                    _extrapolate(block.most, time, self._drift) - most,
+                )
+                for block in some
+            ]
+            for some in (old, new)
+        )
+        threshold = _MARGIN_NS + max(max(-low, high) for low, high in of_old)
+        up = all(min(pair) > threshold for pair in of_new)
+        down = all(max(pair) < -threshold for pair in of_new)
+        if not (up or down):
+            return None
+        start_ns, zero_ns = self._origin
+        behind = [
+            (
+                max(block.least[0], block.most[0]) + start_ns,
+                block.least[1] + zero_ns,
+                block.most[1] + zero_ns,
+            )
+            for block in new
+        ]
+        return self._begin_behind(behind, zero_ns + round((least + most) / 2))
+
+
+def _extrapolate(bound: tuple[int, int], time: int, drift: float) -> float:
+    """Return what a bound of one time says of another."""
+    return bound[1] + drift * (time - bound[0])
+
+
+def _bounds(blocks: list[_Block], time: int, drift: float) -> tuple[float, float]:
+    """Return the closest bounds of the offset at a time."""
+    return (
+        max(_extrapolate(block.least, time, drift) for block in blocks),
+        min(_extrapolate(block.most, time, drift) for block in blocks),
+    )
+
+
+def _drift(blocks: deque[_Block]) -> tuple[float, float]:
+    """Return the slope of both bounds, drawn towards zero where it is not certain; its error."""
+    count = len(blocks)
+    if count < _LEAST_BLOCKS:
+        return 0.0, _USUAL_DRIFT
+    half = count // 2
+    slopes = []
+    for index in range(count - half):
+        early, late = blocks[index], blocks[index + half]
+        for first, second in ((early.least, late.least), (early.most, late.most)):
+            if second[0] - first[0] >= BLOCK_NS:  # this clock may have jumped back
+                slopes.append((second[1] - first[1]) / (second[0] - first[0]))
+    if not slopes:
+        return 0.0, _USUAL_DRIFT
+    middle = statistics.median(slopes)
+    deviation = statistics.median(abs(slope - middle) for slope in slopes)
+    # standard error of a median of as many values, normal ones; few say little of their spread
+    error = 1.86 * deviation / len(slopes) ** 0.5 * (1.0 + 8.0 / len(slopes))
+    trust = _USUAL_DRIFT**2 / (_USUAL_DRIFT**2 + error**2)
+    drift = max(-_LARGEST_DRIFT, min(_LARGEST_DRIFT, middle * trust))
+    return drift, error * trust**0.5

@@ -1,0 +1,68 @@
+from typing import Any
+
+from mmt.frames import frame_dtype
+from mmt.leader.clock_notes import ClockNotes
+from mmt.link.clock_exchange import ClockAnswerer
+from mmt.link.clock_offset import ClockJump
+from mmt.link.outbox import Outbox
+from mmt.link.reading import BlockReader
+
+MS = 1_000_000
+PERIOD_NS = 50 * MS
+
+
+class Known:
+    """A follower's clock that is ahead, and the notes of it."""
+
+    def __init__(self, other: str = "elsewhere") -> None:
+        self.clock = ClockAnswerer(BlockReader(frame_dtype(), "frames"), Outbox(1), lambda _: None)
+        self.clock.meet(other)
+        self.noted: list[dict[str, Any]] = []
+        self.notes = ClockNotes(self.clock, self.noted.append)
+        self._exchanges = 0
+
+    def run(self, exchanges: int) -> None:
+        """Exchange at 20 Hz, and look after each."""
+        for _ in range(exchanges):
+            self._exchanges += 1
+            self.clock._take(self._exchanges * PERIOD_NS, 7_000 * MS - MS, 7_000 * MS + MS)
+            self.notes.look()
+
+
+def test_the_offset_is_noted_at_first_every_ten_seconds_and_at_the_end() -> None:
+    known = Known()
+    known.run(7)
+    assert known.noted == []
+    known.run(450)
+    times_ns = [note["clock_time_ns"] for note in known.noted]
+    assert times_ns == [8 * PERIOD_NS, 208 * PERIOD_NS, 408 * PERIOD_NS]
+    known.notes.look(last=True)
+    known.notes.look(last=True)
+    assert len(known.noted) == 4
+    assert known.noted[-1] == {
+        "event": "clocks compared",
+        "clock_time_ns": 457 * PERIOD_NS,
+        "clock_offset_ns": 7_000 * MS,
+        "clock_drift_ppm": 0.0,
+        "clock_uncertainty_ns": MS,
+        "same_clock": False,
+    }
+
+
+def test_after_a_jump_it_is_noted_anew() -> None:
+    known = Known()
+    known.run(20)
+    sentence, details = known.notes.jumped(ClockJump(21 * PERIOD_NS, -2_500 * MS))
+    assert sentence == "clocks: the follower's jumped by -2.500 s against the one here"
+    assert details == {"clock_time_ns": 21 * PERIOD_NS, "clock_step_ns": -2_500 * MS}
+    known.run(1)
+    assert len(known.noted) == 2
+
+
+def test_one_clock_has_no_offset(monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    monkeypatch.setattr("mmt.link.clock_exchange.clock_id", lambda: "here")
+    known = Known(other="here")
+    known.run(8)
+    (note,) = known.noted
+    assert note["same_clock"] is True
+    assert note["clock_offset_ns"] == note["clock_uncertainty_ns"] == 0

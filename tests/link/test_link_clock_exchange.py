@@ -1,0 +1,248 @@
+"""Both sides' exchange over a real link, with clocks that differ, jump, and lie."""
+
+import asyncio
+import struct
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from link_samples import CHANNELS, FollowerNotes, LeaderNotes, commands, frames, hello, until
+
+import mmt.link.clock_exchange
+from mmt.frames import COMMAND_DTYPE
+from mmt.link.client import FollowerClient
+from mmt.link.clock import clock_id
+from mmt.link.clock_exchange import ClockAnswerer, ClockAsker
+from mmt.link.clock_offset import ClockJump
+from mmt.link.network import EmulatedNetwork
+from mmt.link.outbox import Outbox
+from mmt.link.protocol import encode_event
+from mmt.link.reading import BlockReader
+from mmt.link.server import LeaderServer
+from mmt.network_table import Network
+from mmt.scene import Link
+
+QUESTION = struct.Struct("<IqIq")
+ANSWER = struct.Struct("<Iqqq")
+
+
+@dataclass
+class Linked:
+    server: LeaderServer
+    client: FollowerClient
+    up: LeaderNotes
+    down: FollowerNotes
+    jumps: list[tuple[str, ClockJump]]
+
+    async def exchanged(self, count: int) -> None:
+        """Wait for so many exchanges on both sides."""
+        clocks = (self.server.clock, self.client._clock)
+        goal = [clock.statistics["exchanges"] + count for clock in clocks]
+        await until(
+            lambda: all(
+                clock.statistics["exchanges"] >= wanted
+                for clock, wanted in zip(clocks, goal, strict=True)
+            )
+        )
+
+
+@asynccontextmanager
+async def linked(
+    clock_hz: float = 100.0, other: str | None = None, **network: Any
+) -> AsyncIterator[Linked]:
+    up, down, jumps = LeaderNotes(), FollowerNotes(), []
+    leads = EmulatedNetwork(Network(**network), "down", 1)
+    server = LeaderServer(
+        Link(port=0),
+        CHANNELS,
+        replace(up.events(), on_jump=lambda jump: jumps.append(("leader", jump))),
+        network=leads,
+    )
+    await server.start()
+    client = FollowerClient(
+        f"http://127.0.0.1:{server.port}",
+        hello(clock_id=other or clock_id()),
+        replace(down.events(), on_jump=lambda jump: jumps.append(("follower", jump))),
+        network=EmulatedNetwork(Network(**network), "up", 1),
+        clock_hz=clock_hz,
+    )
+    try:
+        await client.connect(10.0)
+        await until(lambda: server._outbox.is_open)
+        yield Linked(server, client, up, down, jumps)
+    finally:
+        await client.disconnect()
+        await server.stop()
+
+
+class ShiftedTime:
+    """The module `time`, for one side only: another machine's clock."""
+
+    def __init__(self, shift_ns: Callable[[], int]) -> None:
+        self._shift_ns = shift_ns
+
+    def monotonic_ns(self) -> int:
+        return time.monotonic_ns() + self._shift_ns()
+
+
+@pytest.fixture
+def follower_ahead(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
+    """Let the follower's clock be ahead by what is set."""
+    ahead = {"ns": 0}
+    shifted = ShiftedTime(lambda: ahead["ns"])
+    for method in ("take_answer", "_ask"):
+        original = getattr(ClockAsker, method)
+
+        def with_shift(self: ClockAsker, *arguments: Any, original: Any = original) -> Any:
+            mmt.link.clock_exchange.time = shifted
+            try:
+                return original(self, *arguments)
+            finally:
+                mmt.link.clock_exchange.time = time
+
+        monkeypatch.setattr(ClockAsker, method, with_shift)
+    return ahead
+
+
+async def test_on_one_machine_the_offset_is_nothing_on_both_sides() -> None:
+    async with linked() as link:
+        await link.exchanged(60)
+        for statistics in (link.server.statistics.clock, link.client.statistics.clock):
+            assert abs(statistics["offset_ms"]) < 0.2
+            assert statistics["uncertainty_ms"] < 50.0
+            assert statistics["jumps"] == 0
+        assert link.server.clock.same
+        assert link.server.clock.offset_ns == 0
+        assert link.jumps == []
+
+
+async def test_the_latency_is_known_between_different_clocks(
+    follower_ahead: dict[str, int],
+) -> None:
+    follower_ahead["ns"] = 3_600_000_000_000
+    async with linked(other="elsewhere", delay_ms=20.0) as link:
+        link.client.send_frames(frames(0, time_ns=1))
+        await until(lambda: link.up.sequences)
+        assert link.server.statistics.latency_p50_ms is None  # nothing was exchanged so far
+        await link.exchanged(20)
+        for sequence in range(1, 41):
+            there_ns = time.monotonic_ns() + follower_ahead["ns"]
+            link.client.send_frames(frames(sequence, time_ns=there_ns))
+            await asyncio.sleep(0.001)
+        await until(lambda: len(link.up.sequences) == 41)
+        latency_ms = link.server.statistics.latency_p50_ms
+        clocks = link.server.statistics.clock, link.client.statistics.clock
+    assert latency_ms is not None
+    assert 19.0 < latency_ms < 1000.0
+    assert clocks[0]["offset_ms"] == pytest.approx(3_600_000.0, abs=5.0)
+    assert clocks[1]["offset_ms"] == pytest.approx(-3_600_000.0, abs=5.0)
+
+
+@pytest.mark.parametrize("step_s", [10, -10])
+async def test_a_jump_is_told_to_both_services(follower_ahead: dict[str, int], step_s: int) -> None:
+    async with linked(other="elsewhere", delay_ms=2.0) as link:
+        await link.exchanged(30)
+        assert link.jumps == []
+        follower_ahead["ns"] += step_s * 1_000_000_000
+        await until(lambda: len(link.jumps) == 2)
+        await link.exchanged(20)
+        for side, jump in link.jumps:
+            sign = 1 if side == "leader" else -1
+            assert jump.step_ns / 1e9 == pytest.approx(sign * step_s, abs=0.1)
+        assert link.server.statistics.clock["jumps"] == link.client.statistics.clock["jumps"] == 1
+        assert link.server.clock.offset_ns / 1e9 == pytest.approx(step_s, abs=0.1)  # type: ignore[operator]
+
+
+async def test_what_was_learnt_of_a_clock_holds_after_a_break_and_not_for_another() -> None:
+    async with linked(other="first") as link:
+        await link.exchanged(20)
+        link.server.clock.meet("first")
+        assert link.server.clock.offset_ns is not None
+        link.server.clock.meet("second")
+        assert link.server.clock.offset_ns is None
+
+
+async def test_repeated_late_and_lost_stamps_do_no_harm() -> None:
+    async with linked(loss=0.3, duplicate=0.5, delay_ms=5, jitter_ms=5, reorder=True) as link:
+        await link.exchanged(30)
+        for statistics in (link.server.statistics, link.client.statistics):
+            assert statistics.rejected == {}
+            assert abs(statistics.clock["offset_ms"]) < 5.0
+
+
+async def test_without_the_exchange_nothing_of_it_is_on_the_wire() -> None:
+    async with linked(clock_hz=0.0) as link:
+        await asyncio.sleep(0.1)
+        assert link.client.statistics.messages_sent == link.server.statistics.messages_sent == 0
+        assert link.client.statistics.clock["exchanges"] == 0
+        assert link.client.statistics.clock["offset_ms"] is None
+
+
+# --- a peer that lies
+
+
+def answerer() -> tuple[ClockAnswerer, BlockReader]:
+    reader = BlockReader(COMMAND_DTYPE, "frames")
+    return ClockAnswerer(reader, Outbox(1000), lambda _: None), reader
+
+
+STAMPS = st.integers(-(2**63), 2**63 - 1)
+NUMBERS = st.integers(0, 3)
+ODD = st.one_of(st.none(), st.integers(), st.text(), st.binary(max_size=40), st.lists(st.none()))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(ODD | st.builds(QUESTION.pack, NUMBERS, STAMPS, NUMBERS, STAMPS), max_size=40))
+def test_no_question_kills_the_leader(questions: list[object]) -> None:
+    clock, reader = answerer()
+    for question in questions:
+        clock.take_question(question)
+    clock.take_question()
+    clock.take_question(1, 2)
+    assert sum(reader.rejected.values()) >= 2
+    assert clock.statistics["exchanges"] <= len(questions)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.lists(ODD | st.builds(ANSWER.pack, NUMBERS, STAMPS, STAMPS, STAMPS), max_size=40))
+def test_no_answer_kills_the_follower(answers: list[object]) -> None:
+    reader = BlockReader(COMMAND_DTYPE, "commands")
+    clock = ClockAsker(reader, Outbox(1000), lambda _: None)
+    clock._under_way.update(dict.fromkeys(range(4), (0,)))
+    for answer in answers:
+        clock.take_answer(answer)
+    clock.take_answer()
+    assert sum(reader.rejected.values()) >= 1
+    assert clock.statistics["exchanges"] <= 4
+
+
+def test_an_answer_to_no_question_is_passed_over() -> None:
+    clock = ClockAsker(BlockReader(COMMAND_DTYPE, "commands"), Outbox(10), lambda _: None)
+    clock._under_way[7] = (1000,)
+    clock.take_answer(ANSWER.pack(7, 999, 5, 6))
+    clock.take_answer(ANSWER.pack(8, 1000, 5, 6))
+    assert clock.statistics["exchanges"] == 0
+
+
+def test_too_many_questions_are_rejected() -> None:
+    clock, reader = answerer()
+    for number in range(2000):
+        clock.take_question(QUESTION.pack(number, 1, 0, 0))
+    assert reader.rejected["too many clock"] >= 2000 - 2 * 400 - 1
+    assert len(clock._under_way) <= 512
+
+
+async def test_a_malformed_stamp_from_the_other_side_is_counted() -> None:
+    async with linked() as link:
+        link.client._outbox.put(0, encode_event("clock", b"short"))
+        link.server._outbox.put(0, encode_event("clock", b"short"))
+        await until(lambda: link.server.statistics.rejected and link.client.statistics.rejected)
+        assert link.server.statistics.rejected == {"malformed clock": 1}
+        assert link.client.statistics.rejected == {"malformed clock": 1}
+        link.server.send_commands(commands(0))
+        await until(lambda: link.down.sequences)

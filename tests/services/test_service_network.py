@@ -1,0 +1,121 @@
+"""The services on an emulated network: what they say, count and record of it."""
+
+import asyncio
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import numpy as np
+import pytest
+from service_runs import MadeSource, Together, made_frames, small_scene
+
+from mmt.arrays import RecordArray
+from mmt.devices.protocols import Vector
+from mmt.frames import frame_dtype
+from mmt.session import read_session
+
+
+@dataclass
+class SteadySource(MadeSource):
+    """Streams frames with true times until it is told to end."""
+
+    blocks: list[RecordArray] = field(default_factory=list)
+    sequence: int = 0
+    ended: bool = False
+
+    def step(self, elapsed: int, now_ns: int, command_position_mm: Vector | None) -> RecordArray:
+        if self.ended:
+            self.finished = True
+            return np.zeros(0, frame_dtype())
+        frames = made_frames(self.sequence, elapsed)
+        frames["time_ns"] = now_ns
+        self.sequence += elapsed
+        return frames
+
+
+async def put(together: Together, **table: Any) -> None:
+    url = f"http://127.0.0.1:{together.leader.port}/network"
+    async with aiohttp.ClientSession() as http, http.put(url, json=table) as response:
+        assert response.status == 200
+
+
+async def test_a_network_that_changes_live_is_said_counted_and_recorded(tmp_path: Path) -> None:
+    together = Together.of(small_scene(tmp_path, network={"delay_ms": 15}))
+    source = SteadySource()
+    await together.listen()
+    following = asyncio.create_task(together.follow(source))
+    server = together.leader._server
+    assert server is not None
+    await together.until(lambda: server.statistics.frames > 600)
+    await put(together, loss=1.0)
+    changed = "emulated network: 1 lost in bursts of 1"
+    await together.until(lambda: f"follower: {changed}" in together.said)
+    assert changed in together.said
+    lost_from = source.sequence
+    await together.until(lambda: source.sequence > lost_from + 50)
+    await put(together)
+    await together.until(lambda: "follower: emulated network: none" in together.said)
+    frames = server.statistics.frames
+    await together.until(lambda: server.statistics.frames > frames + 50)
+    source.ended = True
+    followed, leader = await following, await together.end()
+    assert leader.outcome == "source ended"
+    assert leader.link["lost"] >= 40
+    assert followed.link["emulated"]["lost"] > 0
+    assert leader.link["emulated"]["lost"] > 0
+    assert leader.link["latency_p50_ms"] >= 15.0
+    session = read_session(tmp_path / "session.mcap")
+    assert changed in [event["event"] for event in session.events]
+    assert leader.vibration["playout"]["age_ms"] > leader.vibration["playout"]["delay_ms"]
+
+
+async def test_the_recording_notes_how_the_clocks_stand(tmp_path: Path) -> None:
+    together = Together.of(small_scene(tmp_path))
+    source = SteadySource()
+    await together.listen()
+    following = asyncio.create_task(together.follow(source))
+    server = together.leader._server
+    assert server is not None
+    await together.until(lambda: server.clock.estimate is not None)
+    source.ended = True
+    followed, leader = await following, await together.end()
+    noted = [e for e in read_session(tmp_path / "session.mcap").events if "clock_time_ns" in e]
+    assert noted
+    assert {event["event"] for event in noted} == {"clocks compared"}
+    assert all(event["same_clock"] and event["clock_offset_ns"] == 0 for event in noted)
+    for summary in (followed, leader):
+        assert summary.link["clock"]["exchanges"] >= 8
+        assert abs(summary.link["clock"]["offset_ms"]) < 20.0  # the machine may be busy
+        assert summary.link["clock"]["jumps"] == 0
+
+
+async def test_an_outage_is_silence_on_a_link_that_stays_up(tmp_path: Path) -> None:
+    network = {"outage_s": 0.3, "outage_every_s": 0.6}
+    together = Together.of(small_scene(tmp_path, network=network))
+    source = SteadySource()
+    await together.listen()
+    following = asyncio.create_task(together.follow(source))
+    server = together.leader._server
+    assert server is not None
+    await together.until(lambda: server.statistics.lost > 100)
+    source.ended = True
+    followed, leader = await following, await together.end()
+    assert leader.outcome == "source ended"
+    assert not any("lost (" in sentence for sentence in together.said)
+    assert followed.link["emulated"]["lost"] > 0
+    assert 0 < leader.link["frames"] < source.sequence
+
+
+@pytest.mark.parametrize("table", [{"network": None}, {"link": {"port": 0, "clock_hz": 0}}])
+async def test_what_is_left_out_is_not_in_the_summary(
+    tmp_path: Path, table: dict[str, Any]
+) -> None:
+    together = Together.of(small_scene(tmp_path, **table))
+    await together.listen()
+    followed = await together.follow(MadeSource([made_frames(0, 20)]))
+    leader = await together.end()
+    for summary in (followed, leader):
+        assert summary.link["emulated"] == {}
+        if "link" in table:
+            assert summary.link["clock"]["exchanges"] == 0
