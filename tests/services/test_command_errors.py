@@ -39,7 +39,7 @@ CASES = [
     ("mmt-leader whole.mcap", "scene whole.mcap: not valid TOML"),
     ("mmt-leader no-toml.toml", "scene no-toml.toml: not valid TOML: Expected ']'"),
     ("mmt-leader wrong-key.toml", "session.nmae is not a key; allowed are name, duration_s"),
-    ("mmt-leader wrong-table.toml", "links is not a key; allowed are session, link, simulated"),
+    ("mmt-leader wrong-table.toml", "links is not a key; allowed are session, link, "),
     ("mmt-leader wrong-value.toml", "link.port is 70000: Input should be less than or equal"),
     ("mmt-leader no-table.toml", "no-table.toml: link is 3"),
     ("mmt-leader half.toml", "[rendering] needs a model: add [texture], or name a saved one"),

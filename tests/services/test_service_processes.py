@@ -191,9 +191,9 @@ def test_both_say_which_parts_run_and_which_are_left_out(replayed: Run) -> None:
     assert "runs:     link, texture, rendering, playout, actuator, recording" in (
         replayed.leader.stderr
     )
-    assert "left out: hand, force_feedback" in replayed.leader.stderr
+    assert "left out: network, hand, force_feedback" in replayed.leader.stderr
     assert "runs:     link, replay" in replayed.follower.stderr
-    assert "left out: simulated, devices" in replayed.follower.stderr
+    assert "left out: network, simulated, devices" in replayed.follower.stderr
 
 
 def test_the_summary_is_a_table_for_people(replayed: Run) -> None:
