@@ -29,8 +29,10 @@ class TimeHistogram:
 
     def add(self, duration_ns: int) -> None:
         """Count one duration; a negative one counts as zero."""
-        duration_ns = min(max(duration_ns, 0), _LARGEST_NS)
-        octave = max(duration_ns.bit_length() - _SUB_BITS - 1, 0)
+        if not 0 <= duration_ns <= _LARGEST_NS:
+            duration_ns = min(max(duration_ns, 0), _LARGEST_NS)
+        octave = duration_ns.bit_length() - _SUB_BITS - 1
+        octave = octave if octave > 0 else 0
         self._bins[(octave << _SUB_BITS) + (duration_ns >> octave)] += 1
         self.count += 1
 
