@@ -57,7 +57,7 @@ _MESSAGES_WAITING: Final = 1000
 """Messages that wait for a stalled link: they carry data that the leader records."""
 _ECHO: Final = struct.Struct("<qq")
 """A command's ``echo_time_ns`` and ``echo_age_ns``; NumPy takes ten times as long to read them."""
-_ECHO_FROM_END: Final = -28
+_ECHO_FROM_END: Final = -28  # 40 bytes a command, of which the 12 before are number and time
 _BETWEEN_ATTEMPTS_S: Final = 0.2
 
 

@@ -102,13 +102,16 @@ class BlockReader:
             return None
         self.messages += 1
         self.bytes += len(data)
-        good = [self._accept(record, arrival_ns) for record in self._layout.iter_unpack(data)]
-        accepted = sum(good)
-        self.records += accepted
         block: RecordArray = np.frombuffer(data, dtype=self._dtype)
-        if accepted == count:
+        if count == 1:  # as usual: spare it the lists
+            accepted = self._accept(self._layout.unpack(data), arrival_ns)
+            self.records += accepted
+            return block if accepted else None
+        good = [self._accept(record, arrival_ns) for record in self._layout.iter_unpack(data)]
+        self.records += sum(good)
+        if all(good):
             return block
-        return block[np.array(good)] if accepted else None
+        return block[np.array(good)] if any(good) else None
 
     def reject(self, reason: str) -> None:
         """Count something that cannot be used, and log it at a bounded rate."""
