@@ -1,0 +1,118 @@
+"""A follower in another language: npm's stock socket.io-client under Node."""
+
+import asyncio
+import json
+import os
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import socketio
+from link_samples import CHANNELS, LeaderNotes, commands, leader
+from socketio.msgpack_packet import MsgPackPacket
+
+from mmt.arrays import RecordArray
+from mmt.link.events import LeaderEvents
+from mmt.link.protocol import PROTOCOL_VERSION
+from mmt.link.server import LeaderServer
+
+PROGRAM = Path(__file__).with_name("stock_follower.cjs")
+MODULES = Path(sys.prefix) / "node" / "node_modules"
+NODE = shutil.which("node")
+
+pytestmark = [
+    pytest.mark.skipif(NODE is None, reason="Node is not installed"),
+    pytest.mark.skipif(
+        not (MODULES / "socket.io-msgpack-parser").is_dir(),
+        reason=f"socket.io-client is not in {MODULES}: scripts/test puts it there by npm",
+    ),
+]
+
+
+async def follow(
+    port: int, count: int, protocol: int = PROTOCOL_VERSION, sending: str = "plain"
+) -> tuple[int, str, str]:
+    """Run the program; return its exit code, and what it prints and complains of."""
+    process = await asyncio.create_subprocess_exec(
+        str(NODE),
+        str(PROGRAM),
+        f"http://127.0.0.1:{port}",
+        str(count),
+        str(protocol),
+        sending,
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.PIPE,
+        env={**os.environ, "NODE_PATH": str(MODULES)},
+    )
+    printed, complaints = await asyncio.wait_for(process.communicate(), 60.0)
+    return process.returncode or 0, printed.decode(), complaints.decode()
+
+
+@pytest.mark.parametrize("sending", ["plain", "compressed"])
+async def test_a_stock_client_under_node_streams_frames_and_decodes_commands(
+    monkeypatch: pytest.MonkeyPatch, sending: str
+) -> None:
+    count, by_the_library = 200, []
+    notes = LeaderNotes()
+    servers: list[LeaderServer] = []
+    usual = MsgPackPacket.decode
+
+    def decode(self: MsgPackPacket, encoded: bytes) -> None:
+        usual(self, encoded)
+        if self.packet_type == socketio.packet.EVENT:
+            by_the_library.append(self.data[0])
+
+    def answer(block: RecordArray, arrival_ns: int) -> None:
+        notes.blocks.append(block)
+        for frame in block:
+            answered = commands(int(frame["sequence"]), time_ns=2**62 + 1)
+            answered["echo_time_ns"] = frame["time_ns"]
+            answered["echo_age_ns"] = 123
+            answered["position_mm"] = frame["position_mm"]
+            servers[0].send_commands(answered)
+
+    monkeypatch.setattr(MsgPackPacket, "decode", decode)
+    events = LeaderEvents(
+        on_frames=answer,
+        on_follower=notes.hellos.append,
+        on_end=notes.ends.append,
+        on_lost=notes.losses.append,
+        on_error=notes.errors.append,
+    )
+    async with leader(events=events) as server:
+        servers.append(server)
+        code, printed, complaints = await follow(server.port, count, sending=sending)
+        counted = server.statistics
+    assert (code, complaints) == (0, "")
+    heard = json.loads(printed)
+    assert heard["welcome"]["protocol"] == PROTOCOL_VERSION
+    assert heard["sizes"] == [40] * count
+
+    frames = np.concatenate(notes.blocks)
+    assert frames["sequence"].tolist() == list(range(count))
+    assert frames["position_mm"][7].tolist() == [7.25, 0.5, 0.75]
+    assert frames["force_n"][7].tolist() == [0, 0, -1.5]
+    for number, command in enumerate(heard["commands"]):
+        assert command == {
+            "sequence": number,
+            "time_ns": str(2**62 + 1),
+            "echo_time_ns": str(frames["time_ns"][number]),
+            "echo_age_ns": "123",
+            "position_mm": [number + 0.25, 0.5, 0.75],
+        }
+    assert by_the_library == ["end"]  # frames are taken past it whoever sends them
+    assert (counted.lost, counted.out_of_order, counted.repeated, counted.rejected) == (0, 0, 0, {})
+    assert notes.hellos[0].annotations == b"any bytes"
+    assert notes.hellos[0].channels == CHANNELS
+    assert notes.ends == ["node is done"]
+    assert notes.losses == notes.errors == []
+
+
+async def test_a_stock_client_reads_why_it_is_refused() -> None:
+    async with leader() as server:
+        code, printed, complaints = await follow(server.port, 1, protocol=99)
+    assert code == 1
+    assert printed == ""
+    assert "protocol 99" in complaints
