@@ -177,6 +177,12 @@ class Recording(_Table):
     channels: Literal["all", "needed"] = "all"
 
 
+class Metrics(_Table):
+    """``[metrics]``: figures for Prometheus, at the leader's port and one of the follower's."""
+
+    follower_port: int | None = Field(None, ge=1, le=65_535)
+
+
 class Scene(_Table):
     """One run; a table that is absent (None) is a part that is left out."""
 
@@ -193,6 +199,7 @@ class Scene(_Table):
     actuator: Actuator | None = None
     force_feedback: ForceFeedback | None = None
     recording: Recording | None = None
+    metrics: Metrics | None = None
 
     @model_validator(mode="after")
     def _combinations(self) -> Self:
@@ -247,11 +254,8 @@ class Scene(_Table):
 
 def _impossible(scene: Scene) -> list[str]:
     sources = [n for n in ("simulated", "replay", "devices") if getattr(scene, n) is not None]
-    needs_link = [
-        n
-        for n in ("network", "texture", "playout", "force_feedback", "recording", *sources)
-        if getattr(scene, n) is not None
-    ]
+    parts = ("network", "metrics", "texture", "playout", "force_feedback", "recording", *sources)
+    needs_link = [n for n in parts if getattr(scene, n) is not None]
     rules = [
         (
             len(sources) > 1,

@@ -17,6 +17,7 @@ SERVICES_OF_PART: Final[dict[str, tuple[str, ...]]] = {
     "actuator": ("leader",),
     "force_feedback": ("leader",),
     "recording": ("leader",),
+    "metrics": ("leader", "follower"),
 }
 """Every table of a scene but ``[session]``, which is no part."""
 

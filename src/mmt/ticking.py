@@ -59,6 +59,26 @@ class TimeHistogram:
             below += count
         return None
 
+    def cumulative(self, bounds_ns: list[int]) -> tuple[list[int], float]:
+        """Return how many durations lie below each bound, and the sum of all in ns.
+
+        Both are right to the width of a bin; the bounds must increase.
+        """
+        counts, total, sum_ns = [0] * len(bounds_ns), 0, 0.0
+        place = 0
+        for index, count in enumerate(self._bins):
+            if not count:
+                continue
+            octave = max((index >> _SUB_BITS) - 1, 0)
+            middle = ((index - (octave << _SUB_BITS)) << octave) + ((1 << octave) - 1) / 2
+            while place < len(bounds_ns) and middle > bounds_ns[place]:
+                counts[place] = total
+                place += 1
+            total += count
+            sum_ns += count * middle
+        counts[place:] = [total] * (len(bounds_ns) - place)
+        return counts, sum_ns
+
     def quantile_ms(self, fraction: float) -> float | None:
         """Return the quantile in milliseconds; see `quantile_ns`."""
         quantile_ns = self.quantile_ns(fraction)
@@ -137,6 +157,11 @@ class Ticker:
     def running(self) -> bool:
         """Whether ticks are due."""
         return self._done is not None and not self._done.done()
+
+    @property
+    def periods(self) -> TimeHistogram:
+        """The times from tick to tick."""
+        return self._periods
 
     @property
     def statistics(self) -> TickStatistics:

@@ -89,7 +89,16 @@ A new example scene needs its lines here, and a new part its module.
 """
 
 WATCHED = {*NETWORK, *MODEL, *FILES, *SOURCES, RECORDER, HAND, ACTUATOR}
-NEVER = {"matplotlib", "scipy.signal", "mmt.evaluation", "h5py", "pyarrow", "tomli_w"}
+NEVER = {
+    "prometheus_client",
+    "mmt.exposition",
+    "matplotlib",
+    "scipy.signal",
+    "mmt.evaluation",
+    "h5py",
+    "pyarrow",
+    "tomli_w",
+}
 
 
 def with_drivers(directory: Path) -> dict[str, str]:

@@ -45,7 +45,7 @@ async def test_a_network_that_changes_live_is_said_counted_and_recorded(tmp_path
     source = SteadySource()
     await together.listen()
     following = asyncio.create_task(together.follow(source))
-    server = together.leader._server
+    server = together.leader.server
     assert server is not None
     await together.until(lambda: server.statistics.frames > 600)
     await put(together, loss=1.0)
@@ -75,7 +75,7 @@ async def test_the_recording_notes_how_the_clocks_stand(tmp_path: Path) -> None:
     source = SteadySource()
     await together.listen()
     following = asyncio.create_task(together.follow(source))
-    server = together.leader._server
+    server = together.leader.server
     assert server is not None
     await together.until(lambda: server.clock.estimate is not None)
     source.ended = True
@@ -96,7 +96,7 @@ async def test_an_outage_is_silence_on_a_link_that_stays_up(tmp_path: Path) -> N
     source = SteadySource()
     await together.listen()
     following = asyncio.create_task(together.follow(source))
-    server = together.leader._server
+    server = together.leader.server
     assert server is not None
     await together.until(lambda: server.statistics.lost > 100)
     source.ended = True

@@ -21,6 +21,7 @@ from mmt.scene import Link, Scene, Texture
 from mmt.ticking import Ticker
 
 if TYPE_CHECKING:
+    from mmt.link.listening import Listener
     from mmt.link.network import EmulatedNetwork
 
 LOG: Final = logging.getLogger("mmt.follower")
@@ -81,9 +82,10 @@ class FollowerService:
         self.url = url or self._link.url()
         self._tell = on_event or (lambda _: None)
         self._on_session = on_session or (lambda _: None)
-        self._session_id: str | None = None
+        self.session_id: str | None = None
+        self._access = Access.of(self._link)
         self.source = build_source(scene)
-        self._client = FollowerClient(
+        self.client = FollowerClient(
             self.url,
             FollowerHello(
                 channels=scene.channels(),
@@ -101,10 +103,10 @@ class FollowerService:
                 on_error=self._fail,
             ),
             network=self._emulated_network(),
-            access=Access.of(self._link),
+            access=self._access,
             clock_hz=self._link.clock_hz,
         )
-        self._ticker = Ticker(round(1e9 / scene.session.rate_hz), self._tick)
+        self.ticker = Ticker(round(1e9 / scene.session.rate_hz), self._tick)
         self._guard = self._make_guard()
         self._newest: RecordArray | None = None
         self._ended = asyncio.Event()
@@ -127,24 +129,28 @@ class FollowerService:
         if on_ready is not None:
             on_ready()
         meter = ProcessMeter()
+        listener: Listener | None = None
         try:
+            listener = await self._serve_metrics()
             await self._connect()
             if not self._ended.is_set():
                 meter = ProcessMeter()
                 await self._stream()
         finally:
-            self._ticker.stop()
+            self.ticker.stop()
             if self._lost_deadline is not None:
                 self._lost_deadline.cancel()
-            await self._client.end(self._outcome)
-            await self._client.disconnect()
+            await self.client.end(self._outcome)
+            await self.client.disconnect()
+            if listener is not None:
+                await listener.stop()
             self._close_source()
         cost = meter.read()
         return FollowerSummary(
             outcome=self._outcome,
-            session={"id": self._session_id},
-            link=asdict(self._client.statistics),
-            ticks=asdict(self._ticker.statistics),
+            session={"id": self.session_id},
+            link=asdict(self.client.statistics),
+            ticks=asdict(self.ticker.statistics),
             process={
                 "core_share": round(cost.core_share, 3),
                 "memory_mb": round(cost.memory_mb, 1),
@@ -163,8 +169,8 @@ class FollowerService:
         LOG.info(sentence)
 
     def _take_session(self, session_id: str) -> None:
-        if session_id != self._session_id:
-            self._session_id = session_id
+        if session_id != self.session_id:
+            self.session_id = session_id
             self._on_session(session_id)
             LOG.info("connected to the leader")
 
@@ -175,9 +181,17 @@ class FollowerService:
 
         return EmulatedNetwork(self.scene.network, "up", self.scene.session.seed, self._say)
 
+    async def _serve_metrics(self) -> "Listener | None":
+        metrics = self.scene.metrics
+        if metrics is None or metrics.follower_port is None:
+            return None
+        from mmt.follower.metrics import serve_metrics
+
+        return await serve_metrics(self, metrics.follower_port, self._access)
+
     async def _connect(self) -> None:
         """Connect, unless the person stops first."""
-        connecting = asyncio.create_task(self._client.connect(self._link.patience_s))
+        connecting = asyncio.create_task(self.client.connect(self._link.patience_s))
         ended = asyncio.create_task(self._ended.wait())
         try:
             await asyncio.wait([connecting, ended], return_when=asyncio.FIRST_COMPLETED)
@@ -193,10 +207,10 @@ class FollowerService:
         ended = asyncio.create_task(self._ended.wait())
         try:
             self.source.start(time.monotonic_ns())
-            self._ticker.start()
-            ticking = asyncio.create_task(self._ticker.wait())
+            self.ticker.start()
+            ticking = asyncio.create_task(self.ticker.wait())
             await asyncio.wait([ended, ticking], return_when=asyncio.FIRST_COMPLETED)
-            self._ticker.stop()
+            self.ticker.stop()
             await ticking
         except Exception as error:  # noqa: BLE001 - what is no MmtError is raised below
             self._fail(error)
@@ -223,7 +237,7 @@ class FollowerService:
         frames = self.source.step(elapsed, time.monotonic_ns(), command)
         if len(frames):
             self._newest = frames
-            self._client.send_frames(frames)
+            self.client.send_frames(frames)
         if self.source.finished:
             self.stop("source ended")
 
@@ -262,5 +276,5 @@ class FollowerService:
         self._lost_deadline = loop.call_later(patience_s, self._give_up)
 
     def _give_up(self) -> None:
-        if not self._client.connected:
+        if not self.client.connected:
             self.stop("leader lost")

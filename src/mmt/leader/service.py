@@ -67,9 +67,9 @@ class LeaderService:
         self.log = RunLog()
         self.parts: LeaderParts = build_parts(scene, self._on_update)
         self._models = ModelUse(self.parts, self.log, self._event)
-        self._server: LeaderServer | None = None
+        self.server: LeaderServer | None = None
         self._clock_notes: ClockNotes | None = None
-        self._ticker = Ticker(self._period_ns, self._tick)
+        self.ticker = Ticker(self._period_ns, self._tick)
         self._ended = asyncio.Event()
         self._fault: Exception | None = None
         self._last_tick_ns = 0
@@ -85,7 +85,7 @@ class LeaderService:
     @property
     def port(self) -> int | None:
         """The port that is listened on, None without a link."""
-        return None if self._server is None else self._server.port
+        return None if self.server is None else self.server.port
 
     @property
     def time_s(self) -> float:
@@ -116,20 +116,20 @@ class LeaderService:
             tasks.append(asyncio.create_task(self._report_status()))
             if parts.modelling is not None:
                 tasks.append(asyncio.create_task(parts.modelling.run()))
-            self._ticker.start()
-            tasks.append(asyncio.create_task(self._ticker.wait()))
+            self.ticker.start()
+            tasks.append(asyncio.create_task(self.ticker.wait()))
             if on_ready is not None:
                 on_ready()
             await self._until_ended(tasks)
         finally:
             duration_s = self.time_s
-            self._ticker.stop()
+            self.ticker.stop()
             self._expect_return(None)
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
-            if self._server is not None:
-                await self._server.stop()
+            if self.server is not None:
+                await self.server.stop()
             if self._clock_notes is not None:
                 self._clock_notes.look(last=True)
             self._models.record_last()
@@ -142,6 +142,16 @@ class LeaderService:
         if not self._ended.is_set():
             self.log.outcome = outcome
             self._ended.set()
+
+    def faults(self) -> list[str]:
+        """Return what is not as it should be, a sentence each."""
+        recorder = self.parts.recorder
+        found = {
+            f"the session has ended: {self.log.outcome}": self._ended.is_set(),
+            "the follower was lost": self._lost_deadline is not None,
+            f"recording: {recorder.error if recorder else None}": recorder and recorder.error,
+        }
+        return [sentence for sentence, holds in found.items() if holds]
 
     def reset_model(self) -> None:
         """Forget the model and return to streamed vibration, for a new surface."""
@@ -158,8 +168,8 @@ class LeaderService:
             error = task.exception() if task.done() and not task.cancelled() else None
             if isinstance(error, Exception):
                 self._fail(error)
-        if self._server is not None:
-            await self._server.request_stop(self.log.outcome)
+        if self.server is not None:
+            await self.server.request_stop(self.log.outcome)
         if self._fault is not None and not isinstance(self._fault, MmtError):
             raise self._fault  # no fault of devices or files, but a mistake in the program
 
@@ -169,10 +179,11 @@ class LeaderService:
         self.stop(f"{FAILED}{fault}")
 
     async def _listen(self) -> None:
+        from mmt.leader.metrics import pages
         from mmt.link.server import LeaderEvents, LeaderServer
 
         assert self.scene.link is not None  # noqa: S101 - the caller has looked
-        self._server = LeaderServer(
+        self.server = LeaderServer(
             self.scene.link,
             self.scene.channels(),
             LeaderEvents(
@@ -186,9 +197,10 @@ class LeaderService:
             fastest=self._fastest,
             session_id=self.log.session_id,
             network=self._emulated_network(),
+            pages=pages(self),
         )
-        self._clock_notes = ClockNotes(self._server.clock, self._record_event)
-        await self._server.start()
+        self._clock_notes = ClockNotes(self.server.clock, self._record_event)
+        await self.server.start()
 
     def _emulated_network(self) -> "EmulatedNetwork | None":
         if self.scene.network is None:
@@ -289,14 +301,14 @@ class LeaderService:
 
     @property
     def _streaming(self) -> bool:
-        return self._server is not None and self._server.connected
+        return self.server is not None and self.server.connected
 
     def _read_hand(self, elapsed: int, now_ns: int) -> InterfaceState | None:
         if self.parts.hand is None:
             return None
         state = self.parts.hand.read(elapsed)
-        if self._server is not None:
-            self._server.send_commands(self._commands.make(now_ns, state.position_mm))
+        if self.server is not None:
+            self.server.send_commands(self._commands.make(now_ns, state.position_mm))
         return state
 
     def _drive(self, state: InterfaceState | None, elapsed: int) -> tuple[float, float]:
@@ -341,7 +353,7 @@ class LeaderService:
 
     def status(self) -> LeaderStatus:
         """Return the live status."""
-        server, playout, update = self._server, self.parts.playout, self.log.update
+        server, playout, update = self.server, self.parts.playout, self.log.update
         link = server.statistics if server is not None else None
         return LeaderStatus(
             phase="streaming" if self._streaming or server is None else "waiting",
@@ -351,7 +363,7 @@ class LeaderService:
             frames_lost=link.lost if link is not None else 0,
             samples=update.samples if update is not None else 0,
             distance=update.distance if update is not None else None,
-            tick_p99_ms=self._ticker.statistics.period_p99_ms,
+            tick_p99_ms=self.ticker.statistics.period_p99_ms,
             playout_delay_ms=playout.statistics().delay_ms if playout is not None else None,
         )
 
@@ -361,8 +373,8 @@ class LeaderService:
             self.parts,
             name=self.scene.session.name,
             duration_s=duration_s,
-            link=self._server.statistics if self._server is not None else None,
-            clock_offset_ns=self._server.clock.offset_ns if self._server is not None else None,
-            ticks=self._ticker.statistics,
+            link=self.server.statistics if self.server is not None else None,
+            clock_offset_ns=self.server.clock.offset_ns if self.server is not None else None,
+            ticks=self.ticker.statistics,
             cost=self._meter.read(),
         )

@@ -125,6 +125,16 @@ class FollowerClient:
         return self._connected
 
     @property
+    def latency(self) -> TimeHistogram:
+        """One-way latencies of the commands, where the clocks are known."""
+        return self._reader.latency
+
+    @property
+    def round_trip(self) -> TimeHistogram:
+        """Times from a frame to the command that echoes it."""
+        return self._round_trip
+
+    @property
     def statistics(self) -> LinkStatistics:
         """What was counted since the start; a few hundred microseconds to compute."""
         return gather(

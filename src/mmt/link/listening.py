@@ -59,10 +59,13 @@ class Listener:
     ----------
     application
         What is served.
+    keys
+        What to set where the address cannot be had.
     """
 
-    def __init__(self, application: web.Application) -> None:
+    def __init__(self, application: web.Application, keys: str = "host and port of [link]") -> None:
         self._application = application
+        self._keys = keys
         self._runner: web.AppRunner | None = None
 
     @property
@@ -100,7 +103,7 @@ class Listener:
             await runner.cleanup()
             raise MmtError(
                 f"cannot listen on {host} port {port} ({error.strerror or error}): "
-                "set host and port of [link] to an address of this machine and a free port"
+                f"set {self._keys} to an address of this machine and a free port"
             ) from error
         self._runner = runner
 

@@ -24,6 +24,7 @@ from mmt.link.events import LeaderEvents, call
 from mmt.link.listening import CLOSE_TIMEOUT_S, Listener, guarded_application, make_server
 from mmt.link.log import LOG
 from mmt.link.outbox import Outbox
+from mmt.link.pages import Page
 from mmt.link.protocol import (
     CLOCK,
     COMMANDS,
@@ -46,6 +47,7 @@ from mmt.link.protocol import (
 from mmt.link.reading import BlockReader
 from mmt.pacing import shortest_period_ns
 from mmt.scene import Link
+from mmt.ticking import TimeHistogram
 
 if TYPE_CHECKING:
     from mmt.link.network import EmulatedNetwork
@@ -83,6 +85,8 @@ class LeaderServer:
         Emulated between this side and the follower; programs may change it over HTTP.
     session_id
         Names the session in what both sides log.
+    pages
+        What is served beside the link, for who has the token.
 
     Raises
     ------
@@ -100,6 +104,7 @@ class LeaderServer:
         fastest: float = 100.0,
         network: "EmulatedNetwork | None" = None,
         session_id: str = "",
+        pages: Iterable[Page] = (),
     ) -> None:
         self._settings = settings
         self._access = Access.of(settings)
@@ -123,6 +128,8 @@ class LeaderServer:
         self._server.attach(application)
         if network is not None:
             network.serve(application, self._tell_network)
+        for add_page in pages:
+            add_page(application, self._access)
         self._listener = Listener(application)
         self._sockets = ServerSockets(self._server, application)
         self._server.on("connect", self._on_connect)
@@ -141,6 +148,11 @@ class LeaderServer:
     def connected(self) -> bool:
         """Whether a follower is there that has not ended the session."""
         return self._follower is not None and not self._follower.ended
+
+    @property
+    def latency(self) -> TimeHistogram:
+        """One-way latencies of the frames, where the clocks are known."""
+        return self._reader.latency
 
     @property
     def statistics(self) -> LinkStatistics:

@@ -1,0 +1,86 @@
+"""The leader's metrics and health, from what it counts anyway."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Final, get_args
+
+from mmt.leader.rendering import Mode
+
+if TYPE_CHECKING:
+    from prometheus_client.core import Metric
+
+    from mmt.leader.service import LeaderService
+    from mmt.link.pages import Page
+
+_MODES: Final[tuple[str, ...]] = get_args(Mode)
+
+
+def pages(service: "LeaderService") -> "list[Page]":
+    """Return what the leader serves beside its link: health, and metrics if the scene says so.
+
+    Raises
+    ------
+    InputError
+        The scene wants metrics and prometheus-client is not installed.
+    """
+    from mmt.link.pages import health_page, metrics_page
+
+    served = [health_page(lambda: health(service))]
+    if service.scene.metrics is not None:
+        from mmt.exposition import registry_of
+
+        served.append(metrics_page(registry_of(lambda: collect(service))))
+    return served
+
+
+def health(service: "LeaderService") -> dict[str, Any]:
+    """Return phase, session and faults; a fault is a sentence."""
+    status = service.status()
+    return {
+        "phase": status.phase,
+        "connected": service.server is not None and service.server.connected,
+        "session": service.log.session_id,
+        "time_s": round(status.time_s, 3),
+        "mode": status.mode,
+        "faults": service.faults(),
+    }
+
+
+def collect(service: "LeaderService") -> Iterator["Metric"]:
+    """Yield the leader's metrics; called in a thread, about a millisecond."""
+    from mmt.exposition import counter, gauge, link_metrics, session, state, tick_metrics
+
+    status = service.status()
+    yield session(service.log.session_id, "leader")
+    yield gauge("session_time_seconds", "Session time.", status.time_s)
+    if service.server is not None:
+        yield gauge("connected", "Whether a follower is connected.", service.server.connected)
+        yield from link_metrics(service.server.statistics, service.server.latency)
+    yield from tick_metrics(service.ticker.statistics, service.ticker.periods)
+    if service.parts.switch is not None:
+        yield state("vibration_mode", "What drives the actuator.", "mode", status.mode, _MODES)
+    yield from _model(service)
+    if status.playout_delay_ms is not None:
+        yield gauge(
+            "playout_delay_seconds", "Delay of the playout buffer.", status.playout_delay_ms / 1e3
+        )
+    recorder = service.parts.recorder
+    if recorder is not None:
+        yield counter("recorded_frames", "Frames in the recording.", recorder.frames)
+        yield counter("recording_dropped_frames", "Frames that found no room.", recorder.dropped)
+
+
+def _model(service: "LeaderService") -> Iterator["Metric"]:
+    from mmt.exposition import counter, gauge
+
+    modelling, log = service.parts.modelling, service.log
+    if modelling is None:
+        return
+    seconds = list(log.update_seconds)
+    yield counter("model_updates", "Updates of the model.", len(seconds))
+    yield counter("model_update_seconds", "Time spent on updates.", sum(seconds))
+    yield gauge("model_samples", "Samples in the model.", log.update.samples if log.update else 0)
+    if log.update is not None:
+        yield gauge("model_distance", "Completion distance.", log.update.distance)
+    yield counter(
+        "modelling_dropped_frames", "Frames that found no room.", modelling.dropped_frames
+    )

@@ -1,0 +1,176 @@
+"""Health and metrics, of services that run."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import pytest
+from prometheus_client.parser import text_string_to_metric_families
+from service_runs import MadeSource, Together, made_frames, small_scene
+
+from mmt.errors import InputError
+from mmt.link.access import TOKEN_VARIABLE
+
+TOKEN = "a token that nobody guesses"
+
+
+@pytest.fixture
+async def http() -> AsyncIterator[aiohttp.ClientSession]:
+    async with aiohttp.ClientSession() as session:
+        yield session
+
+
+async def health_of(
+    http: aiohttp.ClientSession, port: int | None, **headers: str
+) -> tuple[int, dict[str, Any]]:
+    async with http.get(f"http://127.0.0.1:{port}/health", headers=headers) as answer:
+        return answer.status, await answer.json()
+
+
+async def metrics_of(
+    http: aiohttp.ClientSession, port: int | None, **headers: str
+) -> dict[tuple[str, tuple[tuple[str, str], ...]], float]:
+    """Return every sample by its name and labels."""
+    async with http.get(f"http://127.0.0.1:{port}/metrics", headers=headers) as answer:
+        assert answer.status == 200
+        assert answer.headers["Content-Type"].startswith("text/plain; version=")
+        text = await answer.text()
+    return {
+        (sample.name, tuple(sorted(sample.labels.items()))): sample.value
+        for family in text_string_to_metric_families(text)
+        for sample in family.samples
+    }
+
+
+def endless(count: int = 20_000) -> MadeSource:
+    return MadeSource([made_frames(k, 1) for k in range(count)])
+
+
+async def test_health_follows_the_session(tmp_path: Path, http: aiohttp.ClientSession) -> None:
+    together = Together.of(small_scene(tmp_path))
+    await together.listen()
+    port = together.leader.port
+    status, table = await health_of(http, port)
+    assert status == 200
+    assert table == {
+        "ok": True,
+        "phase": "waiting",
+        "connected": False,
+        "session": together.leader.log.session_id,
+        "time_s": 0,
+        "mode": "streamed",
+        "faults": [],
+    }
+    follower = together.follower(endless())
+    following = asyncio.create_task(follower.run())
+    await together.until(lambda: together.leader.time_s > 0.05)
+    status, table = await health_of(http, port)
+    assert (status, table["phase"], table["connected"]) == (200, "streaming", True)
+    assert table["time_s"] > 0
+    await follower.client.disconnect()
+    await together.until(together.leader.faults)
+    status, table = await health_of(http, port)
+    assert (status, table["ok"], table["faults"]) == (503, False, ["the follower was lost"])
+    follower.stop()
+    await following
+    together.leader.stop()
+    await together.end()
+
+
+async def test_metrics_are_what_the_summary_counts(
+    tmp_path: Path, http: aiohttp.ClientSession, unused_tcp_port: int
+) -> None:
+    scene = small_scene(tmp_path, metrics={"follower_port": unused_tcp_port})
+    together = Together.of(scene)
+    await together.listen()
+    source = endless()
+    gap, broken = made_frames(10, 1), made_frames(11, 1)
+    broken["force_n"] = float("nan")
+    source.blocks[3:12] = [gap, broken]
+    following = asyncio.create_task(together.follow(source))
+    await together.until(lambda: together.leader.time_s > 0.2)
+    up = await metrics_of(http, together.leader.port)
+    down = await metrics_of(http, unused_tcp_port)
+    together.leader.stop()
+    leader, follower = await together.end(), await following
+    identity = leader.session["id"]
+    for figures, service in ((up, "leader"), (down, "follower")):
+        (labels,) = [dict(key[1]) for key in figures if key[0] == "mmt_session_info"]
+        assert (labels["id"], labels["service"]) == (identity, service)
+        assert figures["process_resident_memory_bytes", ()] > 1e6
+        assert figures["process_cpu_seconds_total", ()] > 0
+        assert figures["mmt_connected", ()] == 1
+        assert figures["mmt_ticks_total", ()] > 0
+        ticks = figures["mmt_tick_period_seconds_count", ()]
+        assert figures["mmt_tick_period_seconds_bucket", (("le", "+Inf"),)] == ticks
+        assert figures["mmt_latency_seconds_count", ()] > 0
+    assert 0 < up["mmt_frames_total", ()] <= leader.link["frames"]
+    assert up["mmt_lost_total", ()] == leader.link["lost"] == 7
+    assert up["mmt_rejected_total", (("reason", "not finite"),)] == 1
+    assert up["mmt_vibration_mode", (("mode", "streamed"),)] == 1
+    assert up["mmt_vibration_mode", (("mode", "synthesized"),)] == 0
+    assert up["mmt_playout_delay_seconds", ()] > 0
+    assert 0 < up["mmt_session_time_seconds", ()] <= leader.session["duration_s"]
+    assert 0 < down["mmt_commands_total", ()] <= follower.link["commands"]
+    assert "mmt_model_samples" not in {name for name, _ in up}  # the scene has no [texture]
+
+
+async def test_the_model_is_in_the_metrics(tmp_path: Path, http: aiohttp.ClientSession) -> None:
+    scene = small_scene(tmp_path, metrics={}, texture={}, rendering={})
+    together = Together.of(scene)
+    await together.listen()
+    together.leader.log.update_seconds += [0.25, 0.5]
+    figures = await metrics_of(http, together.leader.port)
+    assert figures["mmt_model_samples", ()] == 0
+    assert figures["mmt_model_updates_total", ()] == 2
+    assert figures["mmt_model_update_seconds_total", ()] == 0.75
+    together.leader.stop()
+    await together.end()
+
+
+async def test_without_the_table_there_are_no_metrics(
+    tmp_path: Path, http: aiohttp.ClientSession
+) -> None:
+    together = Together.of(small_scene(tmp_path))
+    await together.listen()
+    async with http.get(f"http://127.0.0.1:{together.leader.port}/metrics") as answer:
+        assert answer.status == 404
+    together.leader.stop()
+    await together.end()
+
+
+async def test_a_stranger_learns_but_whether_all_is_well(
+    tmp_path: Path, http: aiohttp.ClientSession, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(TOKEN_VARIABLE, TOKEN)
+    together = Together.of(small_scene(tmp_path, metrics={}))
+    await together.listen()
+    port = together.leader.port
+    assert await health_of(http, port) == (200, {"ok": True})
+    async with http.get(f"http://127.0.0.1:{port}/metrics") as answer:
+        assert answer.status == 401
+    bearer = {"Authorization": f"Bearer {TOKEN}"}
+    assert (await health_of(http, port, **bearer))[1]["phase"] == "waiting"
+    assert ("mmt_connected", ()) in await metrics_of(http, port, **bearer)
+    together.leader.stop()
+    await together.end()
+
+
+async def test_a_follower_port_that_is_taken_is_explained(tmp_path: Path) -> None:
+    taken = await asyncio.start_server(lambda *_: None, "127.0.0.1", 0)
+    port = taken.sockets[0].getsockname()[1]
+    together = Together.of(small_scene(tmp_path, metrics={"follower_port": port}))
+    await together.listen()
+    with pytest.raises(Exception, match=r"set follower_port of \[metrics\] to"):
+        await together.follow(MadeSource([]))
+    together.leader.stop()
+    await together.end()
+    taken.close()
+    await taken.wait_closed()
+
+
+def test_metrics_need_a_link(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"\[metrics\] needs a follower: add \[link\]"):
+        small_scene(tmp_path, link=None, simulated=None, playout=None, recording=None, metrics={})
