@@ -50,6 +50,10 @@ class JumpBound:
         """Begin anew with the number that arrives now."""
         self._due_ns = arrival_ns - MARGIN_NS
 
+    def permits(self, ahead: int, arrival_ns: int) -> bool:
+        """Whether a number so far ahead of the newest could be right; nothing is taken."""
+        return self._due_ns + ahead * self._shortest_ns <= arrival_ns
+
     def allows(self, ahead: int, arrival_ns: int) -> bool:
         """Whether a number so far ahead of the newest can be right; then it counts as taken."""
         due_ns = self._due_ns + ahead * self._shortest_ns

@@ -43,6 +43,13 @@ class Link(_Table):
     key: Path | None = None
     authority: Path | None = None
     open: bool = False
+    keep_s: float = Field(10.0, ge=0, le=60)
+    silence_ms: float = Field(100.0, ge=10, le=10_000)
+    on_silence: Literal["hold", "retract"] = "hold"
+    retract_mm: float = Field(10.0, gt=0, le=100)
+    stale_ms: float = Field(500.0, ge=10, le=10_000)
+    recovery_mm_s: float = Field(50.0, ge=1, le=1000)
+    limit_mm_s: float = Field(1000.0, ge=10, le=10_000)
 
     @model_validator(mode="after")
     def _pair(self) -> Self:
@@ -55,13 +62,6 @@ class Link(_Table):
         secure = self.certificate is not None or self.authority is not None
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"{'https' if secure else 'http'}://{host}:{self.port if port is None else port}"
-
-    silence_ms: float = Field(100.0, ge=10, le=10_000)
-    on_silence: Literal["hold", "retract"] = "hold"
-    retract_mm: float = Field(10.0, gt=0, le=100)
-    stale_ms: float = Field(500.0, ge=10, le=10_000)
-    recovery_mm_s: float = Field(50.0, ge=1, le=1000)
-    limit_mm_s: float = Field(1000.0, ge=10, le=10_000)
 
 
 class Simulated(_Table):
@@ -238,6 +238,10 @@ class Scene(_Table):
         if self.recording is not None and (self.recording.channels == "all" or not wanted):
             wanted |= {"position", "force", "acceleration"}
         return ordered_channels(wanted) if wanted else ()
+
+    def keep_frames(self) -> int:
+        """Return how many frames the follower keeps for a leader that lacks some."""
+        return round(self.link.keep_s * self.session.rate_hz) if self.link is not None else 0
 
     def parts(self) -> dict[str, bool]:
         """Return every part by its table's name and whether it runs."""

@@ -15,6 +15,7 @@ from mmt.arrays import RecordArray
 from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader import modelling
 from mmt.leader.feedback import StreamedForce
+from mmt.leader.frame_queue import FrameQueue
 from mmt.leader.modelling import ModellingTask
 from mmt.leader.numbering import SessionNumbering
 from mmt.leader.playout import PlayoutBuffer
@@ -71,6 +72,21 @@ def test_a_follower_that_counts_from_far_ahead_is_put_behind_the_silence_too() -
     assert left_out == 250
     assert taken["sequence"].tolist() == list(range(350, 360))
     assert numbering.frames == 360
+
+
+def test_another_process_is_told_by_its_name_whatever_it_counts() -> None:
+    numbering = SessionNumbering(PERIOD_NS)
+    numbering.reconnect("first")
+    numbering.take(made_frames(0, 100), SECOND)
+    numbering.reconnect("first")
+    assert numbering.take(made_frames(200, 100), 2 * SECOND)[1] == 0
+    numbering.reconnect("second")
+    assert numbering.anew
+    taken, left_out = numbering.take(made_frames(400, 10), 2 * SECOND + 50 * PERIOD_NS)
+    assert left_out == 50
+    assert taken["sequence"][0] == 350
+    assert numbering.renumber(made_frames(410, 1))["sequence"][0] == 360
+    assert numbering.shift == -50
 
 
 def test_another_clock_is_put_right_but_echoed_as_it_is() -> None:
@@ -277,6 +293,90 @@ async def test_modelling_pauses_when_it_is_complete_until_it_is_reset(
         made.task.take(made_frames(200, 100))
         await made.settle(2)
         assert not made.task.finished
+
+
+async def test_updates_wait_for_frames_that_may_still_come_and_are_cut_by_numbers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    missing: list[int] = [40]
+    async with modelled(monkeypatch) as made:
+        made.task.first_missing = lambda: missing[0] if missing else None
+        made.task.take(made_frames(0, 40))
+        made.task.take(made_frames(60, 240))
+        await asyncio.sleep(0.02)
+        assert made.updates == []
+        made.task.fill(made_frames(50, 10))
+        made.task.fill(made_frames(40, 10))
+        missing.clear()
+        made.task.look_again()
+        await made.settle(3)
+        for number, update in enumerate(made.modeller.updates):
+            np.testing.assert_array_equal(
+                update["sequence"], np.arange(100 * number, 100 * number + 100)
+            )
+        assert made.task.late_frames == 0
+
+
+async def test_frames_that_come_after_their_update_are_left_out_and_counted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async with modelled(monkeypatch) as made:
+        made.task.take(made_frames(0, 40))
+        made.task.take(made_frames(60, 40))
+        await made.settle(1)
+        made.task.fill(made_frames(40, 20))
+        made.task.take(made_frames(100, 100))
+        await made.settle(2)
+        assert made.task.late_frames == 20
+        np.testing.assert_array_equal(made.modeller.updates[1]["sequence"], np.arange(100, 200))
+
+
+async def test_a_gap_that_never_closes_cannot_hold_the_modelling_up_for_ever(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async with modelled(monkeypatch) as made:
+        made.task.first_missing = lambda: 0
+        for first in range(1, 9001, 100):
+            made.task.take(made_frames(first, 100))
+            await asyncio.sleep(0)
+        await made.settle(1)
+        assert made.task.dropped_frames == 0
+
+
+async def test_what_is_complete_at_the_end_is_still_modelled(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async with modelled(monkeypatch) as made:
+        made.task.take(made_frames(0, 350))
+        await made.task.finish(10.0)
+        assert len(made.updates) == 3
+        made.modeller.leave.clear()
+        made.task.take(made_frames(350, 100))
+        await made.task.finish(0.05)
+        assert len(made.updates) == 3
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.integers(0, 60), unique=True, max_size=60), st.integers(1, 20), st.data())
+def test_however_frames_come_the_queue_gives_them_out_in_order_and_once(
+    numbers: list[int], period: int, data: st.DataObject
+) -> None:
+    in_time = data.draw(st.sets(st.sampled_from(numbers))) if numbers else set()
+    queue = FrameQueue(100, least_drop=1)
+    for number in sorted(in_time):
+        assert queue.put(made_frames(number, 1)) == 0
+    for number in numbers:
+        if number not in in_time:
+            assert queue.insert(made_frames(number, 1)) == 0
+    given_out: list[int] = []
+    while (frames := queue.take_period(period, None)) is not None:
+        taken = frames["sequence"].astype(np.int64)
+        assert taken[-1] - taken[0] >= period - 1
+        assert len(taken) == 1 or taken[-2] - taken[0] < period - 1
+        given_out += taken.tolist()
+    given_out += queue.take_all()["sequence"].tolist() if numbers else []
+    assert given_out == sorted(numbers)
+    assert len(queue) == 0
 
 
 async def test_an_update_that_fails_comes_out_of_the_task(

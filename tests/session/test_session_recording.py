@@ -54,6 +54,30 @@ def test_single_frames_become_blocks_of_twenty_with_their_arrival(tmp_path):
     assert max(np.diff([*firsts, 50])) <= 20
 
 
+def test_frames_that_come_late_stand_apart_and_are_read_at_their_places(tmp_path):
+    path = tmp_path / "run.mcap"
+    frames = made_frames(100)
+    with McapRecorder(path, channels=CHANNELS, clock=lambda: 5_000_000_000) as recorder:
+        recorder.record_frames(frames[:30])
+        recorder.record_frames(frames[70:])
+        recorder.record_backfill(frames[50:70], 4_900_000_000)
+        recorder.record_backfill(frames[30:50], 4_800_000_000)
+    assert (recorder.frames, recorder.dropped) == (100, 0)
+    np.testing.assert_array_equal(read_session(path).frames, frames)
+    from mcap.reader import make_reader
+
+    with path.open("rb") as stream:
+        messages = [m for _, _, m in make_reader(stream).iter_messages(topics=["/backfill"])]
+    assert [(m.sequence, m.log_time) for m in messages] == [
+        (30, 4_800_000_000),
+        (50, 4_900_000_000),
+    ]
+    data = path.read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(data[:-300])
+    recover(tmp_path / "cut.mcap", tmp_path / "saved.mcap")
+    np.testing.assert_array_equal(read_session(tmp_path / "saved.mcap").frames, frames)
+
+
 def test_everything_recorded_comes_back_at_its_time(tmp_path):
     path = tmp_path / "runs" / "deep" / "run.mcap"
     clock_ns = [7_000_000_000]

@@ -4,6 +4,7 @@ import asyncio
 import logging
 import math
 import time
+import uuid
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Final
@@ -43,6 +44,7 @@ class FollowerSummary:
     ticks: dict[str, Any]
     process: dict[str, Any]
     commands: dict[str, Any] = field(default_factory=dict)
+    backfill: dict[str, Any] = field(default_factory=dict)
 
     @property
     def problem(self) -> str | None:
@@ -93,6 +95,8 @@ class FollowerService:
                 rate_hz=scene.session.rate_hz,
                 frames_per_message=self._link.frames_per_message,
                 annotations=self.source.annotations,
+                keep_frames=scene.keep_frames(),
+                run_id=uuid.uuid4().hex,
             ),
             FollowerEvents(
                 on_commands=self._on_commands,
@@ -156,6 +160,7 @@ class FollowerService:
                 "memory_mb": round(cost.memory_mb, 1),
             },
             commands=self._guard.summary if self._guard is not None else {},
+            backfill=self.client.backfill,
         )
 
     def stop(self, outcome: str = "stopped") -> None:

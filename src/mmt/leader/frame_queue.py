@@ -24,16 +24,20 @@ class FrameQueue:
         self._least_drop = min(least_drop, capacity)
         self._frames: RecordArray | None = None
         self._count = 0
+        self._ordered = True
+
+    def __len__(self) -> int:
+        """Return how many frames wait."""
+        return self._count
 
     @property
     def first_sequence(self) -> int | None:
-        """The oldest frame's number, None where nothing waits."""
-        if self._frames is None or not self._count:
-            return None
-        return int(self._frames["sequence"][0])
+        """The number of the oldest frame, None where nothing waits."""
+        frames = self._in_order()
+        return int(frames["sequence"][0]) if len(frames) else None
 
     def put(self, frames: RecordArray) -> int:
-        """Queue frames (n,); return how many were dropped."""
+        """Queue frames (n,) behind those that wait; return how many were dropped."""
         if self._frames is None:
             self._frames = np.empty(self._capacity, dtype=frames.dtype)
         dropped = max(0, len(frames) - self._capacity)
@@ -41,15 +45,56 @@ class FrameQueue:
         excess = self._count + len(frames) - self._capacity
         if excess > 0:
             moved_out = min(self._count, max(excess, self._least_drop))
-            self._frames[: self._count - moved_out] = self._frames[moved_out : self._count].copy()
-            self._count -= moved_out
+            self._in_order()
+            self._remove(moved_out)
             dropped += moved_out
         self._frames[self._count : self._count + len(frames)] = frames
         self._count += len(frames)
         return dropped
 
+    def insert(self, frames: RecordArray) -> int:
+        """Queue frames (n,) at the places of their numbers; return how many were dropped."""
+        self._ordered = False
+        return self.put(frames)
+
+    def take_period(self, numbers: int, before: int | None) -> RecordArray | None:
+        """Take the frames of one period, None where they are not all there yet.
+
+        Parameters
+        ----------
+        numbers
+            Length of the period; it begins with the oldest frame, missing ones count.
+        before
+            Take none from this number on, which may still come; None where nothing may.
+        """
+        waiting = self._in_order()
+        if not len(waiting):
+            return None
+        sequence = waiting["sequence"]
+        stop = int(sequence.searchsorted(int(sequence[0]) + numbers - 1)) + 1
+        if stop > len(waiting) or (before is not None and before <= int(sequence[stop - 1])):
+            return None
+        frames = waiting[:stop].copy()
+        self._remove(stop)
+        return frames
+
     def take_all(self) -> RecordArray:
         """Return what waits, oldest first, and empty the queue."""
-        frames = np.empty(0) if self._frames is None else self._frames[: self._count].copy()
+        frames = self._in_order().copy()
         self._count = 0
         return frames
+
+    def _remove(self, count: int) -> None:
+        """Remove so many of the oldest."""
+        if self._frames is not None:
+            self._frames[: self._count - count] = self._frames[count : self._count].copy()
+            self._count -= count
+
+    def _in_order(self) -> RecordArray:
+        if self._frames is None:
+            return np.empty(0)
+        waiting = self._frames[: self._count]
+        if not self._ordered:
+            waiting[:] = waiting[np.argsort(waiting["sequence"], kind="stable")]
+            self._ordered = True
+        return waiting

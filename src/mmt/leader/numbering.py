@@ -36,6 +36,9 @@ class SessionNumbering:
         self._newest = -1
         self._newest_time_ns = 0
         self._reconnected = False
+        self.anew = False
+        """Whether the follower that is connected is known to be another process."""
+        self._run_id = ""
         self._shift = 0
         self._time_shift_ns = 0
         self.follower_time_ns = 0
@@ -49,9 +52,28 @@ class SessionNumbering:
         """Frames from the session's first to its newest, missing ones counted."""
         return 0 if self._first is None else self._newest + 1 - self._first
 
-    def reconnect(self) -> None:
-        """Expect a follower that was connected before, or another one."""
+    @property
+    def newest(self) -> int:
+        """The newest frame's number, -1 before the first."""
+        return self._newest
+
+    @property
+    def shift(self) -> int:
+        """What the session's numbers are above those of the follower that is connected."""
+        return self._shift
+
+    def reconnect(self, run_id: str = "") -> None:
+        """Expect a follower that was connected before, or another one.
+
+        Parameters
+        ----------
+        run_id
+            Names the follower's process; empty where it is not known, so that the follower's
+            numbers must tell.
+        """
         self._reconnected = self._first is not None
+        self.anew = bool(run_id and self._run_id and run_id != self._run_id)
+        self._run_id = run_id
         self.follower_time_ns = 0
 
     def take(self, frames: RecordArray, arrival_ns: int) -> tuple[RecordArray, int]:
@@ -66,21 +88,36 @@ class SessionNumbering:
             left_out = self._go_on(frames, arrival_ns)
         self.follower_time_ns = int(frames["time_ns"][-1])
         self.arrival_ns = arrival_ns
-        if self._shift:
-            frames = frames.copy()
-            frames["sequence"] = frames["sequence"].astype(np.int64) + self._shift
-            frames["time_ns"] += self._time_shift_ns
+        frames = self.renumber(frames)
         if self._first is None:
             self._first = int(frames["sequence"][0])
         self._newest = int(frames["sequence"][-1])
         self._newest_time_ns = int(frames["time_ns"][-1])
         return frames, left_out
 
+    def renumber(self, frames: RecordArray) -> RecordArray:
+        """Return frames (n,) of the follower that is connected with the session's numbers."""
+        if self._shift:
+            frames = frames.copy()
+            frames["sequence"] = frames["sequence"].astype(np.int64) + self._shift
+            frames["time_ns"] += self._time_shift_ns
+        return frames
+
+    def extend(self, stop: int) -> None:
+        """Count the session's frames up to this number, also those that are missing."""
+        if self._first is not None:
+            self._newest = max(self._newest, stop - 1)
+
+    def expected_arrival_ns(self, time_ns: int, now_ns: int) -> int:
+        """Return when a frame of this time would have arrived beside the newest one."""
+        arrival_ns = self.arrival_ns - (self._newest_time_ns - time_ns)
+        return min(max(arrival_ns, 0), now_ns)
+
     def _go_on(self, frames: RecordArray, arrival_ns: int) -> int:
         sequence = int(frames["sequence"][0])
         ahead = sequence + self._shift - self._newest
         silence_ns = arrival_ns - self.arrival_ns
-        if 0 < ahead <= most_ahead(silence_ns, self._shortest_ns):
+        if not self.anew and 0 < ahead <= most_ahead(silence_ns, self._shortest_ns):
             return 0
         missing = max(1, round(silence_ns / self._period_ns))
         self._shift = self._newest + 1 + missing - sequence

@@ -102,7 +102,10 @@ def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None])
         from mmt.leader.modelling import ModellingTask
 
         parts.modelling = ModellingTask(
-            scene.texture.settings(rate_hz), scene.texture.update_period_s, on_update
+            scene.texture.settings(rate_hz),
+            scene.texture.update_period_s,
+            on_update,
+            keep_frames=scene.keep_frames(),
         )
     if scene.playout is not None:
         parts.playout = PlayoutBuffer(

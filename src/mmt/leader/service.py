@@ -12,6 +12,7 @@ from mmt import logs
 from mmt.arrays import RecordArray
 from mmt.devices.protocols import InterfaceState
 from mmt.errors import FAILED, MmtError
+from mmt.leader.backfill import Backfill
 from mmt.leader.clock_notes import ClockNotes
 from mmt.leader.commands import MotionCommands
 from mmt.leader.models import ModelUse
@@ -27,12 +28,14 @@ if TYPE_CHECKING:
     from mmt.link.network import EmulatedNetwork
     from mmt.link.protocol import FollowerHello
     from mmt.link.server import LeaderServer
+    from mmt.ranges import Range
     from mmt.texture.modelling import ModelUpdate
 
 LOG: Final = logging.getLogger("mmt.leader")
 
 _STATUS_PERIOD_S: Final = 0.2
 _STREAM_REST_TICKS: Final = 100
+_LAST_UPDATES_S: Final = 1.0
 
 
 class LeaderService:
@@ -77,6 +80,9 @@ class LeaderService:
         self._fastest = LARGEST_SPEED if scene.replay is not None else 1.0
         self._numbering = SessionNumbering(self._period_ns, self._fastest)
         self._commands = MotionCommands(self._numbering)
+        self._backfill = Backfill(
+            scene.keep_frames(), self._numbering, self.parts, self._request_frames, self._note
+        )
         self._mode = self.parts.switch.mode if self.parts.switch is not None else "silent"
         self._meter = ProcessMeter()
         self._lost_deadline: asyncio.TimerHandle | None = None
@@ -121,6 +127,9 @@ class LeaderService:
             if on_ready is not None:
                 on_ready()
             await self._until_ended(tasks)
+            self._backfill.close()
+            if parts.modelling is not None and self._fault is None:
+                await parts.modelling.finish(_LAST_UPDATES_S)
         finally:
             duration_s = self.time_s
             self.ticker.stop()
@@ -192,6 +201,9 @@ class LeaderService:
                 on_end=self._on_end,
                 on_lost=self._on_lost,
                 on_jump=self._on_jump,
+                on_backfill=self._backfill.take,
+                on_gone=self._backfill.gone,
+                on_settle=self._backfill.settle,
                 on_error=self._fail,
             ),
             fastest=self._fastest,
@@ -209,11 +221,16 @@ class LeaderService:
 
         return EmulatedNetwork(self.scene.network, "down", self.scene.session.seed, self._event)
 
+    def _request_frames(self, ranges: "list[Range]") -> None:
+        if self.server is not None:
+            self.server.request_frames(ranges)
+
     # --- what the link reports
 
     def _on_follower(self, hello: "FollowerHello") -> None:
         self._expect_return(None)
-        self._numbering.reconnect()
+        self._numbering.reconnect(hello.run_id)
+        self._backfill.connect(hello)
         if self.parts.recorder is not None and hello.annotations:
             self.parts.recorder.attach_annotations(hello.annotations)
         self._event(f"follower connected ({hello.source})")
@@ -222,9 +239,16 @@ class LeaderService:
         parts = self.parts
         if not self._numbering.frames:
             self._meter = ProcessMeter()
+        if self._backfill.settled:
+            self._backfill.take(frames)
+            return
+        newest = self._numbering.newest
         frames, left_out = self._numbering.take(frames, arrival_ns)
         if left_out:
+            self._backfill.started_anew()
             self._event(f"the follower started anew, {left_out} frames are missing before it")
+        if 0 <= newest != self._numbering.newest - len(frames) - left_out:
+            self._backfill.missing.jumped(newest + left_out, frames)
         self._rest_ticks = 0
         if parts.recorder is not None:
             parts.recorder.record_frames(frames)
@@ -279,6 +303,8 @@ class LeaderService:
         self._last_tick_ns = now_ns
         streaming = self.scene.link is None or self._streaming
         state = self._read_hand(elapsed, now_ns) if streaming else None
+        if streaming:
+            self._backfill.tick(elapsed)
         if parts.feedback is not None:
             parts.feedback.tick(elapsed)  # also without a stream: then the force must fade
         if self.scene.link is not None and not self._numbering.frames:
@@ -338,6 +364,12 @@ class LeaderService:
         if self.parts.recorder is not None:
             self.parts.recorder.record_event({"time_s": round(self.time_s, 3), **event})
 
+    def _note(self, sentence: str, *, announce: bool, **details: object) -> None:
+        if announce:
+            self._event(sentence, **details)
+        else:
+            self._record_event({"event": sentence, **details})
+
     async def _report_status(self) -> None:
         while True:
             await asyncio.sleep(_STATUS_PERIOD_S)
@@ -377,4 +409,5 @@ class LeaderService:
             clock_offset_ns=self.server.clock.offset_ns if self.server is not None else None,
             ticks=self.ticker.statistics,
             cost=self._meter.read(),
+            backfill=self._backfill.summary,
         )

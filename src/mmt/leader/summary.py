@@ -68,6 +68,7 @@ class LeaderSummary:
     ticks: dict[str, Any]
     process: dict[str, Any]
     recording: dict[str, Any]
+    backfill: dict[str, Any] = field(default_factory=dict)
 
     @property
     def problem(self) -> str | None:
@@ -92,6 +93,7 @@ def summarise(
     clock_offset_ns: int | None,
     ticks: TickStatistics,
     cost: ProcessCost,
+    backfill: dict[str, Any],
 ) -> LeaderSummary:
     """Gather the summary of a run that has ended."""
     return LeaderSummary(
@@ -110,6 +112,7 @@ def summarise(
             "memory_mb": round(cost.memory_mb, 1),
         },
         recording=_recording(parts),
+        backfill=backfill,
     )
 
 
@@ -127,6 +130,7 @@ def _texture(log: RunLog, parts: LeaderParts) -> dict[str, Any]:
         "update_median_ms": round(1e3 * statistics.median(seconds), 2) if seconds else None,
         "update_longest_ms": round(1e3 * max(seconds), 2) if seconds else None,
         "dropped_frames": parts.modelling.dropped_frames,
+        "late_frames": parts.modelling.late_frames,
     }
 
 

@@ -12,6 +12,7 @@ from mmt.arrays import RecordArray
 from mmt.errors import InputError, MmtError
 from mmt.frames import COMMAND_DTYPE, frame_dtype
 from mmt.link.access import Access, check_scheme
+from mmt.link.backfilling import Backfiller
 from mmt.link.clock_exchange import ClockAsker
 from mmt.link.clock_offset import ClockJump
 from mmt.link.counting import gather
@@ -26,6 +27,7 @@ from mmt.link.dialling import (
 )
 from mmt.link.direct import client_send
 from mmt.link.events import FollowerEvents, call
+from mmt.link.keeping import KeptFrames
 from mmt.link.log import LOG
 from mmt.link.outbox import Outbox
 from mmt.link.protocol import (
@@ -35,7 +37,10 @@ from mmt.link.protocol import (
     FRAMES,
     MAX_RECORDS_PER_MESSAGE,
     MAX_SENTENCE,
+    MISSING,
     NETWORK,
+    SETTLE,
+    SETTLE_S,
     STOP,
     WELCOME,
     FollowerHello,
@@ -54,11 +59,15 @@ if TYPE_CHECKING:
 __all__ = ["FollowerClient", "FollowerEvents"]
 
 _MESSAGES_WAITING: Final = 1000
-"""Messages that wait for a stalled link: they carry data that the leader records."""
+"""Messages that wait for a stalled link where no frames are kept: nothing else saves them."""
+_LIVE_MESSAGES_WAITING: Final = 50
+"""Messages that wait where frames are kept: older ones would only delay what is live."""
 _ECHO: Final = struct.Struct("<qq")
 """A command's ``echo_time_ns`` and ``echo_age_ns``; NumPy takes ten times as long to read them."""
 _ECHO_FROM_END: Final = -28  # 40 bytes a command, of which the 12 before are number and time
 _BETWEEN_ATTEMPTS_S: Final = 0.2
+_SETTLED_S: Final = 1.0
+"""How long the leader may take to say what it lacks at the end."""
 
 
 class FollowerClient:
@@ -109,7 +118,12 @@ class FollowerClient:
         self._reader = BlockReader(COMMAND_DTYPE, "commands")
         self._network = network
         make_outbox = Outbox if network is None else network.outbox
-        self._outbox = make_outbox(_MESSAGES_WAITING)
+        keeps = hello.keep_frames
+        self._outbox = make_outbox(_LIVE_MESSAGES_WAITING if keeps else _MESSAGES_WAITING)
+        self._kept = KeptFrames(self._dtype, keeps) if keeps else None
+        self._backfiller: Backfiller | None = None
+        if self._kept is not None:
+            self._backfiller = Backfiller(self._kept, self._outbox)
         self._clock_hz = clock_hz
         self._clock = ClockAsker(self._reader, self._outbox, self._on_jump)
         self._round_trip = TimeHistogram()
@@ -145,6 +159,14 @@ class FollowerClient:
             clock=self._clock.statistics,
             round_trip=self._round_trip,
         )
+
+    @property
+    def backfill(self) -> dict[str, int]:
+        """Frames that are kept, were asked for, sent again, or not there; empty where none are."""
+        if self._backfiller is None or self._kept is None:
+            return {}
+        asked, sent, gone = self._backfiller.asked, self._backfiller.sent, self._backfiller.gone
+        return {"kept": len(self._kept), "asked": asked, "sent": sent, "gone": gone}
 
     async def connect(self, timeout_s: float) -> None:
         """Connect, waiting so long for a leader that is not there yet.
@@ -196,7 +218,10 @@ class FollowerClient:
         if frames.dtype != self._dtype:
             message = f"frames are of dtype {frames.dtype}: the hello's channels have {self._dtype}"
             raise ValueError(message)
-        self._gathered += frames.tobytes()
+        data = frames.tobytes()
+        if self._kept is not None:
+            self._kept.put(data)
+        self._gathered += data
         if len(self._gathered) >= self._hello.frames_per_message * self._dtype.itemsize:
             self._send_gathered()
 
@@ -210,23 +235,38 @@ class FollowerClient:
         self._ended = True
         self._clock.stop()
         self._send_gathered()
-        await self._outbox.finish(CLOSE_TIMEOUT_S)
         sent = struct.unpack_from("<I", self._last_frame)[0] + 1 if self._last_frame else 0
+        if self._backfiller is not None:
+            await self._settle(self._line, self._backfiller, sent)
+        await self._outbox.finish(CLOSE_TIMEOUT_S)
+        if not self.connected:
+            return
         payload = {"reason": reason, "frames": sent}
         try:
             await self._line.client.call(END, payload, timeout=ACKNOWLEDGE_S)
         except socketio.exceptions.SocketIOError:
             LOG.warning("the leader did not acknowledge the end of the session")
 
+    async def _settle(self, line: Line, backfiller: Backfiller, sent: int) -> None:
+        """Send what the leader lacks of the frames so far."""
+        await self._outbox.flush(CLOSE_TIMEOUT_S)
+        try:
+            answer = await line.client.call(SETTLE, {"frames": sent}, timeout=_SETTLED_S)
+        except socketio.exceptions.SocketIOError:
+            return  # it does not answer the end either, or knows of no such thing
+        if isinstance(answer, Mapping):
+            backfiller.want(answer.get("missing"))
+            await backfiller.finish(SETTLE_S)
+
     async def disconnect(self) -> None:
         """Close the link for good; nothing happens where there is none."""
         self._ended = True
+        self._close_outbox()
         line, self._line = self._line, None
         if line is not None:
             await line.close()
         self._connected = False
         self._clock.stop()
-        self._outbox.close()
 
     # --- what python-socketio calls
 
@@ -235,6 +275,8 @@ class FollowerClient:
         self._reader.restart()
         if self._line is not None:
             self._outbox.open(client_send(self._line.client))
+            if self._backfiller is not None:
+                self._backfiller.open()
 
     def _on_refused(self, problem: object = None) -> None:
         if isinstance(problem, Mapping) and "message" in problem:
@@ -244,7 +286,7 @@ class FollowerClient:
     def _on_disconnect(self, reason: str) -> None:
         self._connected = False
         self._clock.stop()
-        self._outbox.close()
+        self._close_outbox()
         if self._line is not None and reason == self._line.client.reason.TRANSPORT_ERROR:
             self._line.drop()
         if not self._ended and not self._told_to_stop:
@@ -275,6 +317,10 @@ class FollowerClient:
         self._told_to_stop = True
         call(self._events.on_stop, reason or "no reason given", on_error=self._events.on_error)
 
+    def _on_missing(self, *arguments: object) -> None:
+        if self._backfiller is not None:
+            self._backfiller.want(arguments[0] if len(arguments) == 1 else None)
+
     def _on_network(self, *arguments: object) -> None:
         if self._network is not None:
             try:
@@ -297,6 +343,7 @@ class FollowerClient:
             WELCOME: self._on_welcome,
             STOP: self._on_stop,
             NETWORK: self._on_network,
+            MISSING: self._on_missing,
         }
         frequent = {COMMANDS: self._on_commands, CLOCK: self._clock.take_answer}
         self._line = line = Line.make(handlers, frequent, self._tls)
@@ -310,6 +357,11 @@ class FollowerClient:
     def _auth(self) -> dict[str, object]:
         token = self._access.token
         return self._hello.to_auth() | ({} if token is None else {"token": token})
+
+    def _close_outbox(self) -> None:
+        self._outbox.close()
+        if self._backfiller is not None:
+            self._backfiller.close()
 
     def _send_gathered(self) -> None:
         gathered, size = bytes(self._gathered), self._dtype.itemsize

@@ -83,6 +83,10 @@ class EmulatedOutbox(Outbox):
                 await asyncio.sleep(0)
         await super().finish(timeout_s)
 
+    @property
+    def _empty(self) -> bool:
+        return self.idle and not self._held
+
     def close(self) -> None:
         """Stop sending at once; what is held back is lost, as on its way."""
         self._lost += len(self._held)

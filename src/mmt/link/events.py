@@ -7,10 +7,16 @@ from mmt.arrays import RecordArray
 from mmt.link.clock_offset import ClockJump
 from mmt.link.log import LOG
 from mmt.link.protocol import FollowerHello
+from mmt.ranges import Range
 
 
 def _nothing(*_: object) -> None:
     """Take note of nothing."""
+
+
+def _no_ranges(_: int) -> list[Range]:
+    """Miss nothing."""
+    return []
 
 
 def _log(error: Exception) -> None:
@@ -31,6 +37,13 @@ class LeaderEvents:
     """The follower went away without ending the session."""
     on_jump: Callable[[ClockJump], None] = _nothing
     """One of the two clocks has jumped against the other."""
+    on_backfill: Callable[[RecordArray], None] = _nothing
+    """Frames that were asked for, shape (n,), read-only, checked but for their numbers."""
+    on_gone: Callable[[list[Range]], None] = _nothing
+    """Frames that the follower has not got, or that cannot be used, by their numbers."""
+    on_settle: Callable[[int], list[Range]] = _no_ranges
+    """The follower is about to end and has sent the numbers below this one; return what is
+    missing and is to be sent again."""
     on_error: Callable[[Exception], None] = _log
     """One of the above raised; by default the error is logged and the link goes on."""
 

@@ -3,9 +3,12 @@
 import asyncio
 from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine, Generator
-from typing import Any
+from contextlib import suppress
+from typing import Any, Final
 
 Sending = Coroutine[Any, Any, None]
+
+_POLL_S: Final = 0.002
 
 
 class Outbox:
@@ -43,6 +46,11 @@ class Outbox:
         """What an emulated network did to messages; nothing here."""
         return {}
 
+    @property
+    def idle(self) -> bool:
+        """Whether the link could take a message at once: none waits or is being taken."""
+        return self.is_open and not self._waiting and not self._stalled
+
     def open(self, send: Callable[[bytes], Sending]) -> None:
         """Start to send; closes what was open before.
 
@@ -68,6 +76,17 @@ class Outbox:
         if len(self._waiting) >= self._capacity:
             self.dropped += self._waiting.popleft()[0]
         self._waiting.append((records, message))
+
+    async def flush(self, timeout_s: float) -> None:
+        """Wait until what was put has been sent, for at most this long."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(timeout_s):
+                while self.is_open and not self._empty:
+                    await asyncio.sleep(_POLL_S)
+
+    @property
+    def _empty(self) -> bool:
+        return self.idle
 
     async def finish(self, timeout_s: float) -> None:
         """Send what waits, for at most this long, then close."""

@@ -12,6 +12,7 @@ import msgpack
 from mmt.errors import InputError
 from mmt.frames import Channel, ordered_channels
 from mmt.link.clock import clock_id
+from mmt.ranges import Range
 
 PROTOCOL_VERSION: Final = 1
 
@@ -31,6 +32,16 @@ CLOCK: Final = "clock"
 NETWORK: Final = "network"
 """Leader to follower: the scene's table ``[network]`` as it is now."""
 
+MISSING: Final = "missing"
+"""Leader to follower: ``[[int, int], ...]``, ranges of sequence numbers that did not arrive."""
+BACKFILL: Final = "backfill"
+"""Follower to leader: bytes, 1 to 100 of the frames that are missing."""
+GONE: Final = "gone"
+"""Follower to leader: ``[[int, int], ...]``, missing frames that the follower has not got."""
+SETTLE: Final = "settle"
+"""Follower to leader, before its end: ``{"frames": int}``; acknowledged by ``{"missing": ...}``
+with the ranges that did not arrive."""
+
 MAX_RECORDS_PER_MESSAGE: Final = 100
 """Most frames or commands in one message."""
 MAX_ANNOTATIONS_BYTES: Final = 65_536
@@ -41,6 +52,13 @@ MAX_SENTENCE: Final = 1024
 MAX_TEXT: Final = 256
 """Most characters of a reason, a source's name or a clock's name."""
 
+MAX_RANGES: Final = 256
+"""Most ranges in one message."""
+MAX_KEPT_FRAMES: Final = 1_000_000
+"""Most frames that a follower may say that it keeps."""
+
+SETTLE_S: Final = 3.0
+"""How long a follower that ends may send what is missing."""
 PING_INTERVAL_S: Final = 1
 PING_TIMEOUT_S: Final = 3
 """A peer that has not answered a ping for so long is lost."""
@@ -54,6 +72,8 @@ _LOSSES: Final = {
 }
 
 Value = TypeVar("Value")
+
+_SEQUENCES: Final = 2**32
 
 MSGPACK_EVENT: Final = 2
 """Type of a Socket.IO packet that carries an event."""
@@ -78,6 +98,11 @@ class FollowerHello:
         Opaque bytes which the leader stores with the recording and never opens.
     clock_id
         Names the clock of the frames' times; see `mmt.link.clock.clock_id`.
+    keep_frames
+        How many of its newest frames the follower can send again, 0 for none.
+    run_id
+        Names the process: one that connects again goes on counting its frames, another one
+        begins anew. Empty where it is not known.
     protocol
         Version of the layout on the wire.
 
@@ -93,6 +118,8 @@ class FollowerHello:
     frames_per_message: int = 1
     annotations: bytes = b""
     clock_id: str = field(default_factory=clock_id)
+    keep_frames: int = 0
+    run_id: str = ""
     protocol: int = PROTOCOL_VERSION
 
     def __post_init__(self) -> None:
@@ -107,7 +134,11 @@ class FollowerHello:
                 f"annotations are {len(self.annotations)} bytes: "
                 f"at most {MAX_ANNOTATIONS_BYTES} are allowed"
             )
-        for name in ("source", "clock_id"):
+        if not 0 <= self.keep_frames <= MAX_KEPT_FRAMES:
+            raise InputError(
+                f"keep_frames is {self.keep_frames}: allowed is 0 to {MAX_KEPT_FRAMES}"
+            )
+        for name in ("source", "clock_id", "run_id"):
             if len(getattr(self, name)) > MAX_TEXT:
                 raise InputError(f"{name} is longer than the {MAX_TEXT} characters allowed")
 
@@ -120,6 +151,8 @@ class FollowerHello:
             "frames_per_message": self.frames_per_message,
             "source": self.source,
             "clock_id": self.clock_id,
+            "keep_frames": self.keep_frames,
+            "run_id": self.run_id,
             "annotations": self.annotations,
         }
 
@@ -148,6 +181,8 @@ class FollowerHello:
             frames_per_message=_read(auth, "frames_per_message", int),
             annotations=_read(auth, "annotations", bytes),
             clock_id=_read(auth, "clock_id", str),
+            keep_frames=_read(auth, "keep_frames", int) if "keep_frames" in auth else 0,
+            run_id=_read(auth, "run_id", str) if "run_id" in auth else "",
         )
 
 
@@ -189,11 +224,25 @@ class LinkStatistics:
     """Messages that the emulated network took on this side, lost, and repeated."""
 
 
-def encode_event(event: str, payload: bytes) -> bytes:
-    """Return the Engine.IO message of a Socket.IO event with one binary argument."""
+def encode_event(event: str, payload: object) -> bytes:
+    """Return the Engine.IO message of a Socket.IO event with one argument that msgpack knows."""
     packet = {"type": MSGPACK_EVENT, "data": [event, payload], "nsp": EVENT_NAMESPACE}
     encoded: bytes = msgpack.packb(packet)
     return encoded
+
+
+def ranges_of_payload(payload: object) -> list[Range] | None:
+    """Return the ranges that a ``missing`` or ``gone`` carries, None where it is malformed."""
+    if not isinstance(payload, list) or len(payload) > MAX_RANGES:
+        return None
+    ranges: list[Range] = []
+    for item in payload:
+        match item:
+            case [int(first), int(stop)] if 0 <= first < stop <= _SEQUENCES:
+                ranges.append((int(first), int(stop)))
+            case _:
+                return None
+    return ranges
 
 
 def reason_of(payload: object) -> str | None:

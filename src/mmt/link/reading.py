@@ -16,12 +16,12 @@ _CODES: Final = {"<u4": "I", "<i8": "q", "<f4": "f"}
 _WINDOW: Final = 256
 """How many sequence numbers back a repeated one is told from a late one."""
 _MASK: Final = (1 << _WINDOW) - 1
-_LARGEST: Final = 1e6
+LARGEST_QUANTITY: Final = 1e6
 """Of a record's quantities, root of their squares' sum: a kilometre, or a hundred tons' weight;
 beyond is a fault, no measurement."""
 _HIGHEST_FIRST: Final = 2**31
 """First number of a sender, 24 days of frames; counting on from there, numbers never wrap."""
-_LATEST_NS: Final = 2**62
+LATEST_NS: Final = 2**62
 """Of a sender's clock: 146 years; sums of such times still fit."""
 
 
@@ -120,6 +120,11 @@ class BlockReader:
         if times:
             LOG.warning("%s rejected: %s (%d times)", self._kind, reason, times)
 
+    def believes(self, sent: int, arrival_ns: int) -> bool:
+        """Whether the sender can have come so far; see `end`."""
+        ahead = sent - self._newest - 1
+        return ahead <= 0 or self._bound.permits(ahead, arrival_ns)
+
     def end(self, sent: int, arrival_ns: int) -> None:
         """Count as lost what the sender sent after the last record that came.
 
@@ -142,10 +147,10 @@ class BlockReader:
         if not self._in_order(record[0], arrival_ns):
             return False
         size = math.hypot(*record[self._quantities])  # one call finds all that is wrong
-        if not size <= _LARGEST:
+        if not size <= LARGEST_QUANTITY:
             self.reject("out of range" if math.isfinite(size) else "not finite")
             return False
-        if not 0 <= record[1] < _LATEST_NS:
+        if not 0 <= record[1] < LATEST_NS:
             self.reject("time out of range")
             return False
         if self._offset_ns is not None:

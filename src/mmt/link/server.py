@@ -4,6 +4,7 @@ import asyncio
 import math
 import time
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Final
@@ -21,6 +22,7 @@ from mmt.link.clock_offset import ClockJump
 from mmt.link.counting import gather
 from mmt.link.direct import Send, ServerSockets
 from mmt.link.events import LeaderEvents, call
+from mmt.link.filling import BackfillPort
 from mmt.link.listening import CLOSE_TIMEOUT_S, Listener, guarded_application, make_server
 from mmt.link.log import LOG
 from mmt.link.outbox import Outbox
@@ -35,6 +37,7 @@ from mmt.link.protocol import (
     NETWORK,
     PING_TIMEOUT_S,
     PROTOCOL_VERSION,
+    SETTLE_S,
     STOP,
     WELCOME,
     FollowerHello,
@@ -46,6 +49,7 @@ from mmt.link.protocol import (
 )
 from mmt.link.reading import BlockReader
 from mmt.pacing import shortest_period_ns
+from mmt.ranges import Range
 from mmt.scene import Link
 from mmt.ticking import TimeHistogram
 
@@ -138,6 +142,13 @@ class LeaderServer:
         self._frequent = {FRAMES: self._on_frames, CLOCK: self._on_clock}
         for event, take in self._frequent.items():
             self._server.on(event, take)
+        self._filling = BackfillPort(
+            self._server,
+            frame_dtype(self._channels),
+            events,
+            self._expects,
+            self._reader,
+        )
 
     @property
     def port(self) -> int:
@@ -187,10 +198,13 @@ class LeaderServer:
             return
         if not self._follower.ended:
             await self._server.emit(STOP, {"reason": reason}, to=self._follower.sid)
-        try:
-            await asyncio.wait_for(self._left.wait(), CLOSE_TIMEOUT_S)
-        except TimeoutError:
-            LOG.info("the follower did not leave within %g s", CLOSE_TIMEOUT_S)
+        for timeout_s in (CLOSE_TIMEOUT_S, SETTLE_S):
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._left.wait(), timeout_s)
+            if self._left.is_set() or not self._filling.settling:
+                break
+        else:
+            LOG.info("the follower did not leave in time")
 
     async def stop(self) -> None:
         """Drop the follower, if there is one, and stop listening."""
@@ -228,6 +242,11 @@ class LeaderServer:
         for start in range(0, len(commands), MAX_RECORDS_PER_MESSAGE):
             part = commands[start : start + MAX_RECORDS_PER_MESSAGE]
             self._outbox.put(len(part), encode_event(COMMANDS, part.tobytes()))
+
+    def request_frames(self, ranges: Iterable[Range]) -> None:
+        """Ask the follower for frames that did not arrive; nothing happens without one."""
+        if self._follower is not None and self._outbox.is_open:
+            self._filling.ask(self._outbox, ranges)
 
     # --- what python-socketio calls
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, BinaryIO
 
+import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError, UnsupportedCompressionError
@@ -29,6 +30,7 @@ from mmt.arrays import RecordArray
 from mmt.errors import InputError
 from mmt.session.mcap_writer import (
     ANNOTATIONS_ATTACHMENT,
+    BACKFILL_TOPIC,
     EVENTS_TOPIC,
     FORMAT_VERSION,
     FRAMES_TOPIC,
@@ -226,7 +228,7 @@ def session_of(scan: Scan) -> RecordedSession:
 
 
 def frames_of(scan: Scan) -> RecordArray:
-    """Return the frames (n,) that a scan holds.
+    """Return the frames (n,) that a scan holds, those that came late at their places.
 
     Raises
     ------
@@ -236,7 +238,12 @@ def frames_of(scan: Scan) -> RecordArray:
     _check_kind(scan)
     schema = scan.schema_of(FRAMES_TOPIC)
     codec = FrameCodec(schema.data if schema else b"")
-    return codec.decode([block.data for block in scan.on_topic(FRAMES_TOPIC)])
+    frames = codec.decode([block.data for block in scan.on_topic(FRAMES_TOPIC)])
+    late = scan.on_topic(BACKFILL_TOPIC)
+    if not late:
+        return frames
+    filled = np.concatenate([frames, codec.decode([block.data for block in late])])
+    return filled[np.argsort(filled["sequence"], kind="stable")]
 
 
 def _check_kind(scan: Scan) -> None:

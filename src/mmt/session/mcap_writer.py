@@ -38,6 +38,7 @@ PROFILE: Final = "mmt"
 LIBRARY: Final = f"mmt-haptics {__version__}"
 
 FRAMES_TOPIC: Final = "/frames"
+BACKFILL_TOPIC: Final = "/backfill"
 PLOT_TOPIC: Final = "/plot"
 OUTPUT_TOPIC: Final = "/output"
 EVENTS_TOPIC: Final = "/events"
@@ -82,9 +83,11 @@ class SessionWriter:
         )
         if scene is not None:
             self._writer.add_metadata(SCENE_METADATA, {"json": to_json(dict(scene))})
+        self._frame_schema = frame_schema(channels)
         self._frames_id = self._register(
-            FRAMES_TOPIC, FRAME_BLOCK, SchemaEncoding.Protobuf, frame_schema(channels)
+            FRAMES_TOPIC, FRAME_BLOCK, SchemaEncoding.Protobuf, self._frame_schema
         )
+        self._backfill_id: int | None = None
         self._plot_id = self._register(
             PLOT_TOPIC, PLOT_SAMPLE, SchemaEncoding.Protobuf, plot_schema(channels)
         )
@@ -99,10 +102,21 @@ class SessionWriter:
 
     def write_frames(self, frames: RecordArray, log_time_ns: int) -> None:
         """Write a block of frames (n,), n >= 1, as one message, and its plot sample."""
+        self._write_block(self._frames_id, frames, log_time_ns)
+
+    def write_backfill(self, frames: RecordArray, log_time_ns: int) -> None:
+        """Write a block of frames (n,), n >= 1, that came late, as `write_frames`."""
+        if self._backfill_id is None:
+            self._backfill_id = self._register(
+                BACKFILL_TOPIC, FRAME_BLOCK, SchemaEncoding.Protobuf, self._frame_schema
+            )
+        self._write_block(self._backfill_id, frames, log_time_ns)
+
+    def _write_block(self, frames_id: int, frames: RecordArray, log_time_ns: int) -> None:
         time_ns = max(0, int(frames["time_ns"][0]))
         sequence = int(frames["sequence"][0])
         for channel_id, data in (
-            (self._frames_id, self._frames.encode(frames)),
+            (frames_id, self._frames.encode(frames)),
             (self._plot_id, self._plot.encode(frames)),
         ):
             self._writer.add_message(channel_id, log_time_ns, data, time_ns, sequence)

@@ -36,7 +36,7 @@ _POLLS_PER_FLUSH = 4
 
 
 class _Record(NamedTuple):
-    kind: Literal["frames", "output", "event", "model", "annotations"]
+    kind: Literal["frames", "backfill", "output", "event", "model", "annotations"]
     log_time_ns: int
     data: bytes
     frames: int = 0
@@ -103,6 +103,7 @@ class McapRecorder:
         self._stream = _create(path)
         self._writer = SessionWriter(self._stream, ordered_channels(channels), scene, session_id)
         self._frame_assembler = FrameAssembler(self._dtype, self._write_frames)
+        self._backfill_assembler = FrameAssembler(self._dtype, self._write_backfill)
         self._output_assembler = OutputAssembler(self._writer.write_output)
         # A daemon, so that a program that dies without `close` is not held back.
         self._thread = threading.Thread(target=self._run, name="mmt-recorder", daemon=True)
@@ -129,18 +130,34 @@ class McapRecorder:
         InputError
             The frames carry other channels.
         """
-        if frames.dtype is not self._dtype and frames.dtype != self._dtype:
-            raise InputError(
-                f"recording {self.path}: frames have {frames.dtype.names}, "
-                f"expected {self._dtype.names}"
-            )
         if len(frames) == 0:
             return
         now_ns = self._clock()
         if self._start_ns is None:
             self._start_ns = now_ns
+        self._record("frames", frames, now_ns)
+
+    def record_backfill(self, frames: RecordArray, log_time_ns: int) -> None:
+        """Record frames (n,) that came late, ascending, at the time at which they were due.
+
+        Raises
+        ------
+        InputError
+            The frames carry other channels.
+        """
+        if len(frames):
+            self._record("backfill", frames, log_time_ns)
+
+    def _record(
+        self, kind: Literal["frames", "backfill"], frames: RecordArray, log_time_ns: int
+    ) -> None:
+        if frames.dtype is not self._dtype and frames.dtype != self._dtype:
+            raise InputError(
+                f"recording {self.path}: frames have {frames.dtype.names}, "
+                f"expected {self._dtype.names}"
+            )
         self._recorded_frames += len(frames)
-        self._put(_Record("frames", now_ns, frames.tobytes(), len(frames)))
+        self._put(_Record(kind, log_time_ns, frames.tobytes(), len(frames)))
 
     def record_output(
         self, time_ns: int, mode: str, vibration_m_s2: npt.ArrayLike | Sequence[float]
@@ -224,6 +241,8 @@ class McapRecorder:
         match record.kind:
             case "frames":
                 self._frame_assembler.add(record.log_time_ns, record.data)
+            case "backfill":
+                self._backfill_assembler.add(record.log_time_ns, record.data)
             case "output":
                 self._output_assembler.add(record.log_time_ns, record.mode, record.data)
             case "event":
@@ -235,10 +254,15 @@ class McapRecorder:
 
     def _write_partial(self) -> None:
         self._frame_assembler.flush()
+        self._backfill_assembler.flush()
         self._output_assembler.flush()
 
     def _write_frames(self, frames: RecordArray, log_time_ns: int) -> None:
         self._writer.write_frames(frames, log_time_ns)
+        self._written_frames += len(frames)
+
+    def _write_backfill(self, frames: RecordArray, log_time_ns: int) -> None:
+        self._writer.write_backfill(frames, log_time_ns)
         self._written_frames += len(frames)
 
     def _fail(self, reason: str) -> None:

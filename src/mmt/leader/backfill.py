@@ -1,0 +1,121 @@
+"""Frames that come late find their place: in the recording and in the model, nowhere else."""
+
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from mmt.arrays import RecordArray
+from mmt.leader.missing import MissingFrames, Note
+from mmt.leader.numbering import SessionNumbering
+from mmt.leader.parts import LeaderParts
+from mmt.ranges import Range
+
+if TYPE_CHECKING:
+    from mmt.link.protocol import FollowerHello
+
+
+class Backfill:
+    """Ask the follower for what is missing, and give it to the parts that can use it.
+
+    The recorder takes every frame, modelling those that come before it has gone on without
+    them. Playout and force feedback never see a frame that was filled in.
+
+    Parameters
+    ----------
+    keep_frames
+        Most frames of a gap that are asked for, 0 for none.
+    numbering
+        Of the session; the follower has numbers of its own.
+    parts
+        The recorder and the modelling, where the scene has them.
+    request
+        Asks the follower for ranges of its own numbers.
+    note
+        Takes what happened.
+    """
+
+    def __init__(
+        self,
+        keep_frames: int,
+        numbering: SessionNumbering,
+        parts: LeaderParts,
+        request: Callable[[list[Range]], None],
+        note: Note,
+    ) -> None:
+        self._numbering = numbering
+        self._parts = parts
+        self._request = request
+        self.missing = MissingFrames(keep_frames, self._ask, note)
+        if parts.modelling is not None:
+            parts.modelling.first_missing = lambda: self.missing.first
+        self.settled = False
+        """Whether the follower is about to end, so that no frame is live any more."""
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """What was counted, for a program; empty where nothing was ever missing."""
+        return self.missing.summary if self.missing.summary["missing"] else {}
+
+    def connect(self, hello: "FollowerHello") -> None:
+        """Take note of the follower that is connected from now on."""
+        self.settled = False
+        if self._numbering.anew:
+            self.started_anew()
+        self.missing.connect(hello.keep_frames)
+
+    def started_anew(self) -> None:
+        """Give up what the follower before this one had kept."""
+        self.missing.forget()
+        self._look_again()
+
+    def take(self, frames: RecordArray) -> None:
+        """Take frames (n,) that were sent again, in the follower's numbers."""
+        frames = self.missing.take(self._numbering.renumber(frames))
+        if not len(frames):
+            return
+        if self._parts.recorder is not None:
+            self._parts.recorder.record_backfill(
+                frames,
+                self._numbering.expected_arrival_ns(int(frames["time_ns"][0]), time.monotonic_ns()),
+            )
+        if self._parts.modelling is not None:
+            self._parts.modelling.fill(frames)
+
+    def gone(self, ranges: list[Range]) -> None:
+        """Give up ranges of the follower's numbers."""
+        shift = self._numbering.shift
+        self.missing.gone([(first + shift, stop + shift) for first, stop in ranges])
+        self._look_again()
+
+    def settle(self, sent: int) -> list[Range]:
+        """Return what is missing of the numbers below `sent`, as the follower counts."""
+        newest = self._numbering.newest
+        stop = sent + self._numbering.shift
+        if newest >= 0 and stop > newest + 1:
+            self.missing.lack(newest + 1, stop)
+            self._numbering.extend(stop)
+        self.settled = True
+        return self._own(self.missing.outstanding())
+
+    def tick(self, elapsed: int) -> None:
+        """Ask and give up what is due; call it while the follower is connected."""
+        if self.missing.tick(elapsed):
+            self._look_again()
+
+    def close(self) -> None:
+        """Wait for nothing any more: the session is over."""
+        self.missing.close()
+        self._look_again()
+
+    def _ask(self, ranges: list[Range]) -> None:
+        self._request(self._own(ranges))
+
+    def _own(self, ranges: list[Range]) -> list[Range]:
+        """Return ranges in the follower's numbers; what was before it, it cannot have."""
+        shift = self._numbering.shift
+        own = [(first - shift, stop - shift) for first, stop in ranges]
+        return [(max(first, 0), stop) for first, stop in own if stop > 0]
+
+    def _look_again(self) -> None:
+        if self._parts.modelling is not None:
+            self._parts.modelling.look_again()

@@ -1,0 +1,223 @@
+"""What did not arrive: asked for, waited for, given up."""
+
+from bisect import bisect_right
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+import numpy as np
+
+from mmt.arrays import BoolArray, RecordArray
+from mmt.ranges import Range, RangeSet
+
+PERIOD_TICKS: Final = 50
+"""Gaps are noted and asked for so often."""
+
+AGAIN_TICKS: Final = 1000
+"""What was asked for is asked for again after so long without any of it."""
+
+ATTEMPTS: Final = 3
+"""After so many requests without an answer it is given up."""
+
+MOST_RANGES: Final = 200
+"""Of more ranges the oldest are given up, so that a bad link cannot fill the memory."""
+
+WORTH_SAYING: Final = 100
+"""Gaps of fewer frames are recorded but not announced."""
+
+
+class Note(Protocol):
+    """Record what happened, and announce it where a person wants to know."""
+
+    def __call__(self, sentence: str, *, announce: bool, **details: object) -> None:
+        """Take a sentence and what a program wants to know of it."""
+
+
+@dataclass
+class _Gap:
+    first: int
+    stop: int
+    lost: int = 0
+
+
+class MissingFrames:
+    """Keep account of the frames that are missing, in the session's numbering.
+
+    A jump in the numbers of the live frames is a gap. It is noted first, then asked for. What
+    comes is taken once. What the follower has not got, or does not answer for, is lost.
+
+    Nothing here looks at a clock: time is counted in the leader's ticks, and only while the
+    follower is connected.
+
+    Parameters
+    ----------
+    most
+        Frames of a gap that are asked for, the newest ones.
+    ask
+        Called with ranges of numbers that are missing.
+    note
+        Called when a gap is noted and when it is closed.
+    """
+
+    def __init__(self, most: int, ask: Callable[[list[Range]], None], note: Note) -> None:
+        self._most = most
+        self._ask = ask
+        self._note = note
+        self._keeps = 0  # of the follower that is connected
+        self._missing = RangeSet()
+        self._unasked = RangeSet()
+        self._unnoted: list[Range] = []
+        self._gaps: list[_Gap] = []
+        self._idle_ticks = self._ticks = self._attempts = 0
+        self._resolved = False
+        self._seen = self._filled = self._lost = self._unwanted = 0
+
+    @property
+    def first(self) -> int | None:
+        """The least number that may still come, None where nothing is missing."""
+        return self._missing.first
+
+    @property
+    def summary(self) -> dict[str, int]:
+        """Frames that were missing, filled in, lost, still waited for, and came unasked."""
+        return {
+            "missing": self._seen,
+            "filled": self._filled,
+            "lost": self._lost,
+            "waiting": self._missing.count,
+            "unwanted": self._unwanted,
+        }
+
+    def connect(self, keep_frames: int) -> None:
+        """Expect the answers of a follower that keeps so many frames; ask it for everything."""
+        self._keeps = min(keep_frames, self._most)
+        self._unasked = RangeSet(self._missing)
+        self._idle_ticks = self._attempts = 0
+
+    def forget(self) -> None:
+        """Give up everything: the follower that had it is gone."""
+        self._lose(list(self._missing))
+
+    def jumped(self, newest: int, frames: RecordArray) -> None:
+        """Take note of what is missing in frames (n,) and between them and the newest before."""
+        before = newest
+        for number in frames["sequence"].tolist():
+            if number > before + 1:
+                self.lack(before + 1, number)
+            before = number
+
+    def lack(self, first: int, stop: int) -> None:
+        """Take note that the numbers from `first` up to `stop` did not arrive."""
+        self._seen += stop - first
+        self._gaps.append(_Gap(first, stop))
+        self._unnoted.append((first, stop))
+        self._missing.add(first, stop)
+        self._unasked.add(first, stop)
+        if stop - first > self._keeps:
+            self._lose([(first, stop - self._keeps)])
+        while len(self._missing) > MOST_RANGES:
+            self._lose([next(iter(self._missing))])
+
+    def take(self, frames: RecordArray) -> RecordArray:
+        """Return those of the frames (n,) that were missing, ascending; they no longer are."""
+        numbers = frames["sequence"].tolist()
+        wanted: BoolArray = np.array([self._missing.remove(n, n + 1) == 1 for n in numbers])
+        taken = frames[wanted]
+        self._unwanted += len(frames) - len(taken)
+        if len(taken):
+            self._filled += len(taken)
+            self._idle_ticks = self._attempts = 0
+            self._resolved = True
+            taken = taken[np.argsort(taken["sequence"], kind="stable")]
+        return taken
+
+    def gone(self, ranges: list[Range]) -> None:
+        """Give up what the follower has not got."""
+        self._idle_ticks = self._attempts = 0
+        self._lose(ranges)
+
+    def tick(self, elapsed: int) -> bool:
+        """Note, ask and give up what is due; return whether anything was closed since then."""
+        self._ticks += elapsed
+        if self._ticks < PERIOD_TICKS:
+            return False
+        self._ticks = 0
+        if self._unnoted:
+            self._note_gaps()
+        if self._missing:
+            self._idle_ticks += PERIOD_TICKS
+            if self._idle_ticks >= AGAIN_TICKS:
+                self._idle_ticks = 0
+                self._attempts += 1
+                self._unasked = RangeSet(self._missing)
+            if self._attempts >= ATTEMPTS:
+                self.forget()
+            elif self._unasked:
+                self._ask(list(self._unasked))
+                self._unasked.clear()
+        closed, self._resolved = self._resolved, False
+        if closed:
+            self._note_closed()
+        return closed
+
+    def close(self) -> None:
+        """Note how it ended: what is still missing is lost."""
+        if self._unnoted:
+            self._note_gaps()
+        self.forget()
+        self._note_closed()
+
+    def outstanding(self) -> list[Range]:
+        """Return what is missing, as asked for at the end of a session."""
+        self._unasked.clear()
+        return list(self._missing)
+
+    def _lose(self, ranges: list[Range]) -> None:
+        for first, stop in ranges:
+            for low, high in self._missing.within(first, stop):
+                self._lose_of_gaps(low, high)
+            self._lost += self._missing.remove(first, stop)
+            self._unasked.remove(first, stop)
+        self._resolved = True
+
+    def _lose_of_gaps(self, low: int, high: int) -> None:
+        """Count numbers as lost where they belong; gaps ascend and do not overlap."""
+        place = bisect_right(self._gaps, low, key=lambda gap: gap.stop)
+        while place < len(self._gaps) and self._gaps[place].first < high:
+            gap = self._gaps[place]
+            gap.lost += min(high, gap.stop) - max(low, gap.first)
+            place += 1
+
+    def _note_gaps(self) -> None:
+        ranges, self._unnoted = self._unnoted, []
+        frames = sum(stop - first for first, stop in ranges)
+        self._note(
+            f"{frames} frames are missing",
+            announce=frames >= WORTH_SAYING,
+            kind="gap",
+            frames=frames,
+            ranges=ranges,
+        )
+
+    def _note_closed(self) -> None:
+        """Note the gaps of which nothing is waited for any more."""
+        closed: list[_Gap] = []
+        open_still: list[_Gap] = []
+        for gap in self._gaps:
+            waits = bool(self._missing.within(gap.first, gap.stop))
+            (open_still if waits else closed).append(gap)
+        if not closed:
+            return
+        self._gaps = open_still
+        frames = sum(gap.stop - gap.first for gap in closed)
+        lost = sum(gap.lost for gap in closed)
+        parts = [f"{frames - lost} are filled in"] if frames > lost else []
+        parts += [f"{lost} are lost"] if lost else []
+        self._note(
+            f"of the missing frames {', '.join(parts)}",
+            announce=frames >= WORTH_SAYING,
+            kind="filled",
+            frames=frames,
+            lost=lost,
+            ranges=[(gap.first, gap.stop) for gap in closed],
+        )

@@ -1,0 +1,118 @@
+"""The leader's side of back-fill: what it asks for, and what it is given."""
+
+import time
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Final
+
+import numpy as np
+import socketio
+
+from mmt.frames import FIELD_OF_CHANNEL, channels_of
+from mmt.link.events import LeaderEvents, call
+from mmt.link.outbox import Outbox
+from mmt.link.protocol import (
+    BACKFILL,
+    GONE,
+    MAX_RANGES,
+    MAX_RECORDS_PER_MESSAGE,
+    MISSING,
+    SETTLE,
+    encode_event,
+    ranges_of_payload,
+)
+from mmt.link.reading import LARGEST_QUANTITY, LATEST_NS, BlockReader
+from mmt.ranges import Range, ranges_of
+
+_SEQUENCES: Final = 2**32
+
+
+class BackfillPort:
+    """Check what a follower back-fills, and hand it to the leader's events.
+
+    Parameters
+    ----------
+    server
+        Where the events are registered.
+    dtype
+        Of the frames.
+    events
+        What to call.
+    expects
+        Whether events of this Socket.IO session count.
+    reader
+        Of the live frames: it knows how far the follower can have come, and counts what
+        cannot be used.
+    """
+
+    def __init__(
+        self,
+        server: socketio.AsyncServer,
+        dtype: np.dtype[np.void],
+        events: LeaderEvents,
+        expects: Callable[[str], bool],
+        reader: BlockReader,
+    ) -> None:
+        self._dtype = dtype
+        self._events = events
+        self._expects = expects
+        self._reader = reader
+        self._reject = reader.reject
+        self.settling = False
+        """Whether a follower that ends was told that something is missing."""
+        server.on(BACKFILL, self._on_backfill)
+        server.on(GONE, self._on_gone)
+        server.on(SETTLE, self._on_settle)
+
+    def ask(self, outbox: Outbox, ranges: Iterable[Range]) -> None:
+        """Ask the follower for frames; more than fit into a message wait for another time."""
+        outbox.put(0, encode_event(MISSING, list(ranges)[:MAX_RANGES]))
+
+    def _on_backfill(self, sid: str, *arguments: object) -> None:
+        if not self._expects(sid):
+            return
+        data = arguments[0] if len(arguments) == 1 else None
+        if not isinstance(data, bytes):
+            self._reject("malformed back-fill")
+            return
+        count, rest = divmod(len(data), self._dtype.itemsize)
+        if rest or not 0 < count <= MAX_RECORDS_PER_MESSAGE:
+            self._reject("malformed back-fill")
+            return
+        frames = np.frombuffer(data, dtype=self._dtype)
+        good = (frames["time_ns"] >= 0) & (frames["time_ns"] < LATEST_NS)
+        for channel in channels_of(self._dtype):
+            values = frames[FIELD_OF_CHANNEL[channel]]
+            good &= (np.abs(values) <= LARGEST_QUANTITY).all(axis=-1)  # false where not finite
+        if not good.all():
+            self._reject("unusable back-fill")
+            bad = np.unique(frames["sequence"][~good]).astype(np.int64)
+            call(self._events.on_gone, ranges_of(bad), on_error=self._events.on_error)
+        if good.any():
+            call(self._events.on_backfill, frames[good], on_error=self._events.on_error)
+
+    def _on_gone(self, sid: str, *arguments: object) -> None:
+        if not self._expects(sid):
+            return
+        ranges = ranges_of_payload(arguments[0] if len(arguments) == 1 else None)
+        if ranges is None:
+            self._reject("malformed gone")
+            return
+        call(self._events.on_gone, ranges, on_error=self._events.on_error)
+
+    def _on_settle(self, sid: str, *arguments: object) -> dict[str, Any]:
+        payload = arguments[0] if len(arguments) == 1 else None
+        sent = payload.get("frames") if isinstance(payload, Mapping) else None
+        missing: list[Range] = []
+        if not self._expects(sid):
+            return {"missing": missing}
+        if not isinstance(sent, int) or not 0 <= sent <= _SEQUENCES:
+            self._reject("malformed settle")
+            return {"missing": missing}
+        if not self._reader.believes(sent, time.monotonic_ns()):
+            return {"missing": missing}  # the end, which says the same, is rejected
+        try:
+            missing = self._events.on_settle(sent)[:MAX_RANGES]
+        except Exception as error:  # noqa: BLE001 - handed to the service
+            self._events.on_error(error)
+        self.settling = bool(missing)
+        return {"missing": missing}

@@ -1,0 +1,176 @@
+"""Missing frames are noted, asked for, taken once, and given up in bounded time."""
+
+from typing import Any
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mmt.arrays import RecordArray
+from mmt.frames import frame_dtype
+from mmt.leader import missing
+from mmt.leader.missing import MissingFrames
+from mmt.ranges import Range
+
+
+def numbered(*numbers: int) -> RecordArray:
+    frames = np.zeros(len(numbers), frame_dtype())
+    frames["sequence"] = numbers
+    return frames
+
+
+class Account:
+    """An account with what it asks and notes."""
+
+    def __init__(self, most: int = 1000, keeps: int = 1000) -> None:
+        self.asked: list[list[Range]] = []
+        self.notes: list[dict[str, Any]] = []
+        self.missing = MissingFrames(most, self.asked.append, self._note)
+        self.missing.connect(keeps)
+
+    def _note(self, sentence: str, *, announce: bool, **details: object) -> None:
+        self.notes.append({"sentence": sentence, "announce": announce, **details})
+
+    def wait(self, ticks: int) -> None:
+        for _ in range(ticks):
+            self.missing.tick(1)
+
+
+def test_a_gap_is_noted_before_it_is_asked_for_and_closed_when_it_is_filled() -> None:
+    account = Account()
+    account.missing.jumped(9, numbered(12, 13, 15))
+    assert (account.asked, account.notes) == ([], [])
+    account.wait(50)
+    assert account.asked == [[(10, 12), (14, 15)]]
+    (note,) = account.notes
+    assert (note["kind"], note["frames"], note["announce"]) == ("gap", 3, False)
+    assert note["ranges"] == [(10, 12), (14, 15)]
+    taken = account.missing.take(numbered(14, 11, 10))
+    assert taken["sequence"].tolist() == [10, 11, 14]
+    account.wait(50)
+    assert account.notes[1]["sentence"] == "of the missing frames 3 are filled in"
+    assert account.notes[1]["ranges"] == [(10, 12), (14, 15)]
+    assert account.missing.first is None
+    assert account.missing.summary == {
+        "missing": 3,
+        "filled": 3,
+        "lost": 0,
+        "waiting": 0,
+        "unwanted": 0,
+    }
+
+
+def test_what_nobody_asked_for_is_not_taken() -> None:
+    account = Account()
+    account.missing.lack(5, 7)
+    assert len(account.missing.take(numbered(3, 4, 7, 8))) == 0
+    assert account.missing.take(numbered(5, 5))["sequence"].tolist() == [5]
+    assert account.missing.summary["unwanted"] == 5
+
+
+def test_long_gaps_are_announced_and_what_the_follower_has_not_got_is_lost() -> None:
+    account = Account(most=300, keeps=200)
+    account.missing.lack(0, 1000)
+    account.wait(50)
+    assert account.asked == [[(800, 1000)]]
+    account.missing.gone([(900, 2000)])
+    account.missing.take(numbered(*range(800, 900)))
+    account.wait(50)
+    assert [note["announce"] for note in account.notes] == [True, True]
+    assert account.notes[1]["sentence"] == ("of the missing frames 100 are filled in, 900 are lost")
+    assert account.missing.first is None
+
+
+def test_of_a_follower_that_keeps_nothing_nothing_is_asked() -> None:
+    account = Account(keeps=0)
+    account.missing.lack(3, 5)
+    account.wait(100)
+    assert account.asked == []
+    assert account.notes[-1]["sentence"] == "of the missing frames 2 are lost"
+
+
+def test_an_answer_that_does_not_come_is_asked_for_again_and_then_given_up() -> None:
+    account = Account()
+    account.missing.lack(3, 5)
+    account.wait(1500)
+    assert account.asked == [[(3, 5)]] * 2
+    account.missing.take(numbered(3))  # it does answer, only slowly
+    account.wait(2000)
+    assert account.asked == [[(3, 5)]] * 2 + [[(4, 5)]] * 2
+    account.wait(1100)
+    assert account.missing.first is None
+    assert account.missing.summary["lost"] == 1
+
+
+def test_after_a_reconnection_everything_is_asked_for_anew() -> None:
+    account = Account()
+    account.missing.lack(3, 5)
+    account.wait(50)
+    account.missing.connect(1000)
+    account.wait(50)
+    assert account.asked == [[(3, 5)]] * 2
+
+
+def test_at_the_end_what_still_waits_is_noted_as_lost() -> None:
+    account = Account()
+    account.missing.lack(3, 5)
+    account.missing.close()
+    assert [note["kind"] for note in account.notes] == ["gap", "filled"]
+    assert account.notes[-1]["lost"] == 2
+    account.missing.close()
+    assert len(account.notes) == 2
+
+
+def test_a_bad_link_cannot_fill_the_memory() -> None:
+    account = Account(most=10**6, keeps=10**6)
+    numbers = numbered(*range(0, 20_000, 2))
+    account.missing.jumped(-1, numbers)
+    account.wait(50)
+    assert len(account.asked[0]) == missing.MOST_RANGES
+    assert account.missing.summary["lost"] == 10_000 - 1 - missing.MOST_RANGES
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    st.lists(
+        st.one_of(
+            st.tuples(st.just("live"), st.integers(0, 30), st.integers(1, 4)),
+            st.tuples(st.just("late"), st.integers(0, 120), st.integers(1, 30)),
+            st.tuples(st.just("gone"), st.integers(0, 120), st.integers(1, 30)),
+            st.tuples(st.just("tick"), st.integers(1, 1200), st.just(0)),
+        ),
+        max_size=40,
+    )
+)
+def test_every_number_is_live_filled_lost_or_waited_for(
+    happenings: list[tuple[str, int, int]],
+) -> None:
+    account = Account(most=50, keeps=40)
+    newest, live, filled = 0, 1, set[int]()
+    for kind, first, count in happenings:
+        if kind == "live":
+            frames = numbered(*range(newest + 1 + first, newest + 1 + first + count))
+            account.missing.jumped(newest, frames)
+            newest, live = newest + first + count, live + count
+        elif kind == "late":
+            taken = account.missing.take(numbered(*range(first, first + count)))["sequence"]
+            assert filled.isdisjoint(taken.tolist()), "no frame is taken twice"
+            filled |= set(taken.tolist())
+        elif kind == "gone":
+            account.missing.gone([(first, first + count)])
+        else:
+            account.missing.tick(first)
+        summary = account.missing.summary
+        assert summary["filled"] == len(filled)
+        assert summary["missing"] == summary["filled"] + summary["lost"] + summary["waiting"]
+        assert newest + 1 == live + summary["missing"]
+    account.missing.close()
+    gaps = [note for note in account.notes if note["kind"] == "gap"]
+    closed = [note for note in account.notes if note["kind"] == "filled"]
+    assert sum(note["frames"] for note in gaps) == summary_of(account, "missing")
+    assert sum(note["frames"] for note in closed) == summary_of(account, "missing")
+    assert sum(note["lost"] for note in closed) == summary_of(account, "lost")
+
+
+def summary_of(account: Account, name: str) -> int:
+    return account.missing.summary[name]

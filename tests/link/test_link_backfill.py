@@ -1,0 +1,229 @@
+"""Frames that did not arrive are kept, asked for, and sent again behind the live ones."""
+
+import asyncio
+from itertools import accumulate
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from link_samples import CHANNELS, FollowerNotes, LeaderNotes, follower, frames, leader, until
+
+from mmt.arrays import RecordArray
+from mmt.frames import frame_dtype
+from mmt.link.backfilling import FRAMES_PER_MESSAGE, Backfiller
+from mmt.link.events import LeaderEvents
+from mmt.link.keeping import KeptFrames
+from mmt.link.outbox import Outbox
+from mmt.link.protocol import BACKFILL, GONE, MAX_RANGES, encode_event, ranges_of_payload
+from mmt.ranges import Range
+
+DTYPE = frame_dtype(CHANNELS)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    st.integers(1, 40),
+    st.lists(st.tuples(st.integers(1, 30), st.integers(0, 5)), max_size=12),
+    st.lists(st.tuples(st.integers(0, 200), st.integers(0, 40)), max_size=4),
+)
+def test_the_newest_frames_are_kept(
+    capacity: int, blocks: list[tuple[int, int]], asked: list[tuple[int, int]]
+) -> None:
+    kept = KeptFrames(DTYPE, capacity)
+    sent: list[int] = []
+    firsts = accumulate((count + skipped for count, skipped in blocks), initial=0)
+    for (count, _), first in zip(blocks, firsts, strict=False):
+        kept.put(frames(first, count).tobytes())
+        sent += range(first, first + count)
+    newest = set(sent[-capacity:])
+    assert len(kept) == len(newest)
+    ranges = [(first, first + count) for first, count in asked]
+    found = kept.select(ranges)
+    wanted = {number for first, stop in ranges for number in range(first, stop)}
+    assert found["sequence"].tolist() == sorted(newest & wanted)
+    for frame in found:
+        assert frame == frames(int(frame["sequence"]))[0]
+
+
+def test_what_is_kept_out_of_order_is_found_in_order() -> None:
+    kept = KeptFrames(DTYPE, 10)
+    for number in (4, 2, 4, 3):
+        kept.put(frames(number).tobytes())
+    assert kept.select([(3, 9), (0, 4)])["sequence"].tolist() == [2, 3, 4]
+    assert kept.select([])["sequence"].tolist() == []
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        None,
+        b"",
+        "ranges",
+        [1, 2],
+        [[1]],
+        [[1, 2, 3]],
+        [[2, 2]],
+        [[3, 2]],
+        [[-1, 2]],
+        [[0, 2**32 + 1]],
+        [[0.0, 2.0]],
+        [["0", "2"]],
+        [[0, 1]] * (MAX_RANGES + 1),
+    ],
+)
+def test_malformed_ranges_are_refused(payload: object) -> None:
+    assert ranges_of_payload(payload) is None
+    assert ranges_of_payload([[0, 2**32], (5, 6)]) == [(0, 2**32), (5, 6)]
+
+
+class Sent:
+    """A link that takes messages when it is let, and says what they were."""
+
+    def __init__(self) -> None:
+        self.messages: list[bytes] = []
+        self.takes = asyncio.Event()
+        self.takes.set()
+
+    async def __call__(self, message: bytes) -> None:
+        await self.takes.wait()
+        self.messages.append(message)
+
+
+async def test_back_fill_goes_out_in_pieces_and_lets_live_frames_pass() -> None:
+    kept, outbox, link = KeptFrames(DTYPE, 1000), Outbox(50), Sent()
+    kept.put(frames(0, 1000).tobytes())
+    backfiller = Backfiller(kept, outbox)
+    outbox.open(link)
+    backfiller.open()
+    link.takes.clear()
+    outbox.put(1, b"live")
+    backfiller.want([[100, 150], [990, 1010]])
+    await asyncio.sleep(0.03)
+    gone = encode_event(GONE, [(1000, 1010)])
+    link.takes.set()
+    await until(lambda: backfiller.sent == 60)
+    await outbox.flush(1.0)
+    expected = [b"live", gone]
+    numbers = [*range(100, 150), *range(990, 1000)]
+    for start in range(0, 60, FRAMES_PER_MESSAGE):
+        block = kept.select([(n, n + 1) for n in numbers[start : start + FRAMES_PER_MESSAGE]])
+        expected.append(encode_event(BACKFILL, block.tobytes()))
+    assert link.messages == expected
+    assert (backfiller.asked, backfiller.gone) == (70, 10)
+    assert outbox.records == 1
+    backfiller.close()
+    outbox.close()
+
+
+async def test_what_is_promised_is_not_sent_twice_and_a_flood_of_requests_is_refused() -> None:
+    kept, outbox, link = KeptFrames(DTYPE, 1000), Outbox(50), Sent()
+    kept.put(frames(0, 1000).tobytes())
+    backfiller = Backfiller(kept, outbox)
+    outbox.open(link)
+    backfiller.open()
+    link.takes.clear()
+    outbox.put(1, b"live")
+    for _ in range(20):
+        backfiller.want([[0, 100]])
+        await asyncio.sleep(0.001)
+    link.takes.set()
+    await backfiller.finish(5.0)
+    assert backfiller.sent == 100
+    backfiller.want("nonsense")
+    for first in range(0, 4 * MAX_RANGES, 2):
+        backfiller.want([[first, first + 1]])
+    assert backfiller.rejected > 100
+    backfiller.close()
+    outbox.close()
+
+
+async def test_the_end_of_a_session_fills_in_what_is_missing_to_its_last_frame() -> None:
+    notes = LeaderNotes()
+    filled: list[int] = []
+    settled: list[int] = []
+
+    def settle(sent: int) -> list[Range]:
+        settled.append(sent)
+        return [(2, 5), (8, 11)]
+
+    events = LeaderEvents(
+        on_frames=lambda block, arrival_ns: notes.blocks.append(block),
+        on_backfill=lambda block: filled.extend(block["sequence"].tolist()),
+        on_gone=lambda ranges: filled.extend(-first for first, _ in ranges),
+        on_settle=settle,
+        on_end=notes.ends.append,
+    )
+    async with (
+        leader(events=events) as server,
+        follower(server.port, FollowerNotes(), keep_frames=100) as client,
+    ):
+        client.send_frames(frames(0, 10))
+        await until(lambda: len(notes.sequences) == 10)
+        await client.end("done")
+        assert client.backfill == {"kept": 10, "asked": 6, "sent": 5, "gone": 1}
+    assert settled == [10]
+    assert sorted(filled) == [-10, 2, 3, 4, 8, 9]
+    assert notes.ends == ["done"]
+
+
+async def test_the_leader_asks_and_is_answered_while_frames_stream() -> None:
+    filled: list[RecordArray] = []
+    gone: list[list[Range]] = []
+    notes = LeaderNotes()
+    events = LeaderEvents(
+        on_frames=lambda block, arrival_ns: notes.blocks.append(block),
+        on_backfill=filled.append,
+        on_gone=gone.append,
+    )
+    async with (
+        leader(events=events) as server,
+        follower(server.port, FollowerNotes(), keep_frames=50) as client,
+    ):
+        await until(lambda: server._outbox.is_open)
+        client.send_frames(frames(0, 100))
+        server.request_frames([(0, 3), (60, 80)])
+        await until(lambda: filled and gone)
+        assert gone == [[(0, 3)]]
+        np.testing.assert_array_equal(np.concatenate(filled), frames(60, 20))
+        assert notes.sequences == list(range(100))
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [b"", b"x", b"\0" * 41, b"\0" * (101 * DTYPE.itemsize), "text", None, [[0, 1]]],
+)
+async def test_malformed_back_fill_is_rejected(payload: object) -> None:
+    filled: list[RecordArray] = []
+    notes = LeaderNotes()
+    events = LeaderEvents(
+        on_frames=lambda block, arrival_ns: notes.blocks.append(block),
+        on_backfill=filled.append,
+        on_error=notes.errors.append,
+    )
+    async with leader(events=events) as server, follower(server.port) as client:
+        assert client._line is not None
+        for event in ("backfill", "gone", "settle"):
+            await client._line.client.emit(event, payload)
+        client.send_frames(frames(0))
+        await until(lambda: notes.sequences == [0])
+        await until(lambda: "malformed settle" in server.statistics.rejected)
+        assert server.statistics.rejected["malformed back-fill"] == 1
+        assert filled == notes.errors == []
+
+
+async def test_frames_that_cannot_be_measured_are_given_up_where_they_are_filled_in() -> None:
+    filled: list[RecordArray] = []
+    gone: list[list[Range]] = []
+    events = LeaderEvents(on_frames=lambda *_: None, on_backfill=filled.append, on_gone=gone.append)
+    async with leader(events=events) as server, follower(server.port) as client:
+        block = frames(5, 6)
+        block["force_n"][1, 2] = np.nan
+        block["position_mm"][2, 0] = 1e30
+        block["time_ns"][5] = -1
+        assert client._line is not None
+        await client._line.client.emit("backfill", block.tobytes())
+        await until(lambda: filled)
+        assert filled[0]["sequence"].tolist() == [5, 8, 9]
+        assert gone == [[(6, 8), (10, 11)]]
+        assert server.statistics.rejected == {"unusable back-fill": 1}
