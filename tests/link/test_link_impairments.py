@@ -90,15 +90,15 @@ def test_delays_are_spread_evenly_within_the_jitter(time_ms: float) -> None:
 
 
 def test_slow_jitter_is_correlated_as_it_says() -> None:
-    given = delays_ms(fates(200_000, delay_ms=40, jitter_ms=10, jitter_time_ms=20, reorder=True))
+    given = delays_ms(fates(60_000, delay_ms=40, jitter_ms=10, jitter_time_ms=20, reorder=True))
     # back through the normal distribution's quantiles by ranks: the process is Gaussian there
     ranks = (np.argsort(np.argsort(given)) + 0.5) / len(given)
-    normal = np.array([NormalDist().inv_cdf(rank) for rank in ranks[:100_000]])
+    normal = np.array([NormalDist().inv_cdf(rank) for rank in ranks[:40_000]])
     normal -= normal.mean()
     for lag in (5, 20, 40):
         expected = (1 + lag / 20) * math.exp(-lag / 20)
         measured = np.mean(normal[lag:] * normal[:-lag]) / np.mean(normal**2)
-        assert measured == pytest.approx(expected, abs=0.06)
+        assert measured == pytest.approx(expected, abs=0.1)
 
 
 def test_smooth_jitter_hardly_needs_reordering_and_the_other_does() -> None:
@@ -122,19 +122,19 @@ def test_without_reordering_independent_jitter_gathers_at_its_upper_end() -> Non
     ("loss", "burst", "burst_loss"), [(0.02, 10, 1.0), (0.1, 1, 1.0), (0.1, 30, 0.5), (0.7, 5, 1.0)]
 )
 def test_loss_and_bursts_have_the_wanted_means(loss: float, burst: int, burst_loss: float) -> None:
-    gone = lost(fates(300_000, loss=loss, burst_messages=burst, burst_loss=burst_loss))
-    assert gone.mean() == pytest.approx(loss, rel=0.1)
+    gone = lost(fates(80_000, loss=loss, burst_messages=burst, burst_loss=burst_loss))
+    assert gone.mean() == pytest.approx(loss, rel=0.2)
     if burst_loss == 1.0:
         runs = [len(list(run)) for is_lost, run in itertools.groupby(gone) if is_lost]
         expected = max(burst, 1 / (1 - loss))
-        assert np.mean(runs) == pytest.approx(expected, rel=0.1)
+        assert np.mean(runs) == pytest.approx(expected, rel=0.2)
         # geometric lengths: the standard deviation follows from the mean
-        assert np.std(runs) == pytest.approx(math.sqrt(expected * (expected - 1)), rel=0.15)
+        assert np.std(runs) == pytest.approx(math.sqrt(expected * (expected - 1)), rel=0.3)
 
 
 def test_bursts_of_one_are_independent_losses() -> None:
-    gone = lost(fates(200_000, loss=0.3)).astype(float)
-    assert abs(np.corrcoef(gone[1:], gone[:-1])[0, 1]) < 0.01
+    gone = lost(fates(60_000, loss=0.3)).astype(float)
+    assert abs(np.corrcoef(gone[1:], gone[:-1])[0, 1]) < 0.02
 
 
 def test_everything_and_nothing_can_be_lost() -> None:
@@ -187,7 +187,7 @@ def test_a_profile_fills_in_what_is_not_given(profile: str) -> None:
 def test_the_profiles_have_the_delays_that_their_names_promise(
     profile: str, least: float, middle: float, most: float
 ) -> None:
-    given = delays_ms(fates(120_000, profile=profile))
+    given = delays_ms(fates(40_000, profile=profile))
     width = most - least
     assert given.min() == pytest.approx(least, abs=0.02 * width)
     assert np.median(given) == pytest.approx(middle, abs=0.08 * width)

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, Self
@@ -23,11 +23,21 @@ def scene(name: str) -> str:
 
 
 class Service:
-    """A command of mmt as a process; both of its outputs are read while it runs."""
+    """A command of mmt as a process; both of its outputs are read while it runs.
 
-    def __init__(self, module: str, *arguments: object, cwd: Path, **variables: str) -> None:
+    `within` is a command that runs it elsewhere, such as in another network namespace.
+    """
+
+    def __init__(
+        self,
+        module: str,
+        *arguments: object,
+        cwd: Path,
+        within: Sequence[str] = (),
+        **variables: str,
+    ) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "mmt.cli.entry", module, *map(str, arguments)],
+            [*within, sys.executable, "-m", "mmt.cli.entry", module, *map(str, arguments)],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,

@@ -1,0 +1,93 @@
+"""The two services on two networks and two clocks: the link against what the kernel does."""
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from network_namespaces import LEADER_ADDRESS, Namespaces, netem, relay, veth
+from service_processes import Service, scene
+
+DELAY_MS, JITTER_MS = 40.0, 10.0
+AHEAD_S = 5000
+"""The follower's clock shows so much more than the leader's, exactly."""
+
+
+@dataclass(frozen=True)
+class Ended:
+    """The summaries' tables of the link."""
+
+    leader: dict[str, Any]
+    follower: dict[str, Any]
+
+    def offset_errors_ms(self) -> tuple[float, float]:
+        """By how much either side errs in the other's clock."""
+        return (
+            self.leader["clock"]["offset_ms"] - 1000.0 * AHEAD_S,
+            self.follower["clock"]["offset_ms"] + 1000.0 * AHEAD_S,
+        )
+
+
+@contextmanager
+def leading(made: Namespaces, folder: Path, duration_s: int, **variables: str) -> Iterator[Service]:
+    with Service(
+        *("leader", scene("stream-only"), "--json-lines", "--port", 0, "--duration", duration_s),
+        cwd=folder,
+        within=made.within_leader(),
+        **variables,
+    ) as leader:
+        yield leader
+
+
+def stream(made: Namespaces, folder: Path, duration_s: int = 3, **variables: str) -> Ended:
+    """Run a session between the two namespaces."""
+    variables = {"MMT_LINK__HOST": LEADER_ADDRESS, "MMT_LINK__OPEN": "true", **variables}
+    with leading(made, folder, duration_s, **variables) as leader:
+        url = f"http://{LEADER_ADDRESS}:{leader.port()}"
+        with Service(
+            *("follower", scene("stream-only"), "--json-lines", "--leader", url),
+            cwd=folder,
+            within=made.within_follower(AHEAD_S),
+            **variables,
+        ) as follower:
+            assert (leader.end(), follower.end()) == (0, 0), leader.stderr + follower.stderr
+            return Ended(leader.summary()["link"], follower.summary()["link"])
+
+
+@pytest.mark.parametrize("delayed", [netem, relay])
+def test_the_emulation_delays_as_a_network_below_tcp_does(tmp_path: Path, delayed: Any) -> None:
+    """Medians alone: TCP's slow start and what it sends again lengthen the upper end."""
+    emulation = {"MMT_NETWORK__DELAY_MS": "40", "MMT_NETWORK__JITTER_MS": "10"}
+    with (
+        delayed(DELAY_MS, JITTER_MS) as real,
+        veth() as plain,
+        ThreadPoolExecutor() as pool,
+    ):
+        runs = (
+            pool.submit(stream, real, tmp_path),
+            pool.submit(stream, plain, tmp_path, **emulation),
+        )
+        ended, emulated = (run.result() for run in runs)
+    for side in ("leader", "follower"):
+        packets, messages = getattr(ended, side), getattr(emulated, side)
+        # each message waits for the slowest before it, in either: the median is not the mean delay
+        assert packets["latency_p50_ms"] > DELAY_MS
+        assert messages["latency_p50_ms"] > DELAY_MS
+        assert messages["latency_p50_ms"] == pytest.approx(packets["latency_p50_ms"], abs=10.0)
+        assert packets["lost"] == messages["lost"] == 0
+        assert packets["emulated"] == {}
+    for session in (ended, emulated):
+        assert max(map(abs, session.offset_errors_ms())) < JITTER_MS / 2
+
+
+def test_another_machines_clock_is_found(tmp_path: Path) -> None:
+    with veth() as made:
+        ended = stream(made, tmp_path, duration_s=2)
+    uncertainty_ms = max(side["clock"]["uncertainty_ms"] for side in (ended.leader, ended.follower))
+    assert max(map(abs, ended.offset_errors_ms())) < max(0.2, uncertainty_ms)
+    for side in (ended.leader, ended.follower):
+        assert side["clock"]["jumps"] == 0
+        assert 0.0 < side["latency_p50_ms"] < 1000.0
