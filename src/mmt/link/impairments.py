@@ -23,7 +23,7 @@ class MessageFates:
     A message that is sent during an outage is lost. It then waits for those before it where
     the bandwidth is limited, and is lost if that takes longer than the queue holds; it is
     lost with the loss's probability; what remains arrives after its delay, and perhaps once
-    more. About 2 us a message with everything on.
+    more. Takes a few microseconds a message.
 
     Parameters
     ----------
