@@ -25,6 +25,7 @@ from socketio.msgpack_packet import MsgPackPacket
 
 import mmt.link.dialling
 import mmt.link.direct
+from mmt.link.gate import StrangersGate
 from mmt.link.protocol import MAX_MESSAGE_BYTES, encode_event
 from mmt.link.receiving import _rest, binary_event, take_directly
 
@@ -71,9 +72,9 @@ async def test_frames_and_commands_do_not_pass_through_the_library(
 async def test_where_the_websocket_cannot_be_asked_the_library_hands_over_the_same(
     monkeypatch: pytest.MonkeyPatch, decoded: Counter[int]
 ) -> None:
-    monkeypatch.setattr(mmt.link.direct, "take_directly", lambda websocket, handlers: None)
+    monkeypatch.setattr(mmt.link.direct, "take_directly", lambda *_: None)
     monkeypatch.setattr(
-        mmt.link.dialling, "client_websocket", lambda handlers: aiohttp.ClientWebSocketResponse
+        mmt.link.dialling, "client_websocket", lambda *_: aiohttp.ClientWebSocketResponse
     )
     up, down = await exchange(40)
     assert decoded[socketio.packet.EVENT] == 82
@@ -153,7 +154,7 @@ def test_a_websocket_that_cannot_be_changed_is_left_as_it_is() -> None:
             super().__setattr__(name, value)
 
     websocket = Closed()
-    take_directly(websocket, {"frames": pytest.fail})
+    take_directly(websocket, {"frames": pytest.fail}, StrangersGate())
     assert websocket.receive.__func__ is web.WebSocketResponse.receive
 
 

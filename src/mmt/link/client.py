@@ -4,6 +4,7 @@ import asyncio
 import struct
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import socketio
@@ -27,6 +28,7 @@ from mmt.link.dialling import (
 )
 from mmt.link.direct import client_send
 from mmt.link.events import FollowerEvents, call
+from mmt.link.gate import Gate
 from mmt.link.keeping import KeptFrames
 from mmt.link.log import LOG
 from mmt.link.outbox import Outbox
@@ -127,6 +129,7 @@ class FollowerClient:
         self._clock_hz = clock_hz
         self._clock = ClockAsker(self._reader, self._outbox, self._on_jump)
         self._round_trip = TimeHistogram()
+        self._gate = Gate(hello.rate_hz, partial(self._reader.reject, "too fast"), self._on_shut)
         self._line: Line | None = None
         self._refusal: str | None = None
         self._connected = False
@@ -333,6 +336,10 @@ class FollowerClient:
 
     # --- the rest
 
+    def _on_shut(self, fault: MmtError) -> None:
+        self._ended = True  # there is nobody to come back to
+        self._events.on_error(MmtError(f"the leader was cut off: {fault}"))
+
     async def _attempt(self, timeout_s: float) -> str | None:
         """Try once to connect; return what stood in the way."""
         self._refusal = None
@@ -346,7 +353,7 @@ class FollowerClient:
             MISSING: self._on_missing,
         }
         frequent = {COMMANDS: self._on_commands, CLOCK: self._clock.take_answer}
-        self._line = line = Line.make(handlers, frequent, self._tls)
+        self._line = line = Line.make(handlers, frequent, self._gate, self._tls)
         try:
             return await line.open(self._url, self._auth(), timeout_s)
         finally:

@@ -11,6 +11,7 @@ import aiohttp
 import socketio
 
 from mmt.errors import InputError
+from mmt.link.gate import Gate
 from mmt.link.log import LOG, wire_logger
 from mmt.link.protocol import MAX_MESSAGE_BYTES
 from mmt.link.receiving import Handlers, client_websocket
@@ -40,17 +41,18 @@ class Line:
         cls,
         handlers: Mapping[str, Callable[..., None]],
         direct: Handlers,
+        gate: Gate,
         tls: ssl.SSLContext | None = None,
     ) -> "Line":
         """Make one that is not connected, with a handler for each event.
 
-        The `direct` ones are called past the library where they can be. Without `tls` an https
-        URL is trusted as the system does.
+        The `direct` ones are called past the library where they can be; the `gate` bounds
+        all. Without `tls` an https URL is trusted as the system does.
         """
         session = aiohttp.ClientSession(
             connector=aiohttp.TCPConnector(ssl=tls or True),
             timeout=aiohttp.ClientTimeout(total=ATTEMPT_S, sock_connect=ATTEMPT_S),
-            ws_response_class=client_websocket(direct),
+            ws_response_class=client_websocket(direct, gate),
         )
         client = socketio.AsyncClient(
             serializer="msgpack",

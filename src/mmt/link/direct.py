@@ -7,20 +7,24 @@ WebSocket, they go through the library's queue.
 """
 
 import asyncio
+import weakref
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Final
-from weakref import WeakValueDictionary
 
 import socketio
 from aiohttp import ClientWebSocketResponse, WSCloseCode, web
 
+from mmt.link.gate import Gate, StrangersGate
 from mmt.link.outbox import Sending
 from mmt.link.receiving import Handlers, take_directly
 
 Send = Callable[[bytes], Sending]
 
 _NAMESPACE: Final = "/"
+
+STRANGERS_S: Final = 10.0
+"""How long a connection may stay open without a hello that is accepted."""
 
 
 class ServerSockets:
@@ -29,12 +33,30 @@ class ServerSockets:
     def __init__(self, server: socketio.AsyncServer, application: web.Application) -> None:
         self._server = server
         # by the request's id, which lives as long as the response that refers to it
-        self._of_request: WeakValueDictionary[int, web.WebSocketResponse] = WeakValueDictionary()
+        self._of_request: weakref.WeakValueDictionary[int, web.WebSocketResponse] = (
+            weakref.WeakValueDictionary()
+        )
+        self._let_in: weakref.WeakSet[web.WebSocketResponse] = weakref.WeakSet()
+        self._closing: set[asyncio.Task[bool]] = set()
         application.on_response_prepare.append(self._remember)
 
     async def _remember(self, request: web.Request, response: web.StreamResponse) -> None:
         if isinstance(response, web.WebSocketResponse):
             self._of_request[id(request)] = response
+            take_directly(response, {}, StrangersGate())
+            loop = asyncio.get_running_loop()
+            loop.call_later(STRANGERS_S, self._expire, loop, weakref.ref(response))
+
+    def _expire(
+        self, loop: asyncio.AbstractEventLoop, of: "weakref.ref[web.WebSocketResponse]"
+    ) -> None:
+        """Close the connection of somebody who was not let in for too long."""
+        websocket = of()
+        if websocket is None or websocket in self._let_in or websocket.closed:
+            return
+        closing = loop.create_task(websocket.close(code=WSCloseCode.POLICY_VIOLATION))
+        self._closing.add(closing)
+        closing.add_done_callback(self._closing.discard)
 
     async def close(self, timeout_s: float) -> None:
         """Close all that are open, for at most this long."""
@@ -56,11 +78,12 @@ class ServerSockets:
             self._server.eio.send, self._server.manager.eio_sid_from_sid(sid, _NAMESPACE)
         )
 
-    def receive(self, environ: Mapping[str, object], handlers: Handlers) -> None:
-        """Take these events of the client that connects so past the library."""
+    def let_in(self, environ: Mapping[str, object], handlers: Handlers, gate: Gate) -> None:
+        """Take these events of the client that connects so past the library, through a gate."""
         websocket = self._websocket(environ)
         if websocket is not None:
-            take_directly(websocket, handlers)
+            self._let_in.add(websocket)
+            take_directly(websocket, handlers, gate)
 
     def _websocket(self, environ: Mapping[str, object]) -> web.WebSocketResponse | None:
         return self._of_request.get(id(environ.get("aiohttp.request")))

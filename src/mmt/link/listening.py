@@ -1,5 +1,6 @@
 """Listen for HTTP and WebSockets, as the scene allows."""
 
+import asyncio
 from typing import Final
 
 import socketio
@@ -15,16 +16,30 @@ CLOSE_TIMEOUT_S: Final = 1.0
 """How long open connections may take to end."""
 
 
-_OPEN_PATHS: Final = frozenset({"/socket.io/", "/health"})
-"""A follower shows its token when it connects; health says nothing more without it."""
+MOST_SOCKETS: Final = 16
+"""Connections that may be open at once, of followers and of who wants to be one."""
+
+_LINK_PATH: Final = "/socket.io/"
+"""A follower shows its token when it connects."""
+_HEALTH_PATH: Final = "/health"
+"""Says nothing more than whether all is well without the token."""
 
 
 def guarded_application(access: Access) -> web.Application:
-    """Return an application whose every page asks for the token, as ``Bearer``."""
+    """Return an application whose every page asks for the token, as ``Bearer``.
+
+    It has room for a bounded number of WebSockets.
+    """
+    sockets = asyncio.Semaphore(MOST_SOCKETS)
 
     @web.middleware
     async def guard(request: web.Request, handler: Handler) -> web.StreamResponse:
-        if request.path not in _OPEN_PATHS and not access.admits_header(
+        if request.path == _LINK_PATH:
+            if sockets.locked():
+                return web.Response(status=503, text="too many connections\n")
+            async with sockets:
+                return await handler(request)
+        if request.path != _HEALTH_PATH and not access.admits_header(
             request.headers.get("Authorization")
         ):
             return web.Response(

@@ -17,6 +17,7 @@ from typing import Final
 import msgpack
 from aiohttp import ClientWebSocketResponse, WSMessage, WSMsgType, web
 
+from mmt.link.gate import Gate, StrangersGate, through
 from mmt.link.log import LOG
 from mmt.link.protocol import EVENT_NAMESPACE, MAX_MESSAGE_BYTES, MSGPACK_EVENT
 
@@ -59,19 +60,22 @@ def binary_event(message: bytes) -> tuple[str, bytes] | None:
     return (name, argument) if isinstance(name, str) and isinstance(argument, bytes) else None
 
 
-def client_websocket(handlers: Handlers) -> type[ClientWebSocketResponse]:
-    """Return the class of a client's WebSocket that takes these events itself."""
+def client_websocket(handlers: Handlers, gate: Gate) -> type[ClientWebSocketResponse]:
+    """Return the class of a client's WebSocket that takes these events itself, through a gate."""
 
     class DirectWebSocket(ClientWebSocketResponse):
         async def receive(self, timeout: float | None = None) -> WSMessage:
-            return await _rest(partial(super().receive, timeout), handlers)
+            receive = partial(through, partial(super().receive, timeout), self.close, gate)
+            return await _rest(receive, handlers)
 
     return DirectWebSocket
 
 
-def take_directly(websocket: web.WebSocketResponse, handlers: Handlers) -> None:
-    """Let a server's WebSocket take these events itself from its next message on."""
-    receive = partial(type(websocket).receive, websocket)
+def take_directly(
+    websocket: web.WebSocketResponse, handlers: Handlers, gate: Gate | StrangersGate
+) -> None:
+    """Let a server's WebSocket take these events itself, through a gate, from now on."""
+    receive = partial(through, partial(type(websocket).receive, websocket), websocket.close, gate)
     try:
         websocket.receive = partial(_rest, receive, handlers)  # type: ignore[method-assign]
     except AttributeError:

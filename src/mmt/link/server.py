@@ -23,6 +23,7 @@ from mmt.link.counting import gather
 from mmt.link.direct import Send, ServerSockets
 from mmt.link.events import LeaderEvents, call
 from mmt.link.filling import BackfillPort
+from mmt.link.gate import Gate
 from mmt.link.listening import CLOSE_TIMEOUT_S, Listener, guarded_application, make_server
 from mmt.link.log import LOG
 from mmt.link.outbox import Outbox
@@ -124,6 +125,8 @@ class LeaderServer:
         self._outbox = make_outbox(math.ceil(_COMMANDS_WAIT_S * rate_hz))
         self.clock = ClockAnswerer(self._reader, self._outbox, self._on_jump)
         self._follower: _Follower | None = None
+        self._excess = ""
+        self._gate = Gate(rate_hz, partial(self._reader.reject, "too fast"), self._on_shut)
         self._left = asyncio.Event()
         self._stopping = False
         self._greeting: asyncio.Task[None] | None = None
@@ -267,11 +270,13 @@ class LeaderServer:
             self._events.on_error(error)
             raise socketio.exceptions.ConnectionRefusedError("the leader failed") from error
         self._follower = _Follower(sid, hello)
+        self._excess = ""
         self._left.clear()
         self._reader.restart()
         self.clock.meet(hello.clock_id)
         handlers = {event: partial(take, sid) for event, take in self._frequent.items()}
-        self._sockets.receive(environ, handlers)
+        self._gate.open()
+        self._sockets.let_in(environ, handlers, self._gate)
         send = self._sockets.send(sid, environ)
         self._greeting = asyncio.get_running_loop().create_task(self._greet(sid, send))
 
@@ -283,7 +288,8 @@ class LeaderServer:
         self._outbox.close()
         self._left.set()
         if not follower.ended and not self._stopping:
-            call(self._events.on_lost, loss_of(reason), on_error=self._events.on_error)
+            why = self._excess or loss_of(reason)
+            call(self._events.on_lost, why, on_error=self._events.on_error)
 
     def _on_frames(self, sid: str, *arguments: object) -> None:
         arrival_ns = time.monotonic_ns()
@@ -316,6 +322,10 @@ class LeaderServer:
         call(self._events.on_end, reason, on_error=self._events.on_error)
 
     # --- the rest
+
+    def _on_shut(self, fault: MmtError) -> None:
+        self._excess = str(fault)
+        LOG.warning("the follower is cut off: %s", fault)
 
     def _expects(self, sid: str) -> bool:
         """Whether this is the follower, and still in its session."""
