@@ -74,10 +74,19 @@ class Child:
         """What it wrote to standard error, the newest part of much."""
         return self._kept.decode(errors="replace").strip()
 
+    @property
+    def pid(self) -> int:
+        """The number of its process."""
+        return self._process.pid
+
     def interrupt(self) -> None:
         """Ask it to end, as Ctrl-C does; nothing happens to one that has ended."""
+        self.send(signal.SIGINT)
+
+    def send(self, number: signal.Signals) -> None:
+        """Send it a signal; nothing happens to one that has ended."""
         if self._process.returncode is None:
-            self._process.send_signal(signal.SIGINT)
+            self._process.send_signal(number)
 
     async def kill(self) -> None:
         """End it at once; nothing happens to one that has ended."""

@@ -134,6 +134,25 @@ def sweep(
 
 
 @app.command()
+def soak(
+    duration: Annotated[float, typer.Option(help="Seconds.")] = 3600.0,
+    every: Annotated[float, typer.Option(help="Mean seconds from one fault to the next.")] = 20.0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the faults.")] = 1,
+    directory: Annotated[Path, typer.Option("--output", help="Where the recording goes.")] = Path(
+        "mmt-soak"
+    ),
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+) -> None:
+    """Run both services for a long time with faults, and check that nothing wears out."""
+    from mmt.cli.soaking import run_soak
+
+    if not run_soak(
+        duration_s=duration, every_s=every, seed=seed, directory=directory, json_file=json_file
+    ):
+        raise typer.Exit(1)
+
+
+@app.command()
 def stability(
     families: Annotated[
         list[str] | None,

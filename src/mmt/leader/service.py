@@ -387,6 +387,7 @@ class LeaderService:
         """Return the live status."""
         server, playout, update = self.server, self.parts.playout, self.log.update
         link = server.statistics if server is not None else None
+        ticks = self.ticker.statistics
         return LeaderStatus(
             phase="streaming" if self._streaming or server is None else "waiting",
             mode=self._mode,
@@ -395,7 +396,9 @@ class LeaderService:
             frames_lost=link.lost if link is not None else 0,
             samples=update.samples if update is not None else 0,
             distance=update.distance if update is not None else None,
-            tick_p99_ms=self.ticker.statistics.period_p99_ms,
+            ticks=ticks.ticks,
+            late_ticks=round((ticks.late_share_1ms or 0.0) * ticks.ticks),
+            tick_p99_ms=ticks.period_p99_ms,
             playout_delay_ms=playout.statistics().delay_ms if playout is not None else None,
         )
 

@@ -28,6 +28,8 @@ class LeaderStatus:
     frames_lost: int
     samples: int
     distance: float | None
+    ticks: int
+    late_ticks: int
     tick_p99_ms: float | None
     playout_delay_ms: float | None
 

@@ -1,0 +1,86 @@
+"""The faults of a soak: which, when and for how long, drawn from a seed."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+CUT: Final = "connection cut"
+STALL: Final = "connection stalled"
+PAUSE_LEADER: Final = "leader paused"
+PAUSE_FOLLOWER: Final = "follower paused"
+RESTART: Final = "follower killed and started anew"
+SLOW: Final = "slow network"
+
+NETWORKS: Final[Mapping[str, Mapping[str, Any]]] = {
+    SLOW: {"profile": "wan"},
+    "losses in bursts": {"delay_ms": 3, "loss": 0.05, "burst_messages": 10},
+    "bad network": {"profile": "bad"},
+    "messages out of order and twice": {
+        "delay_ms": 5,
+        "jitter_ms": 5,
+        "reorder": True,
+        "duplicate": 0.05,
+    },
+    "silence": {"loss": 1.0},
+}
+"""Emulated networks by the name of their fault: what becomes of the scene's ``[network]``."""
+
+LENGTHS_S: Final[Mapping[str, tuple[float, float]]] = {
+    CUT: (0.0, 0.0),
+    STALL: (0.05, 2.0),
+    PAUSE_LEADER: (0.05, 1.5),
+    PAUSE_FOLLOWER: (0.05, 1.5),
+    RESTART: (0.2, 1.0),
+    **dict.fromkeys(NETWORKS, (1.0, 8.0)),
+}
+"""Shortest and longest, by kind; all kinds."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault of a kind, so many seconds after the stream began, and its length."""
+
+    kind: str
+    at_s: float
+    length_s: float
+
+    @property
+    def end_s(self) -> float:
+        """When it is over."""
+        return self.at_s + self.length_s
+
+
+def plan_faults(duration_s: float, every_s: float, seed: int) -> tuple[Fault, ...]:
+    """Draw the faults of a run, in order and apart.
+
+    Every kind comes once before any comes again. Lengths are drawn evenly on a logarithmic
+    scale, and are at most half of `every_s`. The follower is not started anew in the second
+    half, so that its memory can be watched for long enough.
+
+    Parameters
+    ----------
+    duration_s
+        Of the run; the last fault leaves `every_s` before its end.
+    every_s
+        Mean time from a fault's end to the next one; it lies within half and one and a half.
+    seed
+        The same one gives the same faults.
+    """
+    generator = np.random.default_rng(seed)
+    faults: list[Fault] = []
+    waiting: list[str] = []
+    at_s = every_s
+    while True:
+        waiting = waiting or [str(kind) for kind in generator.permutation(list(LENGTHS_S))]
+        kind = waiting.pop()
+        shortest, longest = LENGTHS_S[kind]
+        drawn = shortest * (longest / shortest) ** generator.uniform() if longest else 0.0
+        fault = Fault(kind, at_s, min(drawn, 0.5 * every_s))
+        if fault.end_s > duration_s - every_s:
+            return tuple(faults)
+        if kind == RESTART and at_s > 0.5 * duration_s:
+            continue
+        faults.append(fault)
+        at_s = fault.end_s + every_s * generator.uniform(0.5, 1.5)

@@ -1,0 +1,31 @@
+"""The soak's short form: both services for some seconds, with a fault every two."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mmt.evaluation.soak.faults import plan_faults
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="processes are paused by signals")
+def test_the_services_hold_under_faults(tmp_path: Path) -> None:
+    figures = tmp_path / "soak.json"
+    arguments = ["--duration", "14", "--every", "2", "--seed", "172", "--json", str(figures)]
+    ended = subprocess.run(
+        [sys.executable, "-m", "mmt.cli.main", "soak", *arguments],
+        check=False,
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        timeout=150,
+    )
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    found = json.loads(figures.read_text())
+    assert [f["kind"] for f in found["faults"]] == [f.kind for f in plan_faults(14.0, 2.0, 172)]
+    assert len(found["faults"]) == 5
+    frames = next(c for c in found["checks"] if c["what"] == "frames in the recording")
+    assert frames["figures"]["frames"] > 5000
+    assert (tmp_path / "mmt-soak" / "soak.mcap").exists()
