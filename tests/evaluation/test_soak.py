@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from mmt.cli import soaking
 from mmt.errors import InputError
 from mmt.evaluation.soak.drift import by_window, drift, outside
-from mmt.evaluation.soak.faults import CUT, LENGTHS_S, NETWORKS, RESTART, SLOW, Fault, plan_faults
+from mmt.evaluation.soak.faults import CUT, LENGTHS_S, NETWORKS, RESTART, Fault, plan_faults
 from mmt.evaluation.soak.judging import Happened, Observed, Sample, judge, table
 from mmt.evaluation.soak.proxy import Proxy
 from mmt.evaluation.soak.recorded import Gap, Readback, find_gaps, read_back
@@ -127,10 +127,10 @@ def good(duration_s=600.0):
         Sample(float(t), 200.0 + generator.standard_normal(), 70.0, 200 * i, i)
         for i, t in enumerate(times)
     )
-    fault = Happened(Fault(CUT, 100.0, 0.0), 1100.0, 1100.0)
-    slow = Happened(Fault(SLOW, 300.0, 5.0), 1300.0, 1305.0)
+    killed = Happened(Fault(RESTART, 100.0, 0.5), 1100.0, 1100.5)
+    cut = Happened(Fault(CUT, 300.0, 0.0), 1300.0, 1300.0)
     leader = {"recording": {"frames": 590_000, "dropped": 0}}
-    observed = Observed(1000.0, 1000.0 + duration_s, (fault, slow), (1000.0,), samples, leader, ())
+    observed = Observed(1000.0, 1000.0 + duration_s, (killed, cut), (1000.0,), samples, leader, ())
     arrivals = np.arange(1000.0, 1000.0 + duration_s, 0.02)
     latency_ms = 1.0 + 0.1 * generator.random(len(arrivals))
     gaps = (Gap(800, 1100.0, 1100.8),)
@@ -161,12 +161,12 @@ def growing(values, by):
         ("frames in the recording", lambda o, r: (o, replace(r, frames=589_999))),
         ("frames twice or out of order", lambda o, r: (o, replace(r, disordered=1))),
         (
-            "frames missing where no fault was",
+            "frames missing, but where a follower was killed",
             lambda o, r: (o, replace(r, gaps=(*r.gaps, Gap(1, 1200.0, 1200.002)))),
         ),
         (
-            "frames missing where no fault was",  # a slow network loses nothing
-            lambda o, r: (o, replace(r, gaps=(*r.gaps, Gap(1, 1302.0, 1302.002)))),
+            "frames missing, but where a follower was killed",  # what a cut lost is sent again
+            lambda o, r: (o, replace(r, gaps=(*r.gaps, Gap(1, 1300.0, 1300.002)))),
         ),
         (
             "longest silence of the stream (s)",
@@ -242,8 +242,8 @@ def test_a_soak_that_finds_a_flaw_says_so(tmp_path, monkeypatch, capsys):
     )
     assert not held
     printed = capsys.readouterr()
-    assert "frames missing where no fault was: 10 of 10" in printed.err
-    assert '"kind": "connection cut"' in file.read_text()
+    assert "frames missing, but where a follower was killed: 10 of 10" in printed.err
+    assert '"kind": "follower killed and started anew"' in file.read_text()
 
 
 # --- the proxy

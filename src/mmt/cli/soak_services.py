@@ -50,6 +50,7 @@ class SoakServices:
             **os.environ,
             "MMT_NETWORK__SEED": str(seed),
             "MMT_LINK__PATIENCE_S": str(PATIENCE_S),
+            "MMT_LINK__KEEP_S": str(PATIENCE_S),
         }
         self._on_status = on_status
         self._leader: Child | None = None

@@ -10,15 +10,16 @@ import numpy as np
 from mmt.arrays import FloatArray
 from mmt.evaluation.document import Table
 from mmt.evaluation.soak.drift import Drift, by_window, drift, outside
-from mmt.evaluation.soak.faults import SLOW, Fault
+from mmt.evaluation.soak.faults import RESTART, Fault
 from mmt.evaluation.soak.recorded import Gap, Readback
 
 RECOVERY_S: Final = 3.0
-"""So long after a fault nothing is watched for drift, and frames may still be missing."""
+"""So long after a fault nothing is watched for drift."""
 
 PATIENCE_S: Final = 30.0
-"""How long the services wait for each other: frames come again so long after a fault at the
-latest, also where a follower that is started anew meets a busy machine."""
+"""How long the services wait for each other and keep what did not arrive: frames come again so
+long after a fault at the latest, also where a follower that is started anew meets a busy
+machine."""
 
 _WARM_UP_S: Final = 60.0
 _WARM_UP_SHARE: Final = 0.25
@@ -122,7 +123,7 @@ def _recording(observed: Observed, readback: Readback, recovery_s: float) -> lis
         Check("frames twice or out of order", f"{readback.disordered}", "0",
               readback.disordered == 0),
         Check(
-            "frames missing where no fault was",
+            "frames missing, but where a follower was killed",
             f"{sum(gap.frames for gap in unexplained)} of {readback.missing} missing",
             "0",
             not unexplained,
@@ -139,11 +140,11 @@ def _recording(observed: Observed, readback: Readback, recovery_s: float) -> lis
 
 
 def _explained(gap: Gap, observed: Observed, recovery_s: float) -> bool:
-    """Say whether a fault that loses frames was at work while they were missing."""
+    """Say whether the follower that had these frames was killed; others send them again."""
     return any(
         happened.start_s <= gap.end_s and gap.start_s <= happened.end_s + recovery_s
         for happened in observed.faults
-        if happened.fault.kind != SLOW
+        if happened.fault.kind == RESTART
     )
 
 
