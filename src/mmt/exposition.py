@@ -117,6 +117,23 @@ def link_metrics(link: Any, latency: TimeHistogram) -> Iterator[Metric]:
         yield counter(name, text, getattr(link, name))
     yield labelled("rejected", "What could not be used, by reason.", "reason", link.rejected)
     yield histogram("latency", "One way, from measuring or commanding to arrival.", latency)
+    if link.emulated:
+        lost, repeated = link.emulated["lost"], link.emulated["repeated"]
+        once = link.emulated["messages"] - lost - repeated
+        fates = {"once": once, "lost": lost, "repeated": repeated}
+        yield labelled("emulated", "Messages by what an emulated network did.", "fate", fates)
+    yield from _clock_metrics(link.clock)
+
+
+def _clock_metrics(clock: Mapping[str, float | None]) -> Iterator[Metric]:
+    yield counter("clock_jumps", "Steps of one clock against the other.", clock["jumps"] or 0)
+    for name, text in (
+        ("offset", "The other side's clock minus this one's."),
+        ("uncertainty", "The offset is right to this."),
+    ):
+        value_ms = clock[f"{name}_ms"]
+        if value_ms is not None:
+            yield gauge(f"clock_{name}_seconds", text, value_ms / 1e3)
 
 
 def tick_metrics(ticks: TickStatistics, periods: TimeHistogram) -> Iterator[Metric]:

@@ -107,6 +107,30 @@ async def test_an_outage_is_silence_on_a_link_that_stays_up(tmp_path: Path) -> N
     assert 0 < leader.link["frames"] < source.sequence
 
 
+async def test_the_metrics_have_the_clocks_and_the_emulation(tmp_path: Path) -> None:
+    together = Together.of(small_scene(tmp_path, network={"duplicate": 0.5}, metrics={}))
+    source = SteadySource()
+    await together.listen()
+    following = asyncio.create_task(together.follow(source))
+    server = together.leader.server
+    assert server is not None
+    await together.until(lambda: server.clock.estimate is not None)
+    url = f"http://127.0.0.1:{together.leader.port}/metrics"
+    async with aiohttp.ClientSession() as http, http.get(url) as response:
+        lines = (await response.text()).splitlines()
+    source.ended = True
+    _, leader = await following, await together.end()
+    figures = {
+        name: float(value)
+        for name, value in (line.rsplit(" ", 1) for line in lines if line[0] != "#")
+    }
+    assert figures["mmt_clock_jumps_total"] == 0
+    assert abs(figures["mmt_clock_offset_seconds"]) < 0.02
+    assert figures["mmt_clock_uncertainty_seconds"] > 0
+    assert 0 < figures['mmt_emulated_total{fate="repeated"}'] <= leader.link["emulated"]["repeated"]
+    assert figures['mmt_emulated_total{fate="lost"}'] == 0
+
+
 @pytest.mark.parametrize("table", [{"network": None}, {"link": {"port": 0, "clock_hz": 0}}])
 async def test_what_is_left_out_is_not_in_the_summary(
     tmp_path: Path, table: dict[str, Any]
