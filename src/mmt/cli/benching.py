@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from mmt.cli.common import messages, output
+from mmt.cli.realtime_gain import compare
 from mmt.errors import InputError
 from mmt.evaluation.bench import STAGES, run_stage
 from mmt.evaluation.bench.measuring import machine
@@ -38,7 +39,7 @@ Row = tuple[str, float | int | None] | tuple[str, float | int | None, Side, floa
 
 
 def run_benches(
-    names: list[str], duration_s: float, report: Path | None = None
+    names: list[str], duration_s: float, report: Path | None = None, *, realtime: bool = False
 ) -> tuple[list[StageResult], dict[str, Any]]:
     """Run the named stages, all of them where none is named; print each as it is done.
 
@@ -50,6 +51,8 @@ def run_benches(
         Seconds for each measurement of the link and of the services.
     report
         Where a report is written, None for none.
+    realtime
+        Measure the link by real-time scheduling, and the services with and without it.
 
     Returns
     -------
@@ -61,7 +64,7 @@ def run_benches(
     InputError
         A name is none of the stages, or the report cannot be written.
     """
-    stages = _stages(duration_s)
+    stages = _stages(duration_s, realtime)
     unknown = [name for name in names if name not in stages]
     if unknown:
         raise InputError(f"bench {unknown[0]}: allowed are {', '.join(stages)}")
@@ -79,15 +82,15 @@ def run_benches(
     return results, as_dict(results, about)
 
 
-def _stages(duration_s: float) -> dict[str, Callable[[], StageResult]]:
+def _stages(duration_s: float, realtime: bool) -> dict[str, Callable[[], StageResult]]:
     stages: dict[str, Callable[[], StageResult]] = {
         name: lambda name=name: _or_left_out(name)  # type: ignore[misc]
         for name in STAGES
     }
     return {
         **stages,
-        "link": lambda: _link(duration_s),
-        "services": lambda: _services(duration_s),
+        "link": lambda: _link(duration_s, realtime),
+        "services": lambda: compare(duration_s) if realtime else _services(duration_s),
         "evaluate": _evaluate,
     }
 
@@ -199,11 +202,11 @@ def _evaluate() -> StageResult:
     return _figures("evaluate", "Evaluation", about, rows)
 
 
-def _link(duration_s: float) -> StageResult:
+def _link(duration_s: float, realtime: bool) -> StageResult:
     """Compare the link with a bare WebSocket in the same run."""
     from mmt.evaluation.link_bench import bench_link
 
-    result = bench_link(duration_s)
+    result = bench_link(duration_s, realtime=realtime)
     rows: dict[str, Row] = {}
     for way, direction in (("up", result.ours.up), ("down", result.ours.down)):
         wrong = direction.lost + direction.out_of_order
@@ -232,5 +235,6 @@ def _link(duration_s: float) -> StageResult:
     about = (
         "One frame a message up and one command a message down at 1 kHz, in turns of a second "
         f"with a bare WebSocket, {duration_s:g} s each; ratios are medians over neighbouring turns."
+        + (" By real-time scheduling." if realtime else "")
     )
     return _figures("link", "Link", about, rows)

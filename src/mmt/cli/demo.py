@@ -16,6 +16,7 @@ from mmt.cli.common import messages, output, print_error, write_json
 from mmt.cli.tables import summary_table
 from mmt.errors import InputError
 from mmt.follower.sources import build_source
+from mmt.realtime import require_real_time
 from mmt.scene import Scene
 from mmt.scene_files import load_scene
 
@@ -52,6 +53,7 @@ def run_demo(
     duration_s: float | None = None,
     replay: Path | None = None,
     json_file: Path | None = None,
+    realtime: bool = False,
 ) -> bool:
     """Run a scene's services, print their summaries, and report the recording.
 
@@ -64,14 +66,18 @@ def run_demo(
     ------
     InputError
         The scene, the session to replay or the directory cannot be used.
+    MmtError
+        Real-time scheduling is wanted and not permitted.
     """
+    if realtime:
+        require_real_time()
     recording = directory / "session.mcap"
     overrides: dict[str, Any] = {"session.duration_s": duration_s}
     scene = load_scene(scene_file, overrides, replay=replay)
     if scene.link is not None:
         scene = load_scene(scene_file, overrides, replay=replay, record=recording)
     _check(scene, directory)
-    run = asyncio.run(run_services(scene_file, scene, duration_s, replay))
+    run = asyncio.run(run_services(scene_file, scene, duration_s, replay, realtime=realtime))
     for name, table in run.tables().items():
         output.print(summary_table(name, table))
     for error in run.errors:
@@ -108,6 +114,7 @@ async def run_services(
     *,
     console: Console = messages,
     environment: Mapping[str, str] | None = None,
+    realtime: bool = False,
 ) -> DemoRun:
     """Run the services of a scene as processes until both have ended.
 
@@ -121,8 +128,11 @@ async def run_services(
         Shows the live progress.
     environment
         Of the processes; None for this process's own.
+    realtime
+        Whether they tick by real-time scheduling.
     """
-    return await _Demo(scene_file, scene, duration_s, replay, console, environment).run()
+    services = _Demo(scene_file, scene, duration_s, replay, console, environment, realtime=realtime)
+    return await services.run()
 
 
 class _Demo:
@@ -134,11 +144,15 @@ class _Demo:
         replay: Path | None,
         console: Console,
         environment: Mapping[str, str] | None,
+        *,
+        realtime: bool,
     ) -> None:
         self._scene = scene
         self._environment = environment
         self._run = DemoRun()
         self._arguments = [str(scene_file), "--json-lines"]
+        if realtime:
+            self._arguments += ["--realtime"]
         if replay is not None:
             self._arguments += ["--replay", str(replay)]
         self._leader_arguments = list(self._arguments)

@@ -22,6 +22,7 @@ from mmt.cli.common import (
 from mmt.errors import InputError, MmtError
 from mmt.follower.service import FollowerService, FollowerSummary
 from mmt.logs import Logs, details
+from mmt.realtime import be_real_time, require_real_time
 from mmt.scene import Scene
 from mmt.scene_files import load_scene
 
@@ -54,6 +55,9 @@ def follower(
     log_level: Annotated[
         str | None, typer.Option(metavar="LEVEL", help="debug, info, warning or error.")
     ] = None,
+    realtime: Annotated[
+        bool, typer.Option("--realtime", help="Tick by real-time scheduling (Linux).")
+    ] = False,
     _: Annotated[
         bool, typer.Option("--version", callback=version, is_eager=True, help="Print it.")
     ] = False,
@@ -64,11 +68,13 @@ def follower(
         if scene.replay is None:
             raise InputError("--speed is for a replay: give --replay FILE, or a scene of one")
         scene = load_scene(scene_file, {"replay.speed": speed}, replay=replay)
+    if realtime:
+        require_real_time()
     if not json_lines:
         print_parts(scene, "follower")
     with Logs("follower", log, log_level) as logs:
         LOG.info("started", extra=details(version=mmt.__version__, scene=scene.dump()))
-        summary = asyncio.run(_stream(scene, leader, json_lines, logs))
+        summary = asyncio.run(_stream(scene, leader, json_lines, logs, realtime))
         LOG.info("summary", extra=details(summary=summary.as_dict()))
     if json_lines:
         write_line("summary", **summary.as_dict())
@@ -81,7 +87,9 @@ def follower(
         raise MmtError(summary.problem)
 
 
-async def _stream(scene: Scene, url: str | None, json_lines: bool, logs: Logs) -> FollowerSummary:
+async def _stream(
+    scene: Scene, url: str | None, json_lines: bool, logs: Logs, realtime: bool
+) -> FollowerSummary:
     def say(sentence: str) -> None:
         if json_lines:
             write_line("event", event=sentence)
@@ -96,6 +104,8 @@ async def _stream(scene: Scene, url: str | None, json_lines: bool, logs: Logs) -
     say(f"{service.source.describe()}; leader {service.url}")
 
     def ready() -> None:
+        if realtime:
+            be_real_time()
         if json_lines:
             write_line("ready")
 

@@ -25,6 +25,7 @@ from mmt.errors import InputError, MmtError
 from mmt.kernel_cache import kernels_are_compiled
 from mmt.leader.summary import LeaderStatus, LeaderSummary
 from mmt.logs import Logs, details
+from mmt.realtime import be_real_time, require_real_time
 from mmt.scene import Scene
 from mmt.scene_files import load_scene
 
@@ -64,6 +65,9 @@ def leader(
     log_level: Annotated[
         str | None, typer.Option(metavar="LEVEL", help="debug, info, warning or error.")
     ] = None,
+    realtime: Annotated[
+        bool, typer.Option("--realtime", help="Tick by real-time scheduling (Linux).")
+    ] = False,
     _: Annotated[
         bool, typer.Option("--version", callback=version, is_eager=True, help="Print it.")
     ] = False,
@@ -75,13 +79,15 @@ def leader(
         "rendering.model": str(model) if model else None,
     }
     scene = load_scene(scene_file, overrides, replay=replay, record=record)
+    if realtime:
+        require_real_time()
     if report is not None and scene.recording is None:
         raise InputError("--report needs a recording: give --record FILE or add [recording]")
     if not json_lines:
         print_parts(scene, "leader")
     with Logs("leader", log, log_level) as logs:
         LOG.info("started", extra=details(version=mmt.__version__, scene=scene.dump()))
-        summary = asyncio.run(_serve(scene, json_lines, logs))
+        summary = asyncio.run(_serve(scene, json_lines, logs, realtime))
         LOG.info("summary", extra=details(summary=summary.as_dict()))
     if json_lines:
         write_line("summary", **summary.as_dict())
@@ -94,7 +100,7 @@ def leader(
         raise MmtError(summary.problem)
 
 
-async def _serve(scene: Scene, json_lines: bool, logs: Logs) -> LeaderSummary:
+async def _serve(scene: Scene, json_lines: bool, logs: Logs, realtime: bool) -> LeaderSummary:
     modelled = scene.texture is not None or scene.rendering is not None
     needs_numerics = modelled or scene.concealment == "model"
     if needs_numerics and not kernels_are_compiled():
@@ -111,6 +117,8 @@ async def _serve(scene: Scene, json_lines: bool, logs: Logs) -> LeaderSummary:
     logs.session_id = service.log.session_id
 
     def ready() -> None:
+        if realtime:
+            be_real_time()
         service.log.ready_s = round(time.perf_counter() - _STARTED_S, 2)
         where = f"{scene.link.host}:{service.port}" if scene.link is not None else "no link"
         if json_lines:

@@ -41,12 +41,20 @@ def demo(
     duration: Annotated[float | None, typer.Option(help="Seconds of the session.")] = None,
     replay: Annotated[Path | None, typer.Option(help="Replay this recorded session.")] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+    realtime: Annotated[
+        bool, typer.Option("--realtime", help="Tick by real-time scheduling (Linux).")
+    ] = False,
 ) -> None:
     """Run leader and follower on loopback, then report what was modelled."""
     from mmt.cli.demo import run_demo
 
     good = run_demo(
-        scene_file, output_directory, duration_s=duration, replay=replay, json_file=json_file
+        scene_file,
+        output_directory,
+        duration_s=duration,
+        replay=replay,
+        json_file=json_file,
+        realtime=realtime,
     )
     if not good:
         raise typer.Exit(1)
@@ -85,11 +93,17 @@ def bench(
     ] = 20.0,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
     report: Annotated[Path | None, typer.Option(help="Write a report there.")] = None,
+    realtime: Annotated[
+        bool,
+        typer.Option(
+            "--realtime", help="Link: by real-time scheduling. Services: with and without it."
+        ),
+    ] = False,
 ) -> None:
     """Measure error against run time on this machine, beside every peer that is installed."""
     from mmt.cli.benching import run_benches
 
-    _, figures = run_benches(what or [], duration, report)
+    _, figures = run_benches(what or [], duration, report, realtime=realtime)
     write_json(json_file, figures)
     messages.print("ratios within one run are to be trusted, absolute times are not")
 

@@ -22,6 +22,7 @@ from typing import Any, Final
 from mmt.errors import InputError, MmtError
 from mmt.evaluation.link_sides import PATIENCE_S, Report, follow, lead
 from mmt.evaluation.link_traffic import Kind, Measured, Turn
+from mmt.realtime import require_real_time
 
 ROUND_S: Final = 1.0
 """Longest turn."""
@@ -83,6 +84,7 @@ def bench_link(
     *,
     sustained_hz: int = SUSTAINED_HZ,
     sustained_s: float | None = None,
+    realtime: bool = False,
 ) -> LinkBenchResult:
     """Measure the link and a bare WebSocket in turns, then the link at a higher rate.
 
@@ -95,14 +97,19 @@ def bench_link(
     sustained_hz, sustained_s
         Messages a second each way of the last turn, and its length, by default a quarter of
         `duration_s`.
+    realtime
+        Whether both processes run by real-time scheduling, so that no other work of the machine
+        comes in between.
 
     Raises
     ------
     InputError
         A number is not positive.
     MmtError
-        A process of the measurement failed.
+        A process of the measurement failed, or real-time scheduling is not permitted.
     """
+    if realtime:
+        require_real_time()
     sustained_s = duration_s / 4 if sustained_s is None else sustained_s
     if not (duration_s > 0 and rate_hz > 0 and sustained_hz > 0 and sustained_s > 0):
         raise InputError(
@@ -115,7 +122,9 @@ def bench_link(
         for number in range(rounds)
         for kind in _order(number)
     ]
-    leader, follower = _run(rate_hz, [*turns, Turn("ours", sustained_hz, 0, sustained_s, 0.5)])
+    leader, follower = _run(
+        rate_hz, [*turns, Turn("ours", sustained_hz, 0, sustained_s, 0.5)], realtime
+    )
     *compared, sustained = zip(leader.turns, follower.turns, strict=True)
     ours, bare = ([pair for pair in compared if pair[0].kind == kind] for kind in _KINDS)
     up, down = (_unheard(*pair) for pair in ((follower, leader), (leader, follower)))
@@ -136,12 +145,12 @@ def _order(number: int) -> tuple[Kind, ...]:
     return _KINDS if number % 2 == 0 else _KINDS[::-1]
 
 
-def _run(rate_hz: int, turns: list[Turn]) -> tuple[Report, Report]:
+def _run(rate_hz: int, turns: list[Turn], realtime: bool) -> tuple[Report, Report]:
     """Start the two processes, let them take the turns, and return what they noted."""
     context = multiprocessing.get_context("spawn")
     ends = [context.Pipe() for _ in range(2)]
     processes = [
-        context.Process(target=target, args=(there, rate_hz))
+        context.Process(target=target, args=(there, rate_hz, realtime))
         for target, (_, there) in zip((lead, follow), ends, strict=True)
     ]
     pipes = [here for here, _ in ends]
@@ -240,7 +249,9 @@ def main() -> None:
     """Measure and print a table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("seconds", nargs="?", type=float, default=60.0)
-    result = bench_link(parser.parse_args().seconds)
+    parser.add_argument("--realtime", action="store_true")
+    given = parser.parse_args()
+    result = bench_link(given.seconds, realtime=given.realtime)
     print(f"{'':10}{'up p50/p99 ms':>16}{'down p50/p99 ms':>18}{'cores':>14}  lost  out of order")
     rows = {"ours": result.ours, "bare": result.bare, f"{result.sustained_hz} Hz": result.sustained}
     for name, of in rows.items():

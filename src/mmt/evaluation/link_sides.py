@@ -21,6 +21,7 @@ from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.link.server import LeaderEvents, LeaderServer
 from mmt.process import prefer_even_ticks
+from mmt.realtime import be_real_time
 from mmt.scene import Link
 
 PATIENCE_S: Final = 20.0
@@ -50,17 +51,17 @@ class Report:
     """Last sequence number that came."""
 
 
-def lead(pipe: Connection, rate_hz: int) -> None:
+def lead(pipe: Connection, rate_hz: int, realtime: bool) -> None:
     """Be the leader of both links."""
-    asyncio.run(_lead(pipe, rate_hz))
+    asyncio.run(_lead(pipe, rate_hz, realtime))
 
 
-def follow(pipe: Connection, rate_hz: int) -> None:
+def follow(pipe: Connection, rate_hz: int, realtime: bool) -> None:
     """Be the follower of both links."""
-    asyncio.run(_follow(pipe, rate_hz))
+    asyncio.run(_follow(pipe, rate_hz, realtime))
 
 
-async def _lead(pipe: Connection, rate_hz: int) -> None:
+async def _lead(pipe: Connection, rate_hz: int, realtime: bool) -> None:
     ours, bare = Side(COMMAND_DTYPE, leads=True), Side(COMMAND_DTYPE, leads=True)
     connected, ended = asyncio.Event(), asyncio.Event()
     events = LeaderEvents(
@@ -75,13 +76,16 @@ async def _lead(pipe: Connection, rate_hz: int) -> None:
         await asyncio.wait_for(connected.wait(), PATIENCE_S)
         async with _bare_traffic(bare, await asyncio.wait_for(websocket, PATIENCE_S)) as put:
             await _report(
-                pipe, {"ours": ours, "bare": bare}, {"ours": server.send_commands, "bare": put}
+                pipe,
+                {"ours": ours, "bare": bare},
+                {"ours": server.send_commands, "bare": put},
+                realtime,
             )
             await asyncio.wait_for(ended.wait(), PATIENCE_S)
     await server.stop()
 
 
-async def _follow(pipe: Connection, rate_hz: int) -> None:
+async def _follow(pipe: Connection, rate_hz: int, realtime: bool) -> None:
     ports: Ports = await asyncio.to_thread(pipe.recv)
     ours, bare = Side(_FRAME), Side(_FRAME)
     client = FollowerClient(
@@ -95,14 +99,23 @@ async def _follow(pipe: Connection, rate_hz: int) -> None:
         session.ws_connect(f"http://127.0.0.1:{ports.bare}/") as websocket,
         _bare_traffic(bare, websocket) as put,
     ):
-        await _report(pipe, {"ours": ours, "bare": bare}, {"ours": client.send_frames, "bare": put})
+        await _report(
+            pipe,
+            {"ours": ours, "bare": bare},
+            {"ours": client.send_frames, "bare": put},
+            realtime,
+        )
         await client.end("measured")
     await client.disconnect()
 
 
-async def _report(pipe: Connection, sides: dict[Kind, Side], send: dict[Kind, Send]) -> None:
+async def _report(
+    pipe: Connection, sides: dict[Kind, Side], send: dict[Kind, Send], realtime: bool
+) -> None:
     """Say that all is connected, take the turns, and send what was noted."""
     prefer_even_ticks()
+    if realtime:
+        be_real_time()
     pipe.send(READY)
     turns: list[Turn] = await asyncio.to_thread(pipe.recv)
     measured = await take_turns(turns, sides, send)

@@ -1,0 +1,61 @@
+import os
+import sys
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from mmt.errors import MmtError
+from mmt.realtime import PRIORITY, be_real_time, require_real_time
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Linux's scheduler is asked")
+
+
+def permitted() -> bool:
+    try:
+        require_real_time()
+    except MmtError:
+        return False
+    return True
+
+
+def in_a_thread(function: Callable[[], object]) -> object:
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(function).result()
+
+
+@pytest.mark.skipif(not permitted(), reason="this user may not schedule in real time")
+def test_the_thread_that_asks_is_real_time_and_what_it_starts_is_not() -> None:
+    def ask() -> tuple[int, int, list[int]]:
+        be_real_time()
+        found: list[int] = []
+        child = threading.Thread(target=lambda: found.append(os.sched_getscheduler(0)))
+        child.start()
+        child.join()
+        return os.sched_getscheduler(0), os.sched_getparam(0).sched_priority, found
+
+    before = os.sched_getscheduler(0)
+    assert in_a_thread(ask) == (
+        os.SCHED_FIFO | os.SCHED_RESET_ON_FORK,
+        PRIORITY,
+        [os.SCHED_OTHER],
+    )
+    require_real_time()
+    assert os.sched_getscheduler(0) == before
+
+
+def test_where_it_is_not_permitted_a_sentence_says_how_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    for function in (be_real_time, require_real_time):
+        with pytest.raises(MmtError, match=r"not permitted .*rtprio 20.*LimitRTPRIO"):
+            function()
+
+
+def test_other_systems_have_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "platform", "darwin")
+    with pytest.raises(MmtError, match="on Linux alone"):
+        be_real_time()
