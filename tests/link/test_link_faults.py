@@ -22,6 +22,7 @@ import mmt.link.client
 import mmt.link.direct
 import mmt.link.server
 from mmt.link.client import FollowerClient
+from mmt.link.dialling import Line
 
 
 class Wire:
@@ -223,3 +224,12 @@ async def test_where_the_library_hides_its_websocket_its_queue_is_used(
         await until(lambda: len(up.sequences) == len(down.sequences) == 20)
         await client.end("done")
     assert up.sequences == down.sequences == list(range(20))
+
+
+async def test_a_link_that_breaks_in_the_moment_it_is_closed_is_closed() -> None:
+    line = Line.make({}, {})
+    reconnecting = line.client.start_background_task(line.client._handle_reconnect)
+    line.client._reconnect_task = reconnecting  # as the library does when it loses a connection
+    await line.close()
+    assert reconnecting.done()
+    assert line.session.closed

@@ -96,6 +96,7 @@ class Line:
         """Close whatever is open, and take up nothing again; in bounded time."""
         try:
             async with asyncio.timeout(ACKNOWLEDGE_S):
+                await asyncio.sleep(0)  # a reconnection that was only just begun cannot be ended
                 await self.client.shutdown()
                 await self.client.disconnect()
         except TimeoutError:
