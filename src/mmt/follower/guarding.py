@@ -1,6 +1,7 @@
 """Keep a robot safe from a leader that falls silent, speaks too late, or jumps."""
 
 import math
+import struct
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -8,6 +9,9 @@ from mmt.arrays import RecordArray
 from mmt.devices.protocols import Vector
 from mmt.link.log import RateLimit
 from mmt.scene import Link
+
+_COMMAND: Final = struct.Struct("<Iqqq3f")
+"""The layout of `mmt.frames.COMMAND_DTYPE`; NumPy takes over twice as long to read it."""
 
 _NORMALS: Final[dict[str, Vector]] = {
     "x": (1.0, 0.0, 0.0),
@@ -87,13 +91,11 @@ class CommandGuard:
         The newest one counts, unless its round trip, which includes the frame that it
         answers, was longer than `stale_ms`.
         """
-        newest = commands[-1]
-        echo_time_ns = int(newest["echo_time_ns"])
-        round_trip_ns = arrival_ns - echo_time_ns - int(newest["echo_age_ns"])
+        _, _, echo_time_ns, echo_age_ns, x, y, z = _COMMAND.unpack(commands[-1].tobytes())
+        round_trip_ns = arrival_ns - echo_time_ns - echo_age_ns
         if echo_time_ns and round_trip_ns > self._stale_ns:
             self._stale += len(commands)
             return
-        x, y, z = newest["position_mm"].tolist()
         self._command = (x, y, z)
 
     def step(self, elapsed: int, measured: Callable[[], Vector | None]) -> Vector | None:

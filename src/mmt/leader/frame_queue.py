@@ -25,6 +25,7 @@ class FrameQueue:
         self._frames: RecordArray | None = None
         self._count = 0
         self._ordered = True
+        self._first: int | None = None  # once it was asked for
 
     def __len__(self) -> int:
         """Return how many frames wait."""
@@ -33,8 +34,9 @@ class FrameQueue:
     @property
     def first_sequence(self) -> int | None:
         """The number of the oldest frame, None where nothing waits."""
-        frames = self._in_order()
-        return int(frames["sequence"][0]) if len(frames) else None
+        if self._first is None and self._count:
+            self._first = int(self._in_order()["sequence"][0])
+        return self._first
 
     def put(self, frames: RecordArray) -> int:
         """Queue frames (n,) behind those that wait; return how many were dropped."""
@@ -54,7 +56,7 @@ class FrameQueue:
 
     def insert(self, frames: RecordArray) -> int:
         """Queue frames (n,) at the places of their numbers; return how many were dropped."""
-        self._ordered = False
+        self._ordered, self._first = False, None
         return self.put(frames)
 
     def take_period(self, numbers: int, before: int | None) -> RecordArray | None:
@@ -81,7 +83,7 @@ class FrameQueue:
     def take_all(self) -> RecordArray:
         """Return what waits, oldest first, and empty the queue."""
         frames = self._in_order().copy()
-        self._count = 0
+        self._count, self._first = 0, None
         return frames
 
     def _remove(self, count: int) -> None:
@@ -89,6 +91,7 @@ class FrameQueue:
         if self._frames is not None:
             self._frames[: self._count - count] = self._frames[count : self._count].copy()
             self._count -= count
+            self._first = None
 
     def _in_order(self) -> RecordArray:
         if self._frames is None:
