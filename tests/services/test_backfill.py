@@ -113,6 +113,19 @@ async def test_the_model_after_an_outage_equals_the_one_without_it(
     assert cut.leader.recording["frames"] == len(expected)
 
 
+async def test_after_a_stall_the_newest_frames_go_first_and_the_rest_is_filled_in(
+    made: Path, tmp_path: Path
+) -> None:
+    outcome = await run(made, tmp_path / "silent", "silence")
+    backfill = outcome.leader.backfill
+    assert outcome.follower.link["dropped"] == backfill["missing"] > 500
+    assert backfill["filled"] == backfill["missing"]
+    assert not any("follower lost" in said for said in outcome.said)
+    np.testing.assert_array_equal(
+        outcome.recording.frames["force_n"], read_session(made).frames["force_n"]
+    )
+
+
 async def test_what_an_emulated_network_loses_is_filled_in(made: Path, tmp_path: Path) -> None:
     lossy = {"delay_ms": 20.0, "loss": 0.05, "burst_messages": 4.0}
     outcome = await run(made, tmp_path / "lossy", None, network=lossy)

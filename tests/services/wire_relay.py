@@ -2,8 +2,11 @@
 
 import asyncio
 import contextlib
+import socket
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+
+_WAITING_BYTES = 4096
 
 
 class Relay:
@@ -20,9 +23,11 @@ class Relay:
         self.port = 0
 
     async def open(self) -> None:
-        """Listen on a free port."""
-        self._server = await asyncio.start_server(self._relay, "127.0.0.1", 0)
-        self.port = self._server.sockets[0].getsockname()[1]
+        """Listen on a free port; what waits here is little, as on a radio link."""
+        listening = socket.create_server(("127.0.0.1", 0))
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _WAITING_BYTES)
+        self._server = await asyncio.start_server(self._relay, sock=listening, limit=1024)
+        self.port = listening.getsockname()[1]
 
     async def close(self) -> None:
         """Cut for good."""
@@ -66,7 +71,7 @@ class Relay:
 
     async def _pump(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         with contextlib.suppress(ConnectionError):
-            while data := await reader.read(65_536):
+            while data := await reader.read(_WAITING_BYTES):
                 await self._flowing.wait()
                 writer.write(data)
                 await writer.drain()

@@ -15,6 +15,7 @@ from typing import Final
 import socketio
 from aiohttp import ClientWebSocketResponse, WSCloseCode, web
 
+from mmt.link.backlog import UnbufferedSend
 from mmt.link.gate import Gate, StrangersGate
 from mmt.link.outbox import Sending
 from mmt.link.receiving import Handlers, take_directly
@@ -73,7 +74,7 @@ class ServerSockets:
         """Return what sends an encoded message to the client that connects so."""
         websocket = self._websocket(environ)
         if websocket is not None:
-            return websocket.send_bytes
+            return UnbufferedSend(websocket)
         return partial(
             self._server.eio.send, self._server.manager.eio_sid_from_sid(sid, _NAMESPACE)
         )
@@ -93,6 +94,6 @@ def client_send(client: socketio.AsyncClient) -> Send:
     """Return what sends an encoded message to the server."""
     websocket = getattr(client.eio, "ws", None)
     if isinstance(websocket, ClientWebSocketResponse):
-        return websocket.send_bytes
+        return UnbufferedSend(websocket)
     send: Send = client.eio.send
     return send
