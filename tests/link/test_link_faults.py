@@ -21,6 +21,7 @@ from link_samples import (
 import mmt.link.client
 import mmt.link.direct
 import mmt.link.server
+from mmt.errors import MmtError
 from mmt.link.client import FollowerClient
 from mmt.link.dialling import Line
 
@@ -189,6 +190,25 @@ async def test_a_wire_that_falls_silent_is_noticed_on_both_sides(
         await until(lambda: up.losses and down.losses)
         assert not server.connected
     assert (len(up.losses), len(down.losses)) == (1, 1)
+
+
+async def test_a_follower_whose_old_connection_looks_alive_may_take_its_own_place() -> None:
+    up = LeaderNotes()
+    async with (
+        leader(up) as server,
+        wire(server.port) as relay,
+        follower(relay.port, run_id="the same") as old,
+    ):
+        old.send_frames(frames(0, 5))
+        await until(lambda: up.sequences)
+        relay.fall_silent()
+        async with follower(server.port, run_id="the same") as new:
+            new.send_frames(frames(5, 5))
+            await until(lambda: up.sequences == list(range(10)))
+            assert up.losses == ["it connects anew"]
+            with pytest.raises(MmtError, match="another follower is connected"):
+                async with follower(server.port, run_id="another"):
+                    pass
 
 
 async def test_the_end_does_not_wait_for_ever_on_a_silent_wire(

@@ -9,7 +9,12 @@ from mmt.link.protocol import FollowerHello
 
 
 def admit(
-    auth: object, access: Access, channels: Sequence[Channel], rate_hz: int, *, occupied: bool
+    auth: object,
+    access: Access,
+    channels: Sequence[Channel],
+    rate_hz: int,
+    *,
+    occupant: FollowerHello | None,
 ) -> FollowerHello:
     """Return the hello of a follower that fits the leader's scene.
 
@@ -21,8 +26,9 @@ def admit(
         What the leader asks for.
     channels, rate_hz
         What the leader's scene needs.
-    occupied
-        Whether another follower is connected.
+    occupant
+        Of the follower that is connected, None where none is. Its own process may take its
+        place: it knows that its old connection is dead before the leader does.
 
     Raises
     ------
@@ -34,7 +40,7 @@ def admit(
     if not access.admits(auth.get("token") if isinstance(auth, Mapping) else None):
         raise MmtError(REFUSED)
     hello = FollowerHello.from_auth(auth)
-    if occupied:
+    if occupant is not None and not (hello.run_id and hello.run_id == occupant.run_id):
         raise MmtError("another follower is connected: one leader serves one follower")
     if hello.rate_hz != rate_hz:
         raise InputError(

@@ -130,6 +130,7 @@ class LeaderServer:
         self._left = asyncio.Event()
         self._stopping = False
         self._greeting: asyncio.Task[None] | None = None
+        self._dropping: asyncio.Task[None] | None = None
         self._server = make_server(PING_TIMEOUT_S)
         application = guarded_application(self._access)
         self._server.attach(application)
@@ -213,8 +214,9 @@ class LeaderServer:
         """Drop the follower, if there is one, and stop listening."""
         self._stopping = True
         self._outbox.close()
-        if self._greeting is not None:
-            self._greeting.cancel()
+        for task in (self._greeting, self._dropping):
+            if task is not None:
+                task.cancel()
         if not self._listener.port:
             return
         await self._sockets.close(CLOSE_TIMEOUT_S)
@@ -254,14 +256,17 @@ class LeaderServer:
     # --- what python-socketio calls
 
     def _on_connect(self, sid: str, environ: Mapping[str, object], auth: object = None) -> None:
+        occupant = self._follower
         try:
             hello = admit(
                 auth,
                 self._access,
                 self._channels,
                 self._rate_hz,
-                occupied=self._follower is not None,
+                occupant=None if occupant is None else occupant.hello,
             )
+            if occupant is not None:
+                self._replace(occupant)
             self._events.on_follower(hello)
         except MmtError as error:
             LOG.warning("refused a follower: %s", printable(str(error), MAX_SENTENCE))
@@ -279,6 +284,13 @@ class LeaderServer:
         self._sockets.let_in(environ, handlers, self._gate)
         send = self._sockets.send(sid, environ)
         self._greeting = asyncio.get_running_loop().create_task(self._greet(sid, send))
+
+    def _replace(self, occupant: _Follower) -> None:
+        """Drop a connection that the follower itself has given up."""
+        self._on_disconnect(occupant.sid, "it connects anew")
+        self._dropping = asyncio.get_running_loop().create_task(
+            self._server.disconnect(occupant.sid)
+        )
 
     def _on_disconnect(self, sid: str, reason: str) -> None:
         follower = self._follower
