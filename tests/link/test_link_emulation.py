@@ -270,3 +270,12 @@ async def test_without_the_table_there_is_nothing_to_change() -> None:
             assert response.status == 404
     finally:
         await server.stop()
+
+
+async def test_back_fill_waits_while_the_emulated_bandwidth_is_taken() -> None:
+    async with outbox(bandwidth_kbit_s=80) as (box, sent):
+        assert box.idle
+        box.put(1, bytes(1000))  # takes 100 ms
+        assert not box.idle
+        await until(lambda: sent.messages)
+        await until(lambda: box.idle)

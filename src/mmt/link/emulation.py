@@ -84,6 +84,11 @@ class EmulatedOutbox(Outbox):
         await super().finish(timeout_s)
 
     @property
+    def idle(self) -> bool:
+        """Whether the emulated network and the link could take a message at once."""
+        return super().idle and self._fates.is_free(time.monotonic_ns())
+
+    @property
     def _empty(self) -> bool:
         return self.idle and not self._held
 

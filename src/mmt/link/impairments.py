@@ -71,6 +71,10 @@ class MessageFates:
             return (arrival_ns, self._arrival(departure_ns))
         return (arrival_ns,)
 
+    def is_free(self, now_ns: int) -> bool:
+        """Whether a message that is sent now need not wait for the bandwidth."""
+        return self._free_ns <= now_ns
+
     def _is_out(self, send_ns: int) -> bool:
         """Whether an outage holds: each lasts to the end of its interval."""
         settings = self._settings
