@@ -3,7 +3,15 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
-from mmt.exposition import gauge, histogram, link_metrics, registry_of, session, tick_metrics
+from mmt.exposition import (
+    counter,
+    gauge,
+    histogram,
+    link_metrics,
+    registry_of,
+    session,
+    tick_metrics,
+)
 from mmt.link.access import Access
 from mmt.link.listening import Listener, guarded_application
 from mmt.link.pages import metrics_page
@@ -39,3 +47,10 @@ def _collect(service: "FollowerService") -> Iterator["Metric"]:
     yield from link_metrics(client.statistics, client.latency)
     yield histogram("round_trip", "From a frame to the command that answers it.", client.round_trip)
     yield from tick_metrics(service.ticker.statistics, service.ticker.periods)
+    sent = client.backfill.get("sent", 0)
+    yield counter("backfilled_frames", "Frames that were sent again.", sent)
+    if service.guard is not None:
+        commands = service.guard.summary
+        yield counter("silences", "Times that the leader fell silent.", commands["silences"])
+        yield counter("silent_seconds", "Time without a fresh command.", commands["silent_s"])
+        yield counter("stale_commands", "Commands thrown away.", commands["stale_commands"])

@@ -111,7 +111,7 @@ class FollowerService:
             clock_hz=self._link.clock_hz,
         )
         self.ticker = Ticker(round(1e9 / scene.session.rate_hz), self._tick)
-        self._guard = self._make_guard()
+        self.guard = self._make_guard()
         self._newest: RecordArray | None = None
         self._ended = asyncio.Event()
         self._outcome = "source ended"
@@ -159,7 +159,7 @@ class FollowerService:
                 "core_share": round(cost.core_share, 3),
                 "memory_mb": round(cost.memory_mb, 1),
             },
-            commands=self._guard.summary if self._guard is not None else {},
+            commands=self.guard.summary if self.guard is not None else {},
             backfill=self.client.backfill,
         )
 
@@ -237,7 +237,7 @@ class FollowerService:
             self._say(str(error))
 
     def _tick(self, elapsed: int) -> None:
-        guard = self._guard
+        guard = self.guard
         command = guard.step(elapsed, self._measured) if guard is not None else None
         frames = self.source.step(elapsed, time.monotonic_ns(), command)
         if len(frames):
@@ -265,8 +265,8 @@ class FollowerService:
         return (x, y, z) if math.isfinite(x + y + z) else None
 
     def _on_commands(self, commands: RecordArray, arrival_ns: int) -> None:
-        if self._guard is not None:
-            self._guard.take(commands, arrival_ns)
+        if self.guard is not None:
+            self.guard.take(commands, arrival_ns)
 
     def _on_stop(self, reason: str) -> None:
         self._say(f"the leader ended the session: {reason}")

@@ -55,6 +55,7 @@ def collect(service: "LeaderService") -> Iterator["Metric"]:
     if service.server is not None:
         yield gauge("connected", "Whether a follower is connected.", service.server.connected)
         yield from link_metrics(service.server.statistics, service.server.latency)
+        yield from _backfill(service)
     yield from tick_metrics(service.ticker.statistics, service.ticker.periods)
     if service.parts.switch is not None:
         yield state("vibration_mode", "What drives the actuator.", "mode", status.mode, _MODES)
@@ -67,6 +68,16 @@ def collect(service: "LeaderService") -> Iterator["Metric"]:
     if recorder is not None:
         yield counter("recorded_frames", "Frames in the recording.", recorder.frames)
         yield counter("recording_dropped_frames", "Frames that found no room.", recorder.dropped)
+
+
+def _backfill(service: "LeaderService") -> Iterator["Metric"]:
+    from mmt.exposition import counter, gauge
+
+    frames = service.backfill.missing.summary
+    yield counter("missing_frames", "Frames that were missing at their turn.", frames["missing"])
+    yield counter("filled_frames", "Missing frames that were filled in.", frames["filled"])
+    yield counter("unfilled_frames", "Missing frames that were given up.", frames["lost"])
+    yield gauge("awaited_frames", "Missing frames that may still come.", frames["waiting"])
 
 
 def _model(service: "LeaderService") -> Iterator["Metric"]:

@@ -80,7 +80,7 @@ class LeaderService:
         self._fastest = LARGEST_SPEED if scene.replay is not None else 1.0
         self._numbering = SessionNumbering(self._period_ns, self._fastest)
         self._commands = MotionCommands(self._numbering)
-        self._backfill = Backfill(
+        self.backfill = Backfill(
             scene.keep_frames(), self._numbering, self.parts, self._request_frames, self._note
         )
         self._mode = self.parts.switch.mode if self.parts.switch is not None else "silent"
@@ -127,7 +127,7 @@ class LeaderService:
             if on_ready is not None:
                 on_ready()
             await self._until_ended(tasks)
-            self._backfill.close()
+            self.backfill.close()
             if parts.modelling is not None and self._fault is None:
                 await parts.modelling.finish(_LAST_UPDATES_S)
         finally:
@@ -201,9 +201,9 @@ class LeaderService:
                 on_end=self._on_end,
                 on_lost=self._on_lost,
                 on_jump=self._on_jump,
-                on_backfill=self._backfill.take,
-                on_gone=self._backfill.gone,
-                on_settle=self._backfill.settle,
+                on_backfill=self.backfill.take,
+                on_gone=self.backfill.gone,
+                on_settle=self.backfill.settle,
                 on_error=self._fail,
             ),
             fastest=self._fastest,
@@ -230,7 +230,7 @@ class LeaderService:
     def _on_follower(self, hello: "FollowerHello") -> None:
         self._expect_return(None)
         self._numbering.reconnect(hello.run_id)
-        self._backfill.connect(hello)
+        self.backfill.connect(hello)
         if self.parts.recorder is not None and hello.annotations:
             self.parts.recorder.attach_annotations(hello.annotations)
         self._event(f"follower connected ({hello.source})")
@@ -239,16 +239,16 @@ class LeaderService:
         parts = self.parts
         if not self._numbering.frames:
             self._meter = ProcessMeter()
-        if self._backfill.settled:
-            self._backfill.take(frames)
+        if self.backfill.settled:
+            self.backfill.take(frames)
             return
         newest = self._numbering.newest
         frames, left_out = self._numbering.take(frames, arrival_ns)
         if left_out:
-            self._backfill.started_anew()
+            self.backfill.started_anew()
             self._event(f"the follower started anew, {left_out} frames are missing before it")
         if 0 <= newest != self._numbering.newest - len(frames) - left_out:
-            self._backfill.missing.jumped(newest + left_out, frames)
+            self.backfill.missing.jumped(newest + left_out, frames)
         self._rest_ticks = 0
         if parts.recorder is not None:
             parts.recorder.record_frames(frames)
@@ -304,7 +304,7 @@ class LeaderService:
         streaming = self.scene.link is None or self._streaming
         state = self._read_hand(elapsed, now_ns) if streaming else None
         if streaming:
-            self._backfill.tick(elapsed)
+            self.backfill.tick(elapsed)
         if parts.feedback is not None:
             parts.feedback.tick(elapsed)  # also without a stream: then the force must fade
         if self.scene.link is not None and not self._numbering.frames:
@@ -412,5 +412,5 @@ class LeaderService:
             clock_offset_ns=self.server.clock.offset_ns if self.server is not None else None,
             ticks=self.ticker.statistics,
             cost=self._meter.read(),
-            backfill=self._backfill.summary,
+            backfill=self.backfill.summary,
         )
