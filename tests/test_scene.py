@@ -178,3 +178,33 @@ def test_gaps_are_concealed_from_a_model_where_the_numerics_are_there_anyway(
 ) -> None:
     scene = load_scene(Path(name), {"playout.conceal": conceal})
     assert scene.concealment == expected
+
+
+@pytest.mark.parametrize(
+    ("method", "key", "value"),
+    [
+        ("streamed", "reserve_mj", 2.0),
+        ("model", "largest_drift_mm", 1.0),
+        ("passive", "largest_stiffness_n_mm", 5.0),
+    ],
+)
+def test_a_key_of_another_method_of_force_feedback_is_an_error(
+    method: str, key: str, value: float
+) -> None:
+    with pytest.raises(InputError, match=f"{key} has no meaning with method"):
+        scene_from_tables(
+            {
+                "link": {},
+                "simulated": {},
+                "hand": {},
+                "force_feedback": {"method": method, key: value},
+            }
+        )
+
+
+@pytest.mark.parametrize("method", ["streamed", "passive", "model"])
+def test_a_resolved_scene_of_each_method_is_read_again(method: str) -> None:
+    tables = {"link": {}, "simulated": {}, "hand": {}, "force_feedback": {"method": method}}
+    scene = scene_from_tables(tables)
+    assert scene_from_tables(scene.dump()) == scene
+    assert ("position" in scene.channels()) == (method == "model")

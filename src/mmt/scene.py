@@ -9,6 +9,7 @@ from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from mmt.feedback_table import ForceFeedback
 from mmt.frames import Channel, ordered_channels
 from mmt.network_table import Network
 from mmt.texture.settings import ModellingSettings
@@ -164,12 +165,6 @@ class Actuator(_Table):
     limit_m_s2: float = Field(60.0, gt=0, le=1000)
 
 
-class ForceFeedback(_Table):
-    """``[force_feedback]``: the streamed force goes to the leader's interface."""
-
-    limit_n: float = Field(3.3, gt=0, le=40)
-
-
 class Recording(_Table):
     """``[recording]``: every frame received goes into an MCAP file."""
 
@@ -235,6 +230,8 @@ class Scene(_Table):
             wanted.add("acceleration")
         if self.force_feedback is not None:
             wanted.add("force")
+            if self.force_feedback.method == "model":
+                wanted.add("position")
         if self.recording is not None and (self.recording.channels == "all" or not wanted):
             wanted |= {"position", "force", "acceleration"}
         return ordered_channels(wanted) if wanted else ()

@@ -4,6 +4,7 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
+from mmt.feedback_records import CONTACT, CONTACT_DTYPE, CONTACT_GATHERED, ENERGY, ENERGY_DTYPE
 from mmt.frames import COMMAND_DTYPE, frame_dtype
 from mmt.link.protocol import COMMANDS, FRAMES, encode_event
 from mmt.scene import Scene
@@ -87,7 +88,22 @@ def _streams(scene: Scene) -> tuple[Stream, ...]:
     )
     if scene.hand is None:
         return (frames,)
-    return (frames, _stream("down", COMMANDS, ("position",), COMMAND_DTYPE.itemsize, 1.0, rate_hz))
+    commands = _stream("down", COMMANDS, ("position",), COMMAND_DTYPE.itemsize, 1.0, rate_hz)
+    return (frames, commands, *_feedback_streams(scene, rate_hz))
+
+
+def _feedback_streams(scene: Scene, rate_hz: float) -> tuple[Stream, ...]:
+    """Return what force feedback adds; energies go while there is contact, in every tick."""
+    table = scene.force_feedback
+    if table is not None and table.method == "passive":
+        size = ENERGY_DTYPE.itemsize
+        return tuple(
+            _stream(way, ENERGY, ("energy",), size, 1.0, rate_hz) for way in ("up", "down")
+        )
+    if table is not None and table.method == "model":
+        holds, size = ("command", "position", "force"), CONTACT_DTYPE.itemsize
+        return (_stream("up", CONTACT, holds, size, CONTACT_GATHERED, rate_hz),)
+    return ()
 
 
 def _stream(

@@ -24,4 +24,12 @@ SERVICES_OF_PART: Final[dict[str, tuple[str, ...]]] = {
 
 def parts_of(scene: Scene, service: str) -> dict[str, bool]:
     """Return the parts that concern "leader" or "follower", and whether they run."""
-    return {name: runs for name, runs in scene.parts().items() if service in SERVICES_OF_PART[name]}
+    return {name: runs for name, runs in scene.parts().items() if service in _services(scene, name)}
+
+
+def _services(scene: Scene, name: str) -> tuple[str, ...]:
+    """Return the services that a table concerns; some methods have a part on either side."""
+    feedback = scene.force_feedback
+    if name == "force_feedback" and feedback is not None and feedback.method != "streamed":
+        return ("leader", "follower")
+    return SERVICES_OF_PART[name]

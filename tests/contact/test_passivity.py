@@ -147,13 +147,13 @@ def test_missed_ticks_count_with_all_their_work() -> None:
     assert port.in_j == pytest.approx(5e-4)
 
 
-def test_a_released_port_displays_nothing_and_counts_nothing() -> None:
+def test_a_force_that_is_limited_afterwards_counts_as_it_was_displayed() -> None:
     port = ForcePort(SETTINGS)
-    port.step(-1.0, 0.0)
-    port.step(-1.0, 0.0)
-    port.release()
-    assert port.step(0.0, 0.1) == 0.0
-    assert port.in_j == port.out_j == 0.0
+    port.step(-2.0, 0.0)
+    port.step(-2.0, 0.0)
+    port.displayed(-1.0)
+    port.step(-2.0, 1e-4)
+    assert port.in_j == pytest.approx(1e-4)
 
 
 # --- the follower's port

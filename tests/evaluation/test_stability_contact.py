@@ -97,7 +97,13 @@ def test_a_loop_without_any_delay_may_be_unstable() -> None:
 
 
 def test_the_loop_holds() -> None:
-    cases = closed_loop.cases(walls_n_mm=(0.2, 1.0, 10.0), delays_ms=(0, 5, 50), hand_s=2.0)
+    cases = closed_loop.cases(
+        walls_n_mm=(0.2, 1.0, 10.0),
+        delays_ms=(0, 5, 50),
+        hand_s=2.0,
+        method_walls_n_mm=(50.0,),
+        method_delays_ms=(100,),
+    )
     assert those_that_do_not_hold("loop", cases) == []
 
 

@@ -7,6 +7,7 @@ import typer
 
 from mmt.cli import models, scenes, sessions
 from mmt.cli.common import messages, run_app, version, write_json
+from mmt.errors import InputError
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -62,16 +63,26 @@ def demo(
 
 @app.command()
 def evaluate(
-    sessions: Annotated[list[Path], typer.Argument(metavar="SESSION...")],
+    sessions: Annotated[list[Path] | None, typer.Argument(metavar="SESSION...")] = None,
     scene_file: Annotated[
         Path | None, typer.Option("--scene", help="Take \\[texture] from this scene.")
     ] = None,
     step: Annotated[float, typer.Option(help="Seconds between the rows.")] = 2.5,
     seed: Annotated[int, typer.Option(help="Chooses the segments that are held out.")] = 0,
+    feedback: Annotated[
+        bool, typer.Option("--feedback", help="Force feedback over a delay, by method.")
+    ] = False,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
     report: Annotated[Path | None, typer.Option(help="Write a report there.")] = None,
 ) -> None:
     """Evaluate recorded sessions: distance and fit against session time."""
+    if feedback:
+        from mmt.cli.feedback import print_feedback
+
+        print_feedback(sessions or [], seed=seed, json_file=json_file, report=report)
+        return
+    if not sessions:
+        raise InputError("evaluate: name a session, or give --feedback")
     from mmt.cli.evaluating import evaluate_files
 
     evaluate_files(

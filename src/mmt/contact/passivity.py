@@ -156,17 +156,16 @@ class ForcePort:
         period_s = ticks * self._settings.tick_s
         damping = self._damping(wanted_n, travel, left, period_s)
         force = wanted_n - damping * travel / period_s
-        kept = 0.5 if force * travel > 0.0 else 0.0
-        spare = max(0.0, left + (1.0 - kept) * self._settings.reserve_j)
+        spare = max(0.0, left + self._settings.reserve_j)
         most = spare / (2.0 * abs(travel) + self._slack_m)
         self._force_n = max(-most, min(force, most))
         self._withheld_n = wanted_n - self._force_n
         return self._force_n
 
-    def release(self) -> None:
-        """Display no force, as nothing is known of the handle."""
-        self._force_n = self._withheld_n = 0.0
-        self._position_m = None
+    def displayed(self, force_n: float) -> None:
+        """Note that another force was displayed than `step` returned, no larger than it."""
+        self._withheld_n += self._force_n - force_n
+        self._force_n = force_n
 
     def _count(self, travel: float) -> None:
         """Count the last tick's work."""

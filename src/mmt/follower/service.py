@@ -22,6 +22,8 @@ from mmt.scene import Link, Scene, Texture
 from mmt.ticking import Ticker
 
 if TYPE_CHECKING:
+    from mmt.follower.feedback import FollowerFeedback
+    from mmt.link.extra import ExtraEvent
     from mmt.link.listening import Listener
     from mmt.link.network import EmulatedNetwork
 
@@ -45,6 +47,7 @@ class FollowerSummary:
     process: dict[str, Any]
     commands: dict[str, Any] = field(default_factory=dict)
     backfill: dict[str, Any] = field(default_factory=dict)
+    feedback: dict[str, Any] = field(default_factory=dict)
 
     @property
     def problem(self) -> str | None:
@@ -87,6 +90,7 @@ class FollowerService:
         self.session_id: str | None = None
         self._access = Access.of(self._link)
         self.source = build_source(scene)
+        self._feedback = self._make_feedback()
         self.client = FollowerClient(
             self.url,
             FollowerHello(
@@ -97,6 +101,7 @@ class FollowerService:
                 annotations=self.source.annotations,
                 keep_frames=scene.keep_frames(),
                 run_id=uuid.uuid4().hex,
+                extra="" if self._feedback is None else self._feedback.event,
             ),
             FollowerEvents(
                 on_commands=self._on_commands,
@@ -109,6 +114,7 @@ class FollowerService:
             network=self._emulated_network(),
             access=self._access,
             clock_hz=self._link.clock_hz,
+            extra=self._extra_event(),
         )
         self.ticker = Ticker(round(1e9 / scene.session.rate_hz), self._tick)
         self.guard = self._make_guard()
@@ -161,6 +167,7 @@ class FollowerService:
             },
             commands=self.guard.summary if self.guard is not None else {},
             backfill=self.client.backfill,
+            feedback=dict(self._feedback.summary) if self._feedback is not None else {},
         )
 
     def stop(self, outcome: str = "stopped") -> None:
@@ -239,9 +246,16 @@ class FollowerService:
     def _tick(self, elapsed: int) -> None:
         guard = self.guard
         command = guard.step(elapsed, self._measured) if guard is not None else None
+        feedback = self._feedback
+        if feedback is not None:
+            command = feedback.command(command)
         frames = self.source.step(elapsed, time.monotonic_ns(), command)
         if len(frames):
             self._newest = frames
+            if feedback is not None:
+                news = feedback.measured(frames)
+                if news is not None:
+                    self.client.send_extra(news)
             self.client.send_frames(frames)
         if self.source.finished:
             self.stop("source ended")
@@ -256,6 +270,22 @@ class FollowerService:
             measures_position="position" in self.scene.channels(),
             say=self._say,
         )
+
+    def _make_feedback(self) -> "FollowerFeedback | None":
+        table = self.scene.force_feedback
+        if table is None or table.method == "streamed":
+            return None
+        from mmt.follower.feedback import build_feedback
+
+        return build_feedback(table, self.scene.session.rate_hz)
+
+    def _extra_event(self) -> "ExtraEvent | None":
+        feedback = self._feedback
+        if feedback is None:
+            return None
+        from mmt.link.extra import ExtraEvent
+
+        return ExtraEvent(feedback.event, feedback.dtype, feedback.take_records, feedback.restart)
 
     def _measured(self) -> Vector | None:
         """Return the robot's newest measured position, None before there is one."""

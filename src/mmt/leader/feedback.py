@@ -1,8 +1,51 @@
 """Kinesthetic feedback as in Awan et al., section IV: the streamed force goes to the hand."""
 
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import numpy as np
+
 from mmt.arrays import RecordArray
-from mmt.devices.protocols import LeaderInterface
+from mmt.devices.protocols import InterfaceState, LeaderInterface, Vector
 from mmt.leader.silence import SILENCE_TICKS, SilenceRamp
+
+
+class Feedback(Protocol):
+    """A way to display the remote force to the hand, one tick after another."""
+
+    event: str | None
+    """The further event that comes from the follower, None where frames are enough."""
+    dtype: "np.dtype[np.void] | None"
+    """Of that event's records."""
+
+    def take(self, frames: RecordArray) -> None:
+        """Take frames (n,), n >= 1, the newest last."""
+
+    def take_records(self, records: RecordArray) -> None:
+        """Take checked records (n,) of the further event."""
+
+    def restart(self) -> None:
+        """Expect a new connection, perhaps of a follower that begins anew."""
+
+    def tick(self, elapsed: int, state: InterfaceState | None) -> RecordArray | None:
+        """Display the force for the elapsed ticks.
+
+        Parameters
+        ----------
+        elapsed
+            Ticks since the last call, at least 1.
+        state
+            The handle's state, None where it is not read.
+
+        Returns
+        -------
+        records
+            Shape (1,), to be sent to the follower under the same event; None for none.
+        """
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """What was counted and estimated, for a program."""
 
 
 class StreamedForce:
@@ -19,22 +62,56 @@ class StreamedForce:
         come again it returns over as many.
     """
 
+    event: str | None = None
+    dtype: "np.dtype[np.void] | None" = None
+
     def __init__(
         self, interface: LeaderInterface, *, limit_n: float, silence_ticks: int = SILENCE_TICKS
     ) -> None:
         self._interface = interface
         self._limit_n = limit_n
         self._ramp = SilenceRamp(silence_ticks, silence_ticks)
-        self._force = (0.0, 0.0, 0.0)
+        self._force: Vector = (0.0, 0.0, 0.0)
+        self._largest_n = 0.0
 
     def take(self, frames: RecordArray) -> None:
         """Keep the newest frame's force."""
-        x, y, z = frames["force_n"][-1].tolist()
-        magnitude = float((x * x + y * y + z * z) ** 0.5)
-        scale = min(1.0, self._limit_n / magnitude) if magnitude > 0 else 1.0
-        self._force = (x * scale, y * scale, z * scale)
+        self._force = limited(frames["force_n"][-1].tolist(), self._limit_n)
         self._ramp.heard()
 
-    def tick(self, elapsed: int) -> None:
-        """Display the force for the elapsed ticks."""
-        self._interface.write(self._ramp.shape(self._force, elapsed))
+    def take_records(self, records: RecordArray) -> None:
+        """Do nothing: frames are all that comes."""
+
+    def restart(self) -> None:
+        """Do nothing: the newest force is displayed, whoever sent it."""
+
+    def tick(
+        self,
+        elapsed: int,
+        state: InterfaceState | None,  # noqa: ARG002 - the force does not depend on it
+    ) -> RecordArray | None:
+        """Display the force for the elapsed ticks; nothing is sent."""
+        self._show(self._streamed(elapsed))
+        return None
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """Which method it is, and the largest force that was displayed."""
+        return {"method": "streamed", "largest_n": round(self._largest_n, 3)}
+
+    def _streamed(self, elapsed: int) -> Vector:
+        """Return the newest force, shaped by how long ago it came."""
+        return self._ramp.shape(self._force, elapsed)
+
+    def _show(self, force_n: Vector) -> None:
+        x, y, z = force_n
+        self._largest_n = max(self._largest_n, (x * x + y * y + z * z) ** 0.5)
+        self._interface.write(force_n)
+
+
+def limited(force_n: tuple[float, float, float], limit_n: float) -> Vector:
+    """Return a force (N) no larger than the limit, its direction kept."""
+    x, y, z = force_n
+    magnitude = float((x * x + y * y + z * z) ** 0.5)
+    scale = min(1.0, limit_n / magnitude) if magnitude > 0.0 else 1.0
+    return (x * scale, y * scale, z * scale)

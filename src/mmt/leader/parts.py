@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from mmt.devices.protocols import LeaderInterface, VibrationActuator
 from mmt.leader.concealment import build_concealment
-from mmt.leader.feedback import StreamedForce
+from mmt.leader.feedback import Feedback
+from mmt.leader.feedback_choice import build_feedback
 from mmt.leader.playout import PlayoutBuffer
 from mmt.leader.rendering import VibrationSwitch
 from mmt.leader.stream import StreamedMotion, StreamedVibration
@@ -29,7 +30,7 @@ class LeaderParts:
     playout: PlayoutBuffer | None = None
     streamed_vibration: StreamedVibration | None = None
     streamed_motion: StreamedMotion | None = None
-    feedback: StreamedForce | None = None
+    feedback: Feedback | None = None
     modelling: "ModellingTask | None" = None
     synthesizer: "Synthesizer | None" = None
     switch: VibrationSwitch | None = None
@@ -120,7 +121,9 @@ def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None])
     if scene.rendering is not None and scene.hand is None:
         parts.streamed_motion = StreamedMotion(geometry.normal, rate_hz)
     if scene.force_feedback is not None and parts.hand is not None:
-        parts.feedback = StreamedForce(parts.hand, limit_n=scene.force_feedback.limit_n)
+        parts.feedback = build_feedback(
+            scene.force_feedback, parts.hand, rate_hz=rate_hz, normal=geometry.normal
+        )
     if scene.actuator is not None:
         _build_vibration(scene, parts)
     if scene.recording is not None:

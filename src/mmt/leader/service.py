@@ -25,6 +25,7 @@ from mmt.ticking import Ticker
 
 if TYPE_CHECKING:
     from mmt.link.clock_offset import ClockJump
+    from mmt.link.extra import ExtraEvent
     from mmt.link.network import EmulatedNetwork
     from mmt.link.protocol import FollowerHello
     from mmt.link.server import LeaderServer
@@ -210,6 +211,7 @@ class LeaderService:
             session_id=self.log.session_id,
             network=self._emulated_network(),
             pages=pages(self),
+            extra=self._extra_event(),
         )
         self._clock_notes = ClockNotes(self.server.clock, self._record_event)
         await self.server.start()
@@ -224,6 +226,14 @@ class LeaderService:
     def _request_frames(self, ranges: "list[Range]") -> None:
         if self.server is not None:
             self.server.request_frames(ranges)
+
+    def _extra_event(self) -> "ExtraEvent | None":
+        feedback = self.parts.feedback
+        if feedback is None or feedback.event is None or feedback.dtype is None:
+            return None
+        from mmt.link.extra import ExtraEvent
+
+        return ExtraEvent(feedback.event, feedback.dtype, feedback.take_records, feedback.restart)
 
     # --- what the link reports
 
@@ -306,7 +316,9 @@ class LeaderService:
         if streaming:
             self.backfill.tick(elapsed)
         if parts.feedback is not None:
-            parts.feedback.tick(elapsed)  # also without a stream: then the force must fade
+            news = parts.feedback.tick(elapsed, state)  # without a stream the force must fade
+            if news is not None and self.server is not None:
+                self.server.send_extra(news)
         if self.scene.link is not None and not self._numbering.frames:
             return
         if parts.switch is not None and parts.actuator is not None:

@@ -71,6 +71,7 @@ class LeaderSummary:
     process: dict[str, Any]
     recording: dict[str, Any]
     backfill: dict[str, Any] = field(default_factory=dict)
+    feedback: dict[str, Any] = field(default_factory=dict)
 
     @property
     def problem(self) -> str | None:
@@ -115,6 +116,7 @@ def summarise(
         },
         recording=_recording(parts),
         backfill=backfill,
+        feedback=dict(parts.feedback.summary) if parts.feedback is not None else {},
     )
 
 

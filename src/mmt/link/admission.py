@@ -15,6 +15,7 @@ def admit(
     rate_hz: int,
     *,
     occupant: FollowerHello | None,
+    extra: str = "",
 ) -> FollowerHello:
     """Return the hello of a follower that fits the leader's scene.
 
@@ -29,6 +30,8 @@ def admit(
     occupant
         Of the follower that is connected, None where none is. Its own process may take its
         place: it knows that its old connection is dead before the leader does.
+    extra
+        The further event that the leader's scene has on the wire, empty for none.
 
     Raises
     ------
@@ -51,5 +54,10 @@ def admit(
         raise InputError(
             f"the follower sends {', '.join(hello.channels)}, the leader's scene needs "
             f"{', '.join(channels)}: use the same scene on both"
+        )
+    if hello.extra != extra:
+        raise InputError(
+            f"the follower has {hello.extra[:20] or 'nothing'} beside its frames, the leader's "
+            f"scene {extra or 'nothing'} (method of [force_feedback]): use the same scene on both"
         )
     return hello

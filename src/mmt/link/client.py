@@ -28,6 +28,7 @@ from mmt.link.dialling import (
 )
 from mmt.link.direct import client_send
 from mmt.link.events import FollowerEvents, call
+from mmt.link.extra import ExtraEvent
 from mmt.link.gate import Gate
 from mmt.link.keeping import KeptFrames
 from mmt.link.log import LOG
@@ -89,6 +90,8 @@ class FollowerClient:
         The token and the certificates of this side.
     clock_hz
         How often time stamps are exchanged with the leader; 0 for never.
+    extra
+        A further event of the scene.
 
     Raises
     ------
@@ -106,7 +109,9 @@ class FollowerClient:
         network: "EmulatedNetwork | None" = None,
         access: Access | None = None,
         clock_hz: float = 0.0,
+        extra: ExtraEvent | None = None,
     ) -> None:
+        self._extra = extra
         check_url(url)
         self._access = access or Access()
         check_scheme(url, self._access)
@@ -228,6 +233,11 @@ class FollowerClient:
         if len(self._gathered) >= self._hello.frames_per_message * self._dtype.itemsize:
             self._send_gathered()
 
+    def send_extra(self, records: RecordArray) -> None:
+        """Queue records (n,) of the scene's further event for the leader; never waits."""
+        if self._extra is not None:
+            self._outbox.put(0, self._extra.encode(records))
+
     async def end(self, reason: str) -> None:
         """Send what waits, tell the leader that the session ends, and wait until it knows.
 
@@ -276,6 +286,8 @@ class FollowerClient:
     def _on_connect(self) -> None:
         self._connected = True
         self._reader.restart()
+        if self._extra is not None:
+            self._extra.restart()
         if self._line is not None:
             self._outbox.open(client_send(self._line.client))
             if self._backfiller is not None:
@@ -315,6 +327,10 @@ class FollowerClient:
             self._round_trip.add(arrival_ns - echo_time_ns - echo_age_ns)
         call(self._events.on_commands, block, arrival_ns, on_error=self._events.on_error)
 
+    def _on_extra(self, *arguments: object) -> None:
+        if self._extra is not None:
+            self._extra.read(arguments, self._events.on_error)
+
     def _on_stop(self, *arguments: object) -> None:
         reason = reason_of(arguments[0]) if len(arguments) == 1 else None
         self._told_to_stop = True
@@ -353,6 +369,8 @@ class FollowerClient:
             MISSING: self._on_missing,
         }
         frequent = {COMMANDS: self._on_commands, CLOCK: self._clock.take_answer}
+        if self._extra is not None:
+            frequent[self._extra.event] = self._on_extra
         self._line = line = Line.make(handlers, frequent, self._gate, self._tls)
         try:
             return await line.open(self._url, self._auth(), timeout_s)

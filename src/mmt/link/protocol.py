@@ -96,6 +96,8 @@ class FollowerHello:
         Frames gathered before they are sent, 1 to 100.
     annotations
         Opaque bytes which the leader stores with the recording and never opens.
+    extra
+        The further event that the scene has on the wire, empty for none.
     clock_id
         Names the clock of the frames' times; see `mmt.link.clock.clock_id`.
     keep_frames
@@ -117,6 +119,7 @@ class FollowerHello:
     rate_hz: int = 1000
     frames_per_message: int = 1
     annotations: bytes = b""
+    extra: str = ""
     clock_id: str = field(default_factory=clock_id)
     keep_frames: int = 0
     run_id: str = ""
@@ -138,7 +141,7 @@ class FollowerHello:
             raise InputError(
                 f"keep_frames is {self.keep_frames}: allowed is 0 to {MAX_KEPT_FRAMES}"
             )
-        for name in ("source", "clock_id", "run_id"):
+        for name in ("source", "clock_id", "run_id", "extra"):
             if len(getattr(self, name)) > MAX_TEXT:
                 raise InputError(f"{name} is longer than the {MAX_TEXT} characters allowed")
 
@@ -154,7 +157,7 @@ class FollowerHello:
             "keep_frames": self.keep_frames,
             "run_id": self.run_id,
             "annotations": self.annotations,
-        }
+        } | ({"extra": self.extra} if self.extra else {})
 
     @classmethod
     def from_auth(cls, auth: object) -> "FollowerHello":
@@ -183,6 +186,7 @@ class FollowerHello:
             clock_id=_read(auth, "clock_id", str),
             keep_frames=_read(auth, "keep_frames", int) if "keep_frames" in auth else 0,
             run_id=_read(auth, "run_id", str) if "run_id" in auth else "",
+            extra=_read(auth, "extra", str) if "extra" in auth else "",
         )
 
 

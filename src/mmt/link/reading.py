@@ -12,7 +12,7 @@ from mmt.link.protocol import MAX_RECORDS_PER_MESSAGE
 from mmt.pacing import JumpBound, shortest_period_ns
 from mmt.ticking import TimeHistogram
 
-_CODES: Final = {"<u4": "I", "<i8": "q", "<f4": "f"}
+_CODES: Final = {"<u4": "I", "<i8": "q", "<f4": "f", "<f8": "d"}
 _WINDOW: Final = 256
 """How many sequence numbers back a repeated one is told from a late one."""
 _MASK: Final = (1 << _WINDOW) - 1

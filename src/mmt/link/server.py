@@ -22,6 +22,7 @@ from mmt.link.clock_offset import ClockJump
 from mmt.link.counting import gather
 from mmt.link.direct import Send, ServerSockets
 from mmt.link.events import LeaderEvents, call
+from mmt.link.extra import ExtraEvent
 from mmt.link.filling import BackfillPort
 from mmt.link.gate import Gate
 from mmt.link.listening import CLOSE_TIMEOUT_S, Listener, guarded_application, make_server
@@ -92,6 +93,8 @@ class LeaderServer:
         Names the session in what both sides log.
     pages
         What is served beside the link, for who has the token.
+    extra
+        A further event of the scene.
 
     Raises
     ------
@@ -110,7 +113,9 @@ class LeaderServer:
         network: "EmulatedNetwork | None" = None,
         session_id: str = "",
         pages: Iterable[Page] = (),
+        extra: ExtraEvent | None = None,
     ) -> None:
+        self._extra = extra
         self._settings = settings
         self._access = Access.of(settings)
         self._channels = ordered_channels(channels)
@@ -144,6 +149,8 @@ class LeaderServer:
         self._server.on("disconnect", self._on_disconnect)
         self._server.on(END, self._on_end)
         self._frequent = {FRAMES: self._on_frames, CLOCK: self._on_clock}
+        if extra is not None:
+            self._frequent[extra.event] = self._on_extra
         for event, take in self._frequent.items():
             self._server.on(event, take)
         self._filling = BackfillPort(
@@ -253,6 +260,11 @@ class LeaderServer:
         if self._follower is not None and self._outbox.is_open:
             self._filling.ask(self._outbox, ranges)
 
+    def send_extra(self, records: RecordArray) -> None:
+        """Queue records (n,) of the scene's further event for the follower; never waits."""
+        if self._extra is not None and self._follower is not None and self._outbox.is_open:
+            self._outbox.put(0, self._extra.encode(records))
+
     # --- what python-socketio calls
 
     def _on_connect(self, sid: str, environ: Mapping[str, object], auth: object = None) -> None:
@@ -264,6 +276,7 @@ class LeaderServer:
                 self._channels,
                 self._rate_hz,
                 occupant=None if occupant is None else occupant.hello,
+                extra="" if self._extra is None else self._extra.event,
             )
             if occupant is not None:
                 self._replace(occupant)
@@ -279,6 +292,8 @@ class LeaderServer:
         self._left.clear()
         self._reader.restart()
         self.clock.meet(hello.clock_id)
+        if self._extra is not None:
+            self._extra.restart()
         handlers = {event: partial(take, sid) for event, take in self._frequent.items()}
         self._gate.open()
         self._sockets.let_in(environ, handlers, self._gate)
@@ -317,6 +332,10 @@ class LeaderServer:
 
     def _on_jump(self, jump: ClockJump) -> None:
         call(self._events.on_jump, jump, on_error=self._events.on_error)
+
+    def _on_extra(self, sid: str, *arguments: object) -> None:
+        if self._extra is not None and self._expects(sid):
+            self._extra.read(arguments, self._events.on_error)
 
     def _on_end(self, sid: str, *arguments: object) -> None:
         if not self._expects(sid) or self._follower is None:

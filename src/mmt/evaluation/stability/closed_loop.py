@@ -11,8 +11,11 @@ from mmt.devices.protocols import InterfaceState, Vector
 from mmt.devices.simulated import PERIOD_S
 from mmt.devices.simulated.hand import SimulatedHand
 from mmt.devices.simulated.robot import SimulatedRobot, tip_drive
+from mmt.evaluation.feedback.simulated import DELAYS_MS as METHOD_DELAYS_MS
+from mmt.evaluation.feedback.simulated import WALLS_N_MM as METHOD_WALLS_N_MM
 from mmt.evaluation.stability.cases import Case, Outcome
 from mmt.evaluation.stability.delay import LIGHT_GRIP, Loop
+from mmt.evaluation.stability.feedback_methods import method_cases
 from mmt.frames import empty_frames
 from mmt.leader.feedback import StreamedForce
 from mmt.scene import Hand, Simulated
@@ -35,6 +38,8 @@ def cases(
     walls_n_mm: tuple[float, ...] = WALLS_N_MM,
     delays_ms: tuple[int, ...] = DELAYS_MS,
     hand_s: float = 15.0,
+    method_walls_n_mm: tuple[float, ...] = METHOD_WALLS_N_MM,
+    method_delays_ms: tuple[int, ...] = METHOD_DELAYS_MS,
 ) -> list[Case]:
     """Return the family's cases.
 
@@ -46,6 +51,8 @@ def cases(
         One-way delays of the map.
     hand_s
         Seconds of each session with the demo's hand.
+    method_walls_n_mm, method_delays_ms
+        Cells of the passive and the model method.
     """
     return [
         *(
@@ -65,6 +72,7 @@ def cases(
             for wall in (walls_n_mm[0], walls_n_mm[-1])
             for delay in (0, 200)
         ),
+        *method_cases(method_walls_n_mm, method_delays_ms),
         Case(
             "map of delays against walls",
             "every point as theory says, those within 1 ms of its line left aside",
@@ -143,7 +151,7 @@ def run_loop(wall_n_mm: float, there_ms: int, back_ms: int, seconds: float) -> f
         tip = robot.advance((0.0, 0.0, commands.popleft()))
         frame["force_n"][0, 2] = forces.popleft()
         feedback.take(frame)
-        feedback.tick(1)
+        feedback.tick(1, None)
         commands.append(handle.read(1).position_mm[2])
         forces.append(tip.force_n[2])
         off_n = tip.force_n[2] - steady_n
@@ -200,7 +208,7 @@ def _learning_hand(wall_n_mm: float, delay_ms: int, seconds: float) -> Outcome:
         forces.append(tip.force_n)
         frame["force_n"][0] = forces.popleft()
         feedback.take(frame)
-        feedback.tick(1)
+        feedback.tick(1, None)
         intended, shown = max(intended, state.force_n), max(shown, tip.force_n[2])
     return Outcome(
         f"{shown:.1f} N at most, intended {intended:.1f} N",

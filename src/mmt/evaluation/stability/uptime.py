@@ -162,7 +162,7 @@ class LeaderInProcess:
 
     def tick(self, now_ns: int, elapsed: int) -> None:
         """Render the elapsed ticks."""
-        self.feedback.tick(elapsed)
+        self.feedback.tick(elapsed, None)
         hand = np.full(elapsed, 150.0), np.full(elapsed, 1.5)
         self.actuator.write(self.switch.render(now_ns, *hand))
 

@@ -1,0 +1,72 @@
+"""Energies of three axes on their way between the two sides, late, lost or begun anew."""
+
+from typing import Final
+
+import numpy as np
+
+from mmt.arrays import RecordArray
+from mmt.feedback_records import ENERGY_DTYPE
+
+Energies = tuple[float, float, float]
+
+_REPEAT_TICKS: Final = 100
+"""What was said last is said again after so many ticks, for the case that it was lost."""
+
+
+class EnergyCounts:
+    """What the other side says of its port: three energies that only grow.
+
+    A count that is late is smaller than the newest and changes nothing. After `restart` a
+    smaller one means that the other side began anew; it is added to what was known before.
+
+    Parameters
+    ----------
+    opening_j
+        What each is before anything has come.
+    """
+
+    def __init__(self, opening_j: float = 0.0) -> None:
+        self._base: Energies = (opening_j,) * 3
+        self._newest: Energies = (0.0, 0.0, 0.0)
+        self._restarted = False
+
+    @property
+    def energy_j(self) -> Energies:
+        """Energy (J) of each axis."""
+        a, b = self._base, self._newest
+        return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+
+    def take(self, records: RecordArray) -> None:
+        """Take checked records (n,) of `ENERGY_DTYPE`, the newest last."""
+        x, y, z = records["energy_j"][-1].tolist()
+        newest: Energies = (max(0.0, x), max(0.0, y), max(0.0, z))
+        old = self._newest
+        if self._restarted and sum(newest) < sum(old):
+            self._base = self.energy_j
+            old = (0.0, 0.0, 0.0)
+        self._restarted = False
+        self._newest = (max(newest[0], old[0]), max(newest[1], old[1]), max(newest[2], old[2]))
+
+    def restart(self) -> None:
+        """Expect that the next record is of another sender."""
+        self._restarted = True
+
+
+class EnergyReport:
+    """Say what came in through this side's port, when it is news and now and then again."""
+
+    def __init__(self) -> None:
+        self._said: Energies = (0.0, 0.0, 0.0)
+        self._quiet_ticks = 0
+        self._sequence = 0
+
+    def make(self, energy_j: Energies, elapsed: int, time_ns: int = 0) -> RecordArray | None:
+        """Return the record (1,) to send now, None for none."""
+        self._quiet_ticks += elapsed
+        if energy_j == self._said and (self._quiet_ticks < _REPEAT_TICKS or not any(energy_j)):
+            return None
+        self._said, self._quiet_ticks = energy_j, 0
+        record = np.zeros(1, dtype=ENERGY_DTYPE)
+        record[0] = (self._sequence, time_ns, energy_j)
+        self._sequence += 1
+        return record

@@ -1,0 +1,96 @@
+"""Both sides of a method of force feedback, as the services make them."""
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from mmt.contact.estimation import EstimationSettings
+from mmt.contact.passivity import PassivitySettings
+from mmt.devices.protocols import InterfaceState, LeaderInterface, Vector
+from mmt.follower.feedback import ContactReporter, FollowerFeedback, PassiveFollower
+from mmt.leader.feedback import Feedback, StreamedForce
+from mmt.leader.feedback_model import ModelForce, ModelSettings
+from mmt.leader.feedback_passive import PassiveForce
+
+Method = Literal["streamed", "passive", "model"]
+
+METHODS: Final[tuple[Method, ...]] = ("streamed", "passive", "model")
+
+PASSIVITY: Final = PassivitySettings()
+"""The scene's defaults."""
+
+_NEVER_TICKS: Final = 10**9
+"""No silence: what is late here is late on purpose."""
+
+
+@dataclass(frozen=True)
+class Sides:
+    """The leader's part, and the follower's where the method has one."""
+
+    leader: Feedback
+    follower: FollowerFeedback | None
+
+
+def make_sides(
+    method: Method, interface: LeaderInterface, *, limit_n: float, opening_j: float = 0.0
+) -> Sides:
+    """Return both sides of a method, with the scene's defaults.
+
+    Parameters
+    ----------
+    method
+        One of `METHODS`.
+    interface
+        Gets the force.
+    limit_n
+        Bound of the displayed force.
+    opening_j
+        Energy that the leader's accounts begin with.
+    """
+    if method == "passive":
+        passive = PassiveForce(
+            interface,
+            limit_n=limit_n,
+            settings=PASSIVITY,
+            silence_ticks=_NEVER_TICKS,
+            opening_j=opening_j,
+        )
+        return Sides(passive, PassiveFollower(PASSIVITY))
+    if method == "model":
+        model = ModelForce(
+            interface,
+            limit_n=limit_n,
+            settings=ModelSettings(passivity=PASSIVITY, estimation=EstimationSettings()),
+            silence_ticks=_NEVER_TICKS,
+            opening_j=opening_j,
+        )
+        return Sides(model, ContactReporter())
+    return Sides(StreamedForce(interface, limit_n=limit_n, silence_ticks=_NEVER_TICKS), None)
+
+
+class Display:
+    """A handle that remembers the force along the normal; implements `LeaderInterface`."""
+
+    def __init__(self) -> None:
+        self.force_n = 0.0
+
+    def connect(self) -> None:
+        """Do nothing: there is no device."""
+
+    def calibrate(self) -> None:
+        """Do nothing: there is no device."""
+
+    def close(self) -> None:
+        """Do nothing: there is no device."""
+
+    def read(self, elapsed_ticks: int) -> InterfaceState:
+        """Raise: nobody holds it."""
+        raise NotImplementedError
+
+    def write(self, force_n: Vector) -> None:
+        """Remember a force."""
+        self.force_n = force_n[2]
+
+
+def handle_state(height_m: float, speed_m_s: float = 0.0) -> InterfaceState:
+    """Return the state of a handle along the normal."""
+    return InterfaceState((0.0, 0.0, 1e3 * height_m), (0.0, 0.0, 1e3 * speed_m_s), 0.0, True)

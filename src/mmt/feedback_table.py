@@ -1,0 +1,42 @@
+"""The scene's table ``[force_feedback]``: how the remote force reaches the hand."""
+
+from typing import Final, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+_PORT: Final = ("reserve_mj", "largest_damping_n_s_m")
+_KEYS: Final[dict[str, tuple[str, ...]]] = {
+    "streamed": (),
+    "passive": (*_PORT, "largest_drift_mm"),
+    "model": (*_PORT, "largest_stiffness_n_mm", "contact_n", "forgetting_s"),
+}
+"""The keys that a method has beside ``method`` and ``limit_n``."""
+
+
+class ForceFeedback(BaseModel):
+    """``[force_feedback]``: the remote force goes to the leader's interface."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    method: Literal["streamed", "passive", "model"] = "streamed"
+    limit_n: float = Field(3.3, gt=0, le=40)
+    reserve_mj: float = Field(1.0, ge=0.01, le=100)
+    largest_damping_n_s_m: float = Field(10.0, ge=0, le=100)
+    largest_drift_mm: float = Field(3.0, ge=0, le=50)
+    largest_stiffness_n_mm: float = Field(10.0, ge=0.1, le=100)
+    contact_n: float = Field(0.2, ge=0.02, le=5)
+    forgetting_s: float = Field(0.5, ge=0.05, le=60)
+
+    @model_validator(mode="after")
+    def _keys_of_the_method(self) -> Self:
+        allowed = {"method", "limit_n", *_KEYS[self.method]}
+        for key in sorted(self.model_fields_set - allowed):
+            default = type(self).model_fields[key].default
+            if getattr(self, key) == default:
+                continue  # a resolved scene holds every default
+            methods = " or ".join(f'"{name}"' for name, keys in _KEYS.items() if key in keys)
+            raise ValueError(
+                f'{key} has no meaning with method = "{self.method}": '
+                f"remove it, or set method = {methods}"
+            )
+        return self

@@ -1,0 +1,176 @@
+"""The follower's side of force feedback, where the scene's method has one."""
+
+from collections.abc import Mapping
+from typing import Any, Final, Protocol
+
+import numpy as np
+
+from mmt.arrays import RecordArray
+from mmt.contact.energies import EnergyCounts, EnergyReport
+from mmt.contact.passivity import MotionPort, PassivitySettings
+from mmt.devices.protocols import Vector
+from mmt.feedback_records import (
+    CONTACT,
+    CONTACT_DTYPE,
+    CONTACT_GATHERED,
+    ENERGY,
+    ENERGY_DTYPE,
+)
+from mmt.feedback_table import ForceFeedback
+
+_M: Final = 1e-3
+
+
+class FollowerFeedback(Protocol):
+    """What the follower does for force feedback, one tick after another."""
+
+    event: str
+    """The further event that goes to the leader, and may come from it."""
+    dtype: "np.dtype[np.void]"
+    """Of its records."""
+
+    def command(self, position_mm: Vector | None) -> Vector | None:
+        """Return the position that the robot is to take in place of the wanted one."""
+
+    def measured(self, frames: RecordArray) -> RecordArray | None:
+        """Take the frames (n,), n >= 1, that followed the command; return what to send."""
+
+    def take_records(self, records: RecordArray) -> None:
+        """Take checked records (n,) of the same event from the leader."""
+
+    def restart(self) -> None:
+        """Expect a new connection, perhaps of a leader that begins anew."""
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """What was counted, for a program."""
+
+
+class PassiveFollower:
+    """Hold commands back that would give a surface more energy than the leader has sent.
+
+    About 15 us a tick.
+
+    Parameters
+    ----------
+    settings
+        Bounds of the controllers.
+    """
+
+    event: str = ENERGY
+    dtype: "np.dtype[np.void]" = ENERGY_DTYPE
+
+    def __init__(self, settings: PassivitySettings) -> None:
+        self._ports = tuple(MotionPort(settings) for _ in range(3))
+        self._given = EnergyCounts()
+        self._report = EnergyReport()
+
+    def command(self, position_mm: Vector | None) -> Vector | None:
+        """Return the position (mm) that the energy allows."""
+        if position_mm is None:
+            return None
+        x, y, z = (
+            port.step(_M * wanted, given) / _M
+            for port, wanted, given in zip(
+                self._ports, position_mm, self._given.energy_j, strict=True
+            )
+        )
+        return (x, y, z)
+
+    def measured(self, frames: RecordArray) -> RecordArray | None:
+        """Count the work on the surface; return what came back, if it is news."""
+        force = frames["force_n"].mean(axis=0).tolist()
+        for port, force_n in zip(self._ports, force, strict=True):
+            port.measure(force_n)
+        x, y, z = self._ports
+        return self._report.make((x.in_j, y.in_j, z.in_j), len(frames), int(frames["time_ns"][-1]))
+
+    def take_records(self, records: RecordArray) -> None:
+        """Take what the hand has put in."""
+        self._given.take(records)
+
+    def restart(self) -> None:
+        """Go on counting from here if the next leader begins anew."""
+        self._given.restart()
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """Energies (mJ), and how far the command was held back."""
+        ports = self._ports
+        return {
+            "method": "passive",
+            "energy_out_mj": round(1e3 * sum(port.out_j for port in ports), 3),
+            "energy_in_mj": round(1e3 * sum(port.in_j for port in ports), 3),
+            "energy_given_mj": round(1e3 * sum(self._given.energy_j), 3),
+            "largest_drift_mm": round(1e3 * max(port.largest_drift_m for port in ports), 3),
+        }
+
+
+class ContactReporter:
+    """Tell the leader the command, the place and the force of every tick."""
+
+    event: str = CONTACT
+    dtype: "np.dtype[np.void]" = CONTACT_DTYPE
+
+    def __init__(self) -> None:
+        self._command: Vector | None = None
+        self._gathered: list[RecordArray] = []
+        self._waiting = 0
+        self._sequence = 0
+
+    def command(self, position_mm: Vector | None) -> Vector | None:
+        """Note the command; it is not changed."""
+        self._command = position_mm
+        return position_mm
+
+    def measured(self, frames: RecordArray) -> RecordArray | None:
+        """Return the samples (n,) to send, once enough are gathered."""
+        if self._command is None:
+            return None
+        records = np.zeros(len(frames), dtype=CONTACT_DTYPE)
+        records["sequence"] = self._sequence + np.arange(len(frames))
+        records["time_ns"] = frames["time_ns"]
+        records["command_mm"] = self._command
+        records["position_mm"] = frames["position_mm"]
+        records["force_n"] = frames["force_n"]
+        self._sequence += len(frames)
+        self._waiting += len(frames)
+        self._gathered.append(records)
+        if self._waiting < CONTACT_GATHERED:
+            return None
+        block = np.concatenate(self._gathered)
+        self._gathered.clear()
+        self._waiting = 0
+        return block
+
+    def take_records(self, records: RecordArray) -> None:
+        """Do nothing: the leader sends none."""
+
+    def restart(self) -> None:
+        """Do nothing: samples stand for themselves."""
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """How many samples were made."""
+        return {"method": "model", "samples": self._sequence}
+
+
+def build_feedback(table: ForceFeedback, rate_hz: float) -> FollowerFeedback | None:
+    """Return the follower's side of the scene's method, None where it has none.
+
+    Parameters
+    ----------
+    table
+        The scene's ``[force_feedback]``.
+    rate_hz
+        Ticks a second.
+    """
+    if table.method == "passive":
+        return PassiveFollower(
+            PassivitySettings(
+                reserve_j=1e-3 * table.reserve_mj,
+                drift_m=_M * table.largest_drift_mm,
+                tick_s=1.0 / rate_hz,
+            )
+        )
+    return ContactReporter() if table.method == "model" else None

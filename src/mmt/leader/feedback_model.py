@@ -1,0 +1,161 @@
+"""Model-mediated force: the remote contact is estimated, and rendered here without delay."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import exp
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from mmt.arrays import RecordArray
+from mmt.contact.estimation import ContactEstimator, ContactModel, EstimationSettings
+from mmt.contact.passivity import PassivitySettings
+from mmt.contact.rendering import LocalContact, RenderingSettings
+from mmt.devices.protocols import InterfaceState, LeaderInterface, Vector
+from mmt.feedback_records import CONTACT, CONTACT_DTYPE
+from mmt.leader.feedback import StreamedForce, limited
+from mmt.leader.ports import GuardedPorts
+from mmt.leader.silence import SILENCE_TICKS
+
+_M: Final = 1e-3
+_HANDOVER_S: Final = 0.02
+"""Time constant of the change from the streamed force to the model's."""
+_RENEWAL: Final = 10
+"""Samples after which the model is taken anew."""
+_BEYOND: Final = 1.25
+"""The model displays at most this times the largest force that was measured."""
+_AXES: Final = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class ModelSettings:
+    """What the model method consists of."""
+
+    passivity: PassivitySettings = field(default_factory=PassivitySettings)
+    estimation: EstimationSettings = field(default_factory=EstimationSettings)
+    rendering: RenderingSettings = field(default_factory=RenderingSettings)
+    normal: Literal["x", "y", "z"] = "z"
+
+
+class ModelForce(StreamedForce):
+    """Display what a model of the contact gives for the hand's own place.
+
+    The follower sends its command, place and force (event `CONTACT`). From command and force
+    the model is made that the hand feels: it is that of robot and surface together, as the
+    hand meets them, so that the force displayed is the one that the follower will measure.
+    From place and force the surface itself is estimated, for the summary. Until there is a
+    model the streamed force is displayed; along the surface it always is. Both pass the
+    passive port of `ForcePort`, so that nothing that the estimate does can give the hand
+    energy. About 15 us a tick, and 30 us a sample.
+
+    Parameters
+    ----------
+    interface, limit_n, silence_ticks
+        As `StreamedForce`.
+    settings
+        What it consists of.
+    opening_j
+        Energy that each account begins with.
+    """
+
+    event: str | None = CONTACT
+    dtype: "np.dtype[np.void] | None" = CONTACT_DTYPE
+
+    def __init__(
+        self,
+        interface: LeaderInterface,
+        *,
+        limit_n: float,
+        settings: ModelSettings | None = None,
+        silence_ticks: int = SILENCE_TICKS,
+        opening_j: float = 0.0,
+    ) -> None:
+        super().__init__(interface, limit_n=limit_n, silence_ticks=silence_ticks)
+        settings = settings or ModelSettings()
+        self._ports = GuardedPorts(settings.passivity, limit_n=limit_n, opening_j=opening_j)
+        self._felt = ContactEstimator(settings.estimation)
+        self._surface = ContactEstimator(settings.estimation)
+        self._contact = LocalContact(settings.rendering)
+        self._normal = _AXES.index(settings.normal)
+        self._tick_s = settings.passivity.tick_s
+        self._share = 0.0
+        self._samples = 0
+        self._samples_to_model: int | None = None
+
+    def take_records(self, records: RecordArray) -> None:
+        """Learn from the follower's samples."""
+        axis = self._normal
+        for command, place, force in zip(
+            records["command_mm"][:, axis].tolist(),
+            records["position_mm"][:, axis].tolist(),
+            records["force_n"][:, axis].tolist(),
+            strict=True,
+        ):
+            self._felt.update(-_M * command, force)
+            self._surface.update(-_M * place, force)
+            self._samples += 1
+            if self._samples % _RENEWAL == 0:
+                self._contact.aim(self._felt.best())
+
+    def tick(self, elapsed: int, state: InterfaceState | None) -> RecordArray | None:
+        """Display the force for the elapsed ticks; nothing is sent."""
+        force = list(self._force)
+        if state is not None:
+            depth_m = -_M * state.position_mm[self._normal]
+            modelled = min(
+                self._contact.step(depth_m, elapsed), _BEYOND * self._felt.largest_n, self._limit_n
+            )
+            if self._contact.rendered is not None:
+                if self._samples_to_model is None:
+                    self._samples_to_model = self._samples
+                keep = exp(-elapsed * self._tick_s / _HANDOVER_S)
+                self._share = 1.0 - keep * (1.0 - self._share)
+            share = self._share
+            force[self._normal] = share * modelled + (1.0 - share) * force[self._normal]
+        x, y, z = limited((force[0], force[1], force[2]), self._limit_n)
+        wanted: Vector = self._ramp.shape((x, y, z), elapsed)
+        self._show(self._ports.step(wanted, state, elapsed))
+        return None
+
+    @property
+    def felt(self) -> ContactModel | None:
+        """The model that the hand feels, None before there is one."""
+        return self._contact.rendered
+
+    @property
+    def surface(self) -> ContactModel | None:
+        """The estimate of the surface itself."""
+        return self._surface.best()
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """Estimates and energies."""
+        return {
+            **super().summary,
+            "method": "model",
+            **self._ports.summary,
+            "contacts": self._surface.contacts,
+            "model_after_s": None
+            if self._samples_to_model is None
+            else round(self._samples_to_model * self._tick_s, 3),
+            "surface": _table(self._surface.kelvin_voigt()),
+            "surface_hunt_crossley": _table(self._surface.hunt_crossley()),
+            "felt": _table(self.felt),
+        }
+
+
+def _table(model: ContactModel | None) -> dict[str, float]:
+    """Return a model in the units of a scene, empty where there is none."""
+    if model is None:
+        return {}
+    table = {
+        "surface_mm": round(-1e3 * model.surface_m, 3),
+        "stiffness_n_mm": float(f"{model.stiffness_n_m * _M**model.exponent:.4g}"),
+    }
+    if model.exponent != 1.0:
+        table["exponent"] = round(model.exponent, 3)
+    if model.dissipation_s_m:
+        table["dissipation_s_m"] = float(f"{model.dissipation_s_m:.4g}")
+    elif model.exponent == 1.0:
+        table["damping_n_s_m"] = float(f"{model.damping_n_s_m:.4g}")
+    return table

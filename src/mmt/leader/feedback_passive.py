@@ -1,0 +1,73 @@
+"""The streamed force through time-domain passivity control, at the leader's port."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from mmt.arrays import RecordArray
+from mmt.contact.energies import EnergyCounts, EnergyReport
+from mmt.contact.passivity import PassivitySettings
+from mmt.devices.protocols import InterfaceState, LeaderInterface
+from mmt.feedback_records import ENERGY, ENERGY_DTYPE
+from mmt.leader.feedback import StreamedForce
+from mmt.leader.ports import GuardedPorts
+from mmt.leader.silence import SILENCE_TICKS
+
+
+class PassiveForce(StreamedForce):
+    """Display the newest streamed force as far as its energy has been paid for.
+
+    The follower says what came back to it (event `ENERGY`), this side says what the hand put
+    in. About 15 us a tick.
+
+    Parameters
+    ----------
+    interface, limit_n, silence_ticks
+        As `StreamedForce`.
+    settings
+        Bounds of the controllers.
+    opening_j
+        Energy that each account begins with.
+    """
+
+    event: str | None = ENERGY
+    dtype: "np.dtype[np.void] | None" = ENERGY_DTYPE
+
+    def __init__(
+        self,
+        interface: LeaderInterface,
+        *,
+        limit_n: float,
+        settings: PassivitySettings,
+        silence_ticks: int = SILENCE_TICKS,
+        opening_j: float = 0.0,
+    ) -> None:
+        super().__init__(interface, limit_n=limit_n, silence_ticks=silence_ticks)
+        self._ports = GuardedPorts(settings, limit_n=limit_n, opening_j=opening_j)
+        self._given = EnergyCounts(opening_j)
+        self._report = EnergyReport()
+
+    def take_records(self, records: RecordArray) -> None:
+        """Take what the follower says it gave back."""
+        self._given.take(records)
+
+    def restart(self) -> None:
+        """Go on counting from here if the next follower begins anew."""
+        self._given.restart()
+
+    def tick(self, elapsed: int, state: InterfaceState | None) -> RecordArray | None:
+        """Display the force for the elapsed ticks; return what the hand put in, if news."""
+        wanted = self._streamed(elapsed)
+        self._show(self._ports.step(wanted, state, elapsed, self._given.energy_j))
+        return self._report.make(self._ports.in_j, elapsed)
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """Energies, and what the follower says came back to it."""
+        return {
+            **super().summary,
+            "method": "passive",
+            **self._ports.summary,
+            "energy_given_mj": round(1e3 * sum(self._given.energy_j), 3),
+        }

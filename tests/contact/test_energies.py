@@ -1,0 +1,55 @@
+"""Energies that come late, twice, not at all, or of a sender that began anew."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mmt.contact.energies import EnergyCounts, EnergyReport
+from mmt.feedback_records import ENERGY_DTYPE
+
+
+def record(x: float, y: float = 0.0, z: float = 0.0) -> np.ndarray:
+    records = np.zeros(1, dtype=ENERGY_DTYPE)
+    records["energy_j"][0] = (x, y, z)
+    return records
+
+
+@given(st.lists(st.tuples(st.floats(-1.0, 10.0), st.booleans()), max_size=50))
+def test_what_is_known_never_falls(news: list[tuple[float, bool]]) -> None:
+    counts = EnergyCounts()
+    before = counts.energy_j
+    for energy, restarts in news:
+        if restarts:
+            counts.restart()
+        counts.take(record(energy))
+        assert counts.energy_j[0] >= before[0]
+        before = counts.energy_j
+
+
+def test_one_who_began_anew_is_counted_on_from_what_was_known() -> None:
+    counts = EnergyCounts()
+    counts.take(record(2.0))
+    counts.take(record(1.0))  # late
+    assert counts.energy_j[0] == 2.0
+    counts.restart()
+    counts.take(record(0.5))
+    assert counts.energy_j[0] == 2.5
+    counts.restart()
+    counts.take(record(0.75))  # the same one, connected again
+    assert counts.energy_j[0] == 2.75
+
+
+def test_it_speaks_when_there_is_news_and_now_and_then_again() -> None:
+    report = EnergyReport()
+    assert report.make((0.0, 0.0, 0.0), 1000) is None
+    first = report.make((0.0, 0.0, 1.0), 1, 7)
+    assert first is not None
+    assert first["energy_j"][0].tolist() == [0.0, 0.0, 1.0]
+    assert first["time_ns"][0] == 7
+    assert [report.make((0.0, 0.0, 1.0), 50) is None for _ in range(2)] == [True, False]
+    assert report.make((0.0, 0.0, 1.1), 1)["sequence"][0] == 2  # type: ignore[index]
+
+
+def test_an_opening_is_known_before_anything_comes() -> None:
+    assert EnergyCounts(0.1).energy_j == pytest.approx((0.1, 0.1, 0.1))

@@ -1,0 +1,191 @@
+"""The passive and the model method at the leader, and their parts at the follower."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mmt.contact.passivity import PassivitySettings
+from mmt.devices.protocols import InterfaceState, Vector
+from mmt.feedback_records import CONTACT_DTYPE, CONTACT_GATHERED, ENERGY_DTYPE
+from mmt.feedback_table import ForceFeedback
+from mmt.follower.feedback import ContactReporter, PassiveFollower
+from mmt.follower.feedback import build_feedback as follower_feedback
+from mmt.frames import empty_frames
+from mmt.leader.feedback import StreamedForce
+from mmt.leader.feedback_choice import build_feedback
+from mmt.leader.feedback_model import ModelForce
+from mmt.leader.feedback_passive import PassiveForce
+
+SETTINGS = PassivitySettings()
+
+
+class Handle:
+    def __init__(self) -> None:
+        self.force_n: Vector = (0.0, 0.0, 0.0)
+
+    def connect(self) -> None:
+        pass
+
+    def calibrate(self) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+    def read(self, elapsed_ticks: int) -> InterfaceState:
+        raise NotImplementedError
+
+    def write(self, force_n: Vector) -> None:
+        self.force_n = force_n
+
+
+def at(z_mm: float) -> InterfaceState:
+    return InterfaceState((0.0, 0.0, z_mm), (0.0, 0.0, 0.0), 0.0, True)
+
+
+def pushing(force_n: float) -> np.ndarray:
+    frames = empty_frames(1, ("force",))
+    frames["force_n"][0, 2] = force_n
+    return frames
+
+
+def samples(depth_mm: np.ndarray, stiffness_n_mm: float) -> np.ndarray:
+    records = np.zeros(len(depth_mm), dtype=CONTACT_DTYPE)
+    records["command_mm"][:, 2] = -depth_mm
+    records["position_mm"][:, 2] = -0.5 * depth_mm
+    records["force_n"][:, 2] = stiffness_n_mm * np.maximum(0.0, depth_mm)
+    return records
+
+
+@pytest.mark.parametrize(
+    ("method", "leader", "follower"),
+    [
+        ("streamed", StreamedForce, type(None)),
+        ("passive", PassiveForce, PassiveFollower),
+        ("model", ModelForce, ContactReporter),
+    ],
+)
+def test_a_scene_chooses_both_sides(method: str, leader: type, follower: type) -> None:
+    table = ForceFeedback.model_validate({"method": method})
+    made = build_feedback(table, Handle(), rate_hz=1000.0, normal="z")
+    other = follower_feedback(table, 1000.0)
+    assert type(made) is leader
+    assert type(other) is follower
+    assert made.summary["method"] == method
+    if other is not None:
+        assert made.event == other.event
+        assert made.dtype == other.dtype
+
+
+def test_passive_gives_back_no_more_than_the_follower_says_came_back() -> None:
+    handle = Handle()
+    feedback = PassiveForce(handle, limit_n=10.0, settings=SETTINGS)
+    given = 0.0
+    got = 0.0
+    z = before = 0.0
+    for tick in range(2000):
+        z = -3.0 * math.sin(tick / 100)
+        got += handle.force_n[2] * 1e-3 * (z - before)
+        before = z
+        feedback.take(pushing(4.0))
+        feedback.tick(1, at(z))
+    assert feedback.summary["energy_given_mj"] == given
+    assert got <= 1e-3 + 1e-9
+    assert abs(handle.force_n[2]) < 4.0
+
+
+def test_passive_says_what_the_hand_put_in() -> None:
+    feedback = PassiveForce(Handle(), limit_n=10.0, settings=SETTINGS)
+    news = None
+    for tick in range(50):
+        feedback.take(pushing(2.0))
+        news = feedback.tick(1, at(-0.01 * tick)) if news is None else news
+    assert news is not None
+    assert news.dtype == ENERGY_DTYPE
+    assert news["energy_j"][0, 2] > 0.0
+    assert news["energy_j"][0, :2].tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("method", ["passive", "model"])
+def test_the_force_fades_in_silence_and_without_a_handle(method: str) -> None:
+    handle = Handle()
+    table = ForceFeedback.model_validate({"method": method})
+    feedback = build_feedback(table, handle, rate_hz=1000.0, normal="z")
+    feedback.take(pushing(2.0))
+    for _ in range(10):
+        feedback.tick(1, at(0.0))
+    assert handle.force_n[2] == pytest.approx(2.0)
+    for _ in range(100):
+        feedback.tick(1, None)
+    assert handle.force_n == (0.0, 0.0, 0.0)
+
+
+def test_the_displayed_force_keeps_its_limit_with_the_damping() -> None:
+    handle = Handle()
+    feedback = PassiveForce(handle, limit_n=1.0, settings=SETTINGS)
+    for tick in range(400):
+        feedback.take(pushing(5.0))
+        feedback.tick(1, at(3.0 * math.sin(tick / 20)))
+        assert math.hypot(*handle.force_n) <= 1.0 + 1e-9
+
+
+def test_the_model_shows_the_force_of_the_hands_own_place() -> None:
+    handle = Handle()
+    feedback = ModelForce(handle, limit_n=10.0)
+    depth = 2.0 * np.sin(np.arange(2000) / 60)
+    for start in range(0, 2000, CONTACT_GATHERED):
+        feedback.take_records(samples(depth[start : start + CONTACT_GATHERED], 1.5))
+    for tick in range(300):  # down onto the surface, slowly
+        feedback.take(pushing(0.0))
+        feedback.tick(1, at(1.0 - 0.01 * tick))
+    assert handle.force_n[2] == pytest.approx(1.5 * 1.99, rel=0.1)
+    assert feedback.felt is not None
+    assert feedback.felt.stiffness_n_m == pytest.approx(1500.0, rel=0.1)
+    surface = feedback.surface
+    assert surface is not None
+    assert surface.stiffness_n_m == pytest.approx(3000.0, rel=0.1)
+    summary = feedback.summary
+    assert summary["surface"]["stiffness_n_mm"] == pytest.approx(3.0, rel=0.1)
+    assert summary["model_after_s"] is not None
+
+
+def test_the_streamed_force_is_shown_until_there_is_a_model() -> None:
+    handle = Handle()
+    feedback = ModelForce(handle, limit_n=10.0)
+    feedback.take(pushing(1.0))
+    for _ in range(5):
+        feedback.tick(1, at(0.0))
+    assert handle.force_n[2] == pytest.approx(1.0)
+    assert feedback.summary["surface"] == {}
+
+
+def test_the_follower_holds_back_until_the_leader_pays() -> None:
+    follower = PassiveFollower(SETTINGS)
+    frames = empty_frames(1, ("force",))
+    command: Vector | None = None
+    for tick in range(100):
+        command = follower.command((0.0, 0.0, -0.05 * tick))
+        assert command is not None
+        frames["force_n"][0, 2] = max(0.0, -5.0 * command[2])
+        follower.measured(frames)
+    assert command is not None
+    assert command[2] == pytest.approx(-0.05 * 99 + 3.0)
+    assert follower.summary["largest_drift_mm"] == pytest.approx(3.0)
+    assert follower.command(None) is None
+
+
+def test_contact_samples_go_out_gathered_with_the_command_that_they_followed() -> None:
+    reporter = ContactReporter()
+    frames = empty_frames(1, ("position", "force"))
+    assert reporter.measured(frames) is None  # no command yet
+    blocks = []
+    for tick in range(2 * CONTACT_GATHERED):
+        reporter.command((0.0, 0.0, -float(tick)))
+        frames["force_n"][0, 2] = tick
+        blocks.append(reporter.measured(frames.copy()))
+    sent = [block for block in blocks if block is not None]
+    assert [len(block) for block in sent] == [CONTACT_GATHERED] * 2
+    together = np.concatenate(sent)
+    assert together["sequence"].tolist() == list(range(2 * CONTACT_GATHERED))
+    assert (together["command_mm"][:, 2] == -together["force_n"][:, 2]).all()

@@ -1,0 +1,77 @@
+"""A further event: what anybody may send, and what is encoded."""
+
+import msgpack
+import numpy as np
+import pytest
+
+from mmt.feedback_records import ENERGY, ENERGY_DTYPE
+from mmt.link.extra import ExtraEvent
+
+
+class Side:
+    def __init__(self) -> None:
+        self.taken: list[np.ndarray] = []
+        self.began = 0
+        self.errors: list[Exception] = []
+        self.extra = ExtraEvent(ENERGY, ENERGY_DTYPE, self.taken.append, self._begin)
+        self.extra.restart()
+
+    def _begin(self) -> None:
+        self.began += 1
+
+    def read(self, *arguments: object) -> None:
+        self.extra.read(arguments, self.errors.append)
+
+
+def records(*sequence: int, energy_j: float = 1.0) -> np.ndarray:
+    made = np.zeros(len(sequence), dtype=ENERGY_DTYPE)
+    made["sequence"] = sequence
+    made["energy_j"] = energy_j
+    return made
+
+
+def test_what_is_encoded_is_read_again() -> None:
+    side = Side()
+    message = msgpack.unpackb(side.extra.encode(records(0, 1)))
+    event, payload = message["data"]
+    assert event == ENERGY
+    side.read(payload)
+    assert (side.taken[0] == records(0, 1)).all()
+    assert side.began == 1
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b"",
+        b"x" * 35,
+        "text",
+        None,
+        {"energy_j": 1.0},
+        records(0, energy_j=float("nan")).tobytes(),
+        records(0, energy_j=float("inf")).tobytes(),
+        records(0, energy_j=1e9).tobytes(),
+        records(2**32 - 1).tobytes(),
+        records(*range(101)).tobytes(),
+    ],
+)
+def test_what_is_malformed_is_thrown_away(payload: object) -> None:
+    side = Side()
+    side.read(payload)
+    assert side.taken == []
+    side.read(records(1).tobytes())
+    assert len(side.taken) == 1
+    assert side.errors == []
+
+
+def test_a_late_record_is_not_taken() -> None:
+    side = Side()
+    side.read(records(0).tobytes())
+    side.read(records(2).tobytes())
+    side.read(records(1).tobytes())
+    assert [block["sequence"].tolist() for block in side.taken] == [[0], [2]]
+
+
+def test_records_of_another_kind_are_not_encoded() -> None:
+    with pytest.raises(ValueError, match="energy records are of dtype"):
+        Side().extra.encode(np.zeros(1, dtype="<f8"))

@@ -1,0 +1,74 @@
+"""Force feedback by each method, both services over the link."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from service_runs import Together, small_scene
+
+from mmt.errors import MmtError
+
+
+def scene_with(directory: Path, method: str, **tables: Any) -> Any:
+    feedback = {"method": method}
+    return small_scene(
+        directory,
+        force_feedback=feedback,
+        playout=None,
+        actuator=None,
+        recording=None,
+        session={"duration_s": 2.5},
+        **tables,
+    )
+
+
+@pytest.mark.parametrize("profile", [None, "wan"])
+async def test_passive_tells_the_energies_on_both_sides(
+    tmp_path: Path, profile: str | None
+) -> None:
+    network = {} if profile is None else {"network": {"profile": profile}}
+    together = Together.of(scene_with(tmp_path, "passive", **network))
+    await together.listen()
+    followed = await together.follow()
+    led = await together.end()
+    assert led.problem is None
+    assert led.feedback["method"] == followed.feedback["method"] == "passive"
+    assert led.feedback["energy_in_mj"] > 0.0
+    assert followed.feedback["energy_out_mj"] > 0.0
+    assert 0.0 < followed.feedback["energy_given_mj"] <= led.feedback["energy_in_mj"]
+    assert led.feedback["energy_given_mj"] <= followed.feedback["energy_in_mj"] + 1e-3
+    injected = led.feedback["energy_injected_mj"]
+    assert injected <= 1.0 + led.feedback["energy_overdrawn_mj"] + 1e-3
+
+
+async def test_the_model_is_estimated_from_what_the_follower_tells(tmp_path: Path) -> None:
+    together = Together.of(scene_with(tmp_path, "model", network={"profile": "wan"}))
+    await together.listen()
+    followed = await together.follow()
+    led = await together.end()
+    assert led.problem is None
+    assert followed.feedback["samples"] > 1000
+    assert led.feedback["contacts"] >= 1
+    # the simulated surface of 5 N/mm; ticks may be missed on a machine that is busy
+    assert 2.0 < led.feedback["surface"]["stiffness_n_mm"] < 10.0
+    assert led.feedback["felt"]["stiffness_n_mm"] < led.feedback["surface"]["stiffness_n_mm"]
+
+
+async def test_streamed_says_so_and_sends_nothing_more(tmp_path: Path) -> None:
+    together = Together.of(scene_with(tmp_path, "streamed"))
+    await together.listen()
+    followed = await together.follow()
+    led = await together.end()
+    assert led.feedback["method"] == "streamed"
+    assert led.feedback["largest_n"] > 0.0
+    assert followed.feedback == {}
+
+
+async def test_a_follower_of_another_method_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    together = Together.of(scene_with(tmp_path, "passive"))
+    await together.listen()
+    other = scene_with(tmp_path, "streamed")
+    with pytest.raises(MmtError, match=r"method of .force_feedback.*same scene"):
+        await together.follow(scene=other)
+    together.leader.stop()
+    await together.end()
