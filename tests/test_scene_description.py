@@ -79,3 +79,14 @@ def test_both_services_say_what_they_leave_out() -> None:
     assert description.follower is not None
     assert description.follower.runs == ("link", "simulated")
     assert {"replay", "devices"} <= set(description.follower.left_out)
+
+
+def test_the_methods_of_force_feedback_add_what_they_send() -> None:
+    added = streams(**SIMULATED, force_feedback={"method": "passive"})[2:]
+    assert [(s.way, s.event, s.record_bytes) for s in added] == [
+        ("up", "energy", 36),
+        ("down", "energy", 36),
+    ]
+    (contact,) = streams(**SIMULATED, force_feedback={"method": "model"})[2:]
+    assert (contact.way, contact.event, contact.record_bytes) == ("up", "contact", 48)
+    assert (contact.records_per_message, contact.messages_per_s) == (5, 200.0)

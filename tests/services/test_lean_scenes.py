@@ -41,6 +41,16 @@ accelerometer = "lean_driver:Device"
 [actuator]
 """
 
+METHODS = ("passive", "model")
+
+FEEDBACK_SCENE = """
+[link]
+[simulated]
+[hand]
+[force_feedback]
+method = "{method}"
+"""
+
 DRIVER = """
 class Device:
     def connect(self):
@@ -80,6 +90,16 @@ EXPECTED: dict[str, set[str]] = {
     "leader stream-only": {*NETWORK, HAND, ACTUATOR},
     "follower stream-only": {*NETWORK, SIMULATED},
     "leader model-only": {*MODEL - {"mmt.texture.modelling"}, HAND, ACTUATOR},
+    "leader passive": {*NETWORK, HAND, "mmt.leader.feedback_passive", "mmt.contact.passivity"},
+    "follower passive": {*NETWORK, SIMULATED, "mmt.follower.feedback", "mmt.contact.passivity"},
+    "leader model": {
+        *NETWORK,
+        HAND,
+        "mmt.leader.feedback_model",
+        "mmt.contact.passivity",
+        "mmt.contact.estimation",
+    },
+    "follower model": {*NETWORK, SIMULATED, "mmt.follower.feedback", "mmt.contact.passivity"},
     "leader devices": {*NETWORK, ACTUATOR},
     "follower devices": {*NETWORK, DEVICE_SOURCE},
 }
@@ -88,7 +108,14 @@ EXPECTED: dict[str, set[str]] = {
 A new example scene needs its lines here, and a new part its module.
 """
 
-WATCHED = {*NETWORK, *MODEL, *FILES, *SOURCES, RECORDER, HAND, ACTUATOR}
+FEEDBACK = {
+    "mmt.leader.feedback_passive",
+    "mmt.leader.feedback_model",
+    "mmt.follower.feedback",
+    "mmt.contact.passivity",
+    "mmt.contact.estimation",
+}
+WATCHED = {*NETWORK, *MODEL, *FILES, *SOURCES, *FEEDBACK, RECORDER, HAND, ACTUATOR}
 NEVER = {
     "prometheus_client",
     "mmt.exposition",
@@ -114,6 +141,8 @@ def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_session(directory / "made.mcap", made_frames(0, 100))
     (directory / "devices.toml").write_text(DEVICES)
     (directory / "lean_driver.py").write_text(DRIVER)
+    for method in METHODS:
+        (directory / f"{method}.toml").write_text(FEEDBACK_SCENE.format(method=method))
     return directory
 
 
@@ -121,7 +150,8 @@ def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def modules(directory: Path) -> dict[str, set[str]]:
     """The modules of each service in each example scene, by e.g. "leader demo"."""
     scenes = {path.stem: path for path in sorted(CONFIGS.glob("*.toml"))}
-    scenes["devices"] = directory / "devices.toml"
+    for name in ("devices", *METHODS):
+        scenes[name] = directory / f"{name}.toml"
     loaded = {name: load_scene(path) for name, path in scenes.items()}
     runs = [
         (service, name)
