@@ -21,3 +21,7 @@ class InputError(MmtError):
     """What was given cannot be used: a file, a value, a combination of keys."""
 
     exit_code = 2
+
+
+class DeviceLost(MmtError):  # noqa: N818 - it is what has happened to the device
+    """A device that was there does not answer any more; it may be connected again later."""

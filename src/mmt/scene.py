@@ -9,6 +9,7 @@ from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from mmt.device_tables import Devices
 from mmt.feedback_table import ForceFeedback
 from mmt.frames import Channel, ordered_channels
 from mmt.network_table import Network
@@ -81,14 +82,6 @@ class Replay(_Table):
     speed: float = Field(1.0, gt=0, le=LARGEST_SPEED)
     loop: bool = False
     gaps: Literal["keep", "skip"] = "keep"
-
-
-class Devices(_Table):
-    """``[devices]``: the follower reads real devices, named ``package.module:factory``."""
-
-    robot: str = Field(pattern=r"^[\w.]+:\w+$")
-    force_sensor: str | None = Field(None, pattern=r"^[\w.]+:\w+$")
-    accelerometer: str | None = Field(None, pattern=r"^[\w.]+:\w+$")
 
 
 class Hand(_Table):

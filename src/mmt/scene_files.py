@@ -140,7 +140,7 @@ def scene_from_tables(
     try:
         return Scene.model_validate(resolved)
     except ValidationError as error:
-        raise InputError(f"{origin}: {_explain(error)}") from error
+        raise InputError(f"{origin}: {explain_problems(error, Scene)}") from error
 
 
 def environment_overrides(environment: Mapping[str, str]) -> dict[str, str]:
@@ -164,15 +164,17 @@ def table_from(model: type[AnyTable], name: str, payload: object) -> AnyTable:
     try:
         return model.model_validate(payload)
     except ValidationError as error:
-        raise InputError(f"[{name}]: {_explain(error, model)}") from error
+        raise InputError(f"[{name}]: {explain_problems(error, model)}") from error
 
 
-def _explain(error: ValidationError, model: type[BaseModel] = Scene) -> str:
+def explain_problems(error: ValidationError, model: type[BaseModel] | None = None) -> str:
+    """Return a sentence for each problem; `model` is what was validated, where it is known."""
     sentences = []
     for problem in error.errors(include_url=False):
         place = ".".join(str(part) for part in problem["loc"] if part not in {"int", "float"})
         if problem["type"] == "extra_forbidden":
-            sentences.append(f"{place} is not a key; allowed are {_allowed(problem['loc'], model)}")
+            allowed = "" if model is None else f"; allowed are {_allowed(problem['loc'], model)}"
+            sentences.append(f"{place} is not a key{allowed}")
         elif problem["type"] == "value_error":
             where = f"{place}: " if place else ""
             sentences.append(where + problem["msg"].removeprefix("Value error, "))

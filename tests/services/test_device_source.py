@@ -197,6 +197,6 @@ async def test_a_scene_of_devices_streams_what_they_measure(tmp_path: Path, driv
     assert (await together.end()).problem is None
     assert (await following).problem is None
     frames = read_session(tmp_path / "session.mcap").frames
-    assert len(frames) > 100
+    assert len(frames) > 20
     assert (frames["force_n"] == (0.0, 1.0, 2.0)).all()
     assert (np.diff(frames["time_ns"]) > 0).all()

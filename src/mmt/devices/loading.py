@@ -1,37 +1,74 @@
-"""Find a device by its name, ``package.module:factory``, only when a scene asks for it."""
+"""Make a device by its driver's name, only when a scene asks for it."""
 
 import importlib
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, TypeVar
 
+from pydantic import BaseModel, ValidationError
+
+from mmt.devices.table import locate
 from mmt.errors import InputError, MmtError
+from mmt.scene_files import explain_problems
+
+Options = TypeVar("Options", bound=BaseModel)
 
 
-def load_device(name: str) -> Any:
-    """Import the module and call the factory without arguments.
+def load_device(driver: str, options: Mapping[str, Any] | None = None) -> Any:
+    """Import the driver's module and call its factory with the options.
+
+    Parameters
+    ----------
+    driver
+        See `mmt.devices.table.locate`.
+    options
+        Keyword arguments of the factory.
 
     Raises
     ------
     InputError
-        The module cannot be imported, or has no such factory.
+        There is no such driver, its module cannot be imported, or it does not take the
+        options.
     MmtError
         The device cannot be made.
     """
-    module_name, _, factory_name = name.partition(":")
+    factory = load_factory(driver)
+    try:
+        return factory(**(options or {}))
+    except MmtError:
+        raise
+    except ValidationError as error:
+        raise InputError(f"device {driver!r}: {explain_problems(error)}") from error
+    except Exception as error:
+        reason = str(error) or type(error).__name__
+        kind = InputError if isinstance(error, TypeError) and options else MmtError
+        raise kind(f"device {driver!r} cannot be made: {reason}") from error
+
+
+def load_factory(driver: str) -> Any:
+    """Import the driver's module and return its factory; see `load_device`."""
+    module_name, _, factory_name = locate(driver).partition(":")
     try:
         module = importlib.import_module(module_name)
     except Exception as error:  # a driver may want a library, a file, a version of Python
         raise InputError(
-            f"device {name!r}: module {module_name} cannot be imported ({error}); "
+            f"device {driver!r}: module {module_name} cannot be imported ({error}); "
             "install the package that holds it, and what it needs"
         ) from error
     factory = getattr(module, factory_name, None)
     if not callable(factory):
-        raise InputError(f"device {name!r}: module {module_name} has no factory {factory_name!r}")
+        raise InputError(f"device {driver!r}: module {module_name} has no factory {factory_name!r}")
+    return factory
+
+
+def read_options(model: type[Options], driver: str, options: Mapping[str, Any]) -> Options:
+    """Validate a driver's options by its own pydantic model.
+
+    Raises
+    ------
+    InputError
+        A key or a value is not allowed; the message names it and what is.
+    """
     try:
-        return factory()
-    except MmtError:
-        raise
-    except Exception as error:
-        raise MmtError(
-            f"device {name!r} cannot be made: {str(error) or type(error).__name__}"
-        ) from error
+        return model.model_validate(dict(options))
+    except ValidationError as error:
+        raise InputError(f"device {driver!r}: {explain_problems(error, model)}") from error

@@ -6,7 +6,7 @@ and the force of the surface on the tool has z above zero under contact. All cal
 from one thread, and none may block for longer than a small part of a 1 ms tick.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -57,6 +57,39 @@ class Accelerometer(Device, Protocol):
 
     def read(self) -> Vector:
         """Return the proper acceleration (m/s2), gravity included as the sensor feels it."""
+
+
+class SensorReading(NamedTuple):
+    """One measurement of a sensor that runs on a clock of its own."""
+
+    time_ns: int
+    """By the sensor's own clock, unwrapped (from its counter and nominal rate, or its time
+    stamp)."""
+    value: Vector
+    """In the channel's unit."""
+
+
+class SampledSensor(Device, Protocol):
+    """A sensor that runs on a clock of its own, faster or slower than the session."""
+
+    latency_ns: int
+    """From the physical instant to the sensor's own stamp, as far as it is known (filters,
+    averaging)."""
+
+    def read(self) -> Sequence[SensorReading]:
+        """Return what has come since the last call, oldest first; never blocks.
+
+        Raises
+        ------
+        DeviceLost
+            The device does not answer any more; `connect` may be called again later.
+        MmtError
+            A fault that it cannot mend.
+        """
+
+    @property
+    def faults(self) -> Mapping[str, int]:
+        """Counts by what went wrong and was survived: bad checksums, lost records, saturation."""
 
 
 class InterfaceState(NamedTuple):

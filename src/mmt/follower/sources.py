@@ -1,8 +1,11 @@
 """Build the source that a scene names; the other two are not even imported."""
 
+from typing import Any
+
+from mmt.device_tables import Devices, Driver
 from mmt.devices.protocols import FollowerSource
 from mmt.errors import InputError
-from mmt.scene import Devices, Replay, Scene, Simulated
+from mmt.scene import Replay, Scene, Simulated
 
 
 def build_source(scene: Scene) -> FollowerSource:
@@ -47,9 +50,9 @@ def _devices(scene: Scene, table: Devices) -> FollowerSource:
     from mmt.devices.loading import load_device
     from mmt.devices.source import DeviceSource
 
+    def made(device: Driver | None) -> Any:
+        return load_device(device.driver, device.options) if device is not None else None
+
     return DeviceSource(
-        load_device(table.robot),
-        load_device(table.force_sensor) if table.force_sensor else None,
-        load_device(table.accelerometer) if table.accelerometer else None,
-        scene.channels(),
+        made(table.robot), made(table.force_sensor), made(table.accelerometer), scene.channels()
     )

@@ -1,0 +1,96 @@
+"""Calibrations of single devices, kept between runs: a JSON file for each serial number.
+
+They lie in the user's data directory (``~/.local/share/mmt-haptics/calibrations`` on Linux),
+since a calibration belongs to a device on a bench and not to a scene.
+"""
+
+import contextlib
+import json
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+
+from mmt.errors import InputError, MmtError
+
+
+def calibration_file(device: str, serial: str, directory: Path | None = None) -> Path:
+    """Return where the calibration of a device is kept, whether or not there is one.
+
+    Parameters
+    ----------
+    device
+        The kind of device, as ``adxl335``.
+    serial
+        Its serial number; characters that do not belong into a file's name become ``_``.
+    directory
+        None for the user's own.
+
+    Raises
+    ------
+    InputError
+        The serial number is empty.
+    """
+    if not serial.strip():
+        raise InputError(f"the {device} has no serial number: give it one with the option 'serial'")
+    if directory is None:
+        directory = platformdirs.user_data_path("mmt-haptics", appauthor=False) / "calibrations"
+    return directory / f"{_plain(device)}-{_plain(serial)}.json"
+
+
+def load_calibration(
+    device: str, serial: str, directory: Path | None = None
+) -> dict[str, Any] | None:
+    """Return the stored calibration, None where there is none.
+
+    Raises
+    ------
+    MmtError
+        The file is there but cannot be read.
+    """
+    path = calibration_file(device, serial, directory)
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:
+        raise MmtError(
+            f"the calibration {path} cannot be read ({error}): calibrate again or delete the file"
+        ) from error
+    if not isinstance(content, dict) or content.get("serial") != serial:
+        raise MmtError(
+            f"the calibration {path} is not that of {device} {serial}: calibrate again or delete "
+            "the file"
+        )
+    return content
+
+
+def save_calibration(
+    device: str, serial: str, values: Mapping[str, Any], directory: Path | None = None
+) -> Path:
+    """Store a calibration beside the device's name and serial number; return its file.
+
+    Raises
+    ------
+    MmtError
+        The file cannot be written.
+    """
+    path = calibration_file(device, serial, directory)
+    content = {**values, "device": device, "serial": serial}
+    unfinished = path.with_suffix(f".{os.getpid()}.tmp")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        unfinished.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+        unfinished.replace(path)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            unfinished.unlink(missing_ok=True)
+        raise MmtError(f"the calibration {path} cannot be written: {error}") from error
+    return path
+
+
+def _plain(text: str) -> str:
+    return re.sub(r"[^\w.-]", "_", text.strip())

@@ -1,0 +1,45 @@
+"""Drivers by name; none is imported before a scene asks for it."""
+
+from importlib.metadata import EntryPoint, entry_points
+from typing import Final
+
+from mmt.errors import InputError
+
+GROUP: Final = "mmt.devices"
+"""The group of entry points under which another package offers its drivers by name."""
+
+DRIVERS: Final[dict[str, str]] = {}
+"""Name -> ``module:factory`` of the drivers that are part of mmt."""
+
+
+def offered() -> dict[str, EntryPoint]:
+    """Return the drivers that other installed packages offer, by name."""
+    return {entry.name: entry for entry in entry_points(group=GROUP)}
+
+
+def locate(driver: str) -> str:
+    """Return ``module:factory`` of a driver.
+
+    Parameters
+    ----------
+    driver
+        A name of the table, one that an installed package offers, or ``package.module:factory``.
+
+    Raises
+    ------
+    InputError
+        There is no driver of that name; the message lists those that there are.
+    """
+    if ":" in driver:
+        return driver
+    if driver in DRIVERS:
+        return DRIVERS[driver]
+    others = offered()
+    if driver in others:
+        return others[driver].value
+    names = sorted({*DRIVERS, *others})
+    raise InputError(
+        f"driver {driver!r} is not known; allowed are {', '.join([*names, ''])}"
+        "package.module:factory, and the names that other packages offer as entry points of "
+        f"{GROUP}"
+    )

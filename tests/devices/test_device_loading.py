@@ -1,0 +1,133 @@
+"""Drivers by name: the table, other packages' entry points, options, and what is said."""
+
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel, ConfigDict, Field
+
+from mmt.devices import table
+from mmt.devices.loading import load_device, read_options
+from mmt.errors import DeviceLost, InputError, MmtError
+from mmt.scene import Scene
+from mmt.scene_files import environment_overrides, scene_from_tables
+
+MODULE = """
+from pydantic import BaseModel, ConfigDict
+
+class Options(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+    host: str
+    rate_hz: int = 1000
+
+class Sensor:
+    def __init__(self, **options):
+        self.options = Options(**options)
+
+class Plain:
+    def __init__(self, port="/dev/null"):
+        self.port = port
+"""
+
+
+@pytest.fixture
+def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    (tmp_path / "optional_drivers.py").write_text(MODULE)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    return "optional_drivers"
+
+
+@pytest.fixture
+def names(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A name in the table, and one that another package offers."""
+    monkeypatch.setitem(table.DRIVERS, "inside", f"{module}:Sensor")
+    entry = EntryPoint("outside", f"{module}:Plain", table.GROUP)
+    monkeypatch.setattr(table, "entry_points", lambda group: [entry])
+
+
+def test_a_driver_of_the_table_gets_its_options(names: None) -> None:
+    device = load_device("inside", {"host": "10.0.0.1", "rate_hz": 2000})
+    assert (device.options.host, device.options.rate_hz) == ("10.0.0.1", 2000)
+
+
+def test_a_driver_of_another_package_is_found_by_its_entry_point(names: None) -> None:
+    assert load_device("outside", {"port": "/dev/ttyACM0"}).port == "/dev/ttyACM0"
+
+
+def test_an_unknown_driver_is_answered_with_those_there_are(names: None) -> None:
+    with pytest.raises(InputError, match=r"'insid' is not known; allowed are .*inside.* outside"):
+        load_device("insid")
+
+
+def test_every_driver_of_the_table_has_a_factory() -> None:
+    for driver, location in table.DRIVERS.items():
+        module_name, _, factory = location.partition(":")
+        assert module_name.startswith("mmt.devices.")
+        assert factory.isidentifier(), driver
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"host": "a", "rate": 1}, "rate is not a key"),
+        ({"host": "a", "rate_hz": "fast"}, "rate_hz is 'fast'"),
+        ({}, "host"),
+    ],
+)
+def test_an_option_that_a_driver_does_not_take_is_named(
+    names: None, options: dict[str, object], words: str
+) -> None:
+    with pytest.raises(InputError, match=rf"device 'inside': .*{words}"):
+        load_device("inside", options)
+
+
+def test_an_option_that_a_plain_factory_does_not_take_is_bad_input(names: None) -> None:
+    with pytest.raises(InputError, match=r"device 'outside' cannot be made: .*'speed'"):
+        load_device("outside", {"speed": 1})
+
+
+def test_options_that_are_read_by_a_model_say_what_is_allowed() -> None:
+    class Options(BaseModel):
+        model_config = ConfigDict(extra="forbid")
+        baud: int = Field(115_200, gt=0)
+
+    assert read_options(Options, "box", {"baud": 9600}).baud == 9600
+    with pytest.raises(InputError, match="device 'box': bauds is not a key; allowed are baud"):
+        read_options(Options, "box", {"bauds": 9600})
+
+
+def test_a_scene_names_a_driver_with_or_without_options() -> None:
+    sensor = {"driver": "ati-net-ft", "host": "192.168.1.1", "filter": 4}
+    scene = scene_from_tables(
+        {
+            "link": {},
+            "devices": {"robot": "lab.arms:Arm", "force_sensor": sensor},
+            "recording": {"channels": "needed"},
+        }
+    )
+    assert scene.devices is not None
+    assert scene.devices.robot.driver == "lab.arms:Arm"
+    assert scene.devices.robot.options == {}
+    assert scene.devices.force_sensor is not None
+    assert scene.devices.force_sensor.options == {"host": "192.168.1.1", "filter": 4}
+    assert Scene.model_validate(scene.dump()) == scene
+
+
+def test_the_environment_names_a_driver_too() -> None:
+    tables = {"link": {}, "devices": {"robot": "lab:Arm"}, "recording": {}}
+    overrides = environment_overrides({"MMT_DEVICES__ROBOT": "lab:Other"})
+    scene = scene_from_tables(tables, overrides)
+    assert scene.devices is not None
+    assert scene.devices.robot.driver == "lab:Other"
+
+
+@pytest.mark.parametrize("driver", ["", "a:b:c", "lab:", {"host": "a"}, 5])
+def test_what_is_no_driver_is_refused(driver: object) -> None:
+    tables = {"link": {}, "devices": {"robot": driver}, "recording": {}}
+    with pytest.raises(InputError, match=r"devices\.robot"):
+        scene_from_tables(tables)
+
+
+def test_a_lost_device_is_an_error_that_speaks() -> None:
+    assert issubclass(DeviceLost, MmtError)
+    assert DeviceLost("the box is silent").exit_code == 1
