@@ -1,0 +1,93 @@
+"""A hostile leader: the follower lives, and gives its robot nothing that it may not."""
+
+import asyncio
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import fuzzing
+import pytest
+from hypothesis import strategies as st
+
+from mmt.devices.protocols import Vector
+from mmt.follower.service import FollowerService
+from mmt.scene_files import scene_from_tables
+
+LIMIT_MM_S = 200.0
+
+
+class Watched:
+    """A follower in its session whose robot notes what it is told."""
+
+    def __init__(self) -> None:
+        tables: dict[str, Any] = {
+            "link": {"limit_mm_s": LIMIT_MM_S},
+            "simulated": {},
+            "hand": {},
+            "force_feedback": {},
+            "network": {},
+        }
+        self.told: list[Vector] = []
+        self.faults: list[Exception] = []
+        self.service = FollowerService(scene_from_tables(tables))
+        self.service.source.start(0)
+        self.client = self.service.client
+        self.client._on_connect()
+        self._step = self.service.source.step
+        self.service.source.step = self._note  # type: ignore[method-assign]
+        self.service._fail = self.faults.append  # type: ignore[assignment,method-assign]
+        self.client._events = self.client._events.__class__(
+            **{**vars(self.client._events), "on_error": self.faults.append}
+        )
+
+    def _note(self, elapsed: int, now_ns: int, command: Vector | None) -> Any:
+        if command is not None:
+            self.told.append(command)
+        return self._step(elapsed, now_ns, command)
+
+    def take(self, event: str, arguments: list[Any]) -> None:
+        """Hand an event over as the library does."""
+        handlers = {
+            "commands": self.client._on_commands,
+            "welcome": self.client._on_welcome,
+            "stop": self.client._on_stop,
+            "network": self.client._on_network,
+            "missing": self.client._on_missing,
+            "clock": self.client._clock.take_answer,
+        }
+        if event in handlers:
+            handlers[event](*arguments)
+
+
+@pytest.fixture(scope="module")
+def runner() -> Iterator[asyncio.Runner]:
+    with asyncio.Runner() as made:
+        yield made
+
+
+def test_nothing_that_a_leader_sends_ends_the_follower_or_moves_the_robot_too_fast(
+    runner: asyncio.Runner,
+) -> None:
+    def attack(messages: list[tuple[str, list[Any]]]) -> None:
+        async def session() -> None:
+            watched = Watched()
+            for event, arguments in messages:
+                watched.take(event, arguments)
+                watched.service._tick(1)
+                await asyncio.sleep(0)
+            for _ in range(5):
+                watched.service._tick(1)
+            assert watched.faults == []
+            assert all(math.isfinite(value) for told in watched.told for value in told)
+            steps = zip(watched.told, watched.told[1:], strict=False)
+            assert all(math.dist(a, b) <= LIMIT_MM_S / 1000 * 1.01 for a, b in steps)
+            assert watched.client.statistics is not None
+            await watched.client.disconnect()
+            watched.service._close_source()
+
+        runner.run(session())
+
+    anything = st.tuples(st.sampled_from(fuzzing.EVENTS), fuzzing.ARGUMENTS)
+    commands = st.lists(fuzzing.COMMANDS, min_size=1, max_size=1)
+    messages = st.lists(anything | st.tuples(st.just("commands"), commands), max_size=12)
+    assert fuzzing.fuzz(attack, messages) >= 10
