@@ -23,7 +23,7 @@ class SideParts:
 class Stream:
     """What goes one way in the normal case: no tick missed, nothing sent again.
 
-    The headers of WebSocket, TCP and IP and the pings are not in it.
+    The headers of WebSocket, TCP and IP, the pings and the time stamps are not in it.
     """
 
     way: str
