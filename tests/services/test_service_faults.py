@@ -272,16 +272,23 @@ async def test_force_and_vibration_fade_when_the_follower_is_lost(tmp_path: Path
     hand = FeelingHand()
     together.leader.parts.feedback = StreamedForce(hand, limit_n=3.0)
     await together.listen()
-    frames = made_frames(0, 300)
-    frames["force_n"] = (0.0, 0.0, 2.0)
     follower = FollowerClient(
         f"http://127.0.0.1:{together.leader.port}",
         FollowerHello(channels=CHANNELS, source="test"),
         FollowerEvents(on_commands=lambda *_: None),
     )
+    sent = 0
+
+    def full_force_is_felt() -> bool:
+        nonlocal sent
+        frames = made_frames(sent, 30)
+        frames["force_n"] = (0.0, 0.0, 2.0)
+        follower.send_frames(frames)
+        sent += len(frames)
+        return (0.0, 0.0, 2.0) in hand.forces
+
     await follower.connect(5.0)
-    follower.send_frames(frames)
-    await together.until(lambda: (0.0, 0.0, 2.0) in hand.forces)
+    await together.until(full_force_is_felt)
     await follower.disconnect()
     leader = await together.end()
     assert leader.problem == "follower lost"
