@@ -15,6 +15,7 @@ async def test_vibration_goes_on_where_frames_are_lost(tmp_path: Path, way: str)
     scene = small_scene(
         tmp_path,
         session={"duration_s": 2.5},
+        link={"port": 0, "keep_s": 0},  # what is lost stays lost
         playout={"conceal": way},
         network={"direction": "up", "loss": 0.2, "burst_messages": 12},
     )
