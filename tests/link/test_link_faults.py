@@ -24,6 +24,7 @@ import mmt.link.server
 from mmt.errors import MmtError
 from mmt.link.client import FollowerClient
 from mmt.link.dialling import Line
+from mmt.link.gate import Gate
 
 
 class Wire:
@@ -247,7 +248,7 @@ async def test_where_the_library_hides_its_websocket_its_queue_is_used(
 
 
 async def test_a_link_that_breaks_in_the_moment_it_is_closed_is_closed() -> None:
-    line = Line.make({}, {})
+    line = Line.make({}, {}, Gate(1000, pytest.fail, pytest.fail))
     reconnecting = line.client.start_background_task(line.client._handle_reconnect)
     line.client._reconnect_task = reconnecting  # as the library does when it loses a connection
     await line.close()
