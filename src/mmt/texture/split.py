@@ -8,11 +8,14 @@ the linear phase taken out, the polynomials P and Q of every order obey three-te
     q_(j+1) = t q_j - (1 + k_j) (1 - k_(j-1)) q_(j-1)      from j = 2, without the zero at w = 0
 
 so that their zeros are the eigenvalues of symmetric tridiagonal matrices with a zero diagonal,
-that is plus and minus the singular values of bidiagonal ones, whose squared entries are a qd
-array (see `mmt.texture.qd`): alternately `q` and `e`, the coefficients of the recurrence.
+in plus and minus pairs. From reflection coefficients, `mmt.texture.laguerre` searches them by
+the recurrences. The other way, they are the singular values of bidiagonal matrices, whose
+squared entries are a qd array (see `mmt.texture.qd`): alternately `q` and `e`, the coefficients
+of the recurrence.
 
-All steps add, multiply and divide positive numbers. Hence small frequencies, frequencies near
-pi and reflection coefficients near one keep their relative accuracy. Cost: O(m^2) either way.
+The coefficients are products of positive numbers, and small relative changes of them are all
+that roundings amount to. Hence small frequencies, frequencies near pi and reflection
+coefficients near one keep their relative accuracy. Cost: O(m^2) either way.
 """
 
 import math
@@ -23,37 +26,10 @@ import numpy as np
 from mmt.arrays import FloatArray
 from mmt.compiled import kernel
 from mmt.texture.burg import LARGEST_REFLECTION
-from mmt.texture.qd import add_mass, eigenvalues_up_to, move_origin
+from mmt.texture.laguerre import LANES, STATE_SIZE, X, begin_search, improve, is_found
+from mmt.texture.qd import add_mass, move_origin
 
 _LEAST_FREQUENCY: Final = 2.0**-100
-
-
-@kernel("i8(f8[::1], b1, b1, f8[::1], f8[::1])")
-def _recurrence(
-    reflection: FloatArray, of_p: bool, mirrored: bool, q: FloatArray, e: FloatArray
-) -> int:
-    """Write the qd array of p (or q) whose eigenvalues are ``4 cos^2(w/2)``; return its size.
-
-    Mirrored, it belongs to A(-z), whose frequencies are pi - w. A zero at w = pi, which an even
-    number of coefficients has, is left out: the last `e` is beyond the last `q`.
-    """
-    order = len(reflection)
-    size = 0
-    beside = False
-    before = 1.0
-    for j in range(order):
-        k = -reflection[j] if mirrored and j % 2 == 0 else reflection[j]
-        value = (1.0 - k) * (1.0 + before) if of_p else (1.0 + k) * (1.0 - before)
-        before = k
-        if j == 0 and not of_p:
-            continue
-        if beside:
-            e[size - 1] = value
-        else:
-            q[size], e[size] = value, 0.0
-            size += 1
-        beside = not beside
-    return size
 
 
 @kernel("void(f8[::1])")
@@ -77,49 +53,96 @@ def separate(lsf: FloatArray) -> None:
         most = np.nextafter(lsf[i], 0.0)
 
 
-@kernel("void(f8[::1], f8[::1], f8[::1])")
-def reflection_to_lsf_into(reflection: FloatArray, lsf: FloatArray, work: FloatArray) -> None:
-    """Write the line spectral frequencies (m,), ascending, of reflection coefficients (m,).
+@kernel("void(f8[:, ::1], i8, i8, b1, f8, f8[::1], f8[::1], i8)")
+def _search(
+    reflection: FloatArray,
+    row: int,
+    number: int,
+    mirrored: bool,
+    x: float,
+    state: FloatArray,
+    coefficients: FloatArray,
+    lane: int,
+) -> None:
+    """Let a lane search, from `x` on, a row's frequency of this number in ascending order.
 
-    The upper half of (0, pi) comes from the matrices in cos(w/2), the lower half from those
-    of the mirrored filter, in sin(w/2): each is accurate relative to its own small values.
-
-    Parameters
-    ----------
-    reflection : (m,)
-        Each of magnitude below one, not checked.
-    lsf : (m,)
-        Receives radians in (0, pi), strictly ascending.
-    work : (6 * (m // 2 + 1),) or longer
-        Scratch.
+    It gets the coefficients of p for an even, of q for an odd number; q has one less. Mirrored,
+    they belong to A(-z), whose frequencies are pi - w, with P and Q exchanged at even orders.
     """
-    order = len(reflection)
-    half = order // 2 + 1
-    q, e, values = work[:half], work[half : 2 * half], work[2 * half : 3 * half]
-    rest = work[3 * half : 6 * half]
-    for first in range(2):
-        of_p = first == 0
-        count = (order + 1 - first) // 2
-        size = _recurrence(reflection, of_p, False, q, e)
-        upper = eigenvalues_up_to(q, e, size, 2.0, values, rest)
-        last = first + 2 * (count - 1)
-        for i in range(upper):
-            lsf[last - 2 * i] = math.pi - 2.0 * math.asin(0.5 * math.sqrt(values[i]))
-        # A(-z) exchanges P and Q where the order is even. A little more than the other half,
-        # so that a frequency at the middle is not lost between the two.
-        size = _recurrence(reflection, of_p != (order % 2 == 0), True, q, e)
-        eigenvalues_up_to(q, e, size, 2.1, values, rest)
-        for i in range(count - upper):
-            lsf[first + 2 * i] = 2.0 * math.asin(0.5 * math.sqrt(values[i]))
-    separate(lsf)
+    order = reflection.shape[1]
+    count = (order + 1 - number % 2) // 2
+    above = count - 1 - number // 2 if mirrored else number // 2
+    of_p = (number % 2 == 0) != (mirrored and order % 2 == 0)
+    begin_search(state, lane, x, above, count, of_p)
+    sign = 1.0 if of_p else -1.0
+    even_sign = -sign if mirrored else sign
+    first = 0 if of_p else 1
+    before = 1.0 if of_p else even_sign * reflection[row, 0]
+    for j in range(first, order):
+        k = reflection[row, j] * (even_sign if j % 2 == 0 else sign)
+        coefficients[(j - first) * LANES + lane] = (1.0 - k) * (1.0 + before)
+        before = k
+    if not of_p:
+        coefficients[(order - 1) * LANES + lane] = 0.0
+
+
+@kernel("b1(i8, i8)")
+def _is_low(number: int, order: int) -> bool:
+    """Return whether white noise has this of its frequencies in the lower half of (0, pi)."""
+    return 2 * (number + 1) <= order + 1
+
+
+@kernel("f8[::1](i8)")
+def _starts(order: int) -> FloatArray:
+    """Return the frequencies of white noise as ``4 sin^2(w/2)``, or ``4 cos^2(w/2)`` if high."""
+    starts = np.empty(order)
+    for number in range(order):
+        sine = math.sin(0.5 * math.pi * min(number + 1, order - number) / (order + 1))
+        starts[number] = 4.0 * sine * sine
+    return starts
 
 
 @kernel("void(f8[:, ::1], f8[:, ::1])")
 def reflection_to_lsf_each_into(reflection: FloatArray, lsf: FloatArray) -> None:
-    """Do `reflection_to_lsf_into` for every row (n, m)."""
-    work = np.empty(6 * (reflection.shape[1] // 2 + 1))
-    for row in range(len(reflection)):
-        reflection_to_lsf_into(reflection[row], lsf[row], work)
+    """Write the line spectral frequencies (n, m), ascending, of reflection coefficients (n, m).
+
+    The upper half of (0, pi) is searched in cos(w/2), the lower half by the mirrored filter in
+    sin(w/2): each is accurate relative to its own small values. A search begins where white
+    noise has the frequency, and changes the half where it leads beyond. A lane that is done
+    takes the next frequency of the batch.
+
+    Parameters
+    ----------
+    reflection : (n, m)
+        Each of magnitude below one, not checked; m from 1 to 64.
+    lsf : (n, m)
+        Receives radians in (0, pi), strictly ascending.
+    """
+    order = reflection.shape[1]
+    starts, mirrored = _starts(order), np.zeros(LANES, np.bool_)
+    state, coefficients = np.ones(STATE_SIZE), np.zeros(order * LANES)
+    rows, numbers = np.full(LANES, -1), np.zeros(LANES, np.int64)  # an idle lane has row -1
+    begun = done = 0
+    while done < lsf.size:
+        for lane in range(LANES):
+            row, number, x = rows[lane], numbers[lane], state[X + lane]
+            if row >= 0 and is_found(state, lane):
+                angle = 2.0 * math.asin(0.5 * math.sqrt(x))
+                lsf[row, number] = angle if mirrored[lane] else math.pi - angle
+                row = -1
+                done += 1
+            elif row >= 0 and x > 2.0 and mirrored[lane] == _is_low(number, order):
+                mirrored[lane] = not mirrored[lane]
+                _search(reflection, row, number, mirrored[lane], 4.0 - x, state, coefficients, lane)
+            if row < 0 and begun < lsf.size:
+                row, number = begun // order, begun % order
+                begun += 1
+                mirrored[lane], x = _is_low(number, order), starts[number]
+                _search(reflection, row, number, mirrored[lane], x, state, coefficients, lane)
+            rows[lane], numbers[lane] = row, number
+        improve(state, coefficients, order)
+    for row in range(len(lsf)):
+        separate(lsf[row])
 
 
 @kernel("f8(f8, f8)")
