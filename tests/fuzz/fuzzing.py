@@ -10,6 +10,7 @@ import msgpack
 from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 
+from mmt.feedback_records import CONTACT, ENERGY
 from mmt.link import protocol
 
 SECONDS = float(os.environ.get("MMT_FUZZ_SECONDS", "2"))
@@ -27,6 +28,8 @@ EVENTS = (
     protocol.BACKFILL,
     protocol.GONE,
     protocol.SETTLE,
+    ENERGY,
+    CONTACT,
     "connect",
     "disconnect",
     "message",
@@ -65,7 +68,7 @@ def fuzz(body: Callable[..., None], *strategies: st.SearchStrategy[Any]) -> int:
 
 def numbers(kind: str) -> st.SearchStrategy[Any]:
     """Numbers of a struct code, the extremes more often than chance would."""
-    if kind == "f":
+    if kind in "df":
         return st.floats(width=32) | st.sampled_from([0.0, 1e38, -1e38, 1e6, 1.0])
     bits, signed = {"I": (32, False), "q": (64, True)}[kind]
     low, high = (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) if signed else (0, 2**bits - 1)
@@ -75,7 +78,7 @@ def numbers(kind: str) -> st.SearchStrategy[Any]:
 
 def records(layout: str) -> st.SearchStrategy[bytes]:
     """One to five packed records, or something that is nearly that."""
-    codes = [code for code in layout if code in "Iqf"]
+    codes = list(layout)
     one = st.tuples(*(numbers(code) for code in codes)).map(
         lambda values: struct.pack(f"<{''.join(codes)}", *values)
     )
@@ -85,6 +88,8 @@ def records(layout: str) -> st.SearchStrategy[bytes]:
 
 FRAMES = records("Iq" + "f" * 9)
 COMMANDS = records("Iqqq" + "f" * 3)
+ENERGIES = records("Iqddd")
+CONTACTS = FRAMES  # of the same layout
 
 LEAVES = (
     st.none()

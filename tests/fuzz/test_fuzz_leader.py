@@ -15,6 +15,7 @@ import pytest
 from hypothesis import strategies as st
 
 from mmt.errors import FAILED, MmtError
+from mmt.feedback_records import CONTACT, ENERGY
 from mmt.frames import Channel, frame_dtype
 from mmt.leader.service import LeaderService
 from mmt.leader.summary import LeaderSummary
@@ -38,6 +39,12 @@ MOVES = (
     st.tuples(st.just("binary"), fuzzing.BINARY)
     | st.tuples(st.just("binary"), fuzzing.EVENT_PACKETS)
     | st.tuples(st.just("binary"), fuzzing.FRAMES.map(lambda f: fuzzing.packet(2, ["frames", f])))
+    | st.tuples(
+        st.just("binary"), fuzzing.ENERGIES.map(lambda data: fuzzing.packet(2, [ENERGY, data]))
+    )
+    | st.tuples(
+        st.just("binary"), fuzzing.CONTACTS.map(lambda data: fuzzing.packet(2, [CONTACT, data]))
+    )
     | st.tuples(st.just("text"), fuzzing.TEXT)
     | st.tuples(st.just("hello"), st.just(HELLO) | fuzzing.ANYTHING)
     | st.tuples(
@@ -51,10 +58,15 @@ MOVES = (
 )
 
 
+EXTRA = {"streamed": "", "passive": ENERGY, "model": CONTACT}
+"""The further event of a method of force feedback."""
+
+
 class Attacked:
     """A leader that is started anew when a session has ended, and what came out of it."""
 
-    def __init__(self, directory: Path) -> None:
+    def __init__(self, directory: Path, method: str) -> None:
+        self.extra = EXTRA[method]
         self._scene = scene_from_tables(
             {
                 "link": {"port": 0},
@@ -65,7 +77,7 @@ class Attacked:
                 "rendering": {},
                 "network": {},
                 "actuator": {"limit_m_s2": LIMIT_M_S2},
-                "force_feedback": {"limit_n": LIMIT_N},
+                "force_feedback": {"limit_n": LIMIT_N, "method": method},
                 "recording": {"file": str(directory / "session.mcap")},
                 "session": {"duration_s": 3600},
             }
@@ -166,7 +178,7 @@ async def serve_a_good_one(attacked: Attacked) -> None:
             leader = await attacked.ready()
             assert leader.server is not None
     taken = leader.server.statistics.frames
-    hello = FollowerHello(channels=NAMES, source="good")
+    hello = FollowerHello(channels=NAMES, source="good", extra=attacked.extra)
     client = FollowerClient(
         f"http://127.0.0.1:{leader.port}", hello, FollowerEvents(on_commands=lambda *_: None)
     )
@@ -192,17 +204,18 @@ def runner() -> Iterator[asyncio.Runner]:
         yield made
 
 
+@pytest.mark.parametrize("method", ["streamed", "passive", "model"])
 def test_nothing_that_anybody_sends_ends_the_leader_or_leaves_its_limits(
-    runner: asyncio.Runner, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    method: str, runner: asyncio.Runner, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    attacked = Attacked(tmp_path)
+    attacked = Attacked(tmp_path, method)
     process = psutil.Process()
     runner.run(serve_a_good_one(attacked))
     before_mb = process.memory_info().rss / 1e6
 
     def example(polite: bool, moves: list[tuple[str, Any]]) -> None:
         caplog.clear()
-        first = [("hello", HELLO)] if polite else []
+        first = [("hello", {**HELLO, "extra": attacked.extra})] if polite else []
         runner.run(attack(attacked, [*first, *moves]))
         runner.run(serve_a_good_one(attacked))
 
