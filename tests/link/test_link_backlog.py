@@ -3,11 +3,14 @@
 import asyncio
 
 import pytest
-from aiohttp import ClientSession, web
+from aiohttp import ClientSession, ClientWSTimeout, web
 
 from mmt.link import backlog
 from mmt.link.backlog import UnbufferedSend
 from mmt.link.outbox import Outbox
+
+SOON = ClientWSTimeout(ws_close=0.1)
+"""The other side reads nothing, the closing neither."""
 
 
 @pytest.fixture
@@ -34,7 +37,7 @@ async def stalled() -> object:
 
 
 async def test_what_a_stalled_network_does_not_take_waits_in_the_outbox(stalled: str) -> None:
-    async with ClientSession() as session, session.ws_connect(stalled) as websocket:
+    async with ClientSession() as session, session.ws_connect(stalled, timeout=SOON) as websocket:
         outbox = Outbox(5)
         outbox.open(UnbufferedSend(websocket))
         for _ in range(100_000):
@@ -53,5 +56,5 @@ async def test_a_websocket_that_hides_what_it_writes_to_is_used_as_it_is(
     stalled: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(backlog, "_transport_of", lambda _: None)
-    async with ClientSession() as session, session.ws_connect(stalled) as websocket:
+    async with ClientSession() as session, session.ws_connect(stalled, timeout=SOON) as websocket:
         await UnbufferedSend(websocket)(b"message")
