@@ -77,13 +77,15 @@ class ContactModel:
         depth = depth_m - self.surface_m
         return float(self.stiffness_n_m * depth**self.exponent) if depth > 0.0 else 0.0
 
-    def force_n(self, depth_m: float, speed_m_s: float) -> float:
+    def force_n(
+        self, depth_m: float, speed_m_s: float, largest_damping_n_s_m: float = math.inf
+    ) -> float:
         """Return the force (N) at a place and a speed into the surface."""
         spring = self.spring_n(depth_m)
         if spring <= 0.0:
             return 0.0
         damping = self.damping_n_s_m + self.dissipation_s_m * spring
-        return max(0.0, spring + damping * speed_m_s)
+        return max(0.0, spring + min(damping, largest_damping_n_s_m) * speed_m_s)
 
     def stiffness_at(self, force_n: float) -> float:
         """Return the slope of the elastic force (N/m) where it is `force_n`."""

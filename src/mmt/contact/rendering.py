@@ -107,11 +107,8 @@ class LocalContact:
         self._approach(period_s)
         if self.rendered is None:
             return 0.0
-        spring_n = self.rendered.spring_n(depth_m + 0.5 * period_s * speed_m_s)
-        if spring_n <= 0.0:
-            return 0.0
-        damping = self.rendered.damping_n_s_m + self.rendered.dissipation_s_m * spring_n
-        return max(0.0, spring_n + min(damping, self._settings.damping_n_s_m) * speed_m_s)
+        middle_m = depth_m + 0.5 * period_s * speed_m_s
+        return self.rendered.force_n(middle_m, speed_m_s, self._settings.damping_n_s_m)
 
     def _approach(self, period_s: float) -> None:
         """Go a share of the way to the target."""

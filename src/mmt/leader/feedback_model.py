@@ -135,6 +135,7 @@ class ModelForce(StreamedForce):
             "method": "model",
             **self._ports.summary,
             "contacts": self._surface.contacts,
+            "contact_samples": self._surface.samples,
             "model_after_s": None
             if self._samples_to_model is None
             else round(self._samples_to_model * self._tick_s, 3),
