@@ -208,6 +208,17 @@ def test_first_contact_is_held_back_until_the_leader_pays_then_caught_up() -> No
     assert command == pytest.approx(-5e-3, abs=1e-5)
 
 
+def test_catching_up_is_slow_however_far_the_command_was_held_back() -> None:
+    port = MotionPort(PassivitySettings(drift_m=0.05))
+    for step in range(1000):
+        port.step(-4e-5 * step, 0.0)
+        port.measure(50.0)
+    held = port.step(-0.04, 0.0)
+    assert port.drift_m > 0.03
+    port.measure(0.0)
+    assert port.step(-0.04, 0.0) == pytest.approx(held - 5e-5)
+
+
 def test_a_robot_that_seems_to_return_more_than_it_got_is_not_believed() -> None:
     port = MotionPort(SETTINGS)
     for step in range(200):

@@ -198,6 +198,8 @@ class MotionPort:
     """Less is taken for the sensor's noise."""
     _CATCH_UP: Final = 0.02
     """Share of the drift that is made up for in a tick, where the energy is there."""
+    _CATCH_UP_M_S: Final = 0.05
+    """Fastest that it is made up for."""
 
     def __init__(self, settings: PassivitySettings) -> None:
         self._settings = settings
@@ -250,7 +252,9 @@ class MotionPort:
         if self._command_m is None:
             self._command_m = self._wanted_m = wanted_m
             return wanted_m
-        step = wanted_m - self._wanted_m - self._CATCH_UP * self.drift_m
+        most = self._CATCH_UP_M_S * self._settings.tick_s
+        caught_up = max(-most, min(self._CATCH_UP * self.drift_m, most))
+        step = wanted_m - self._wanted_m - caught_up
         left = max(0.0, given_j + self._settings.reserve_j - self._observer.out_j)
         cost = -self._force_n * step
         if cost > left:
