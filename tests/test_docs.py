@@ -92,6 +92,18 @@ def test_the_index_leads_to_every_page() -> None:
     ]
 
 
+def test_every_decision_has_a_number_of_its_own_in_file_title_and_index() -> None:
+    pages = sorted((DOCS / "decisions").glob("*.md"))
+    numbers = [page.name[:4] for page in pages]
+    titles = [re.match(r"# (\d+)\. ", page.read_text(encoding="utf-8")) for page in pages]
+    listed = re.findall(
+        r"^(\d+)\. \[.+\]\(decisions/(\d{4})-", INDEX.read_text(encoding="utf-8"), re.MULTILINE
+    )
+    assert len(set(numbers)) == len(numbers)
+    assert [title and f"{int(title[1]):04}" for title in titles] == numbers
+    assert [(f"{int(place):04}", number) for place, number in listed] == [(n, n) for n in numbers]
+
+
 def test_pictures_are_small_and_used() -> None:
     text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
     pictures = list((DOCS / "images").iterdir())
