@@ -1,6 +1,6 @@
 """The scene's tables that name drivers."""
 
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -34,3 +34,4 @@ class Devices(BaseModel):
     robot: Driver
     force_sensor: Driver | None = None
     accelerometer: Driver | None = None
+    on_lost: Literal["stop", "hold", "retract"] = "stop"

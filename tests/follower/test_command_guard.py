@@ -79,6 +79,8 @@ def test_commands_pass_as_they_are_where_the_robot_is_there_already() -> None:
         "silent_s": 0.0,
         "stale_commands": 0,
         "slowed_ticks": 0,
+        "halts": 0,
+        "halted_s": 0.0,
     }
 
 
@@ -198,3 +200,52 @@ def test_whatever_comes_and_whenever_the_robot_never_jumps(
             continue
         assert math.dist(before, after) <= limit_mm * elapsed * (1 + 1e-6) + 1e-9
         before = after
+
+
+# --- a device is lost
+
+
+def test_a_halt_holds_whatever_the_leader_commands() -> None:
+    robot = Guarded()
+    robot.run(20, HOME)
+    robot.guard.halt("hold")
+    robot.guard.halt("hold")
+    robot.run(200, (50.0, 0.0, 0.0))
+    assert set(robot.positions) == {HOME}
+    assert robot.guard.summary["halts"] == 1
+    assert robot.guard.summary["halted_s"] == pytest.approx(0.2)
+    assert robot.guard.summary["silences"] == 0
+
+
+def test_a_halt_retracts_along_the_normal_where_the_scene_says_so() -> None:
+    robot = Guarded(normal="x", on_silence="hold", retract_mm=5.0, recovery_mm_s=100.0)
+    robot.run(20, HOME)
+    robot.guard.halt("retract")
+    robot.run(100, HOME)
+    assert robot.newest == pytest.approx((5.0, 0.0, 5.0))
+    assert max(steps_mm(robot.positions)) <= 0.1 + 1e-9
+
+
+@pytest.mark.parametrize("measured", [HOME, (3.0, 0.0, 5.0)])
+def test_after_a_halt_the_robot_begins_where_it_is(measured: Vector) -> None:
+    robot = Guarded(recovery_mm_s=50.0)
+    robot.run(20, HOME)
+    robot.guard.halt("hold")
+    robot.run(100, (10.0, 0.0, 5.0))
+    robot.guard.release()
+    robot.measured = measured
+    robot.positions.clear()
+    robot.run(1000, (10.0, 0.0, 5.0))
+    assert math.dist(robot.positions[0], measured) <= 0.05 + 1e-9  # type: ignore[arg-type]
+    assert max(steps_mm(robot.positions)) <= 0.05 + 1e-9
+    assert robot.newest == pytest.approx((10.0, 0.0, 5.0))
+
+
+def test_a_halt_before_the_first_command_commands_nothing() -> None:
+    robot = Guarded()
+    robot.guard.halt("retract")
+    robot.run(50, HOME)
+    assert set(robot.positions) == {None}
+    robot.guard.release()
+    robot.run(5, HOME)
+    assert robot.newest == HOME

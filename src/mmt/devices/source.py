@@ -1,25 +1,34 @@
 """Stream what real devices measure: a robot, a force sensor, an accelerometer."""
 
-from collections.abc import Iterable
-from typing import Final
+import time
+from collections.abc import Callable, Iterable
+from typing import Any, Final, Literal
 
 import numpy as np
 
 from mmt.arrays import RecordArray
-from mmt.devices.protocols import Accelerometer, Device, ForceSensor, Robot, Vector
-from mmt.errors import InputError, MmtError
-from mmt.frames import Channel, frame_dtype, ordered_channels
+from mmt.devices.merging import FrameMerger, PolledLane
+from mmt.devices.ports import Port, RobotPort, SampledPort, failure, port_of, summaries
+from mmt.devices.probing import Prober
+from mmt.devices.protocols import Accelerometer, ForceSensor, Robot, SampledSensor, Vector
+from mmt.errors import DeviceLost, InputError, MmtError
+from mmt.frames import FIELD_OF_CHANNEL, Channel, frame_dtype, ordered_channels
 
-_ROBOT: Final = "robot"
-_FORCE_SENSOR: Final = "force sensor"
-_ACCELEROMETER: Final = "accelerometer"
+PERIOD_NS: Final = 1_000_000
+
+_WARM_UP_NS: Final = 60_000_000
+_FIRST_READING_NS: Final = 1_500_000_000
+
+FaultCallback = Callable[[bool, str], None]
+"""Called with whether a device is lost now, and a sentence."""
 
 
 class DeviceSource:
     """A `FollowerSource` that reads devices at each tick.
 
-    A tick that was missed has no measurement: its sequence number is skipped, so that the
-    leader sees a gap and nothing is invented.
+    Devices that are polled give a frame at each tick; where one has a clock of its own, all are
+    merged by their time stamps (`mmt.devices.merging`). A tick without a measurement has no
+    frame: its sequence number is skipped, so that the leader sees a gap and nothing is invented.
 
     Parameters
     ----------
@@ -29,6 +38,9 @@ class DeviceSource:
         None where the scene's channels need none.
     channels
         What to put into the frames.
+    on_lost
+        What a lost device does: "stop" ends the session; otherwise it is connected again, and
+        the callback given to `watch` is told.
 
     Raises
     ------
@@ -39,47 +51,99 @@ class DeviceSource:
     def __init__(
         self,
         robot: Robot,
-        force_sensor: ForceSensor | None,
-        accelerometer: Accelerometer | None,
+        force_sensor: ForceSensor | SampledSensor | None,
+        accelerometer: Accelerometer | SampledSensor | None,
         channels: Iterable[Channel],
+        *,
+        on_lost: Literal["stop", "hold", "retract"] = "stop",
     ) -> None:
-        self._robot = robot
-        self._force_sensor = force_sensor
-        self._accelerometer = accelerometer
         self._channels = ordered_channels(channels)
         for channel, device in (("force", force_sensor), ("acceleration", accelerometer)):
             if channel in self._channels and device is None:
                 key = "force_sensor" if channel == "force" else "accelerometer"
                 raise InputError(f"[devices] has no {key}, but the scene needs {channel}")
+        self._on_lost = on_lost
+        self._watcher: FaultCallback = lambda _lost, _sentence: None
+        robot_port = RobotPort("robot", robot, measures="position" in self._channels)
+        self._all: dict[str, Port] = {"robot": robot_port}
+        if force_sensor is not None:
+            self._all["force_sensor"] = port_of("force sensor", force_sensor)
+        if accelerometer is not None:
+            self._all["accelerometer"] = port_of("accelerometer", accelerometer)
+        of_channel = dict(
+            zip(("force", "acceleration"), ("force_sensor", "accelerometer"), strict=True)
+        )
+        self._measuring = {
+            FIELD_OF_CHANNEL[channel]: self._all[of_channel.get(channel, "robot")]
+            for channel in self._channels
+        }
+        self._stepped = list(dict.fromkeys([robot_port, *self._measuring.values()]))
+        self._sampled = [port for port in self._stepped if isinstance(port, SampledPort)]
+        self._lost: list[Port] = []
+        self._probed: tuple[Port, Exception] | None = None
         self._dtype = frame_dtype(self._channels)
         self._sequence = 0
+        self._merger = self._make_merger()
+        self._prober = Prober(self.probe, PERIOD_NS)
 
-    @property
-    def _devices(self) -> dict[str, Device]:
-        devices: dict[str, Device | None] = {
-            _ROBOT: self._robot,
-            _FORCE_SENSOR: self._force_sensor,
-            _ACCELEROMETER: self._accelerometer,
-        }
-        return {role: device for role, device in devices.items() if device is not None}
+    def _make_merger(self) -> FrameMerger | None:
+        if not self._sampled:
+            return None
+        lanes = {field: port.lane for field, port in self._measuring.items()}
+        return FrameMerger(lanes, self._dtype, PERIOD_NS)
+
+    def watch(self, callback: FaultCallback) -> None:
+        """Have a function called when a device is lost and when it is back."""
+        self._watcher = callback
 
     def start(self, start_time_ns: int) -> None:  # noqa: ARG002 - devices keep their own time
-        """Connect and calibrate the devices.
+        """Connect and calibrate the devices, and learn the clocks of those that have one.
 
         Raises
         ------
         MmtError
             One of them does not answer.
         """
-        for role, device in self._devices.items():
+        for port in self._all.values():
             try:
-                device.connect()
-                device.calibrate()
+                port.device.connect()
+                port.device.calibrate()
             except Exception as error:
-                raise _failure(role, device, error) from error
+                raise failure(port, error) from error
+        if self._sampled:
+            self._warm_up()
+            self._prober.start()
+
+    def _warm_up(self) -> None:
+        """Read often for a moment: the quickest arrivals tell the clocks apart."""
+        start_ns = time.monotonic_ns()
+        while (passed_ns := time.monotonic_ns() - start_ns) < _WARM_UP_NS or any(
+            not port.lane.clock.known for port in self._sampled
+        ):
+            for port in self._sampled:
+                try:
+                    port.poll(time.monotonic_ns())
+                    if passed_ns > _FIRST_READING_NS and not port.lane.clock.known:
+                        raise DeviceLost(  # noqa: TRY301 - told like what a driver raises
+                            "it is connected but gives no reading; check its cable and settings"
+                        )
+                except Exception as error:
+                    raise failure(port, error) from error
+            time.sleep(5e-5)
+        for port in self._sampled:
+            port.begin(time.monotonic_ns())
+
+    def probe(self, now_ns: int) -> None:
+        """Look at the sampled sensors between two ticks; a fault is left to the next tick."""
+        for port in self._sampled:
+            if port.lost_ns is None and self._probed is None:
+                try:
+                    port.poll(now_ns)
+                except Exception as error:  # noqa: BLE001 - raised by the next step
+                    self._probed = (port, error)
 
     def step(self, elapsed: int, now_ns: int, command_position_mm: Vector | None) -> RecordArray:
-        """Command the robot and read every device once; one frame, see `FollowerSource`.
+        """Command the robot and read every device; see `FollowerSource`.
 
         Raises
         ------
@@ -87,24 +151,50 @@ class DeviceSource:
             A device fails; the message says which.
         """
         self._sequence += elapsed
+        probed, self._probed = self._probed, None
+        for port in self._stepped:
+            try:
+                if probed is not None and probed[0] is port:
+                    raise probed[1]  # noqa: TRY301 - as if it had come up now
+                if port.lost_ns is None:
+                    port.step(now_ns, command_position_mm)
+                elif port.mend(now_ns):
+                    self._regain(port)
+            except DeviceLost as error:
+                self._lose(port, error, now_ns)
+            except Exception as error:
+                raise failure(port, error) from error
+        if self._merger is not None:
+            self._merger.tick(elapsed, now_ns)
+            if self._lost:
+                self._merger.give_up()
+            return self._merger.frames()
+        return self._polled_frame(now_ns)
+
+    def _polled_frame(self, now_ns: int) -> RecordArray:
+        if self._lost:
+            return np.empty(0, dtype=self._dtype)
         frames = np.zeros(1, dtype=self._dtype)
         frames["sequence"] = self._sequence - 1
         frames["time_ns"] = now_ns
-        role = _ROBOT
-        try:
-            if command_position_mm is not None:
-                self._robot.write(command_position_mm)
-            if "position" in self._channels:
-                frames["position_mm"][0] = self._robot.read()
-            if self._force_sensor is not None and "force" in self._channels:
-                role = _FORCE_SENSOR
-                frames["force_n"][0] = self._force_sensor.read()
-            if self._accelerometer is not None and "acceleration" in self._channels:
-                role = _ACCELEROMETER
-                frames["acceleration_m_s2"][0] = self._accelerometer.read()
-        except Exception as error:
-            raise _failure(role, self._devices[role], error) from error
+        for field, port in self._measuring.items():
+            assert isinstance(port.lane, PolledLane)  # noqa: S101 - none is sampled here
+            try:
+                frames[field][0] = port.lane.last
+            except (TypeError, ValueError) as error:
+                raise failure(port, error) from error
         return frames
+
+    def _lose(self, port: Port, error: DeviceLost, now_ns: int) -> None:
+        if self._on_lost == "stop":
+            raise failure(port, error) from error
+        self._lost.append(port)
+        port.lose(now_ns)
+        self._watcher(True, f"the {port.role} ({type(port.device).__name__}) is lost: {error}")
+
+    def _regain(self, port: Port) -> None:
+        self._lost.remove(port)
+        self._watcher(bool(self._lost), f"the {port.role} ({type(port.device).__name__}) is back")
 
     @property
     def finished(self) -> bool:
@@ -116,11 +206,14 @@ class DeviceSource:
         """Nothing is known beside what is measured."""
         return b""
 
+    @property
+    def summary(self) -> dict[str, Any]:
+        """What the devices gave, for a program."""
+        return summaries(self._all)
+
     def describe(self) -> str:
         """Name the devices."""
-        return "devices: " + ", ".join(
-            f"{role} {type(device).__name__}" for role, device in self._devices.items()
-        )
+        return "devices: " + ", ".join(port.describe() for port in self._all.values())
 
     def close(self) -> None:
         """Close every device, also when closing one of them fails.
@@ -130,17 +223,12 @@ class DeviceSource:
         MmtError
             One or more could not be closed.
         """
+        self._prober.stop()
         problems = []
-        for role, device in self._devices.items():
+        for port in self._all.values():
             try:
-                device.close()
+                port.close()
             except Exception as error:  # noqa: BLE001 - the others must still be closed
-                problems.append(str(_failure(role, device, error)))
+                problems.append(str(failure(port, error)))
         if problems:
             raise MmtError("; ".join(problems))
-
-
-def _failure(role: str, device: Device, error: Exception) -> MmtError:
-    """Return what a person is told when a device's driver raises, whatever it raises."""
-    reason = str(error) or type(error).__name__
-    return MmtError(f"the {role} ({type(device).__name__}) failed: {reason}")

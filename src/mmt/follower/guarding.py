@@ -3,7 +3,7 @@
 import math
 import struct
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from mmt.arrays import RecordArray
 from mmt.devices.protocols import Vector
@@ -25,7 +25,8 @@ class CommandGuard:
 
     - A command whose round trip was too long is thrown away: it is what the hand did then.
     - Where no fresh command has come for `silence_ms` of the follower's own ticks, the robot
-      holds the last position, or retracts from the surface along its normal.
+      holds the last position, or retracts from the surface along its normal; so it does while a
+      device is lost (`halt`).
     - It begins where it is: the difference to the first command, and to the first one after a
       silence, is worked off at `recovery_mm_s`; the commands' own motion comes on top.
     - Whatever is commanded, the position moves by no more than `limit_mm_s`.
@@ -63,9 +64,7 @@ class CommandGuard:
         self._stale_ns = round(link.stale_ms * 1e6)
         self._recovery_mm = link.recovery_mm_s / rate_hz
         self._limit_mm = link.limit_mm_s / rate_hz
-        away_mm = link.retract_mm if link.on_silence == "retract" else 0.0
-        x, y, z = _NORMALS[normal]
-        self._retreat: Vector = (away_mm * x, away_mm * y, away_mm * z)
+        self._normal = _NORMALS[normal]
         self._told = RateLimit()
         self._command: Vector | None = None  # came since the last tick
         self._target: Vector = (0.0, 0.0, 0.0)
@@ -73,6 +72,8 @@ class CommandGuard:
         self._position: Vector | None = None
         self._age_ticks = 0
         self._silent = False
+        self._halted = False
+        self._halts = self._halted_ticks = 0
         self._silences = self._silent_ticks = self._stale = self._slowed = 0
 
     @property
@@ -83,7 +84,22 @@ class CommandGuard:
             "silent_s": self._silent_ticks / self._rate_hz,
             "stale_commands": self._stale,
             "slowed_ticks": self._slowed,
+            "halts": self._halts,
+            "halted_s": self._halted_ticks / self._rate_hz,
         }
+
+    def halt(self, does: Literal["hold", "retract"]) -> None:
+        """Take no commands until `release`, since a device is lost: hold, or retract."""
+        self._halts += not self._halted
+        self._halted = True
+        if self._position is not None:
+            self._let_be(self._position, does)
+
+    def release(self) -> None:
+        """Take commands again, beginning where the robot is."""
+        self._halted = False
+        if self._measures_position:
+            self._position, self._silent = None, False
 
     def take(self, commands: RecordArray, arrival_ns: int) -> None:
         """Take commands (n,), n >= 1, the newest last, with their arrival by this clock.
@@ -109,7 +125,11 @@ class CommandGuard:
             Gives the robot's position (mm), None where it is not known yet; asked before the
             first position is returned.
         """
-        if self._command is not None:
+        if self._halted:
+            self._command = None
+            self._age_ticks = 0
+            self._halted_ticks += elapsed
+        elif self._command is not None:
             self._follow(self._command, measured)
         elif self._position is not None:
             self._age_ticks += elapsed
@@ -118,7 +138,7 @@ class CommandGuard:
         if self._position is None:
             return None
         if self._silent:
-            self._silent_ticks += elapsed
+            self._silent_ticks += 0 if self._halted else elapsed
             self._position = _towards(self._position, self._target, self._recovery_mm * elapsed)
         else:
             self._advance(self._position, elapsed)
@@ -133,7 +153,7 @@ class CommandGuard:
         elif self._silent:
             self._offset = _difference(self._position, command)
             self._silent = False
-            if self._told.allow("heard"):
+            if self._age_ticks and self._told.allow("heard"):
                 silent_s = self._age_ticks / self._rate_hz
                 self._say(
                     f"leader heard again after {silent_s:.1f} s: taking up its commands "
@@ -145,14 +165,19 @@ class CommandGuard:
 
     def _fall_silent(self) -> None:
         assert self._position is not None  # noqa: S101 - there is none to hold before a command
-        self._silent = True
         self._silences += 1
-        x, y, z = self._position
-        u, v, w = self._retreat
-        self._target = (x + u, y + v, z + w)
-        does = "holding" if self._retreat == (0.0, 0.0, 0.0) else "retracting"
+        self._let_be(self._position, self._link.on_silence)
+        does = "holding" if self._link.on_silence == "hold" else "retracting"
         if self._told.allow("silent"):
             self._say(f"leader silent for {self._silence_ticks / self._rate_hz:g} s: {does}")
+
+    def _let_be(self, position: Vector, does: Literal["hold", "retract"]) -> None:
+        """Go to where the robot is to be without commands."""
+        self._silent = True
+        away_mm = self._link.retract_mm if does == "retract" else 0.0
+        x, y, z = position
+        u, v, w = self._normal
+        self._target = (x + away_mm * u, y + away_mm * v, z + away_mm * w)
 
     def _advance(self, position: Vector, elapsed: int) -> None:
         """Move to the target and its offset, which shrinks."""

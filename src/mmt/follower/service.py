@@ -47,6 +47,7 @@ class FollowerSummary:
     process: dict[str, Any]
     commands: dict[str, Any] = field(default_factory=dict)
     backfill: dict[str, Any] = field(default_factory=dict)
+    devices: dict[str, Any] = field(default_factory=dict)
     feedback: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -118,6 +119,9 @@ class FollowerService:
         )
         self.ticker = Ticker(round(1e9 / scene.session.rate_hz), self._tick)
         self.guard = self._make_guard()
+        watch = getattr(self.source, "watch", None)
+        if watch is not None:  # a source of devices
+            watch(self._on_device)
         self._newest: RecordArray | None = None
         self._ended = asyncio.Event()
         self._outcome = "source ended"
@@ -165,6 +169,7 @@ class FollowerService:
                 "core_share": round(cost.core_share, 3),
                 "memory_mb": round(cost.memory_mb, 1),
             },
+            devices=getattr(self.source, "summary", {}),
             commands=self.guard.summary if self.guard is not None else {},
             backfill=self.client.backfill,
             feedback=dict(self._feedback.summary) if self._feedback is not None else {},
@@ -293,6 +298,19 @@ class FollowerService:
             return None
         x, y, z = self._newest["position_mm"][-1].tolist()
         return (x, y, z) if math.isfinite(x + y + z) else None
+
+    def _on_device(self, lost: bool, sentence: str) -> None:
+        """Do what the scene says while a device is lost."""
+        devices = self.scene.devices
+        if self.guard is None or devices is None or devices.on_lost == "stop":
+            return
+        if lost:
+            self._newest = None
+            self.guard.halt(devices.on_lost)
+        else:
+            self.guard.release()
+        does = "holding" if devices.on_lost == "hold" else "retracting"
+        self._say(f"{sentence}{f': {does}' if lost else ': taking commands again'}")
 
     def _on_commands(self, commands: RecordArray, arrival_ns: int) -> None:
         if self.guard is not None:

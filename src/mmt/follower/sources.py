@@ -54,5 +54,9 @@ def _devices(scene: Scene, table: Devices) -> FollowerSource:
         return load_device(device.driver, device.options) if device is not None else None
 
     return DeviceSource(
-        made(table.robot), made(table.force_sensor), made(table.accelerometer), scene.channels()
+        made(table.robot),
+        made(table.force_sensor),
+        made(table.accelerometer),
+        scene.channels(),
+        on_lost=table.on_lost,
     )

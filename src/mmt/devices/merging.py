@@ -1,0 +1,207 @@
+"""Form frames at the session's rate from sensors that run on clocks of their own.
+
+Each lane holds what one device has measured; a frame takes all of them at one physical
+instant, by linear interpolation between two readings. Where there are none, there is no frame.
+"""
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from mmt.arrays import RecordArray
+from mmt.devices.clocks import SensorClock
+from mmt.devices.protocols import SensorReading, Vector
+
+HOLD_BACK_NS: Final = 1_500_000
+"""A frame is of the instant so long before its tick, so that the readings on both sides of it
+have arrived: more than the spacing of a sensor of 0.8 kHz."""
+
+LONGEST_GAP_NS: Final = 1_500_000
+"""Between two readings with a value in between; one and a half of a slow sensor's periods."""
+
+_POLLED_GAP_NS: Final = 5_000_000
+_KEPT: Final = 4096
+"""Readings that a lane holds at most: half a second at 8 kHz."""
+
+
+class Lane:
+    """What one device has measured lately, by the host's clock.
+
+    Parameters
+    ----------
+    latency_ns
+        From the physical instant to the stamp.
+    """
+
+    def __init__(self, latency_ns: int = 0) -> None:
+        self.latency_ns = latency_ns
+        self.clock = SensorClock()
+        self.readings = 0
+        """How many have come."""
+        self.newest: SensorReading | None = None
+        self._kept: deque[SensorReading] = deque(maxlen=_KEPT)
+        self._spacing_ns = 0.0
+
+    @property
+    def spacing_ns(self) -> float:
+        """The usual time between two readings by the sensor's clock, 0 before there are two."""
+        return self._spacing_ns
+
+    def reset(self) -> None:
+        """Forget what has come: the device begins anew."""
+        self._kept.clear()
+        self.newest = None
+        self.clock.reset()
+
+    def take(self, readings: Sequence[SensorReading], arrival_ns: int) -> None:
+        """Take what a sensor has given, with the host's time of the call.
+
+        A stamp that is not after the last one begins anew: the sensor's clock was set back.
+        """
+        kept = self._kept
+        for reading in readings:
+            if kept:
+                step = reading.time_ns - kept[-1].time_ns
+                if step <= 0:
+                    self.reset()
+                elif not self._spacing_ns:
+                    self._spacing_ns = float(step)
+                else:
+                    limited = min(step, 3.0 * self._spacing_ns)  # a gap is not the usual spacing
+                    self._spacing_ns += 0.01 * (limited - self._spacing_ns)
+            kept.append(reading)
+        if readings:
+            self.readings += len(readings)
+            newest = self.newest = readings[-1]
+            _, _, _ = newest.value  # else it is the sensor's fault, and found here
+            if self.clock.add(arrival_ns, newest.time_ns):
+                kept.clear()
+                kept.append(newest)
+
+    def at(self, host_ns: int) -> "Vector | Waiting | None":
+        """Return the value of a physical instant by the host's clock.
+
+        Returns
+        -------
+        value
+            None where nothing was measured around it, `WAITING` where its readings may still
+            come. Instants must not go back.
+        """
+        if not self.clock.known:
+            return WAITING
+        return self._interpolate(
+            self.clock.sensor_time(host_ns) + self.latency_ns,
+            max(LONGEST_GAP_NS, 1.5 * self._spacing_ns),
+        )
+
+    def _interpolate(self, time_ns: int, longest_ns: float) -> "Vector | Waiting | None":
+        kept = self._kept
+        if not kept or kept[-1].time_ns < time_ns:
+            return WAITING
+        while len(kept) > 1 and kept[1].time_ns <= time_ns:
+            kept.popleft()
+        start_ns, first = kept[0]
+        if start_ns >= time_ns:
+            return first if start_ns == time_ns else None
+        end_ns, last = kept[1]
+        span = end_ns - start_ns
+        if span > longest_ns:
+            return None
+        share = (time_ns - start_ns) / span
+        x, y, z = first
+        u, v, w = last
+        return (x + share * (u - x), y + share * (v - y), z + share * (w - z))
+
+
+class PolledLane(Lane):
+    """What a device without a clock has measured at the ticks, stamped by the host."""
+
+    last: Vector = (0.0, 0.0, 0.0)
+    """The newest measurement."""
+
+    def note(self, value: Vector, now_ns: int) -> None:
+        """Take one measurement."""
+        x, y, z = value
+        self.last = (x, y, z)
+        self._kept.append(SensorReading(now_ns, self.last))
+        self.readings += 1
+
+    def at(self, host_ns: int) -> "Vector | Waiting | None":
+        """Return the value of an instant; see `Lane`."""
+        return self._interpolate(host_ns, _POLLED_GAP_NS)
+
+
+class Waiting:
+    """The readings for an instant may still come."""
+
+
+WAITING: Final = Waiting()
+
+
+class FrameMerger:
+    """Put the lanes together, a frame for each tick.
+
+    Frame k is of the instant k periods after the first, held back by `HOLD_BACK_NS` and the
+    largest latency of the lanes. It is formed at its tick, or at a later one where a reading
+    is late. Where a lane has no value its number is left out.
+
+    Parameters
+    ----------
+    lanes
+        By the name of their field, in the order of the frame.
+    dtype
+        Of the frames.
+    period_ns
+        From tick to tick.
+    """
+
+    def __init__(
+        self, lanes: Mapping[str, Lane], dtype: "np.dtype[np.void]", period_ns: int
+    ) -> None:
+        self._lanes = list(lanes.values())
+        self._dtype = dtype
+        self._period_ns = period_ns
+        self._hold_back_ns = HOLD_BACK_NS + max(lane.latency_ns for lane in self._lanes)
+        self._origin_ns: int | None = None
+        self._next = 0
+        self._due = 0
+        self.left_out = 0
+        """Frames that a lane had no value for."""
+
+    @property
+    def hold_back_ns(self) -> int:
+        """From a frame's instant to its tick."""
+        return self._hold_back_ns
+
+    def tick(self, elapsed: int, now_ns: int) -> None:
+        """Note that so many ticks have passed.
+
+        The quickest tick sets the grid of the instants: a late one shifts none of them.
+        """
+        self._due += elapsed
+        origin_ns = now_ns - self._due * self._period_ns
+        if self._origin_ns is None or origin_ns < self._origin_ns:
+            self._origin_ns = origin_ns
+
+    def give_up(self) -> None:
+        """Leave out the frames that wait: a device is lost."""
+        self.left_out += self._due - self._next
+        self._next = self._due
+
+    def frames(self) -> RecordArray:
+        """Return the frames (n,) that are complete, the oldest first."""
+        rows = []
+        start_ns = (self._origin_ns or 0) + self._period_ns - self._hold_back_ns
+        while self._next < self._due:
+            time_ns = start_ns + self._next * self._period_ns
+            values = [lane.at(time_ns) for lane in self._lanes]
+            if WAITING in values:
+                break
+            if None in values:
+                self.left_out += 1
+            else:
+                rows.append((self._next, time_ns, *values))
+            self._next += 1
+        return np.array(rows, dtype=self._dtype)

@@ -1,0 +1,269 @@
+"""One device of a follower: read or write it, see that it is lost, and connect it again."""
+
+import threading
+from collections.abc import Mapping
+from typing import Any, Final
+
+from mmt.devices.merging import Lane, PolledLane
+from mmt.devices.protocols import (
+    Accelerometer,
+    Device,
+    ForceSensor,
+    Robot,
+    SampledSensor,
+    Vector,
+)
+from mmt.errors import DeviceLost, MmtError
+
+SILENT_NS: Final = 15_000_000
+"""A sampled sensor that gives nothing for so long is lost."""
+
+_EMPTY_READS: Final = 8
+"""So many reads in a row must have been empty too: a host that was held up is no lost sensor."""
+_PATIENCE_NS: Final = 250_000_000
+"""A silent sensor is listened to for so long before it is connected again."""
+_SETTLE_NS: Final = 100_000_000
+"""A sensor that is back is heard for so long before frames are formed of it."""
+_RETRY_S: Final = 0.5
+
+
+class Reconnection(threading.Thread):
+    """Close and connect a device until that works, beside the ticks, since it may take long."""
+
+    def __init__(self, device: Device) -> None:
+        super().__init__(name=f"connect {type(device).__name__}", daemon=True)
+        self._device = device
+        self._given_up = threading.Event()
+        self.done = threading.Event()
+        self.reason = ""
+        """Why it did not work the last time."""
+        self.start()
+
+    def run(self) -> None:
+        """Try until it works or is given up."""
+        while not self._given_up.is_set():
+            try:
+                self._device.close()
+                self._device.connect()
+            except Exception as error:  # noqa: BLE001 - whatever a driver raises, try again
+                self.reason = str(error) or type(error).__name__
+                self._given_up.wait(_RETRY_S)
+            else:
+                self.done.set()
+                return
+
+    def give_up(self) -> None:
+        """Try no more; a call that is under way has a few seconds to end."""
+        self._given_up.set()
+        self.join(3.0)
+
+
+class Port:
+    """One device in its role.
+
+    Parameters
+    ----------
+    role
+        What a person calls it.
+    device
+        The driver.
+    lane
+        Takes what it measures.
+    """
+
+    def __init__(self, role: str, device: Device, lane: Lane) -> None:
+        self.role = role
+        self.device = device
+        self.lane = lane
+        self.losses = 0
+        """How often it was lost."""
+        self.lost_ns: int | None = None
+        """Since when it is lost, by the host's clock; None where it is there."""
+        self._reconnection: Reconnection | None = None
+        self._listening_ns = 0
+        self._heard_ns: int | None = None
+
+    def describe(self) -> str:
+        """Name it."""
+        return f"{self.role} {type(self.device).__name__}"
+
+    def step(self, now_ns: int, command_position_mm: Vector | None) -> None:
+        """Do what falls due at a tick.
+
+        Raises
+        ------
+        Exception
+            Whatever its driver raises; `DeviceLost` where it may come back.
+        """
+        raise NotImplementedError
+
+    def lose(self, now_ns: int) -> None:
+        """Take it as lost and connect it again."""
+        self.losses += 1
+        self.lost_ns = now_ns
+        self._connect()
+
+    def mend(self, now_ns: int) -> bool:
+        """Go on with connecting it again; return whether it is there.
+
+        Raises
+        ------
+        Exception
+            What its driver raises but `DeviceLost`.
+        """
+        if self._reconnection is not None:
+            if not self._reconnection.done.is_set():
+                return False
+            self._reconnection = None
+            self._listen(now_ns)
+        try:
+            there = self._answers(now_ns)
+        except DeviceLost:
+            self._connect()
+            return False
+        if there:
+            self.lost_ns = None
+        return there
+
+    def close(self) -> None:
+        """Close the device."""
+        if self._reconnection is not None:
+            self._reconnection.give_up()
+        self.device.close()
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """What it gave, for a program."""
+        return {"device": type(self.device).__name__, "losses": self.losses}
+
+    def _connect(self) -> None:
+        self._reconnection = Reconnection(self.device)
+
+    def _listen(self, now_ns: int) -> None:
+        self._listening_ns, self._heard_ns = now_ns, None
+
+    def _answers(self, now_ns: int) -> bool:
+        self.step(now_ns, None)
+        return True
+
+
+class RobotPort(Port):
+    """The robot: commanded, then read where the scene needs its position."""
+
+    device: Robot
+    lane: PolledLane
+
+    def __init__(self, role: str, device: Robot, *, measures: bool) -> None:
+        super().__init__(role, device, PolledLane())
+        self._measures = measures
+
+    def step(self, now_ns: int, command_position_mm: Vector | None) -> None:
+        """Command it, then read it."""
+        if command_position_mm is not None:
+            self.device.write(command_position_mm)
+        if self._measures:
+            self.lane.note(self.device.read(), now_ns)
+
+
+class PolledPort(Port):
+    """A sensor that says what it measures when it is asked."""
+
+    device: ForceSensor | Accelerometer
+    lane: PolledLane
+
+    def __init__(self, role: str, device: ForceSensor | Accelerometer) -> None:
+        super().__init__(role, device, PolledLane())
+
+    def step(self, now_ns: int, command_position_mm: Vector | None) -> None:  # noqa: ARG002
+        """Read it."""
+        self.lane.note(self.device.read(), now_ns)
+
+
+class SampledPort(Port):
+    """A sensor that runs on a clock of its own."""
+
+    device: SampledSensor
+
+    def __init__(self, role: str, device: SampledSensor) -> None:
+        super().__init__(role, device, Lane(device.latency_ns))
+        self._last_ns = 0
+        self._empty = 0
+
+    def begin(self, now_ns: int) -> None:
+        """Begin to wait for readings."""
+        self._last_ns, self._empty = now_ns, 0
+
+    def step(self, now_ns: int, command_position_mm: Vector | None) -> None:  # noqa: ARG002
+        """Take what has come.
+
+        Raises
+        ------
+        DeviceLost
+            Nothing has come for too long.
+        """
+        if self.poll(now_ns):
+            self._last_ns, self._empty = now_ns, 0
+            return
+        self._empty += 1
+        silent_ns = now_ns - self._last_ns
+        if self._empty >= _EMPTY_READS and silent_ns >= SILENT_NS:
+            raise DeviceLost(
+                f"no reading for {silent_ns / 1e6:.0f} ms; check its cable and its power"
+            )
+
+    def poll(self, now_ns: int) -> bool:
+        """Take what has come; return whether anything has."""
+        readings = self.device.read()
+        if readings:
+            self.lane.take(readings, now_ns)
+        return bool(readings)
+
+    def lose(self, now_ns: int) -> None:
+        """Listen for a while where it was merely silent, then connect it again."""
+        self.losses += 1
+        self.lost_ns = now_ns
+        self._listen(now_ns)
+
+    def _connect(self) -> None:
+        self.lane.reset()
+        super()._connect()
+
+    def _answers(self, now_ns: int) -> bool:
+        if self.poll(now_ns):
+            self._last_ns, self._empty = now_ns, 0
+            if self._heard_ns is None:
+                self._heard_ns = now_ns
+            return now_ns - self._heard_ns >= _SETTLE_NS
+        since_ns = self._listening_ns if self._heard_ns is None else self._last_ns
+        if now_ns - since_ns >= _PATIENCE_NS:
+            raise DeviceLost("no reading yet")
+        return False
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """What it gave, for a program."""
+        return {
+            **super().summary,
+            "readings": self.lane.readings,
+            "drift_ppm": round(1e6 * self.lane.clock.drift, 1),
+            "clock_jumps": self.lane.clock.jumps,
+            "faults": dict(self.device.faults),
+        }
+
+
+def port_of(role: str, device: Any) -> Port:
+    """Return a sensor's port: one that says its latency runs on a clock of its own."""
+    if hasattr(device, "latency_ns"):
+        return SampledPort(role, device)
+    return PolledPort(role, device)
+
+
+def failure(port: Port, error: Exception) -> MmtError:
+    """Return what a person is told when a driver raises, whatever it raises."""
+    reason = str(error) or type(error).__name__
+    return MmtError(f"the {port.role} ({type(port.device).__name__}) failed: {reason}")
+
+
+def summaries(ports: Mapping[str, Port]) -> dict[str, Any]:
+    """Return every port's summary by its key."""
+    return {key: port.summary for key, port in ports.items()}

@@ -1,0 +1,106 @@
+"""Sensors on clocks of their own, in simulated time: when what arrives, and what was true."""
+
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mmt.devices.protocols import SensorReading, Vector
+
+START_NS = 5_000_000_000_000
+MS = 1_000_000
+
+
+@dataclass
+class Time:
+    """A clock that tests move; as a module's ``time`` it moves on with each look."""
+
+    now_ns: int = START_NS
+
+    def monotonic_ns(self) -> int:
+        self.now_ns += 100_000
+        return self.now_ns
+
+    def sleep(self, seconds: float) -> None:
+        self.now_ns += round(seconds * 1e9)
+
+
+class SyntheticSensor:
+    """Measures ``(host's time of the physical instant in ms, 0, 0)`` at its own rate.
+
+    Parameters
+    ----------
+    rate_hz, drift
+        Nominal rate, and how much longer than nominal its periods are.
+    transport_ns, jitter_ns
+        Least time from the stamp to the arrival, and the mean of what is on top; one in a
+        hundred takes up to a millisecond more.
+    """
+
+    def __init__(
+        self,
+        rate_hz: float,
+        drift: float = 0.0,
+        *,
+        time: Time | None = None,
+        latency_ns: int = 200_000,
+        transport_ns: int = 20_000,
+        jitter_ns: float = 50_000.0,
+        seed: int = 1,
+    ) -> None:
+        self.latency_ns = latency_ns
+        self.time = time or Time()
+        self.faults: dict[str, int] = {}
+        self.calls: list[str] = []
+        self.stalled = False
+        self.error: Exception | None = None
+        self.connect_error: Exception | None = None
+        self._random = random.Random(seed)
+        self._nominal_ns = 1e9 / rate_hz
+        self._true_ns = self._nominal_ns * (1 + drift)
+        self._transport_ns, self._jitter_ns = transport_ns, jitter_ns
+        self._offset_ns = self._random.randrange(10**12)
+        self._phase = self._random.random()
+        self._next = 0
+        self._pending: tuple[float, SensorReading] | None = None
+        self._last_arrival_ns = 0.0
+
+    def connect(self) -> None:
+        self.calls.append("connect")
+        if self.connect_error is not None:
+            raise self.connect_error
+        self.error = None
+
+    def calibrate(self) -> None:
+        self.calls.append("calibrate")
+
+    def close(self) -> None:
+        self.calls.append("close")
+
+    def read(self) -> Sequence[SensorReading]:
+        return self.arrived(self.time.now_ns)
+
+    def arrived(self, now_ns: int) -> Sequence[SensorReading]:
+        """What has come by now and was not read before; what a stalled sensor measures is gone."""
+        if self.error is not None:
+            raise self.error
+        come = []
+        while True:
+            if self._pending is None:
+                self._pending = self._measure()
+            if self._pending[0] > now_ns:
+                return come
+            if not self.stalled:
+                come.append(self._pending[1])
+            self._pending = None
+
+    def _measure(self) -> tuple[float, SensorReading]:
+        stamp_true_ns = START_NS + (self._next + self._phase) * self._true_ns
+        stamp_ns = self._offset_ns + round(self._next * self._nominal_ns)
+        self._next += 1
+        late = self._random.expovariate(1 / self._jitter_ns) if self._jitter_ns else 0.0
+        if self._random.random() < 0.01:
+            late += self._random.random() * MS
+        arrival_ns = max(self._last_arrival_ns, stamp_true_ns + self._transport_ns + late)
+        self._last_arrival_ns = arrival_ns
+        value: Vector = ((stamp_true_ns - self.latency_ns - START_NS) / 1e6, 0.0, 0.0)
+        return arrival_ns, SensorReading(stamp_ns, value)

@@ -1,0 +1,209 @@
+"""A device that is lost: how soon it is seen, what is said, and that it comes back."""
+
+import time as real_time
+
+import numpy as np
+import pytest
+from synthetic_sensors import MS, SyntheticSensor, Time
+
+from mmt.arrays import RecordArray
+from mmt.devices import source as source_module
+from mmt.devices.protocols import SensorReading, Vector
+from mmt.devices.source import DeviceSource
+from mmt.errors import DeviceLost, MmtError
+
+
+class Arm:
+    """A robot that can be unplugged."""
+
+    def __init__(self) -> None:
+        self.calls: list[str] = []
+        self.written: list[Vector] = []
+        self.lost = False
+
+    def connect(self) -> None:
+        self.calls.append("connect")
+        if self.lost:
+            raise MmtError("still unplugged")
+
+    def calibrate(self) -> None:
+        self.calls.append("calibrate")
+
+    def close(self) -> None:
+        self.calls.append("close")
+
+    def read(self) -> Vector:
+        if self.lost:
+            raise DeviceLost("the arm does not answer")
+        return (1.0, 2.0, 3.0)
+
+    def write(self, position_mm: Vector) -> None:
+        self.written.append(position_mm)
+
+
+class Bench:
+    """A source in simulated time, ticked by hand."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, on_lost: str = "hold") -> None:
+        self.time = Time()
+        monkeypatch.setattr(source_module, "time", self.time)
+        self.arm = Arm()
+        self.sensor = SyntheticSensor(2000, time=self.time)
+        self.told: list[tuple[bool, str]] = []
+        self.source = DeviceSource(
+            self.arm,
+            self.sensor,
+            None,
+            ("position", "force"),
+            on_lost=on_lost,  # type: ignore[arg-type]
+        )
+        self.source.watch(lambda lost, sentence: self.told.append((lost, sentence)))
+        self.source.start(0)
+
+    def run(self, ticks: int, elapsed: int = 1) -> RecordArray:
+        blocks = []
+        for _ in range(ticks):
+            self.time.now_ns += elapsed * MS
+            blocks.append(self.source.step(elapsed, self.time.now_ns, (0.0, 0.0, 0.0)))
+        return np.concatenate(blocks)
+
+    def run_until_back(self) -> int:
+        """Tick until nothing is lost; return the ticks.  Connecting takes real time."""
+        deadline = real_time.monotonic() + 10
+        ticks = 0
+        while self.told[-1][0]:
+            assert real_time.monotonic() < deadline
+            self.run(1)
+            ticks += 1
+            real_time.sleep(1e-4)
+        return ticks
+
+
+def test_a_sensor_that_stops_is_seen_within_20_ms_and_frames_cease(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bench = Bench(monkeypatch)
+    assert len(bench.run(100)) >= 95
+    bench.sensor.stalled = True
+    bench.run(20)
+    assert [lost for lost, _ in bench.told] == [True]
+    assert "the force sensor (SyntheticSensor) is lost: no reading for 1" in bench.told[0][1]
+    assert "cable" in bench.told[0][1]
+    assert len(bench.run(50)) == 0
+    assert len(bench.arm.written) == 170  # the robot is commanded all the while
+
+
+def test_a_short_silence_ends_without_a_new_connection(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench(monkeypatch)
+    before = bench.run(100)
+    bench.sensor.stalled = True
+    bench.run(60)
+    bench.sensor.stalled = False
+    ticks = bench.run_until_back()
+    assert ticks >= 100
+    assert bench.sensor.calls == ["connect", "calibrate"]
+    after = bench.run(50)
+    assert len(after) >= 49
+    assert after["sequence"][0] >= before["sequence"][-1] + 160
+    error_ms = after["force_n"][:, 0] - (after["time_ns"] - after["time_ns"][0]) / 1e6
+    assert np.ptp(error_ms) < 0.1
+    bench.source.close()
+
+
+def test_a_sensor_that_stays_silent_is_connected_again_and_not_calibrated(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bench = Bench(monkeypatch)
+    bench.run(50)
+    bench.sensor.stalled = True
+    bench.run(350)
+    deadline = real_time.monotonic() + 10
+    while bench.sensor.calls.count("connect") < 2:  # made by a thread of its own
+        assert real_time.monotonic() < deadline
+        real_time.sleep(1e-3)
+    bench.sensor.stalled = False
+    bench.run_until_back()
+    assert bench.sensor.calls.count("calibrate") == 1  # the tool may touch the surface
+    assert len(bench.run(20)) >= 19
+    assert bench.source.summary["force_sensor"]["losses"] == 1
+    bench.source.close()
+
+
+def test_an_unplugged_sensor_comes_back_when_it_can_be_connected(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bench = Bench(monkeypatch, "retract")
+    bench.run(50)
+    bench.sensor.connect_error = MmtError("no such port")
+    bench.sensor.error = DeviceLost("unplugged")
+    assert len(bench.run(100)) <= 1
+    assert bench.told == [(True, "the force sensor (SyntheticSensor) is lost: unplugged")]
+    bench.sensor.connect_error = None
+    bench.run_until_back()
+    assert bench.told[-1] == (False, "the force sensor (SyntheticSensor) is back")
+    assert len(bench.run(20)) >= 19
+    bench.source.close()
+
+
+def test_a_lost_robot_comes_back_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench(monkeypatch)
+    bench.run(50)
+    bench.arm.lost = True
+    assert len(bench.run(30)) == 0
+    assert bench.told[0] == (True, "the robot (Arm) is lost: the arm does not answer")
+    bench.arm.lost = False
+    bench.run_until_back()
+    assert len(bench.run(20)) >= 15
+    assert bench.arm.calls[:2] == ["connect", "calibrate"]
+    bench.source.close()
+
+
+def test_a_lost_device_ends_the_session_where_the_scene_says_stop(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bench = Bench(monkeypatch, "stop")
+    bench.run(50)
+    bench.sensor.stalled = True
+    with pytest.raises(MmtError, match=r"the force sensor \(SyntheticSensor\) failed: no reading"):
+        bench.run(20)
+    assert bench.told == []
+
+
+def test_a_host_that_was_held_up_loses_no_sensor(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench(monkeypatch)
+    bench.run(50)
+    bench.run(5, elapsed=40)
+    assert bench.told == []
+
+
+def test_what_a_probe_finds_is_told_by_the_next_tick(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench(monkeypatch)
+    bench.run(50)
+    bench.sensor.error = DeviceLost("unplugged")
+    bench.source.probe(bench.time.now_ns)
+    bench.sensor.error = None
+    assert bench.told == []
+    bench.run(1)
+    assert bench.told == [(True, "the force sensor (SyntheticSensor) is lost: unplugged")]
+    bench.source.close()
+
+
+def test_a_sensor_that_gives_nothing_at_the_start_is_explained(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    time = Time()
+    monkeypatch.setattr(source_module, "time", time)
+    sensor = SyntheticSensor(1000, time=time)
+    sensor.stalled = True
+    source = DeviceSource(Arm(), sensor, None, ("force",))
+    with pytest.raises(MmtError, match=r"force sensor .* gives no reading; check its cable"):
+        source.start(0)
+
+
+def test_a_sensor_that_gives_what_is_no_vector_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench(monkeypatch)
+    monkeypatch.setattr(
+        bench.sensor, "read", lambda: [SensorReading(bench.time.now_ns, (1.0, 2.0))]
+    )
+    with pytest.raises(MmtError, match=r"the force sensor \(SyntheticSensor\) failed"):
+        bench.run(5)

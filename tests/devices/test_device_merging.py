@@ -1,0 +1,234 @@
+"""Merging sensors on clocks of their own: time errors, latencies, gaps, cost."""
+
+import random
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from synthetic_sensors import MS, START_NS, SyntheticSensor
+
+from mmt.arrays import RecordArray
+from mmt.devices.clocks import SensorClock
+from mmt.devices.merging import FrameMerger, Lane, PolledLane
+from mmt.devices.probing import PROBES_HZ
+from mmt.devices.protocols import SensorReading
+from mmt.frames import frame_dtype
+
+DTYPE = np.dtype([("sequence", "u4"), ("time_ns", "i8"), ("force_n", "f8", (3,))])
+TRANSPORT_NS = 20_000
+
+
+def merged(
+    sensor: SyntheticSensor, seconds: float, *, probes: bool = True
+) -> tuple[RecordArray, np.ndarray, FrameMerger, Lane]:
+    """Run ticks with some lateness, and probes; return the frames and their ticks' times."""
+    chance = random.Random(7)
+    lane = Lane(sensor.latency_ns)
+    merger = FrameMerger({"force_n": lane}, DTYPE, MS)
+    looks = [(START_NS + k * 100_000, False) for k in range(600)]
+    looks += [
+        (START_NS + k * MS + round(chance.expovariate(1 / 50_000)), True)
+        for k in range(60, round(seconds * 1000))
+    ]
+    if probes:
+        looks += [
+            (START_NS + round((k / PROBES_HZ + 0.618034 * k % 1 / 1000) * 1e9), False)
+            for k in range(6, round(seconds * PROBES_HZ))
+        ]
+    blocks, ticks = [], []
+    for now_ns, is_tick in sorted(looks):
+        lane.take(sensor.arrived(now_ns), now_ns)
+        if is_tick:
+            merger.tick(1, now_ns)
+            blocks.append(merger.frames())
+            ticks += [now_ns] * len(blocks[-1])
+    return np.concatenate(blocks), np.array(ticks), merger, lane
+
+
+def time_errors_us(frames: RecordArray) -> np.ndarray:
+    """How much later than it says a frame was measured; the values are true times in ms."""
+    return frames["force_n"][:, 0] * 1e3 - (frames["time_ns"] - START_NS) / 1e3
+
+
+@pytest.mark.parametrize("drift", [-100e-6, 0.0, 30e-6, 100e-6])
+@pytest.mark.parametrize("rate_hz", [800, 1000, 2000, 7000])
+def test_a_merged_frame_is_of_the_time_it_says(rate_hz: float, drift: float) -> None:
+    frames, ticks, merger, lane = merged(
+        SyntheticSensor(rate_hz, drift, transport_ns=TRANSPORT_NS), 12.0
+    )
+    errors_us = time_errors_us(frames) + TRANSPORT_NS / 1e3  # which nobody can know
+    assert np.std(errors_us) < 40
+    assert np.percentile(np.abs(errors_us), 99) < 100
+    added_ms = (ticks - frames["time_ns"]) / 1e6 - lane.latency_ns / 1e6
+    assert np.percentile(added_ms, 99) < 2.0
+    assert merger.left_out < 70  # those before the sensor's first reading
+    assert np.diff(frames["sequence"]).max() == 1
+    assert lane.clock.drift == pytest.approx(drift, abs=15e-6)
+    assert lane.clock.jumps == 0
+
+
+def test_without_probes_a_sensor_in_step_with_the_ticks_is_seen_less_well() -> None:
+    """The reason for the probes: ticks alone sample the arrivals at one point of the period."""
+    without, *_ = merged(SyntheticSensor(1000, 100e-6), 12.0, probes=False)
+    with_probes, *_ = merged(SyntheticSensor(1000, 100e-6), 12.0)
+    assert np.ptp(time_errors_us(without)) > 2 * np.ptp(time_errors_us(with_probes))
+
+
+def test_the_values_are_those_of_a_straight_line_between_readings() -> None:
+    lane = Lane(latency_ns=300_000)
+    lane.take([SensorReading(0, (0.0, 10.0, -1.0))], START_NS)
+    lane.take([SensorReading(MS, (1.0, 20.0, -1.0))], START_NS + MS)
+    assert lane.at(START_NS) == pytest.approx((0.3, 13.0, -1.0))
+    assert lane.at(START_NS + 700_000) == pytest.approx((1.0, 20.0, -1.0))
+
+
+def test_all_lanes_of_a_frame_are_of_one_instant_whatever_their_latency() -> None:
+    early, late = Lane(100_000), Lane(900_000)
+    merger = FrameMerger(
+        {"force_n": early, "acceleration_m_s2": late},
+        np.dtype([*DTYPE.descr, ("acceleration_m_s2", "f8", (3,))]),
+        MS,
+    )
+    rows = []
+    for k in range(20):
+        now_ns = START_NS + k * MS
+        for lane in (early, late):  # measured a latency before the stamp, which is now
+            truth = (now_ns - lane.latency_ns - START_NS) / MS
+            lane.take([SensorReading(k * MS, (truth, 0.0, 0.0))], now_ns)
+        merger.tick(1, now_ns)
+        rows.append(merger.frames())
+    frames = np.concatenate(rows)
+    assert len(frames) > 15
+    truth_ms = (frames["time_ns"] - START_NS) / MS
+    assert frames["force_n"][:, 0] == pytest.approx(truth_ms)
+    assert frames["acceleration_m_s2"][:, 0] == pytest.approx(truth_ms)
+
+
+def test_a_lost_record_leaves_a_number_out_and_invents_nothing() -> None:
+    lane = Lane()
+    merger = FrameMerger({"force_n": lane}, DTYPE, MS)
+    frames = []
+    for k in range(30):
+        now_ns = START_NS + k * MS
+        if k not in {10, 11, 12}:
+            lane.take([SensorReading(k * MS + 400_000, (float(k), 0.0, 0.0))], now_ns)
+        merger.tick(1, now_ns)
+        frames.append(merger.frames())
+    numbers = np.concatenate(frames)["sequence"].tolist()
+    missing = sorted(set(range(numbers[0], numbers[-1])) - set(numbers))
+    assert len(missing) == 4  # four steps from the last reading before to the first one after
+    assert missing == list(range(missing[0], missing[0] + 4))
+
+
+def test_a_late_reading_makes_its_frame_late_and_not_wrong() -> None:
+    lane = Lane()
+    merger = FrameMerger({"force_n": lane}, DTYPE, MS)
+    counts, frames = [], []
+    for k in range(20):
+        now_ns = START_NS + k * MS
+        come = range(k, k + 1) if k < 10 else range(10, 15) if k == 14 else range(0)
+        come = range(k, k + 1) if k > 14 else come
+        lane.take([SensorReading(j * MS, (float(j), 0.0, 0.0)) for j in come], now_ns)
+        merger.tick(1, now_ns)
+        frames.append(merger.frames())
+        counts.append(len(frames[-1]))
+    assert max(counts) >= 3
+    together = np.concatenate(frames)
+    assert np.diff(together["sequence"]).tolist() == [1] * (len(together) - 1)
+    assert np.diff(together["force_n"][:, 0]) == pytest.approx(1.0)
+
+
+def test_ticks_that_were_missed_are_formed_from_what_was_measured_then() -> None:
+    lane, robot = Lane(), PolledLane()
+    merger = FrameMerger(
+        {"position_mm": robot, "force_n": lane},
+        np.dtype([*DTYPE.descr[:2], ("position_mm", "f8", (3,)), DTYPE.descr[2]]),
+        MS,
+    )
+    frames = []
+    for k in range(30):
+        now_ns = START_NS + k * MS
+        lane.take([SensorReading(k * MS, (float(k), 0.0, 0.0))], now_ns)
+        if k in {10, 11}:
+            continue
+        robot.note((float(k), 0.0, 0.0), now_ns)
+        merger.tick(3 if k == 12 else 1, now_ns)
+        frames.append(merger.frames())
+    together = np.concatenate(frames)
+    assert np.diff(together["sequence"]).tolist() == [1] * (len(together) - 1)
+    assert together["position_mm"][:, 0] == pytest.approx(together["force_n"][:, 0])
+
+
+def test_a_clock_that_is_set_back_or_forward_begins_anew() -> None:
+    clock = SensorClock()
+    for k in range(1000):
+        clock.add(START_NS + k * MS, k * MS)
+    assert clock.add(START_NS + 1000 * MS, 9_000 * MS)  # forward
+    assert clock.jumps == 1
+    assert clock.sensor_time(START_NS + 1000 * MS) == 9_000 * MS
+    jumped = [clock.add(START_NS + k * MS, (8_000 + k - 50) * MS) for k in range(1001, 1800)]
+    assert sum(jumped) == 1  # back, noticed by a block that lies behind the line
+    assert clock.sensor_time(START_NS + 1799 * MS) == (8_000 + 1799 - 50) * MS
+    lane = Lane()
+    lane.take([SensorReading(10 * MS, (1.0, 1.0, 1.0))], START_NS)
+    lane.take([SensorReading(0, (2.0, 2.0, 2.0))], START_NS + MS)
+    assert lane.at(START_NS + MS) == (2.0, 2.0, 2.0)
+
+
+def test_a_poor_crystal_is_followed() -> None:
+    """A ceramic resonator is half a percent off."""
+    frames, _, _, lane = merged(SyntheticSensor(2000, 5e-3), 8.0)
+    assert lane.clock.drift == pytest.approx(5e-3, abs=5e-5)
+    errors_us = time_errors_us(frames)[4000:]
+    assert np.ptp(errors_us) < 300
+
+
+def test_nothing_is_known_of_a_sensor_that_has_sent_nothing() -> None:
+    with pytest.raises(ValueError, match="nothing has arrived"):
+        SensorClock().sensor_time(0)
+
+
+@settings(deadline=None, max_examples=50)
+@given(
+    st.lists(st.integers(0, 20 * MS), min_size=1, max_size=400),
+    st.floats(-200e-6, 200e-6),
+    st.integers(0, 2**62),
+)
+def test_no_reading_is_placed_after_its_arrival(
+    delays_ns: list[int], drift: float, zero_ns: int
+) -> None:
+    clock = SensorClock()
+    for k, delay_ns in enumerate(delays_ns):
+        stamp_ns = zero_ns + 10 * k * MS
+        arrival_ns = START_NS + round(10 * k * MS * (1 + drift)) + delay_ns
+        clock.add(arrival_ns, stamp_ns)
+        assert clock.sensor_time(arrival_ns) >= stamp_ns - 60_000  # the drift's own doubt
+
+
+def test_reading_and_merging_three_sensors_takes_a_small_part_of_a_core() -> None:
+    """Prints the ratio with ``pytest -s``; the bound is that of the product."""
+    sensors = [SyntheticSensor(rate, 50e-6, seed=rate) for rate in (1000, 7000)]
+    ticks = 3000
+    come = [[sensor.arrived(START_NS + k * MS) for k in range(ticks)] for sensor in sensors]
+    lanes = [Lane(sensor.latency_ns) for sensor in sensors]
+    robot = PolledLane()
+    merger = FrameMerger(
+        {"position_mm": robot, "force_n": lanes[0], "acceleration_m_s2": lanes[1]},
+        frame_dtype(),
+        MS,
+    )
+    begun = time.thread_time()
+    count = 0
+    for k in range(ticks):
+        now_ns = START_NS + k * MS
+        robot.note((1.0, 2.0, 3.0), now_ns)
+        for lane, readings in zip(lanes, come, strict=True):
+            lane.take(readings[k], now_ns)
+        merger.tick(1, now_ns)
+        count += len(merger.frames())
+    share = (time.thread_time() - begun) / (ticks / 1000)
+    print(f"merging 1 kHz and 7 kHz with a robot at 1 kHz: {100 * share:.1f} % of a core")
+    assert count > ticks - 20
+    assert share < 0.25
