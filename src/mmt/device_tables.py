@@ -1,6 +1,6 @@
 """The scene's tables that name drivers."""
 
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -24,6 +24,33 @@ class Driver(BaseModel):
     def options(self) -> dict[str, Any]:
         """The keys beside ``driver``, as the scene gives them."""
         return dict(self.model_extra or {})
+
+
+class Handle(Driver):
+    """``[handle]``: the operator holds a real handle."""
+
+
+class Actuator(BaseModel):
+    """``[actuator]``: what the vibration is written to; without a driver a simulated one."""
+
+    model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
+
+    driver: str | None = Field(None, pattern=DRIVER_PATTERN)
+    limit_m_s2: float = Field(60.0, gt=0, le=1000)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The driver's own keys."""
+        return dict(self.model_extra or {})
+
+    @model_validator(mode="after")
+    def _of_the_driver(self) -> Self:
+        if self.driver is None and self.model_extra:
+            raise ValueError(
+                f"{', '.join(self.model_extra)} is not a key without a driver, which may take it; "
+                f"allowed are {', '.join(type(self).model_fields)}"
+            )
+        return self
 
 
 class Devices(BaseModel):

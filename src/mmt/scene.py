@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from mmt.device_tables import Devices
+from mmt.device_tables import Actuator, Devices, Handle
 from mmt.feedback_table import ForceFeedback
 from mmt.frames import Channel, ordered_channels
 from mmt.network_table import Network
@@ -152,12 +152,6 @@ class Playout(_Table):
     conceal: Literal["auto", "model", "repetition", "silence"] = "auto"
 
 
-class Actuator(_Table):
-    """``[actuator]``: what the vibration is written to; here a simulated Haptuator."""
-
-    limit_m_s2: float = Field(60.0, gt=0, le=1000)
-
-
 class Recording(_Table):
     """``[recording]``: every frame received goes into an MCAP file."""
 
@@ -181,6 +175,7 @@ class Scene(_Table):
     replay: Replay | None = None
     devices: Devices | None = None
     hand: Hand | None = None
+    handle: Handle | None = None
     texture: Texture | None = None
     rendering: Rendering | None = None
     playout: Playout | None = None
@@ -204,6 +199,11 @@ class Scene(_Table):
         return None
 
     @property
+    def commands(self) -> bool:
+        """Whether somebody at the leader, real or simulated, moves and feels."""
+        return self.hand is not None or self.handle is not None
+
+    @property
     def concealment(self) -> Literal["model", "repetition", "silence"]:
         """How gaps in the stream are concealed; a model needs the compiled numerics."""
         if self.playout is None:
@@ -217,7 +217,7 @@ class Scene(_Table):
         wanted: set[Channel] = set()
         if self.texture is not None:
             wanted |= {"position", "force", "acceleration"}
-        if self.rendering is not None and self.hand is None:
+        if self.rendering is not None and not self.commands:
             wanted |= {"position", "force"}
         if self.playout is not None:
             wanted.add("acceleration")
@@ -264,12 +264,17 @@ def _impossible(scene: Scene) -> list[str]:
             "[link] needs a follower's source: add one of [simulated], [replay], [devices]",
         ),
         (
-            scene.simulated is not None and scene.hand is None,
-            "[simulated] follows motion commands: add [hand]",
+            scene.hand is not None and scene.handle is not None,
+            "[hand] and [handle] are both given: the leader has one interface, keep one",
         ),
         (
-            scene.replay is not None and scene.hand is not None,
-            "[replay] follows no commands: remove [hand] or take [simulated]",
+            scene.simulated is not None and not scene.commands,
+            "[simulated] follows motion commands: add [hand] or [handle]",
+        ),
+        (
+            scene.replay is not None and scene.commands,
+            f"[replay] follows no commands: remove [{'hand' if scene.hand else 'handle'}] "
+            "or take [simulated]",
         ),
         (
             scene.actuator is None and (scene.rendering is not None or scene.playout is not None),
@@ -280,12 +285,12 @@ def _impossible(scene: Scene) -> list[str]:
             "[rendering] needs a model: add [texture], or name a saved one with its key 'model'",
         ),
         (
-            scene.rendering is not None and scene.link is None and scene.hand is None,
-            "[rendering] needs a hand's speed and force: add [hand] or [link]",
+            scene.rendering is not None and scene.link is None and not scene.commands,
+            "[rendering] needs a hand's speed and force: add [hand], [handle] or [link]",
         ),
         (
-            scene.force_feedback is not None and scene.hand is None,
-            "[force_feedback] is shown on the leader's interface: add [hand]",
+            scene.force_feedback is not None and not scene.commands,
+            "[force_feedback] is shown on the leader's interface: add [hand] or [handle]",
         ),
         (
             scene.link is not None and not scene.channels(),

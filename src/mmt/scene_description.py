@@ -86,7 +86,7 @@ def _streams(scene: Scene) -> tuple[Stream, ...]:
     frames = _stream(
         "up", FRAMES, channels, frame_dtype(channels).itemsize, gathered, rate_hz * speed
     )
-    if scene.hand is None:
+    if not scene.commands:
         return (frames,)
     commands = _stream("down", COMMANDS, ("position",), COMMAND_DTYPE.itemsize, 1.0, rate_hz)
     return (frames, commands, *_feedback_streams(scene, rate_hz))

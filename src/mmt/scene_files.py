@@ -66,7 +66,7 @@ def load_scene(
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"scene {path}: not valid TOML: {error}") from error
     if replay is not None:
-        for name in ("simulated", "devices", "hand", "force_feedback"):
+        for name in ("simulated", "devices", "hand", "handle", "force_feedback"):
             tables.pop(name, None)
         table = tables.get("replay")
         tables["replay"] = {**(table if isinstance(table, dict) else {}), "file": str(replay)}

@@ -11,6 +11,7 @@ SERVICES_OF_PART: Final[dict[str, tuple[str, ...]]] = {
     "replay": ("follower",),
     "devices": ("follower",),
     "hand": ("leader",),
+    "handle": ("leader",),
     "texture": ("leader",),
     "rendering": ("leader",),
     "playout": ("leader",),

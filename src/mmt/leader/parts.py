@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
+from mmt.device_tables import Actuator
 from mmt.devices.protocols import LeaderInterface, VibrationActuator
+from mmt.errors import MmtError
 from mmt.leader.concealment import build_concealment
 from mmt.leader.feedback import Feedback
 from mmt.leader.feedback_choice import build_feedback
@@ -38,11 +40,24 @@ class LeaderParts:
     recorder: "McapRecorder | None" = None
 
     def connect(self) -> None:
-        """Open the devices."""
+        """Open the devices.
+
+        Raises
+        ------
+        MmtError
+            One of them does not answer.
+        """
         for device in (self.hand, self.actuator):
-            if device is not None:
+            if device is None:
+                continue
+            try:
                 device.connect()
                 device.calibrate()
+            except MmtError:
+                raise
+            except Exception as error:
+                name, reason = type(device).__name__, str(error) or type(error).__name__
+                raise MmtError(f"{name} cannot be connected: {reason}") from error
 
     def begin_recording(self, session_id: str) -> None:
         """Make the recording's file, which replaces an older one of that name.
@@ -99,6 +114,10 @@ def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None])
             scene.session.seed,
             compliance_mm_n=nominal_compliance_mm_n(scene.simulated or Simulated()),
         )
+    elif scene.handle is not None:
+        from mmt.devices.loading import load_device
+
+        parts.hand = load_device(scene.handle.driver, scene.handle.options)
     if scene.texture is not None:
         from mmt.leader.modelling import ModellingTask
 
@@ -118,7 +137,7 @@ def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None])
         parts.streamed_vibration = StreamedVibration(
             parts.playout, geometry.axis, geometry.normal, rate_hz
         )
-    if scene.rendering is not None and scene.hand is None:
+    if scene.rendering is not None and not scene.commands:
         parts.streamed_motion = StreamedMotion(geometry.normal, rate_hz)
     if scene.force_feedback is not None and parts.hand is not None:
         parts.feedback = build_feedback(
@@ -135,12 +154,21 @@ def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None])
     return parts
 
 
+def _make_actuator(table: Actuator) -> VibrationActuator:
+    if table.driver is None:
+        from mmt.devices.simulated.actuator import SimulatedActuator
+
+        return SimulatedActuator(limit_m_s2=table.limit_m_s2)
+    from mmt.devices.loading import load_device
+
+    actuator: VibrationActuator = load_device(table.driver, table.options)
+    return actuator
+
+
 def _build_vibration(scene: Scene, parts: LeaderParts) -> None:
     assert scene.actuator is not None  # noqa: S101 - the caller has looked
-    from mmt.devices.simulated.actuator import SimulatedActuator
-
     limit_m_s2 = scene.actuator.limit_m_s2
-    parts.actuator = SimulatedActuator(limit_m_s2=limit_m_s2)
+    parts.actuator = _make_actuator(scene.actuator)
     crossfade_ms = 0.0
     if scene.rendering is not None:
         from mmt.texture.synthesis import Synthesizer

@@ -1,0 +1,99 @@
+"""A real handle and a real actuator in the leader: made by their drivers, named when they fail."""
+
+from pathlib import Path
+
+import pytest
+
+from mmt.errors import InputError, MmtError
+from mmt.leader.parts import build_parts
+from mmt.scene import Scene
+from mmt.scene_description import describe_scene
+from mmt.scene_files import load_scene, scene_from_tables
+
+DRIVERS = """
+from mmt.devices.protocols import InterfaceState
+
+class Device:
+    def __init__(self, **options):
+        self.options = options
+        self.calls = []
+
+    def connect(self):
+        self.calls.append("connect")
+        if self.options.get("absent"):
+            raise OSError("no such port")
+
+    def calibrate(self):
+        self.calls.append("calibrate")
+
+    def close(self):
+        self.calls.append("close")
+
+class Handle(Device):
+    def read(self, elapsed_ticks):
+        return InterfaceState((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 0.0, False)
+
+    def write(self, force_n):
+        pass
+
+class Actuator(Device):
+    def write(self, samples_m_s2):
+        pass
+"""
+
+
+@pytest.fixture
+def drivers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    (tmp_path / "leader_drivers.py").write_text(DRIVERS)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    return "leader_drivers"
+
+
+def scene(drivers: str, **handle: object) -> Scene:
+    return scene_from_tables(
+        {
+            "link": {},
+            "devices": {"robot": "lab:Robot", "accelerometer": "lab:A"},
+            "handle": {"driver": f"{drivers}:Handle", **handle},
+            "playout": {},
+            "actuator": {"driver": f"{drivers}:Actuator", "volts": 2.0, "limit_m_s2": 30.0},
+        }
+    )
+
+
+def test_handle_and_actuator_are_made_by_their_drivers_with_their_options(drivers: str) -> None:
+    parts = build_parts(scene(drivers, arm="left"), lambda _update, _time: None)
+    assert parts.hand.options == {"arm": "left"}  # type: ignore[union-attr]
+    assert parts.actuator.options == {"volts": 2.0}  # type: ignore[union-attr]
+    parts.connect()
+    assert parts.close() == []
+    for device in (parts.hand, parts.actuator):
+        assert device.calls == ["connect", "calibrate", "close"]  # type: ignore[union-attr]
+
+
+def test_a_handle_that_does_not_answer_is_named(drivers: str) -> None:
+    parts = build_parts(scene(drivers, absent=True), lambda _update, _time: None)
+    with pytest.raises(MmtError, match="Handle cannot be connected: no such port"):
+        parts.connect()
+
+
+def test_an_unknown_driver_is_explained(drivers: str) -> None:
+    tables = scene(drivers).dump()
+    tables["actuator"]["driver"] = "haptuator"
+    with pytest.raises(InputError, match="driver 'haptuator' is not known"):
+        build_parts(scene_from_tables(tables), lambda _update, _time: None)
+
+
+def test_a_handle_sends_commands_like_a_hand(drivers: str) -> None:
+    streams = describe_scene(scene(drivers)).streams
+    assert [stream.way for stream in streams] == ["up", "down"]
+
+
+def test_a_replay_leaves_the_handle_out(drivers: str, tmp_path: Path) -> None:
+    file = tmp_path / "handle.toml"
+    file.write_text(
+        '[link]\n[devices]\nrobot = "a:B"\n[handle]\ndriver = "a:C"\n'
+        "[recording]\n[force_feedback]\n"
+    )
+    replayed = load_scene(file, replay=tmp_path / "session.npz")
+    assert (replayed.handle, replayed.devices, replayed.force_feedback) == (None, None, None)
