@@ -8,7 +8,9 @@ from mmt.errors import InputError
 GROUP: Final = "mmt.devices"
 """The group of entry points under which another package offers its drivers by name."""
 
-DRIVERS: Final[dict[str, str]] = {}
+DRIVERS: Final[dict[str, str]] = {
+    "ati-net-ft": "mmt.devices.ati.net_ft:net_ft",
+}
 """Name -> ``module:factory`` of the drivers that are part of mmt."""
 
 

@@ -1,0 +1,73 @@
+"""What a calibration says of a sensor, and whether it is the one that the scene expects."""
+
+from dataclasses import dataclass
+
+from mmt.devices.ati.options import AtiOptions
+from mmt.devices.protocols import Vector
+from mmt.errors import InputError
+
+RANGE_TOLERANCE = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """Identity and calibrated range of a sensor."""
+
+    serial: str
+    """Empty where the device does not say it."""
+    part: str
+    """As ``SI-12-0.12``; empty where the device does not say it."""
+    force_unit: str
+    torque_unit: str
+    range_n: Vector
+    """Largest Fx, Fy, Fz (N)."""
+    range_n_mm: Vector
+    """Largest Tx, Ty, Tz (N mm)."""
+
+    def describe(self) -> str:
+        """Return one line for a person."""
+        name = self.serial or "serial number unknown"
+        part = f", {self.part}" if self.part else ""
+        x, y, z = self.range_n
+        return f"{name}{part}, range {x:g}, {y:g}, {z:g} N"
+
+
+def check_calibration(device: str, found: Calibration, expected: AtiOptions) -> None:
+    """Compare what the device has with what the options expect.
+
+    Raises
+    ------
+    InputError
+        They differ; the message names each difference and what to do.
+    """
+    problems = []
+    if expected.serial is not None and _differ(expected.serial, found.serial):
+        problems.append(
+            f"its serial number is {found.serial or 'not given by the device'}, expected is "
+            f"{expected.serial}: connect that sensor, or change 'serial'"
+        )
+    if expected.calibration is not None and _differ(expected.calibration, found.part):
+        problems.append(
+            f"its calibration is {found.part or 'not given by the device'}, expected is "
+            f"{expected.calibration}: choose that one in the device, or change 'calibration'"
+        )
+    if expected.force_unit is not None and _differ(expected.force_unit, found.force_unit):
+        problems.append(
+            f"it measures in {found.force_unit}, expected is {expected.force_unit}: change the "
+            "unit in the device, or 'force_unit'"
+        )
+    if expected.range_n is not None and any(
+        abs(a - b) > RANGE_TOLERANCE * b
+        for a, b in zip(found.range_n, expected.range_n, strict=True)
+    ):
+        x, y, z = found.range_n
+        problems.append(
+            f"its range is {x:g}, {y:g}, {z:g} N, expected is {expected.range_n}: choose the "
+            "other calibration in the device, or change 'range_n'"
+        )
+    if problems:
+        raise InputError(f"{device}: {'; '.join(problems)}")
+
+
+def _differ(expected: str, found: str) -> bool:
+    return expected.strip().casefold() != found.strip().casefold()

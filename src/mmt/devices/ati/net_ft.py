@@ -1,0 +1,259 @@
+"""Force through ATI's Net F/T box: settings by HTTP, records by UDP."""
+
+import contextlib
+import socket
+import time
+from typing import Any, Final
+
+from pydantic import Field
+
+from mmt.devices.ati.calibration import check_calibration
+from mmt.devices.ati.clock import SequenceClock
+from mmt.devices.ati.net_records import (
+    PORT,
+    RDT_ERROR,
+    RECORD,
+    RESET_LATCH,
+    SATURATED,
+    START,
+    STOP,
+    explain_status,
+    is_broken,
+    request,
+)
+from mmt.devices.ati.net_settings import NetPages, NetSettings, filter_delay_ns
+from mmt.devices.ati.options import AtiOptions
+from mmt.devices.ati.sensor import AtiSensor, Stamped
+from mmt.devices.ati.wrench import WrenchConverter
+from mmt.devices.loading import read_options
+from mmt.errors import DeviceLost, MmtError
+
+DRIVER: Final = "ati-net-ft"
+
+_MOST_RECORDS: Final = 1024
+"""Drained in one call at most."""
+_REPEAT_START_NS: Final = 50_000_000
+_START_PATIENCE_S: Final = 1.0
+_BROKEN_NS: Final = 200_000_000
+_RECEIVE_BUFFER: Final = 1 << 20
+
+
+class NetFtOptions(AtiOptions):
+    """Options of ``ati-net-ft``."""
+
+    host: str = "192.168.1.1"
+    """Address of the box."""
+    rate_hz: int = Field(default=1000, ge=1, le=7000)
+    """Records a second; the box may round up to 7000 / n."""
+    filter: int = Field(default=2, ge=0, le=12)
+    """The box's low-pass filter: 0 none, 1 to 8 838 to 5 Hz, 9 to 12 1500 to 3000 Hz."""
+    rdt_port: int = Field(default=PORT, ge=1, le=65535)
+    http_port: int = Field(default=80, ge=1, le=65535)
+
+
+def net_ft(**options: Any) -> "NetFt":
+    """Make the driver; see `NetFtOptions`.
+
+    Raises
+    ------
+    InputError
+        An option is not allowed.
+    """
+    return NetFt(read_options(NetFtOptions, DRIVER, options))
+
+
+class NetFt(AtiSensor):
+    """A `SampledSensor` of forces behind a Net F/T box."""
+
+    def __init__(self, options: NetFtOptions) -> None:
+        super().__init__(f"Net F/T at {options.host}", options)
+        self._options = options
+        self._pages = NetPages(options.host, options.http_port, self.name)
+        self._socket: socket.socket | None = None
+        self._clock: SequenceClock | None = None
+        self._bias_in_box: str | None = None
+        self._started_ns = 0
+        self._usable_ns = 0
+        self._buffer = bytearray(2048)
+        self.settings: NetSettings | None = None
+        """What the box says of itself, once it is connected."""
+
+    def connect(self) -> None:
+        """Read, check and set the box's settings, then have it send records.
+
+        Raises
+        ------
+        InputError
+            The box has another sensor or calibration than the options expect.
+        MmtError
+            It does not answer, or sends nothing.
+        """
+        self.close()
+        settings = self._settle()
+        self.settings = settings
+        calibration = settings.calibration
+        self._set_converter(
+            WrenchConverter(
+                settings.matrix, calibration.range_n, calibration.range_n_mm, self._options
+            )
+        )
+        latency_ms = self._options.latency_ms
+        self.latency_ns = (
+            filter_delay_ns(settings.filter) if latency_ms is None else round(latency_ms * 1e6)
+        )
+        if self._clock is None or self._clock.period_ns != 1e9 / settings.rate_hz:
+            self._clock = SequenceClock(settings.rate_hz)
+        else:
+            self._clock.interrupt()
+        self._open()
+        self._await_first_record()
+
+    def calibrate(self) -> None:
+        """Take the bias; see `AtiSensor.calibrate`."""
+        super().calibrate()
+        if self.settings is not None:
+            self._bias_in_box = self.settings.bias
+
+    def close(self) -> None:
+        """Have the box stop; calling it twice is harmless."""
+        if self._socket is not None:
+            with contextlib.suppress(OSError):
+                self._socket.send(request(STOP))
+            self._socket.close()
+            self._socket = None
+
+    def _settle(self) -> NetSettings:
+        """Bring the box to the options' settings and return what it then has."""
+        pages, options = self._pages, self._options
+        settings = pages.settings()
+        check_calibration(self.name, settings.calibration, options)
+        changed = False
+        if settings.rate_hz != options.rate_hz:
+            pages.set_rate(options.rate_hz)
+            changed = True
+        if settings.filter != options.filter:
+            pages.set_filter(options.filter)
+            changed = True
+        if self._bias_in_box not in {None, settings.bias}:
+            pages.set_bias(str(self._bias_in_box))
+            self._count("bias restored in the box")
+            changed = True
+        if not changed:
+            return settings
+        settings = pages.settings()
+        if settings.filter != options.filter:
+            raise MmtError(
+                f"{self.name}: the box keeps filter {settings.filter}, asked for was "
+                f"{options.filter}; choose one that its Settings page offers"
+            )
+        if settings.rate_hz < options.rate_hz:
+            raise MmtError(
+                f"{self.name}: the box keeps {settings.rate_hz:g} records a second, asked for "
+                f"were {options.rate_hz}; set the rate on its Communications page"
+            )
+        return settings
+
+    def _open(self) -> None:
+        options = self._options
+        try:
+            address = socket.getaddrinfo(
+                options.host, options.rdt_port, socket.AF_INET, socket.SOCK_DGRAM
+            )[0][4]
+            self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
+            self._socket.setblocking(False)
+            self._socket.connect(address)
+            self._socket.send(request(RESET_LATCH))
+        except OSError as error:
+            raise MmtError(
+                f"{self.name}: UDP port {options.rdt_port} cannot be reached ({error}); check "
+                "'host' and this machine's network"
+            ) from error
+
+    def _await_first_record(self) -> None:
+        """Ask for records until one comes, since a request can be lost."""
+        start = time.monotonic()
+        self._started_ns = 0
+        while time.monotonic() - start < _START_PATIENCE_S:
+            now_ns = time.monotonic_ns()
+            self._usable_ns = now_ns
+            if self._receive(now_ns):
+                self._arrival_ns = now_ns
+                return
+            time.sleep(0.001)
+        self.close()
+        raise MmtError(
+            f"{self.name}: its web page answers, but no record comes to UDP port "
+            f"{self._options.rdt_port}; {self._where()}"
+        )
+
+    def _where(self) -> str:
+        return (
+            "check the box's power and network cable, and that no firewall here keeps out UDP "
+            f"from port {self._options.rdt_port}"
+        )
+
+    def _receive(self, now_ns: int) -> list[Stamped]:
+        udp, clock = self._socket, self._clock
+        if udp is None or clock is None:
+            raise DeviceLost(f"{self.name} is closed: connect it again")
+        buffer = self._buffer
+        records: list[Stamped] = []
+        receive_into, unpack, stamp = udp.recv_into, RECORD.unpack_from, clock.stamp
+        try:
+            for _ in range(_MOST_RECORDS):
+                if receive_into(buffer) != RECORD.size:
+                    self._count("packet that is no record")
+                    continue
+                sequence, _measurement, status, a, b, c, d, e, f = unpack(buffer)
+                time_ns = stamp(sequence & 0xFFFFFFFF, now_ns)
+                if time_ns is None or (status and not self._is_usable(status & 0xFFFFFFFF, now_ns)):
+                    continue
+                records.append((time_ns, (a, b, c, d, e, f)))
+        except BlockingIOError:
+            pass
+        except OSError as error:
+            raise DeviceLost(
+                f"{self.name}: the network reports {error.strerror or error}; {self._where()}"
+            ) from error
+        if records:
+            self._usable_ns = now_ns
+        elif now_ns - max(self._arrival_ns, self._started_ns) > _REPEAT_START_NS:
+            clock.interrupt()
+            self._ask(udp, now_ns)
+        return records
+
+    def _ask(self, udp: socket.socket, now_ns: int) -> None:
+        """Ask for records, again where the last request or the box's answer was lost."""
+        if self._started_ns:
+            self._count("start request repeated")
+        self._started_ns = now_ns
+        with contextlib.suppress(OSError):  # the silence that follows is reported
+            udp.send(request(START))
+
+    def _is_usable(self, status: int, now_ns: int) -> bool:
+        if status & SATURATED:
+            self._count("saturation")
+        if not is_broken(status):
+            return True
+        self._count("RDT error" if status & RDT_ERROR else "error status")
+        if now_ns - self._usable_ns > _BROKEN_NS:
+            raise DeviceLost(
+                f"{self.name}: the box reports {explain_status(status)}: check the transducer's "
+                "cable and the box's System Information page, and switch it off and on"
+            )
+        return False
+
+    @property
+    def faults(self) -> dict[str, int]:
+        """Counts by what was survived."""
+        counts = dict(super().faults)
+        if self._clock is not None:
+            clock = self._clock
+            counts |= {
+                "lost record": clock.lost,
+                "late record": clock.late,
+                "impossible number": clock.strange,
+                "counted anew": clock.restarts,
+            }
+        return {reason: count for reason, count in counts.items() if count}

@@ -1,0 +1,138 @@
+"""What the drivers of ATI's force sensors share: bias, overload, silence, stuck values."""
+
+import time
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from mmt.devices.ati.options import AtiOptions
+from mmt.devices.ati.wrench import Six, WrenchConverter
+from mmt.devices.protocols import SensorReading
+from mmt.errors import DeviceLost, MmtError
+
+Stamped = tuple[int, Six]
+"""The sensor's time of a record (ns), and its raw values."""
+
+_BIAS_S: Final = 0.2
+_BIAS_PATIENCE_S: Final = 2.0
+_BIAS_RECORDS: Final = 20
+"""At least so many make a bias."""
+
+
+class AtiSensor:
+    """A `SampledSensor` of forces; a driver adds how records come.
+
+    Parameters
+    ----------
+    name
+        What a person calls it.
+    options
+        How it is mounted and when it is lost.
+    """
+
+    def __init__(self, name: str, options: AtiOptions) -> None:
+        self.name = name
+        self.latency_ns = 0
+        self._mounting = options
+        self._converter: WrenchConverter | None = None
+        self._counts: dict[str, int] = {}
+        self._overloads = 0
+        self._impossible = 0
+        self._arrival_ns = 0
+        self._last: Six | None = None
+        self._same_since_ns = 0
+        self._silence_ns = round(options.silence_ms * 1e6)
+        self._stuck_ns = round(options.stuck_ms * 1e6)
+
+    def _receive(self, now_ns: int) -> list[Stamped]:
+        """Return the records that have come, oldest first; never blocks."""
+        raise NotImplementedError
+
+    def _where(self) -> str:
+        """Say what to check where nothing comes."""
+        raise NotImplementedError
+
+    def calibrate(self) -> None:
+        """Take the bias: the mean over 0.2 s.
+
+        Raises
+        ------
+        MmtError
+            It is not connected, the force moves meanwhile, or too few records come.
+        """
+        converter = self._connected()
+        self._receive(time.monotonic_ns())  # what came before is not at rest for certain
+        start = time.monotonic()
+        records: list[Six] = []
+        while (passed := time.monotonic() - start) < _BIAS_PATIENCE_S:
+            if passed >= _BIAS_S and len(records) >= _BIAS_RECORDS:
+                converter.take_bias(records, self.name)
+                self._arrival_ns = time.monotonic_ns()
+                return
+            records += [raw for _, raw in self._receive(time.monotonic_ns())]
+            time.sleep(0.001)
+        raise MmtError(
+            f"{self.name}: {len(records)} records came in {_BIAS_PATIENCE_S:g} s while the bias "
+            f"was taken; {self._where()}"
+        )
+
+    def read(self) -> Sequence[SensorReading]:
+        """Return what has come since the last call; see `SampledSensor`."""
+        converter = self._connected()
+        now_ns = time.monotonic_ns()
+        records = self._receive(now_ns)
+        if not records:
+            self._check_silence(now_ns)
+            return ()
+        self._arrival_ns = now_ns
+        readings = []
+        force = converter.force
+        for time_ns, raw in records:
+            if raw != self._last:
+                self._last = raw
+                self._same_since_ns = time_ns
+            elif 0 < self._stuck_ns <= time_ns - self._same_since_ns:
+                raise self._stuck(time_ns)
+            value = force(raw)
+            if value is not None:
+                readings.append(SensorReading(time_ns, value))
+        return readings
+
+    @property
+    def faults(self) -> Mapping[str, int]:
+        """Counts by what was survived."""
+        counts = dict(self._counts)
+        if self._converter is not None:
+            counts["overload"] = self._overloads + self._converter.overloads
+            counts["impossible value"] = self._impossible + self._converter.impossible
+        return {reason: count for reason, count in counts.items() if count}
+
+    def _count(self, reason: str, number: int = 1) -> None:
+        self._counts[reason] = self._counts.get(reason, 0) + number
+
+    def _set_converter(self, converter: WrenchConverter) -> None:
+        """Convert by it from now on; the bias that was taken stays."""
+        if self._converter is not None:
+            converter.bias = self._converter.bias
+            self._overloads += self._converter.overloads
+            self._impossible += self._converter.impossible
+        self._converter = converter
+        self._arrival_ns = time.monotonic_ns()
+
+    def _connected(self) -> WrenchConverter:
+        if self._converter is None:
+            raise MmtError(f"{self.name} is not connected")
+        return self._converter
+
+    def _check_silence(self, now_ns: int) -> None:
+        silent_ns = now_ns - self._arrival_ns
+        if silent_ns > self._silence_ns:
+            raise DeviceLost(
+                f"{self.name}: no record for {silent_ns / 1e6:.0f} ms; {self._where()}"
+            )
+
+    def _stuck(self, time_ns: int) -> DeviceLost:
+        stuck_ns = time_ns - self._same_since_ns
+        return DeviceLost(
+            f"{self.name}: the very same values for {stuck_ns / 1e6:.0f} ms, which no gauge gives: "
+            "check the transducer's cable, and switch the device off and on"
+        )

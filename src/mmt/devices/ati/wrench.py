@@ -1,0 +1,149 @@
+"""From six raw values to a force in the scene's axes, and whether the sensor is overloaded."""
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+from mmt.devices.ati.options import AtiOptions
+from mmt.devices.protocols import Vector
+from mmt.errors import MmtError
+
+Six = tuple[float, float, float, float, float, float]
+"""Counts or volts of a record, in the order of the matrix's columns; or a wrench: Fx, Fy, Fz
+(N), Tx, Ty, Tz (N mm)."""
+Matrix = tuple[Six, Six, Six, Six, Six, Six]
+"""Rows Fx, Fy, Fz (N), Tx, Ty, Tz (N mm) per unit of a raw value."""
+
+_ZERO: Final[Six] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_IMPOSSIBLE: Final = 4.0
+"""No gauge follows so many times the calibrated range: such a record is broken."""
+_UNREST: Final = 0.02
+"""Of the range: a larger standard deviation while the bias is taken is no rest."""
+
+
+def diagonal(per_force_n: float, per_torque_n_mm: float) -> Matrix:
+    """Return the matrix of a device that computes the wrench itself."""
+    factors = (per_force_n,) * 3 + (per_torque_n_mm,) * 3
+    rows = [[0.0] * 6 for _ in range(6)]
+    for i, factor in enumerate(factors):
+        rows[i][i] = factor
+    return matrix_of(rows)
+
+
+def matrix_of(rows: Sequence[Sequence[float]]) -> Matrix:
+    """Return six rows of six as a matrix.
+
+    Raises
+    ------
+    ValueError
+        There are not six of six, or one is not finite.
+    """
+    if len(rows) != 6 or any(len(row) != 6 for row in rows):
+        raise ValueError("it is not 6 x 6")
+    if not all(math.isfinite(value) for row in rows for value in row):
+        raise ValueError("it has values that are not finite")
+    a, b, c, d, e, f = (six_of(row) for row in rows)
+    return a, b, c, d, e, f
+
+
+def six_of(values: Sequence[float]) -> Six:
+    """Return six values as floats."""
+    u, v, w, x, y, z = (float(value) for value in values)
+    return u, v, w, x, y, z
+
+
+def orientation(options: AtiOptions) -> tuple[Vector, Vector, Vector]:
+    """Return the rows that turn a force in the sensor's axes into the scene's.
+
+    Turns about the scene's x, then y, then z; a sensor that carries the surface feels the
+    opposite of what the tool does.
+    """
+    x, y, z = (math.radians(angle) for angle in options.rotation_deg)
+    (cx, sx), (cy, sy), (cz, sz) = ((math.cos(a), math.sin(a)) for a in (x, y, z))
+    sign = 1.0 if options.mounted == "tool" else -1.0
+    rows = (
+        (cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx),
+        (sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx),
+        (-sy, cy * sx, cy * cx),
+    )
+    first, second, third = ((sign * a, sign * b, sign * c) for a, b, c in rows)
+    return first, second, third
+
+
+class WrenchConverter:
+    """Turn raw values into forces; the bias is kept in raw values.
+
+    Parameters
+    ----------
+    matrix
+        From raw values to the wrench in the sensor's axes.
+    range_n, range_n_mm
+        The calibrated range of forces and torques.
+    options
+        How it is mounted.
+    """
+
+    def __init__(
+        self, matrix: Matrix, range_n: Vector, range_n_mm: Vector, options: AtiOptions
+    ) -> None:
+        self.overloads = 0
+        """Records beyond the calibrated range."""
+        self.impossible = 0
+        """Records that no sensor can give, left out."""
+        self._matrix = matrix
+        self._limits = (*range_n, *range_n_mm)
+        self._x, self._y, self._z = (
+            six_of([sum(turn[i] * matrix[i][j] for i in range(3)) for j in range(6)])
+            for turn in orientation(options)
+        )
+        self.bias: Six = _ZERO
+
+    def wrench(self, raw: Six) -> Six:
+        """Return the wrench in the sensor's axes, without the bias."""
+        return _multiply(self._matrix, tuple(a - b for a, b in zip(raw, self.bias, strict=True)))
+
+    def force(self, raw: Six) -> Vector | None:
+        """Return the force in the scene's axes (N); None for a record that is impossible."""
+        p, q, r, s, t, u = raw
+        i, j, k, m, n, o = self.bias
+        p, q, r, s, t, u = p - i, q - j, r - k, s - m, t - n, u - o
+        beyond = False
+        for (a, b, c, d, e, f), limit in zip(self._matrix, self._limits, strict=True):
+            size = abs(a * p + b * q + c * r + d * s + e * t + f * u)
+            if not size <= limit:
+                if not size <= _IMPOSSIBLE * limit:
+                    self.impossible += 1
+                    return None
+                beyond = True
+        self.overloads += beyond
+        (a, b, c, d, e, f), (aa, bb, cc, dd, ee, ff) = self._x, self._y
+        x = a * p + b * q + c * r + d * s + e * t + f * u
+        y = aa * p + bb * q + cc * r + dd * s + ee * t + ff * u
+        a, b, c, d, e, f = self._z
+        return (x, y, a * p + b * q + c * r + d * s + e * t + f * u)
+
+    def take_bias(self, records: Sequence[Six], device: str) -> None:
+        """Take the mean of records as the bias; the tool is free and at rest.
+
+        Raises
+        ------
+        MmtError
+            The force moved meanwhile.
+        """
+        count = len(records)
+        mean = six_of([math.fsum(column) / count for column in zip(*records, strict=True)])
+        for axis, row, limit in zip("xyz", self._matrix, self._limits, strict=False):
+            forces = [
+                sum(a * (b - m) for a, b, m in zip(row, raw, mean, strict=True)) for raw in records
+            ]
+            deviation = math.sqrt(math.fsum(force * force for force in forces) / count)
+            if not deviation <= _UNREST * limit:
+                raise MmtError(
+                    f"{device}: F{axis} moves by {deviation:.2g} N while the bias is taken: let "
+                    "the tool hang free and at rest, then start again"
+                )
+        self.bias = mean
+
+
+def _multiply(matrix: Matrix, values: Sequence[float]) -> Six:
+    return six_of([sum(a * b for a, b in zip(row, values, strict=True)) for row in matrix])

@@ -1,0 +1,33 @@
+"""Read a sensor until something has come, however busy the machine is."""
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from mmt.devices.protocols import SampledSensor, SensorReading
+
+PATIENCE_S = 10.0
+
+
+def read_until(
+    sensor: SampledSensor, enough: Callable[[Sequence[SensorReading]], Any]
+) -> list[SensorReading]:
+    """Read each millisecond until what has come is enough."""
+    readings: list[SensorReading] = []
+    end = time.monotonic() + PATIENCE_S
+    while not enough(readings):
+        assert time.monotonic() < end, f"{len(readings)} readings, {dict(sensor.faults)}"
+        time.sleep(0.001)
+        readings += sensor.read()
+    return readings
+
+
+def read_some(sensor: SampledSensor, count: int = 50) -> list[SensorReading]:
+    """Read so many records."""
+    return read_until(sensor, lambda readings: len(readings) >= count)
+
+
+def read_until_fault(sensor: SampledSensor, reason: str, count: int = 1) -> list[SensorReading]:
+    """Read until so many faults of a kind have been counted."""
+    before = sensor.faults.get(reason, 0)
+    return read_until(sensor, lambda _: sensor.faults.get(reason, 0) >= before + count)

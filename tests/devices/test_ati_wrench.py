@@ -1,0 +1,130 @@
+"""From raw values to forces, units, and what a calibration must be."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mmt.devices.ati.calibration import Calibration, check_calibration
+from mmt.devices.ati.options import AtiOptions
+from mmt.devices.ati.units import force_in_newton, length_in_mm, torque_in_newton_mm
+from mmt.devices.ati.wrench import WrenchConverter, diagonal, matrix_of
+from mmt.errors import InputError, MmtError
+
+RANGE_N, RANGE_N_MM = (12.0, 12.0, 17.0), (120.0, 120.0, 120.0)
+FOUND = Calibration("FT00017", "SI-12-0.12", "N", "N-mm", RANGE_N, RANGE_N_MM)
+SOME = st.floats(-1.5, 1.5)
+
+
+def converter(matrix=None, **options):
+    return WrenchConverter(matrix or diagonal(1.0, 1.0), RANGE_N, RANGE_N_MM, AtiOptions(**options))
+
+
+@given(
+    st.lists(st.lists(SOME, min_size=6, max_size=6), min_size=6, max_size=6),
+    st.lists(SOME, min_size=6, max_size=6),
+    st.lists(SOME, min_size=6, max_size=6),
+    st.tuples(*[st.floats(-180, 180)] * 3),
+)
+def test_a_force_is_the_turned_product_of_matrix_and_unbiased_values(matrix, raw, bias, angles):
+    tested = converter(matrix_of(matrix), rotation_deg=angles)
+    tested.take_bias([tuple(bias)], "sensor")
+    wrench = np.array(matrix) @ (np.array(raw) - bias)
+    x, y, z = np.radians(angles)
+    about_x = [[1, 0, 0], [0, np.cos(x), -np.sin(x)], [0, np.sin(x), np.cos(x)]]
+    about_y = [[np.cos(y), 0, np.sin(y)], [0, 1, 0], [-np.sin(y), 0, np.cos(y)]]
+    about_z = [[np.cos(z), -np.sin(z), 0], [np.sin(z), np.cos(z), 0], [0, 0, 1]]
+    turn = np.array(about_z) @ about_y @ about_x
+    np.testing.assert_allclose(tested.wrench(tuple(raw)), wrench, atol=1e-12)
+    np.testing.assert_allclose(tested.force(tuple(raw)), turn @ wrench[:3], atol=1e-9)
+
+
+def test_a_sensor_under_the_surface_feels_the_opposite():
+    raw = (1.0, 2.0, 3.0, 0.0, 0.0, 0.0)
+    assert converter(mounted="surface").force(raw) == (-1.0, -2.0, -3.0)
+
+
+def test_overload_is_counted_by_force_and_by_torque():
+    tested = converter()
+    assert tested.force((0.0, 0.0, 17.5, 0.0, 0.0, 0.0)) == (0.0, 0.0, 17.5)
+    assert tested.force((0.0, 0.0, 0.0, 0.0, -121.0, 0.0)) == (0.0, 0.0, 0.0)
+    assert tested.force((12.0, -12.0, 17.0, 120.0, 120.0, -120.0)) is not None
+    assert tested.overloads == 2
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300, 49.0])
+def test_an_impossible_value_is_left_out(value):
+    tested = converter()
+    assert tested.force((value, 0.0, 0.0, 0.0, 0.0, 0.0)) is None
+    assert (tested.impossible, tested.overloads) == (1, 0)
+
+
+def test_a_moving_tool_gives_no_bias():
+    tested = converter()
+    moving = [(0.0, 0.0, 5.0 * math.sin(i), 0.0, 0.0, 0.0) for i in range(50)]
+    with pytest.raises(MmtError, match=r"Nano: Fz moves by .* hang free and at rest"):
+        tested.take_bias(moving, "Nano")
+    assert tested.bias == (0.0,) * 6
+
+
+def test_the_bias_is_the_mean():
+    tested = converter()
+    tested.take_bias([(0.1, 0, 0, 0, 0, 6.0), (0.3, 0, 0, 0, 0, 8.0)], "Nano")
+    assert tested.bias == pytest.approx((0.2, 0, 0, 0, 0, 7.0))
+    assert tested.force((1.2, 0, 0, 0, 0, 0)) == pytest.approx((1.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("rows", [[], [[1.0] * 6] * 5, [[1.0] * 5] * 6, [[math.nan] * 6] * 6])
+def test_a_matrix_must_be_six_by_six_and_finite(rows):
+    with pytest.raises(ValueError, match="it "):
+        matrix_of(rows)
+
+
+@pytest.mark.parametrize(
+    ("unit", "newton_mm"),
+    [
+        ("Nm", 1000.0),
+        ("N-m", 1000.0),
+        ("N-mm", 1.0),
+        ("Nmm", 1.0),
+        ("lbf-in", 112.98482902761668),
+        ("lbf-ft", 1355.8179483314),
+        ("kgf-cm", 98.0665),
+        ("kN-m", 1e6),
+    ],
+)
+def test_torques_are_known_by_the_names_that_boxes_use(unit, newton_mm):
+    assert torque_in_newton_mm(unit, "box") == pytest.approx(newton_mm)
+
+
+def test_forces_and_lengths_are_known_and_others_are_explained():
+    assert force_in_newton("lbf", "box") == pytest.approx(4.4482216152605)
+    assert force_in_newton(" kgf ", "box") == 9.80665
+    assert length_in_mm("in", "box") == 25.4
+    for function in (force_in_newton, torque_in_newton_mm, length_in_mm):
+        with pytest.raises(InputError, match=r"box: the unit of .* 'stone' is not known"):
+            function("stone", "box")
+
+
+def test_a_calibration_that_is_as_expected_passes():
+    check_calibration("box", FOUND, AtiOptions())
+    options = AtiOptions(
+        serial="ft00017", calibration="SI-12-0.12", force_unit="N", range_n=(12, 12, 17)
+    )
+    check_calibration("box", FOUND, options)
+
+
+@pytest.mark.parametrize(
+    ("expected", "words"),
+    [
+        ({"serial": "FT00018"}, "its serial number is FT00017, expected is FT00018"),
+        ({"calibration": "SI-25-0.25"}, "its calibration is SI-12-0.12, expected is SI-25-0.25"),
+        ({"force_unit": "lbf"}, "it measures in N, expected is lbf"),
+        ({"range_n": (25, 25, 35)}, "its range is 12, 12, 17 N, expected is"),
+    ],
+)
+def test_a_mismatch_is_explained(expected, words):
+    with pytest.raises(InputError, match=words):
+        check_calibration("box", FOUND, AtiOptions(**expected))

@@ -1,0 +1,286 @@
+"""The Net F/T's bytes and pages, and its driver on the emulated box."""
+
+import itertools
+import math
+from pathlib import Path
+
+import pytest
+from sensor_reading import read_some, read_until, read_until_fault
+
+from mmt.devices.ati.net_ft import NetFt, NetFtOptions, net_ft
+from mmt.devices.ati.net_records import (
+    START,
+    STOP,
+    Record,
+    explain_status,
+    is_broken,
+    pack_record,
+    parse_request,
+    request,
+)
+from mmt.devices.ati.net_settings import filter_delay_ns, parse_page, parse_settings
+from mmt.devices.emulated.net_ft import EmulatedNetFt
+from mmt.devices.loading import load_device
+from mmt.errors import DeviceLost, InputError, MmtError
+
+PAGE = """<?xml version="1.0" encoding="utf-8"?><netft><setuserfilter>4</setuserfilter>
+<cfgcpf>1000000</cfgcpf><cfgcpt>2000</cfgcpt><scfgfu>N</scfgfu><scfgtu>Nm</scfgtu>
+<cfgmr>12;12;17;0.12;0.12;0.12</cfgmr><comrdte>Enabled</comrdte><comrdtrate>1000</comrdtrate>
+<setbias>1;-2;3;4;5;6</setbias></netft>"""
+
+
+# --- bytes and pages
+
+
+def test_requests_are_the_documented_bytes():
+    assert request(START) == bytes.fromhex("1234 0002 00000000")
+    assert request(STOP) == bytes.fromhex("1234 0000 00000000")
+    assert request(0x42, 7) == bytes.fromhex("1234 0042 00000007")
+    assert parse_request(request(0x41, 9)) == (0x41, 9)
+    assert parse_request(b"\x12\x35\0\2\0\0\0\0") is None
+    assert parse_request(b"") is None
+
+
+def test_a_record_is_thirty_six_big_endian_bytes():
+    counts = (1, -1, 1_000_000, -(2**31), 2**31 - 1, 0)
+    packet = pack_record(Record(0xFFFFFFFF, 7, 0x80020000, counts))
+    assert packet == bytes.fromhex(
+        "ffffffff 00000007 80020000 00000001 ffffffff 000f4240 80000000 7fffffff 00000000"
+    )
+    assert len(packet) == 36
+
+
+def test_a_status_is_explained():
+    assert not is_broken(0)
+    assert not is_broken(0x80020000)  # saturated: the values are at their limit, and counted
+    assert not is_broken(0x80010000)
+    assert is_broken(0x80100000)
+    assert is_broken(0x80000400)
+    assert "saturation" in explain_status(0x80020000)
+    assert "System Information" in explain_status(0x80000400)
+
+
+def test_a_page_becomes_settings():
+    settings = parse_settings(parse_page(PAGE), {"calsn": "FT1", "calpn": "SI-12-0.12"}, "box")
+    assert settings.calibration.serial == "FT1"
+    assert settings.calibration.range_n == (12.0, 12.0, 17.0)
+    assert settings.calibration.range_n_mm == pytest.approx((120.0, 120.0, 120.0))
+    assert settings.matrix[2][2] == pytest.approx(1e-6)
+    assert settings.matrix[5][5] == pytest.approx(0.5)
+    assert (settings.rate_hz, settings.filter, settings.bias) == (1000.0, 4, "1;-2;3;4;5;6")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("<cfgcpf>1000000</cfgcpf>", "", "has no 'cfgcpf'"),
+        (">1000000<", ">many<", "'cfgcpf' of its page is 'many', not a number"),
+        (">1000000<", ">0<", "'cfgcpf' of its page is 0.0, not above zero"),
+        ("<scfgfu>N<", "<scfgfu>st<", "unit of force 'st' is not known"),
+        ("Enabled", "Disabled", "RDT is switched off"),
+        ("12;12;17;", "12;12;", "six are expected"),
+        (PAGE, "", "has no 'scfgfu'"),
+    ],
+)
+def test_a_page_that_cannot_be_used_is_explained(old, new, words):
+    with pytest.raises(MmtError, match=f"box: .*{words}"):
+        parse_settings(parse_page(PAGE.replace(old, new)), {}, "box")
+
+
+def test_a_filters_delay_is_that_of_the_recursion_with_its_cut_off():
+    for number, cut_off_hz in enumerate((838, 326, 152, 73, 35, 18, 8, 5), start=1):
+        a = 2.0**-number
+        own_hz = 7000 / (2 * math.pi) * math.acos(1 - a * a / (2 * (1 - a)))
+        assert own_hz == pytest.approx(cut_off_hz, rel=0.15)
+        assert filter_delay_ns(number) == pytest.approx((1 - a) / a / 7000 * 1e9, abs=1)
+    assert filter_delay_ns(0) == filter_delay_ns(9) == 0
+
+
+# --- the driver
+
+
+@pytest.fixture
+def box():
+    emulated = EmulatedNetFt(lambda _time_ns: (0.5, -0.25, 2.0))
+    emulated.start()
+    yield emulated
+    emulated.stop()
+
+
+@pytest.fixture
+def sensor(box):
+    driver = net_ft(**box.options)
+    driver.connect()
+    yield driver
+    driver.close()
+
+
+def test_forces_come_by_the_sensors_own_clock(box, sensor):
+    readings = read_some(sensor, 200)
+    steps = [b.time_ns - a.time_ns for a, b in itertools.pairwise(readings)]
+    assert all(step > 0 and step % 1_000_000 == 0 for step in steps)
+    assert sorted(steps)[100] == 1_000_000
+    for reading in readings:
+        assert reading.value == pytest.approx((0.5, -0.25, 2.0), abs=0.01)
+
+
+def test_the_box_is_set_to_the_options_once(box, sensor):
+    assert (box.pages["comrdtrate"], box.pages["setuserfilter"]) == ("1000", "2")
+    assert sensor.latency_ns == filter_delay_ns(2)
+    assert load_device("ati-net-ft", {**box.options, "latency_ms": 0.7})
+    other = net_ft(**box.options, latency_ms=0.7)
+    other.connect()
+    other.close()
+    assert other.latency_ns == 700_000
+
+
+def test_the_bias_is_removed_and_survives_a_new_connection(box, sensor):
+    sensor.calibrate()
+    assert read_some(sensor)[-1].value == pytest.approx((0, 0, 0), abs=0.01)
+    box.pages["setbias"] = "9;9;9;9;9;9"  # someone at the web page
+    sensor.connect()
+    assert box.pages["setbias"] == "0;0;0;0;0;0"
+    assert sensor.faults["bias restored in the box"] == 1
+    assert read_some(sensor)[-1].value == pytest.approx((0, 0, 0), abs=0.01)
+
+
+def test_other_units_are_converted(box):
+    box.pages |= {"scfgfu": "lbf", "scfgtu": "lbf-in", "cfgmr": "3;3;4.25;1;1;1"}
+    sensor = net_ft(**box.options)
+    sensor.connect()
+    assert read_some(sensor)[0].value == pytest.approx((2.224, -1.112, 8.896), abs=0.05)
+    sensor.close()
+
+
+def test_another_sensor_than_expected_is_explained(box):
+    with pytest.raises(InputError, match="serial number is FT00017, expected is FT00018"):
+        net_ft(**box.options, serial="FT00018").connect()
+    with pytest.raises(InputError, match="measures in N, expected is lbf"):
+        net_ft(**box.options, force_unit="lbf").connect()
+
+
+def test_a_lost_start_request_is_repeated(box):
+    box.lost_starts = 2
+    sensor = net_ft(**box.options)
+    sensor.connect()
+    assert sensor.faults["start request repeated"] >= 2
+    sensor.close()
+
+
+def test_lost_and_reordered_records_are_counted_and_no_time_is_wrong(box, sensor):
+    box.loss, box.swapped = 0.1, 0.1
+    read_until_fault(sensor, "lost record", 20)
+    readings = read_until_fault(sensor, "late record", 10)
+    times = [reading.time_ns for reading in readings]
+    assert times == sorted(set(times))
+
+
+def test_garbage_and_flipped_bits_are_survived(box, sensor):
+    box.garble(b"", b"hello", bytes(35), bytes(72), bytes(2000))
+    box.flip(30)
+    readings = read_until_fault(sensor, "packet that is no record", 5)
+    readings += read_some(sensor, 200)
+    near = [r for r in readings if r.value == pytest.approx((0.5, -0.25, 2.0), abs=0.01)]
+    assert len(near) >= len(readings) - 30
+    assert all(abs(value) <= 4 * 17 for r in readings for value in r.value)
+    span_ns = readings[-1].time_ns - readings[0].time_ns
+    assert span_ns < 10e9  # no flipped number has moved the clock
+
+
+def test_the_sequence_wraps_around(box, sensor):
+    read_some(sensor)
+    box.count_from(0xFFFFFFF0)
+    readings = read_until_fault(sensor, "counted anew")
+    readings += read_some(sensor, 100)
+    times = [reading.time_ns for reading in readings]
+    assert times == sorted(set(times))
+    assert sensor.faults["counted anew"] == 1
+
+
+def test_saturation_is_counted_and_the_values_pass(box, sensor):
+    box.status = 0x80020000
+    assert read_until_fault(sensor, "saturation", 5)
+
+
+def test_an_overload_is_counted():
+    box = EmulatedNetFt(lambda _time_ns: (0.0, 0.0, 20.0))
+    box.start()
+    sensor = net_ft(**box.options)
+    sensor.connect()
+    assert read_until_fault(sensor, "overload", 5)[-1].value[2] == pytest.approx(20.0, abs=0.1)
+    sensor.close()
+    box.stop()
+
+
+def test_a_box_in_error_is_lost_and_connects_again_when_it_is_mended(box, sensor):
+    box.status = 0x80000400
+    with pytest.raises(DeviceLost, match="status 0x80000400"):
+        read_until(sensor, lambda _: False)
+    assert sensor.faults["error status"] > 0
+    box.status = 0
+    sensor.connect()
+    assert read_some(sensor)
+
+
+def test_stuck_values_are_seen(box, sensor):
+    box.stuck = True
+    with pytest.raises(DeviceLost, match=r"the very same values for \d+ ms"):
+        read_until(sensor, lambda _: False)
+
+
+def test_a_box_without_power_is_lost_and_comes_back(box, sensor):
+    sensor.calibrate()
+    before = read_some(sensor)
+    box.unplug()
+    with pytest.raises(DeviceLost, match=r"no record for \d+ ms; check the box's power"):
+        read_until(sensor, lambda _: False)
+    with pytest.raises(MmtError, match="does not answer"):
+        sensor.connect()
+    with pytest.raises(DeviceLost, match="is closed"):
+        sensor.read()
+    box.plug()
+    sensor.connect()
+    after = read_some(sensor)
+    assert after[0].time_ns > before[-1].time_ns
+    assert after[-1].value == pytest.approx((0, 0, 0), abs=0.01)
+
+
+def test_a_short_interruption_is_bridged_without_connecting(box):
+    sensor = net_ft(**box.options, silence_ms=5000)
+    sensor.connect()
+    read_some(sensor)
+    box.unplug()
+    read_until_fault(sensor, "start request repeated", 2)
+    box.plug()
+    assert read_some(sensor, 20)
+    sensor.close()
+
+
+def test_what_does_not_answer_is_explained(box):
+    with pytest.raises(MmtError, match=r"web page http://127.0.0.1:1/netftapi2.xml does not ans"):
+        net_ft(host="127.0.0.1", http_port=1).connect()
+    box.stall()
+    with pytest.raises(MmtError, match="its web page answers, but no record comes to UDP port"):
+        net_ft(**box.options).connect()
+
+
+def test_reading_what_is_not_connected_is_explained():
+    sensor = net_ft()
+    assert isinstance(sensor, NetFt)
+    sensor.close()
+    with pytest.raises(MmtError, match=r"Net F/T at 192.168.1.1 is not connected"):
+        sensor.read()
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"filter": 13}, {"rate_hz": 0}, {"range_n": (1, 2)}, {"speed": 1}, {"mounted": "x"}]
+)
+def test_options_are_validated(wrong):
+    with pytest.raises(InputError, match="device 'ati-net-ft'"):
+        net_ft(**wrong)
+
+
+def test_every_option_is_documented():
+    page = (Path(__file__).parents[2] / "docs/how-to/nano17.md").read_text(encoding="utf-8")
+    for option in NetFtOptions.model_fields:
+        assert f"`{option}`" in page
