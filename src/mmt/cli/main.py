@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from mmt.cli import models, scenes, sessions
+from mmt.cli import devices, models, scenes, sessions
 from mmt.cli.common import messages, run_app, version, write_json
 from mmt.errors import InputError
 
@@ -18,6 +18,7 @@ app = typer.Typer(
 app.add_typer(sessions.app, name="session")
 app.add_typer(models.app, name="model")
 app.add_typer(scenes.app, name="scene")
+app.add_typer(devices.app, name="device")
 
 DEFAULT_SCENE = Path("demo")
 
