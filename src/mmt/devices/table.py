@@ -10,6 +10,7 @@ GROUP: Final = "mmt.devices"
 
 DRIVERS: Final[dict[str, str]] = {
     "ati-net-ft": "mmt.devices.ati.net_ft:net_ft",
+    "openhaptics": "mmt.devices.openhaptics.robot:OpenHapticsRobot",
 }
 """Name -> ``module:factory`` of the drivers that are part of mmt."""
 

@@ -1,0 +1,31 @@
+"""The numbers of the interface of OpenHaptics HD, as the vendor's ``hdDefines.h`` has them."""
+
+from typing import Final
+
+DONE: Final = 0
+CONTINUE: Final = 1
+INVALID_HANDLE: Final = 0xFFFFFFFF
+DEFAULT_PRIORITY: Final = 0xFFFF // 2
+
+CURRENT_POSITION: Final = 0x2050
+CURRENT_VELOCITY: Final = 0x2051
+MODEL: Final = 0x2501
+SERIAL_NUMBER: Final = 0x2504
+CALIBRATION_STYLE: Final = 0x2555
+NOMINAL_MAX_STIFFNESS: Final = 0x2602
+NOMINAL_MAX_FORCE: Final = 0x2603
+CURRENT_FORCE: Final = 0x2700
+
+FORCE_OUTPUT: Final = 0x4000
+MAX_FORCE_CLAMPING: Final = 0x4001
+
+CALIBRATION_OK: Final = 0x5000
+CALIBRATION_NEEDS_UPDATE: Final = 0x5001
+ENCODER_RESET: Final = 1
+AUTO: Final = 2
+INKWELL: Final = 4
+
+WARM_MOTORS: Final = 0x0200
+FORCE_ERROR: Final = 0x0204
+DEVICE_FAULT: Final = 0x0300
+COMM_ERROR: Final = 0x0302

@@ -1,0 +1,270 @@
+"""One HD device: open it, calibrate it, keep its servo running, say what is wrong."""
+
+import atexit
+import ctypes
+import logging
+import os
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Final, Generic, TypeVar
+
+from mmt.devices.openhaptics import constants as hd
+from mmt.devices.openhaptics.library import CALLBACK, Stack, open_stack
+from mmt.devices.openhaptics.options import HdOptions
+from mmt.devices.openhaptics.sentences import HdError, explain
+from mmt.devices.openhaptics.servo import Servo
+from mmt.errors import DeviceLost, MmtError
+
+LOG: Final = logging.getLogger("mmt.devices.openhaptics")
+
+_LOST_NS: Final = 100_000_000
+"""The device does not answer, frame after frame."""
+_STOPPED_NS: Final = 1_000_000_000
+"""The library does not call: its thread has ended or is stuck."""
+_FIRST_TICK_S: Final = 5.0
+_POLL_S: Final = 0.02
+_FASTER_POLLS_S: Final = 1.0
+
+_STYLES: Final = (hd.AUTO, hd.INKWELL, hd.ENCODER_RESET)
+_WHAT_TO_DO: Final = {
+    hd.AUTO: "move the tip slowly through its whole space until it is calibrated",
+    hd.INKWELL: "put the stylus into the inkwell and leave it there for a moment",
+    hd.ENCODER_RESET: "hold the arm in its reset position (see the device's manual), set "
+    "'reset_encoders = true', start again and do not move it until the run begins",
+}
+
+
+AnyServo = TypeVar("AnyServo", bound=Servo)
+
+
+class HdDevice(Generic[AnyServo]):
+    """The life of a device between `connect` and `close`.
+
+    Parameters
+    ----------
+    options
+        Of the robot or the handle.
+    make_servo
+        Makes the callback from the driver stack, the device's handle, and the force
+        limit (N) and largest stiffness (N/mm) of this device.
+    """
+
+    def __init__(
+        self, options: HdOptions, make_servo: Callable[[Stack, int, float, float], AnyServo]
+    ) -> None:
+        self._options = options
+        self._make_servo = make_servo
+        self._stack: Stack | None = None
+        self._handle = hd.INVALID_HANDLE
+        self._servo: AnyServo | None = None
+        self._callback: object = None
+        self._scheduled: int | None = None
+        self._counts: Mapping[str, int] = {}
+        self._said: HdError | None = None
+        self._calibrated = False
+        self.name = f"OpenHaptics device {options.device or '(default)'}"
+
+    def connect(self) -> None:
+        """Open the device and start the servo, with no force until the first command.
+
+        Raises
+        ------
+        InputError
+            The library cannot be used.
+        MmtError
+            The device does not answer.
+        """
+        self.close()
+        stack = open_stack(self._options.library)
+        try:
+            with stack.rearranged(devices=1):
+                self._open(stack)
+                self._stack = stack
+            self._wait_for_tick()
+            if self._calibrated:  # it comes back, perhaps from a loss of power
+                self.calibrate()
+        except BaseException:
+            self.close()
+            raise
+        atexit.register(self.close)
+
+    def _open(self, stack: Stack) -> None:
+        stack.take_errors()  # of a device that was closed
+        name = self._options.device
+        handle = stack.hd.hdInitDevice(name.encode() if name is not None else None)
+        errors = stack.take_errors()
+        if errors or handle == hd.INVALID_HANDLE:
+            seen = explain(self.name, errors[0] if errors else HdError(hd.DEVICE_FAULT, 0))
+            raise MmtError(seen + _ports_without_permission())
+        self._handle = handle
+        try:
+            stack.hd.hdMakeCurrentDevice(handle)
+            model = stack.hd.hdGetString(hd.MODEL)
+            serial = stack.hd.hdGetString(hd.SERIAL_NUMBER)
+            texts = [text.decode(errors="replace") for text in (model, serial) if text]
+            self.name = " ".join(texts) or self.name
+            force_n = _double(stack, hd.NOMINAL_MAX_FORCE)
+            stiffness_n_mm = _double(stack, hd.NOMINAL_MAX_STIFFNESS)
+            stack.hd.hdEnable(hd.FORCE_OUTPUT)
+            stack.hd.hdEnable(hd.MAX_FORCE_CLAMPING)
+            stack.check(self.name)
+            limit_n = min(self._options.force_limit_n, force_n)
+            servo = self._make_servo(stack, handle, limit_n, stiffness_n_mm)
+            self._callback = CALLBACK(servo.tick)
+            self._scheduled = stack.hd.hdScheduleAsynchronous(
+                self._callback, None, hd.DEFAULT_PRIORITY
+            )
+            stack.check(self.name)
+        except BaseException:
+            self._release(stack)
+            raise
+        self._servo = servo
+
+    def _wait_for_tick(self) -> None:
+        deadline = time.monotonic() + _FIRST_TICK_S
+        while not self.servo.ticks:
+            self.check()
+            if time.monotonic() > deadline:
+                raise MmtError(f"{self.name}: the servo loop does not start: reinstall its driver")
+            time.sleep(0.001)
+
+    def calibrate(self) -> None:
+        """Bring the encoders to their zero, as the device does it.
+
+        Raises
+        ------
+        MmtError
+            The person must do something first; the message says what.
+        """
+        stack = self._connected()
+        offered = ctypes.c_int32()
+        stack.hd.hdMakeCurrentDevice(self._handle)
+        stack.hd.hdGetIntegerv(hd.CALIBRATION_STYLE, offered)
+        stack.check(self.name)
+        style = next((each for each in _STYLES if offered.value & each), None)
+        if style is None:
+            return
+        reset = style == hd.ENCODER_RESET and self._options.reset_encoders and not self._calibrated
+        began = time.monotonic()
+        told = False
+        while True:
+            status = stack.in_servo(partial(self._calibrate_once, stack, style, reset=reset))
+            stack.check(self.name)
+            waited_s = time.monotonic() - began
+            if status == hd.CALIBRATION_OK:
+                self._calibrated = True
+                return
+            patience_s = 0.0 if style == hd.ENCODER_RESET else self._options.calibration_s
+            if status == hd.CALIBRATION_NEEDS_UPDATE:
+                patience_s = max(patience_s, _FASTER_POLLS_S)
+            if waited_s > patience_s and not reset:
+                raise MmtError(f"{self.name} is not calibrated: {_WHAT_TO_DO[style]}")
+            if not told and waited_s > _POLL_S:
+                LOG.warning("%s is not calibrated: %s", self.name, _WHAT_TO_DO[style])
+                told = True
+            reset = False
+            time.sleep(_POLL_S)
+
+    def _calibrate_once(self, stack: Stack, style: int, *, reset: bool) -> int:
+        """Update the calibration where it is due; runs in the servo loop."""
+        stack.hd.hdBeginFrame(self._handle)
+        status: int = stack.hd.hdCheckCalibration()
+        if reset or (status == hd.CALIBRATION_NEEDS_UPDATE and style != hd.ENCODER_RESET):
+            stack.hd.hdUpdateCalibration(style)
+        stack.hd.hdEndFrame(self._handle)
+        return status
+
+    def close(self) -> None:
+        """Take the force away and release the device; calling it twice is harmless."""
+        stack, self._stack = self._stack, None
+        atexit.unregister(self.close)
+        if stack is None:
+            return
+        if self._servo is not None:
+            self._counts = dict(self._servo.counts)
+        with stack.rearranged(devices=-1):
+            self._release(stack)
+        self._servo = None
+
+    def _release(self, stack: Stack) -> None:
+        if self._scheduled is not None:
+            stack.hd.hdUnschedule(self._scheduled)
+        stack.hd.hdMakeCurrentDevice(self._handle)
+        stack.hd.hdDisable(hd.FORCE_OUTPUT)
+        stack.hd.hdDisableDevice(self._handle)
+        stack.take_errors()  # a device that is gone complains about each of them
+        self._scheduled = self._callback = None
+        self._handle = hd.INVALID_HANDLE
+
+    @property
+    def servo(self) -> AnyServo:
+        """The running callback.
+
+        Raises
+        ------
+        DeviceLost
+            The device is closed.
+        """
+        if self._servo is None:
+            raise DeviceLost(f"{self.name} is not connected: connect it first")
+        return self._servo
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """What went wrong and was survived, of the newest connection."""
+        return self._counts if self._servo is None else dict(self._servo.counts)
+
+    def check(self) -> AnyServo:
+        """Return the callback of a device that works.
+
+        Raises
+        ------
+        DeviceLost
+            It does not answer any more.
+        MmtError
+            The driver itself failed.
+        """
+        servo = self.servo
+        now_ns = time.monotonic_ns()
+        if servo.failure is not None:
+            raise MmtError(f"{self.name}: the servo callback failed: {servo.failure!r}")
+        if servo.fault is not None:
+            raise DeviceLost(explain(self.name, servo.fault))
+        bad_since_ns = servo.bad_since_ns
+        if bad_since_ns is not None and now_ns - bad_since_ns > _LOST_NS:
+            raise DeviceLost(explain(self.name, HdError(hd.COMM_ERROR, 0)))
+        if now_ns - servo.tick_ns > _STOPPED_NS:
+            raise DeviceLost(
+                f"{self.name}: the servo loop has stopped: check cable and power, connect again"
+            )
+        if servo.newest_force_error is not self._said:
+            self._say(servo.newest_force_error)
+        return servo
+
+    def _say(self, error: HdError | None) -> None:
+        """Tell the person once why there is no force."""
+        if error is not None and (self._said is None or self._said.code != error.code):
+            LOG.warning("%s", explain(self.name, error))
+        self._said = error
+
+    def _connected(self) -> Stack:
+        if self._stack is None:
+            raise DeviceLost(f"{self.name} is not connected: connect it first")
+        return self._stack
+
+
+def _double(stack: Stack, what: int) -> float:
+    value = ctypes.c_double()
+    stack.hd.hdGetDoublev(what, value)
+    return value.value
+
+
+def _ports_without_permission() -> str:
+    """Return what to add where serial ports are there that this person may not open."""
+    ports = sorted(Path("/dev").glob("ttyACM*"))
+    closed = [str(port) for port in ports if not os.access(port, os.R_OK | os.W_OK)]
+    if not closed:
+        return ""
+    return f"; you may not open {', '.join(closed)}: join the group that owns it, often dialout"

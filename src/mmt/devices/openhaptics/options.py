@@ -1,0 +1,61 @@
+"""The options of the drivers, as a scene gives them."""
+
+from typing import Annotated, Final, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from mmt.devices.openhaptics.axes import DEFAULT_AXES, Axes
+
+_Millimetres = Annotated[float, Field(ge=-1000, le=1000)]
+
+_DELAY_TICKS: Final = 1.5
+"""A force that holds for a tick is half a tick late; the measurement costs another one."""
+
+
+class HdOptions(BaseModel):
+    """What robot and handle share."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    library: str = Field("libHD.so", min_length=1)
+    device: str | None = Field(None, min_length=1, max_length=63)
+    axes: str = DEFAULT_AXES
+    origin_mm: tuple[_Millimetres, _Millimetres, _Millimetres] = (0.0, 0.0, 0.0)
+    force_limit_n: float = Field(3.0, gt=0, le=40)
+    stale_ms: float = Field(50.0, ge=5, le=1000)
+    ramp_ms: float = Field(100.0, ge=5, le=2000)
+    calibration_s: float = Field(5.0, ge=0, le=120)
+    reset_encoders: bool = False
+
+    @model_validator(mode="after")
+    def _right_axes(self) -> Self:
+        Axes(self.axes)
+        return self
+
+
+class RobotOptions(HdOptions):
+    """Of the robot: the position controller."""
+
+    stiffness_n_mm: float = Field(0.5, gt=0, le=5)
+    damping_n_s_m: float = Field(5.0, ge=0, le=30)
+    speed_limit_mm_s: float = Field(500.0, gt=0, le=2000)
+
+    @model_validator(mode="after")
+    def _damped(self) -> Self:
+        least = _DELAY_TICKS * self.stiffness_n_mm  # N/mm times 1 ms is N s/m
+        if self.damping_n_s_m < least:
+            raise ValueError(
+                f"damping_n_s_m is {self.damping_n_s_m:g}; a stiffness of "
+                f"{self.stiffness_n_mm:g} N/mm oscillates at 1 kHz below {least:g}: raise it, "
+                "or be less stiff"
+            )
+        return self
+
+
+class HandleOptions(HdOptions):
+    """Of the handle: how the hand's normal force is known."""
+
+    hand_force: Literal["displayed", "depth"] = "displayed"
+    apparent_mass_kg: float = Field(0.0, ge=0, le=1)
+    depth_stiffness_n_mm: float = Field(0.5, gt=0, le=50)
+    contact_n: float = Field(0.05, ge=0.001, le=1)

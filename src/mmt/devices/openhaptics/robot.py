@@ -1,0 +1,161 @@
+"""The follower's arm: a Phantom or Touch that is held at commanded positions."""
+
+import math
+from collections.abc import Mapping
+from typing import Any, Final
+
+from mmt.devices.loading import read_options
+from mmt.devices.openhaptics.axes import Axes
+from mmt.devices.openhaptics.device import HdDevice
+from mmt.devices.openhaptics.library import Stack, Vector3
+from mmt.devices.openhaptics.options import RobotOptions
+from mmt.devices.openhaptics.servo import Servo
+from mmt.devices.protocols import Vector
+from mmt.errors import InputError
+
+_LONGEST_STEP_S: Final = 0.005
+
+
+class PositionServo(Servo):
+    """A spring to a point that moves towards the target, a damper, and a limit to the force.
+
+    The point starts where the tip is and moves at a bounded speed, so that neither the first
+    command nor one after a pause throws the arm.
+
+    Parameters
+    ----------
+    options
+        Gains and limits.
+    limit_n
+        Largest force, along any direction.
+    """
+
+    def __init__(
+        self, hd: Any, copies: Any, handle: int, options: RobotOptions, limit_n: float
+    ) -> None:
+        super().__init__(
+            hd,
+            copies,
+            handle,
+            stale_ns=round(options.stale_ms * 1e6),
+            ramp_ns=round(options.ramp_ms * 1e6),
+        )
+        self.target = Vector3()
+        self.limit_n = limit_n
+        self._stiffness = options.stiffness_n_mm
+        self._damping = options.damping_n_s_m / 1000.0
+        self._speed = options.speed_limit_mm_s
+        self._point = (0.0, 0.0, 0.0)
+
+    def drive(self, now_ns: int, share: float) -> None:
+        """Set the force of this tick."""
+        x, y, z = self.position
+        if share == 0.0:
+            self._point = (x, y, z)
+            self.displayed[:] = (0.0, 0.0, 0.0)
+            return
+        a, b, c = self._moved(min(1e-9 * (now_ns - self.tick_ns), _LONGEST_STEP_S))
+        u, v, w = self.velocity
+        stiffness, damping = self._stiffness, self._damping
+        fx = stiffness * (a - x) - damping * u
+        fy = stiffness * (b - y) - damping * v
+        fz = stiffness * (c - z) - damping * w
+        size = math.sqrt(fx * fx + fy * fy + fz * fz)
+        scale = share if size <= self.limit_n else share * self.limit_n / size
+        self.displayed[:] = (scale * fx, scale * fy, scale * fz)
+
+    def _moved(self, passed_s: float) -> Vector:
+        """Move the point towards the target and return it."""
+        a, b, c = self._point
+        x, y, z = self.target
+        x, y, z = x - a, y - b, z - c
+        distance = math.sqrt(x * x + y * y + z * z)
+        reach = self._speed * passed_s
+        part = 1.0 if distance <= reach else reach / distance
+        self._point = (a + part * x, b + part * y, c + part * z)
+        return self._point
+
+
+class OpenHapticsRobot:
+    """Implements `Robot`; the options are those of `RobotOptions`.
+
+    Parameters
+    ----------
+    **options
+        See `docs/how-to/openhaptics.md`.
+
+    Raises
+    ------
+    InputError
+        An option is not allowed.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        self._options = read_options(RobotOptions, "openhaptics", options)
+        self._axes = Axes(self._options.axes, self._options.origin_mm)
+        self._device = HdDevice(self._options, self._make_servo)
+
+    def _make_servo(
+        self, stack: Stack, handle: int, limit_n: float, stiffness_n_mm: float
+    ) -> PositionServo:
+        if self._options.stiffness_n_mm > stiffness_n_mm:
+            raise InputError(
+                f"{self._device.name}: stiffness_n_mm is {self._options.stiffness_n_mm:g}, the "
+                f"device displays at most {stiffness_n_mm:g}: lower it"
+            )
+        return PositionServo(stack.hd, stack.copies, handle, self._options, limit_n)
+
+    def connect(self) -> None:
+        """Open the arm; it is limp until the first command.
+
+        Raises
+        ------
+        MmtError
+            It does not answer, or the stiffness is beyond what it displays.
+        """
+        self._device.connect()
+
+    def calibrate(self) -> None:
+        """Bring the encoders to their zero; the scene's zero is the option `origin_mm`.
+
+        Raises
+        ------
+        MmtError
+            The person must do something first; the message says what.
+        """
+        self._device.calibrate()
+
+    def close(self) -> None:
+        """Take the force away and release the arm."""
+        self._device.close()
+
+    def read(self) -> Vector:
+        """Return the tip's position (mm), at most a tick old.
+
+        Raises
+        ------
+        DeviceLost
+            It does not answer any more.
+        """
+        return self._axes.place_in_scene(self._device.check().position[:])
+
+    def write(self, position_mm: Vector) -> None:
+        """Command a position (mm); one that is not finite is counted and not obeyed.
+
+        Raises
+        ------
+        DeviceLost
+            It does not answer any more.
+        """
+        servo = self._device.check()
+        target = self._axes.place_on_device(position_mm)
+        if not math.isfinite(target[0] + target[1] + target[2]):
+            servo.counts["commands that are not finite"] += 1
+            return
+        servo.target[:] = target
+        servo.command_ns = servo.clock()
+
+    @property
+    def faults(self) -> Mapping[str, int]:
+        """Counts by what went wrong and was survived."""
+        return self._device.counts

@@ -1,0 +1,137 @@
+"""What runs in the library's thread a thousand times a second: state out, force in."""
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from typing import Any, Final
+
+from mmt.devices.openhaptics.constants import (
+    COMM_ERROR,
+    CONTINUE,
+    CURRENT_FORCE,
+    CURRENT_POSITION,
+    CURRENT_VELOCITY,
+    DEVICE_FAULT,
+    DONE,
+)
+from mmt.devices.openhaptics.library import Vector3
+from mmt.devices.openhaptics.sentences import HdError, name_of, only_force
+
+_LONGEST_STEP_NS: Final = 10_000_000
+_COOLING_NS: Final = 1_000_000_000
+_MOST_ERRORS: Final = 8
+
+
+class Servo:
+    """One device's callback; the force is `force`, faded while commands are stale.
+
+    Other threads read `position`, `velocity` and `displayed` by slicing and write `force` by
+    assigning a slice: each happens as a whole, under the interpreter's lock. The velocity may
+    be a tick newer than the position that is read beside it.
+
+    Parameters
+    ----------
+    hd, copies
+        The library, see `Stack`.
+    handle
+        The device's.
+    stale_ns, ramp_ns
+        The force fades to zero within `ramp_ns` when no command has come for `stale_ns`,
+        and comes back as slowly.
+    clock
+        Monotonic time (ns).
+    """
+
+    def __init__(
+        self,
+        hd: Any,
+        copies: Any,
+        handle: int,
+        *,
+        stale_ns: int,
+        ramp_ns: int,
+        clock: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self._handle, self.clock = handle, clock
+        self._begin, self._end, self._error = hd.hdBeginFrame, hd.hdEndFrame, hd.hdGetError
+        self._get, self._set = copies.hdGetDoublev, copies.hdSetDoublev
+        self._stale_ns, self._ramp_ns = stale_ns, ramp_ns
+        self.position, self.velocity = Vector3(), Vector3()
+        self.force, self.displayed = Vector3(), Vector3()
+        self.command_ns: int | None = None
+        self.share = 0.0
+        self.ticks = 0
+        self.tick_ns = clock()
+        self.bad_since_ns: int | None = None
+        self.fault: HdError | None = None
+        self.failure: Exception | None = None
+        self.counts: Counter[str] = Counter()
+        self.newest_force_error: HdError | None = None
+        self._rest_until_ns = 0
+
+    def tick(self, _: Any) -> int:
+        """Do one frame; the library calls it."""
+        try:
+            now_ns = self.clock()
+            self._begin(self._handle)
+            self._get(CURRENT_POSITION, self.position)
+            self._get(CURRENT_VELOCITY, self.velocity)
+            self.drive(now_ns, self._fade(now_ns))
+            self._set(CURRENT_FORCE, self.displayed)
+            self._end(self._handle)
+            error = self._error()
+            if error.code:
+                self._note(error, now_ns)
+            else:
+                self.bad_since_ns = None
+            self.tick_ns = now_ns
+            self.ticks += 1
+        except Exception as failure:  # noqa: BLE001 - it cannot be raised through the library
+            self.failure = failure
+            self.displayed[:] = (0.0, 0.0, 0.0)
+            self._end(self._handle)
+            return DONE
+        return CONTINUE
+
+    def drive(self, now_ns: int, share: float) -> None:  # noqa: ARG002 - a controller needs it
+        """Set `displayed`, the force of this tick, from what is commanded."""
+        x, y, z = self.force
+        self.displayed[:] = (share * x, share * y, share * z)
+
+    def _fade(self, now_ns: int) -> float:
+        """Return the share of the force that is displayed now."""
+        passed_ns = now_ns - self.tick_ns
+        change = (passed_ns if passed_ns < _LONGEST_STEP_NS else _LONGEST_STEP_NS) / self._ramp_ns
+        command_ns = self.command_ns
+        if now_ns < self._rest_until_ns:
+            self.share = 0.0
+        elif command_ns is not None and now_ns - command_ns < self._stale_ns:
+            self.share = self.share + change if self.share + change < 1.0 else 1.0
+        elif self.share > 0.0:
+            if self.share == 1.0:
+                self.counts["stale commands"] += 1
+            self.share = self.share - change if self.share > change else 0.0
+        return self.share
+
+    def _note(self, error: Any, now_ns: int) -> None:
+        """Count the frame's errors, and let the force rest after them."""
+        answers = True
+        for _ in range(_MOST_ERRORS):
+            if not error.code:
+                break
+            found = HdError(error.code, error.internal)
+            self.counts[name_of(found.code)] += 1
+            if only_force(found.code):
+                self.newest_force_error = found
+                self._rest_until_ns = now_ns + _COOLING_NS
+            elif found.code == COMM_ERROR:
+                answers = False
+                self.share = 0.0
+            elif found.code >= DEVICE_FAULT and found.code < 0x0400:
+                self.fault = self.fault or found
+                self.share = 0.0
+            error = self._error()
+        if answers:
+            self.bad_since_ns = None
+        elif self.bad_since_ns is None:
+            self.bad_since_ns = now_ns

@@ -1,0 +1,302 @@
+"""The follower's arm through OpenHaptics HD, against the emulated library."""
+
+import logging
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from mmt.devices.emulated.hd import EmulatedHd
+from mmt.devices.loading import load_device
+from mmt.devices.openhaptics.robot import OpenHapticsRobot
+from mmt.errors import DeviceLost, InputError, MmtError
+
+PATIENCE_S = 20.0
+ENCODER_RESET, AUTO, INKWELL = 1, 2, 4
+NEEDS_UPDATE, NEEDS_HANDS = 0x5001, 0x5002
+
+
+@pytest.fixture
+def emulated() -> Iterator[EmulatedHd]:
+    try:
+        device = EmulatedHd()
+    except MmtError as error:
+        pytest.skip(str(error))
+    device.start()
+    yield device
+    device.stop()
+
+
+@pytest.fixture
+def make(emulated: EmulatedHd) -> Iterator[Callable[..., OpenHapticsRobot]]:
+    made = []
+
+    def robot(**options: object) -> OpenHapticsRobot:
+        made.append(OpenHapticsRobot(library=emulated.address, **options))
+        return made[-1]
+
+    yield robot
+    for each in made:
+        each.close()
+
+
+def until(condition: Callable[[], bool], act: Callable[[], object] = lambda: None) -> None:
+    """Act every millisecond until the condition holds."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        act()
+        assert time.monotonic() < deadline, "it has not come to pass"
+        time.sleep(0.001)
+
+
+def distance(a: tuple[float, ...], b: tuple[float, ...]) -> float:
+    return sum((x - y) ** 2 for x, y in zip(a, b, strict=True)) ** 0.5
+
+
+def test_the_arm_goes_where_it_is_told_in_the_scenes_axes(make, emulated) -> None:
+    robot = make(origin_mm=(0.0, 0.0, -20.0))
+    robot.connect()
+    robot.calibrate()
+    target = (12.0, -7.0, 4.0)
+    until(lambda: distance(robot.read(), target) < 0.01, lambda: robot.write(target))
+    x, y, z = emulated.look().position_mm
+    assert (x, y, z) == pytest.approx((12.0, -16.0, 7.0), abs=0.05)  # up is y, the user is at z
+
+
+def test_an_arm_without_commands_is_limp(make, emulated) -> None:
+    robot = make()
+    robot.connect()
+    emulated.place((5.0, 0.0, 0.0))
+    before = emulated.ticks
+    until(lambda: emulated.ticks > before + 20)
+    assert emulated.look().motor_n == (0.0, 0.0, 0.0)
+    assert robot.read() == pytest.approx((5.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(("limit_n", "expected_n"), [(1.0, 1.0), (3.0, 1.5)])
+def test_the_force_stays_below_the_smaller_of_both_limits(
+    make, emulated, limit_n, expected_n
+) -> None:
+    emulated.limits(1.5, 3.5)
+    emulated.hold((0.0, 0.0, 0.0), 50.0)
+    robot = make(force_limit_n=limit_n)
+    robot.connect()
+    largest_n = 0.0
+
+    def push() -> None:
+        nonlocal largest_n
+        robot.write((0.0, 0.0, -100.0))
+        largest_n = max(largest_n, distance(emulated.look().motor_n, (0.0, 0.0, 0.0)))
+
+    until(lambda: largest_n > 0.99 * expected_n, push)
+    before = emulated.ticks
+    until(lambda: emulated.ticks > before + 50, push)
+    assert largest_n == pytest.approx(expected_n, rel=1e-6)
+
+
+def test_stale_commands_fade_and_new_ones_do_not_throw_the_arm(make, emulated) -> None:
+    robot = make(speed_limit_mm_s=50.0)
+    robot.connect()
+    emulated.hold((0.0, 0.0, 0.0), 5.0)
+    until(lambda: emulated.look().motor_n[0] > 1.0, lambda: robot.write((40.0, 0.0, 0.0)))
+    until(lambda: emulated.look().motor_n == (0.0, 0.0, 0.0))
+    assert robot.faults == {"stale commands": 1}
+    robot.write((40.0, 0.0, 0.0))
+    until(lambda: emulated.look().motor_n[0] > 0.0, lambda: robot.write((40.0, 0.0, 0.0)))
+    assert emulated.look().motor_n[0] < 0.5  # the point starts again where the tip is
+
+
+def test_a_command_that_is_no_number_is_counted_and_not_obeyed(make, emulated) -> None:
+    robot = make()
+    robot.connect()
+    for _ in range(20):
+        robot.write((float("nan"), 0.0, 0.0))
+        robot.write((0.0, float("inf"), 0.0))
+    before = emulated.ticks
+    until(lambda: emulated.ticks > before + 5)
+    assert robot.faults == {"commands that are not finite": 40}
+    assert emulated.look().motor_n == (0.0, 0.0, 0.0)
+
+
+def test_warm_motors_give_no_force_and_the_person_is_told_once(make, emulated, caplog) -> None:
+    robot = make()
+    robot.connect()
+    with caplog.at_level(logging.WARNING):
+        emulated.fail("warm")
+        until(lambda: robot.faults.get("WARM_MOTORS", 0) > 5, lambda: robot.write((9.0, 0.0, 0.0)))
+    assert [record.message for record in caplog.records] == [
+        "Emulated HD device EMULATED1: the motors are too warm and give no force "
+        "(HD_WARM_MOTORS, device's own code -1): let go, let them cool for some minutes, and "
+        "lower 'force_limit_n'"
+    ]
+    emulated.fail("warm", on=False)
+    until(lambda: robot.read()[0] > 8.0, lambda: robot.write((9.0, 0.0, 0.0)))
+
+
+def test_a_device_that_does_not_answer_is_lost_and_comes_back(make, emulated) -> None:
+    robot = make()
+    robot.connect()
+    robot.calibrate()
+    emulated.unplug()
+    with pytest.raises(DeviceLost, match=r"does not answer.*check cable"):
+        until(lambda: False, robot.read)
+    with pytest.raises(MmtError, match="COMM_ERROR"):
+        robot.connect()
+    emulated.plug()
+    robot.connect()
+    until(lambda: robot.read()[0] > 1.0, lambda: robot.write((2.0, 0.0, 0.0)))
+
+
+def test_a_moment_without_an_answer_is_survived(make, emulated) -> None:
+    robot = make()
+    robot.connect()
+    emulated.unplug()
+    before = emulated.ticks
+    until(lambda: emulated.ticks > before)
+    emulated.plug()
+    until(lambda: robot.faults.get("COMM_ERROR", 0) > 0)
+    until(lambda: robot.read()[0] > 1.0, lambda: robot.write((2.0, 0.0, 0.0)))
+
+
+@pytest.mark.parametrize(
+    ("fault", "sentence"),
+    [("fault", "HD_DEVICE_FAULT"), ("stalled", "servo loop has stopped")],
+)
+def test_a_fault_or_a_loop_that_stands_still_is_a_loss(make, emulated, fault, sentence) -> None:
+    robot = make()
+    robot.connect()
+    emulated.fail(fault)
+    with pytest.raises(DeviceLost, match=sentence):
+        until(lambda: False, robot.read)
+    emulated.fail(fault, on=False)
+    robot.connect()
+    assert robot.read() == pytest.approx((0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("fault", "sentence"),
+    [("absent", "is not there.*its power, its cable"), ("unlicensed", "licence is missing")],
+)
+def test_a_device_that_cannot_be_opened_says_why(make, emulated, fault, sentence) -> None:
+    emulated.fail(fault)
+    with pytest.raises(MmtError, match=sentence):
+        make().connect()
+
+
+def test_two_devices_share_the_stack_and_one_name_is_used_once(make, emulated) -> None:
+    first, second, third = make(device="Left"), make(device="Right"), make(device="Left")
+    first.connect()
+    second.connect()
+    emulated.place((3.0, 0.0, 0.0), device=1)
+    until(lambda: second.read()[0] == pytest.approx(3.0))
+    with pytest.raises(MmtError, match="in use already"):
+        third.connect()
+    first.close()
+    until(lambda: second.read()[0] > 4.0, lambda: second.write((5.0, 0.0, 0.0)))
+
+
+@pytest.mark.parametrize(
+    ("styles", "status", "sentence"),
+    [
+        (AUTO, NEEDS_HANDS, "move the tip slowly"),
+        (INKWELL, NEEDS_HANDS, "put the stylus into the inkwell"),
+        (ENCODER_RESET, NEEDS_HANDS, "reset_encoders = true"),
+    ],
+)
+def test_a_calibration_that_needs_hands_says_what_to_do(
+    make, emulated, styles, status, sentence
+) -> None:
+    robot = make(calibration_s=0.0)
+    robot.connect()
+    emulated.uncalibrate(styles, status)
+    with pytest.raises(MmtError, match=sentence):
+        robot.calibrate()
+
+
+def test_a_calibration_that_is_due_is_updated(make, emulated, caplog) -> None:
+    robot = make()
+    robot.connect()
+    emulated.uncalibrate(AUTO | INKWELL, NEEDS_UPDATE)
+    robot.calibrate()
+    emulated.uncalibrate(ENCODER_RESET, NEEDS_HANDS)
+    with pytest.raises(MmtError, match="reset position"):
+        make_again(robot, emulated)
+    reset = make(reset_encoders=True)
+    reset.connect()
+    reset.calibrate()
+    emulated.uncalibrate(ENCODER_RESET, NEEDS_HANDS)
+    with pytest.raises(MmtError, match="reset position"):  # where it stands now is no zero
+        make_again(reset, emulated)
+    emulated.uncalibrate(0, NEEDS_HANDS)
+    reset.connect()
+    reset.calibrate()  # a device without calibration needs none
+
+
+def make_again(robot: OpenHapticsRobot, emulated: EmulatedHd) -> None:
+    """Connect a device that had been calibrated."""
+    robot.close()
+    robot.connect()
+
+
+def test_a_stiffness_beyond_the_device_is_refused(make, emulated) -> None:
+    emulated.limits(8.5, 0.4)
+    with pytest.raises(InputError, match=r"at most 0\.4"):
+        make().connect()
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"stiffness_n_mm": 2.0, "damping_n_s_m": 1.0}, "oscillates at 1 kHz below 3"),
+        ({"axes": "x,y,y"}, "name x, y and z once each"),
+        ({"axes": "x,y,-z"}, "mirrors"),
+        ({"stiffness": 1.0}, "stiffness is not a key; allowed are library, device"),
+        ({"force_limit_n": float("inf")}, "force_limit_n"),
+    ],
+)
+def test_options_that_cannot_be_are_explained(options, sentence) -> None:
+    with pytest.raises(InputError, match=sentence):
+        load_device("openhaptics", options)
+
+
+def run_alone(program: str) -> str:
+    """Run a program in a process of its own, for the libraries that a process has."""
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60
+    )
+    return done.stdout
+
+
+PROGRAM = """
+import sys
+from mmt.devices.openhaptics.robot import OpenHapticsRobot
+from mmt.errors import MmtError
+for library in {libraries!r}:
+    try:
+        OpenHapticsRobot(library=library).connect()
+    except MmtError as error:
+        print(error)
+"""
+
+
+def test_a_library_that_cannot_be_loaded_says_what_to_do(tmp_path, emulated) -> None:
+    other = tmp_path / "libHD.so"
+    other.write_text("no library")
+    libraries = [str(tmp_path / "none.so"), "libnowhere.so", "libm.so.6", str(other)]
+    lines = run_alone(PROGRAM.format(libraries=libraries)).splitlines()
+    assert "there is no such file: install" in lines[0]
+    assert "give the library's path" in lines[1]
+    assert "is no OpenHaptics HD library" in lines[2]
+    assert "cannot be loaded" in lines[3]
+
+
+def test_a_process_has_one_driver_stack(emulated, tmp_path) -> None:
+    program = PROGRAM.format(libraries=["emulated", "/usr/lib/libHD.so"])
+    assert "must be driven by another process" in run_alone(program)
+
+
+def test_a_process_that_ends_without_closing_leaves_no_thread_behind(emulated) -> None:
+    program = PROGRAM.format(libraries=["emulated"]) + "\nprint('end')"
+    assert run_alone(program) == "end\n"

@@ -1,0 +1,183 @@
+"""The servo callback by itself, with a clock and a device that the test moves."""
+
+import math
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mmt.devices.openhaptics.axes import Axes
+from mmt.devices.openhaptics.constants import CONTINUE, CURRENT_POSITION, DONE
+from mmt.devices.openhaptics.options import RobotOptions
+from mmt.devices.openhaptics.robot import PositionServo
+from mmt.devices.openhaptics.sentences import _SENTENCES, HdError, explain, only_force
+
+TICK_S = 1e-3
+
+
+class Frame:
+    """A mass on one axis, moved exactly from tick to tick, in the place of the library."""
+
+    def __init__(self, mass_kg: float = 0.1, damping_n_s_m: float = 0.0) -> None:
+        self.mass, self.now_ns = mass_kg, 0
+        self.x = self.v = self.f = 0.0  # m, m/s, N
+        self.errors: list[tuple[int, int]] = []
+
+    def hdBeginFrame(self, handle: int) -> None:  # noqa: N802
+        self.now_ns += 1_000_000
+        self.x += self.v * TICK_S + self.f / self.mass * TICK_S**2 / 2
+        self.v += self.f / self.mass * TICK_S
+
+    def hdGetDoublev(self, what: int, values) -> None:  # noqa: N802
+        values[0] = 1e3 * (self.x if what == CURRENT_POSITION else self.v)
+
+    def hdSetDoublev(self, what: int, values) -> None:  # noqa: N802
+        self.f = values[0]
+        assert math.hypot(*values[:]) <= 3.0 + 1e-9
+
+    def hdEndFrame(self, handle: int) -> None:  # noqa: N802
+        pass
+
+    def hdGetError(self):  # noqa: N802
+        from mmt.devices.openhaptics.library import ErrorInfo
+
+        return ErrorInfo(*self.errors.pop()) if self.errors else ErrorInfo()
+
+
+def servo(frame: Frame, **options: object) -> PositionServo:
+    made = PositionServo(frame, frame, 0, RobotOptions(**options), limit_n=3.0)
+    made.clock = lambda: frame.now_ns
+    made.tick_ns = 0
+    return made
+
+
+def settled_mm(frame: Frame, made: PositionServo, ticks: int = 3000) -> float:
+    """Return how far the mass still swings around its target at the end."""
+    largest = 0.0
+    for tick in range(ticks):
+        made.target[:] = [1.0, 0.0, 0.0]
+        made.command_ns = frame.now_ns
+        assert made.tick(None) == CONTINUE
+        if tick > ticks - 300:
+            largest = max(largest, abs(1e3 * frame.x - 1.0))
+    return largest
+
+
+@pytest.mark.parametrize("mass_kg", [0.03, 0.1, 0.3])
+def test_the_least_damping_is_where_sampling_adds_energy(mass_kg: float) -> None:
+    """A sampled spring adds k T / 2 of negative damping: below it a free mass swings up.
+
+    An independent bound, from Jury's test of the exactly sampled mass: k T / 2 < b < 2 m / T.
+    """
+    stiffness_n_mm = 1.0
+    least = 1e3 * stiffness_n_mm * TICK_S / 2
+    for factor, stable in ((0.5, False), (3.0, True)):
+        frame = Frame(mass_kg)
+        options = RobotOptions.model_construct(
+            stiffness_n_mm=stiffness_n_mm, damping_n_s_m=factor * least
+        )
+        made = PositionServo(frame, frame, 0, options, limit_n=3.0)
+        made.clock = lambda frame=frame: frame.now_ns
+        made.tick_ns = 0
+        swing = settled_mm(frame, made)
+        assert (swing < 0.2) == stable, (mass_kg, factor, swing)
+
+
+@settings(max_examples=20)
+@given(stiffness=st.floats(0.05, 5.0), mass_kg=st.floats(0.03, 0.5))
+def test_every_allowed_pair_of_gains_settles_on_a_mass_it_can_hold(stiffness, mass_kg) -> None:
+    half_critical = math.sqrt(1e3 * stiffness * mass_kg)
+    damping = min(30.0, max(1.5 * stiffness, half_critical))
+    made = servo(frame := Frame(mass_kg), stiffness_n_mm=stiffness, damping_n_s_m=damping)
+    assert settled_mm(frame, made, 4000) < 0.01
+
+
+def test_the_force_fades_when_commands_stop_and_returns_as_slowly() -> None:
+    made = servo(frame := Frame(1e9), stale_ms=50, ramp_ms=100, speed_limit_mm_s=2000)
+    forces = []
+    for tick in range(600):
+        if tick < 200 or tick > 450:
+            made.target[:] = [2.0, 0.0, 0.0]
+            made.command_ns = frame.now_ns
+        made.tick(None)
+        forces.append(frame.f)
+    assert forces[199] == pytest.approx(1.0)
+    assert forces[240] == pytest.approx(1.0)
+    fading = forces[252:349]
+    assert all(later < earlier for earlier, later in pairwise(fading))
+    assert forces[352:450] == [0.0] * 98
+    steps = [abs(b - a) for a, b in pairwise(forces)]
+    assert max(steps) < 0.03
+    assert made.counts == {"stale commands": 1}
+
+
+@given(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6), st.floats(0.001, 3.0))
+def test_the_force_never_exceeds_its_limit(target: float, velocity: float, limit: float) -> None:
+    made = servo(frame := Frame(1e9), speed_limit_mm_s=2000)
+    made.limit_n = limit
+    frame.v = velocity * 1e-3
+    for _ in range(120):
+        made.target[:] = [target, -target, target]
+        made.command_ns = frame.now_ns
+        made.tick(None)
+        assert math.hypot(*made.displayed[:]) <= limit * (1 + 1e-9)
+
+
+def test_a_force_error_takes_the_force_away_for_a_second() -> None:
+    made = servo(frame := Frame(1e9))
+    forces = []
+    for tick in range(1500):
+        made.target[:] = [5.0, 0.0, 0.0]
+        made.command_ns = frame.now_ns
+        if tick == 200:
+            frame.errors = [(0x0203, 7), (0x0202, 8)]
+        made.tick(None)
+        forces.append(frame.f)
+    assert forces[200] > 2.0
+    assert set(forces[201:1199]) == {0.0}
+    assert forces[-1] > 2.0
+    assert made.counts == {"EXCEEDED_MAX_VELOCITY": 1, "EXCEEDED_MAX_FORCE_IMPULSE": 1}
+    assert made.fault is None
+
+
+def test_a_mistake_in_the_callback_ends_it_without_force() -> None:
+    made = servo(frame := Frame())
+    made.target = None
+    made.command_ns = 0
+    made.share = 0.5
+    assert [made.tick(None) for _ in range(1)] == [DONE]
+    assert isinstance(made.failure, TypeError)
+    assert frame.f == 0.0
+
+
+@pytest.mark.parametrize("code", sorted(_SENTENCES))
+def test_every_error_of_hd_says_what_was_seen_and_what_to_do(code: int) -> None:
+    sentence = explain("the arm", HdError(code, 3))
+    assert sentence.startswith("the arm: ")
+    name, seen, to_do = _SENTENCES[code]
+    assert f"{seen} (HD_{name}, device's own code 3): {to_do}" in sentence
+    assert only_force(code) == (code >> 8 == 2)
+
+
+def test_an_error_that_is_not_known_is_named_by_its_number() -> None:
+    assert "HD_0x0999" in explain("the arm", HdError(0x999, 0))
+
+
+@given(
+    st.sampled_from(["x,-z,y", "x,y,z", "-x,z,y", "y,z,x", " z, x ,y", "-x,-y,z", "+x,-z,+y"]),
+    st.tuples(*[st.floats(-1e3, 1e3)] * 3),
+    st.tuples(*[st.floats(-1e3, 1e3)] * 3),
+)
+def test_axes_turn_there_and_back(text, position, origin) -> None:
+    axes = Axes(text, origin)
+    assert axes.to_scene(axes.to_device(position)) == position
+    back = axes.place_in_scene(axes.place_on_device(position))
+    assert back == pytest.approx(position, abs=1e-9)
+    assert math.hypot(*axes.to_device(position)) == pytest.approx(math.hypot(*position))
+
+
+def test_up_is_the_surfaces_normal_by_default() -> None:
+    axes = Axes("x,-z,y")
+    assert axes.to_scene([1.0, 2.0, 3.0]) == (1.0, -3.0, 2.0)
+    assert axes.to_device((1.0, -3.0, 2.0)) == [1.0, 2.0, 3.0]
