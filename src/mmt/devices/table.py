@@ -11,6 +11,7 @@ GROUP: Final = "mmt.devices"
 DRIVERS: Final[dict[str, str]] = {
     "ati-net-ft": "mmt.devices.ati.net_ft:net_ft",
     "openhaptics": "mmt.devices.openhaptics.robot:OpenHapticsRobot",
+    "adxl335-serial": "mmt.devices.adxl335.serial_driver:SerialAdxl335",
 }
 """Name -> ``module:factory`` of the drivers that are part of mmt."""
 

@@ -1,0 +1,67 @@
+"""From an ADXL335's volts to m/s2 along the scene's axes, and what shows that they are none."""
+
+from collections import Counter
+from typing import Final
+
+from mmt.devices.adxl335.gravity import GRAVITY_M_S2, Calibration
+from mmt.devices.adxl335.options import Adxl335Options
+from mmt.devices.protocols import SensorReading, Vector
+from mmt.errors import DeviceLost
+
+RANGE_M_S2: Final = 3.6 * GRAVITY_M_S2
+"""Typical full scale by the data sheet; at least 3 g."""
+
+
+class Converter:
+    """Convert one sensor's samples, in the order in which they were taken.
+
+    Parameters
+    ----------
+    calibration
+        Zero and gain of each of the sensor's own axes.
+    options
+        Which axis lies where, and from when a value is stuck.
+    """
+
+    def __init__(self, calibration: Calibration, options: Adxl335Options) -> None:
+        self.faults: Counter[str] = Counter()
+        """``saturated samples``: beyond 3.6 g along an axis."""
+        self._zero = calibration.zero_v
+        x, y, z = calibration.gain_v_per_m_s2
+        self._scale = (1.0 / x, 1.0 / y, 1.0 / z)
+        self._order = tuple(
+            ("xyz".index(a[-1]), -1.0 if a[0] == "-" else 1.0) for a in options.axes
+        )
+        self._stuck_ns = round(1e9 * options.stuck_s)
+        self.stuck = False
+        """Whether the value has stayed the same for too long."""
+        self._last: Vector | None = None
+        self._since_ns = 0
+
+    def convert(self, time_ns: int, volts: Vector) -> SensorReading:
+        """Return the acceleration at that time.
+
+        Raises
+        ------
+        DeviceLost
+            The volts have not changed by the least bit for too long.
+        """
+        if volts != self._last:
+            self._last, self._since_ns = volts, time_ns
+        elif time_ns - self._since_ns >= self._stuck_ns:
+            self.stuck = True
+            raise DeviceLost(
+                f"the accelerometer's value has not changed for "
+                f"{(time_ns - self._since_ns) / 1e9:.2g} s, and even at rest it is never quite "
+                "still: check the sensor's supply and the wires to the converter"
+            )
+        zero, scale = self._zero, self._scale
+        own = (
+            (volts[0] - zero[0]) * scale[0],
+            (volts[1] - zero[1]) * scale[1],
+            (volts[2] - zero[2]) * scale[2],
+        )
+        if max(own) > RANGE_M_S2 or min(own) < -RANGE_M_S2:
+            self.faults["saturated samples"] += 1
+        (i, a), (j, b), (k, c) = self._order
+        return SensorReading(time_ns, (a * own[i], b * own[j], c * own[k]))

@@ -1,0 +1,132 @@
+"""Frames of a microcontroller that samples an accelerometer: bytes to records and back, no I/O.
+
+A frame is COBS-encoded (Cheshire and Baker, IEEE/ACM Trans. Networking 7(2), 1999) and ended by
+a zero byte. Before the encoding it holds, little-endian: version (u8), number of the last sample
+(u32), the board's time of the last sample (u32, us), n times three converter counts (u16), and
+CRC-16 of all that (polynomial 0x1021, begun with 0xFFFF). n is 1 to 32 and follows from the
+length.
+"""
+
+import struct
+from binascii import crc_hqx
+from collections import Counter
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+VERSION: Final = 1
+MOST_SAMPLES: Final = 32
+"""In one frame: it then stays below 254 bytes, where COBS adds exactly one."""
+
+Counts = tuple[int, int, int]
+"""x, y, z as the converter gives them."""
+
+_HEAD: Final = struct.Struct("<BII")
+_SAMPLE: Final = struct.Struct("<HHH")
+_CHECK: Final = struct.Struct("<H")
+_OVERHEAD: Final = _HEAD.size + _CHECK.size
+_LONGEST: Final = _OVERHEAD + MOST_SAMPLES * _SAMPLE.size + 1
+"""Bytes of an encoded frame without its zero."""
+
+
+class Frame(NamedTuple):
+    """Samples that the board sent together."""
+
+    sequence: int
+    """Number of the last sample, modulo 2^32."""
+    time_us: int
+    """When the board took the last sample, by its own clock, modulo 2^32."""
+    samples: tuple[Counts, ...]
+    """Oldest first."""
+
+
+def encode_frame(frame: Frame) -> bytes:
+    """Return a frame as it goes over the wire, with its final zero.
+
+    Raises
+    ------
+    ValueError
+        No sample, or more than 32.
+    """
+    if not 1 <= len(frame.samples) <= MOST_SAMPLES:
+        raise ValueError(f"a frame holds 1 to {MOST_SAMPLES} samples, not {len(frame.samples)}")
+    plain = _HEAD.pack(VERSION, frame.sequence, frame.time_us)
+    plain += b"".join(_SAMPLE.pack(*sample) for sample in frame.samples)
+    return stuff(plain + _CHECK.pack(crc_hqx(plain, 0xFFFF))) + b"\0"
+
+
+def stuff(plain: bytes) -> bytes:
+    """Return bytes COBS-encoded: none of them is zero.
+
+    Raises
+    ------
+    ValueError
+        More than 253 bytes, which would need more than one byte beside them.
+    """
+    if len(plain) > 253:
+        raise ValueError(f"{len(plain)} bytes are too long for a frame")
+    blocks = plain.split(b"\0")
+    return b"".join(bytes((len(block) + 1,)) + block for block in blocks)
+
+
+def unstuff(stuffed: bytes) -> bytes | None:
+    """Return COBS-encoded bytes decoded, None where they are none."""
+    blocks = []
+    at, end = 0, len(stuffed)
+    while at < end:
+        following = at + stuffed[at]
+        if following == at or following > end:
+            return None
+        blocks.append(stuffed[at + 1 : following])
+        at = following
+    return b"\0".join(blocks)
+
+
+class FrameDecoder:
+    """Cut a stream of bytes into frames; what is none is counted and left out.
+
+    What comes before the first zero is the end of a frame that began earlier, and not counted.
+    """
+
+    def __init__(self) -> None:
+        self.faults: Counter[str] = Counter()
+        """``bad frames`` (not COBS, or of no possible length), ``bad checksums``,
+        ``other versions``."""
+        self._buffer = bytearray()
+        self._synchronised = False
+
+    def feed(self, received: bytes) -> Sequence[Frame]:
+        """Return the frames that these bytes complete, oldest first."""
+        if not received:
+            return ()
+        *pieces, rest = (self._buffer + received).split(b"\0")
+        frames = []
+        for piece in pieces:
+            if not self._synchronised:
+                self._synchronised = True
+            elif piece:  # zeros in a row end nothing
+                frame = self._decode(bytes(piece))
+                if frame is not None:
+                    frames.append(frame)
+        if len(rest) > _LONGEST:  # no frame is that long: skip to the next zero
+            if self._synchronised:
+                self.faults["bad frames"] += 1
+                self._synchronised = False
+            rest = bytearray()
+        self._buffer = bytearray(rest)
+        return frames
+
+    def _decode(self, stuffed: bytes) -> Frame | None:
+        plain = unstuff(stuffed) if len(stuffed) <= _LONGEST else None
+        length = 0 if plain is None else len(plain) - _OVERHEAD
+        if plain is None or length <= 0 or length % _SAMPLE.size:
+            self.faults["bad frames"] += 1
+            return None
+        if crc_hqx(plain[: -_CHECK.size], 0xFFFF) != _CHECK.unpack_from(plain, len(plain) - 2)[0]:
+            self.faults["bad checksums"] += 1
+            return None
+        version, sequence, time_us = _HEAD.unpack_from(plain)
+        if version != VERSION:
+            self.faults["other versions"] += 1
+            return None
+        samples = tuple(_SAMPLE.iter_unpack(plain[_HEAD.size : -_CHECK.size]))
+        return Frame(sequence, time_us, samples)

@@ -1,0 +1,229 @@
+"""Calibration by gravity: what each axis gives at rest, turned up and turned down.
+
+At rest the sensor feels one g upwards. Turned so that an axis points up or down, that axis reads
++g or -g and the two others nothing, so that readings in a few orientations give a straight line
+for each axis: the volts at zero g, and the volts per m/s2.
+"""
+
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from typing import Any, Final, Literal, NamedTuple, cast, get_args
+
+from mmt.devices.protocols import Vector
+from mmt.errors import InputError
+
+GRAVITY_M_S2: Final = 9.80665
+
+Up = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
+"""The axis of the sensor that points up."""
+UPS: Final[tuple[Up, ...]] = get_args(Up)
+
+_AXES: Final = "xyz"
+_MOVED: Final = 0.1
+"""Standard deviation (g) from which a rest was none."""
+_SLANT: Final = 0.1
+"""Residual (g) from which a rest was not upright: six degrees."""
+_GAIN_TOLERANCE: Final = 0.2
+"""Relative; the data sheet has 10 %, the supply some more."""
+_ZERO_TOLERANCE: Final = 1.2
+"""In g; the data sheet has 1 g for Z at 3 V, less for X and Y."""
+_CHANGED_ZERO_M_S2: Final = 0.5
+_CHANGED_GAIN: Final = 0.02
+
+
+class Rest(NamedTuple):
+    """A reading at rest."""
+
+    up: Up
+    """Which axis pointed up."""
+    mean_v: Vector
+    """Mean of each axis (V)."""
+    spread_v: Vector
+    """Standard deviation of each axis (V)."""
+
+
+class Calibration(NamedTuple):
+    """Straight lines from volts to m/s2."""
+
+    zero_v: Vector
+    """Each axis at zero g (V)."""
+    gain_v_per_m_s2: Vector
+    """Each axis (V per m/s2), above zero."""
+    residual_m_s2: float = 0.0
+    """Largest distance of a rest from its line; 0 for nominal values."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what is stored."""
+        return {key: list(v) if isinstance(v, tuple) else v for key, v in self._asdict().items()}
+
+
+def nominal(supply_v: float) -> Calibration:
+    """Return the data sheet's values: ratiometric, half the supply at zero g, a tenth per g."""
+    gain = 0.1 * supply_v / GRAVITY_M_S2
+    return Calibration((0.5 * supply_v,) * 3, (gain,) * 3)
+
+
+def from_dict(content: Mapping[str, Any]) -> Calibration:
+    """Return a calibration that was stored.
+
+    Raises
+    ------
+    InputError
+        It lacks a value, or one is impossible.
+    """
+    try:
+        zero = _vector(content["zero_v"])
+        gain = _vector(content["gain_v_per_m_s2"])
+        residual = float(content["residual_m_s2"])
+    except (KeyError, TypeError, ValueError) as error:
+        problem = f"the stored calibration cannot be used ({error}): calibrate again"
+        raise InputError(problem) from error
+    if not all(1e-6 < value < 1e3 for value in gain) or not all(abs(v) < 1e3 for v in zero):
+        raise InputError("the stored calibration has impossible values: calibrate again")
+    return Calibration(zero, gain, residual)
+
+
+def rests_from(content: object) -> list[Rest]:
+    """Return recorded rests: a list of ``{"up", "mean_v", "spread_v"}``.
+
+    Raises
+    ------
+    InputError
+        It is none.
+    """
+    try:
+        rests = [
+            Rest(cast(Up, item["up"]), _vector(item["mean_v"]), _vector(item["spread_v"]))
+            for item in cast(list[dict[str, Any]], content)
+        ]
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            'rests must be a list of {"up": "+x", "mean_v": [x, y, z], "spread_v": [x, y, z]}; '
+            f"there is a problem at {error}"
+        ) from error
+    for rest in rests:
+        if rest.up not in UPS:
+            raise InputError(f"rest {rest.up!r}: 'up' must be one of {', '.join(UPS)}")
+    return rests
+
+
+def calibrate(rests: Sequence[Rest], supply_v: float) -> Calibration:
+    """Fit zero and gain of each axis, by least squares over all rests.
+
+    Parameters
+    ----------
+    rests
+        Each axis must have pointed up or down at least once, and any two orientations must
+        differ; all six are best, since then a slant shows.
+    supply_v
+        The sensor's supply, against which the result is judged.
+
+    Raises
+    ------
+    InputError
+        The rests do not determine it, or contradict each other or the data sheet; the message
+        says which, and what the likely reason is.
+    """
+    missing = [axis for axis in _AXES if not any(rest.up[1] == axis for rest in rests)]
+    if missing or len({rest.up for rest in rests}) < 3:
+        raise InputError(
+            f"no rest with {', '.join(missing)} up or down: every axis needs one, six are best"
+        )
+    gain_v_per_g = 0.1 * supply_v
+    for rest in rests:
+        _check_still(rest, gain_v_per_g)
+    _check_orientations(rests)
+    lines = [_line(rests, axis) for axis in range(3)]
+    for axis, (zero, gain) in enumerate(lines):
+        _check_line(_AXES[axis], zero, gain, supply_v)
+    residual = 0.0
+    for rest in rests:
+        for axis, (zero, gain) in enumerate(lines):
+            off = abs(rest.mean_v[axis] - zero - gain * _felt(rest.up, axis)) / gain
+            residual = max(residual, off)
+            if off > _SLANT * GRAVITY_M_S2:
+                raise InputError(
+                    f"with {rest.up} up, {_AXES[axis]} is {off:.2f} m/s2 off its line: the sensor "
+                    "was held at a slant, or something pushed it; put it against a right angle "
+                    "and measure again"
+                )
+    zeros, gains = zip(*lines, strict=True)
+    return Calibration(_vector(zeros), _vector(gains), residual)
+
+
+def changes(new: Calibration, old: Calibration) -> list[str]:
+    """Return a sentence for each axis whose calibration is not what it was."""
+    sentences = []
+    for axis, name in enumerate(_AXES):
+        zero = (new.zero_v[axis] - old.zero_v[axis]) / old.gain_v_per_m_s2[axis]
+        gain = new.gain_v_per_m_s2[axis] / old.gain_v_per_m_s2[axis] - 1.0
+        if abs(zero) > _CHANGED_ZERO_M_S2 or abs(gain) > _CHANGED_GAIN:
+            sentences.append(
+                f"{name}: zero moved by {zero:+.2f} m/s2, gain by {100 * gain:+.1f} %: another "
+                "sensor, another supply or reference voltage, or a knock"
+            )
+    return sentences
+
+
+def _felt(up: Up, axis: int) -> float:
+    if up[1] != _AXES[axis]:
+        return 0.0
+    return GRAVITY_M_S2 if up[0] == "+" else -GRAVITY_M_S2
+
+
+def _line(rests: Sequence[Rest], axis: int) -> tuple[float, float]:
+    """Return (zero, gain) of one axis."""
+    felt = [_felt(rest.up, axis) for rest in rests]
+    volts = [rest.mean_v[axis] for rest in rests]
+    mean_felt, mean_volts = sum(felt) / len(felt), sum(volts) / len(volts)
+    pairs = list(zip(felt, volts, strict=True))
+    gain = sum((f - mean_felt) * (v - mean_volts) for f, v in pairs) / sum(
+        (f - mean_felt) ** 2 for f in felt
+    )
+    return mean_volts - gain * mean_felt, gain
+
+
+def _check_still(rest: Rest, gain_v_per_g: float) -> None:
+    spread_g = max(rest.spread_v) / gain_v_per_g
+    if not spread_g < _MOVED:
+        raise InputError(
+            f"with {rest.up} up the sensor was not at rest (it varied by {spread_g:.2f} g): put it "
+            "down, do not hold it in the hand, and measure again"
+        )
+
+
+def _check_orientations(rests: Sequence[Rest]) -> None:
+    """Say where a rest looks like another orientation than the one that was named."""
+    middle = [sorted(rest.mean_v[axis] for rest in rests) for axis in range(3)]
+    zero = [0.5 * (values[(len(values) - 1) // 2] + values[len(values) // 2]) for values in middle]
+    for rest in rests:
+        off = [rest.mean_v[axis] - zero[axis] for axis in range(3)]
+        axis = max(range(3), key=lambda a: abs(off[a]))
+        seen = ("+" if off[axis] > 0 else "-") + _AXES[axis]
+        if seen != rest.up:
+            raise InputError(
+                f"the rest named {rest.up} up looks like {seen} up: the sensor lay otherwise, or "
+                "its outputs are connected in another order"
+            )
+
+
+def _check_line(name: str, zero: float, gain: float, supply_v: float) -> None:
+    share = gain * GRAVITY_M_S2 / (0.1 * supply_v)
+    if abs(share - 1.0) > _GAIN_TOLERANCE:
+        raise InputError(
+            f"{name} gives {gain * GRAVITY_M_S2:.3f} V per g where a supply of {supply_v:g} V "
+            f"means {0.1 * supply_v:.3f}: check the options for supply, reference and resolution"
+        )
+    off_g = abs(zero - 0.5 * supply_v) / (0.1 * supply_v)
+    if off_g > _ZERO_TOLERANCE:
+        raise InputError(
+            f"{name} gives {zero:.3f} V at zero g where a supply of {supply_v:g} V means "
+            f"{0.5 * supply_v:.3f}: check the options for supply and reference, and the wiring"
+        )
+
+
+def _vector(values: Any) -> Vector:
+    x, y, z = (float(value) for value in values)
+    if not (isfinite(x) and isfinite(y) and isfinite(z)):
+        raise ValueError(f"{values}: not finite")
+    return x, y, z

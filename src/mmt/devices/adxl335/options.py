@@ -1,0 +1,73 @@
+"""Options that every way to read an ADXL335 shares."""
+
+from math import pi
+from typing import Final, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
+
+_MICROFARAD_HZ: Final = 5.0
+"""f = 5 uF / C: the filter of the sensor's 32 kOhm and the board's capacitor (data sheet)."""
+
+
+class Adxl335Options(BaseModel):
+    """Of the sensor and its board."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    supply_v: float = Field(3.3, ge=1.8, le=3.6)
+    """The sensor's supply; its output is a share of it."""
+    bandwidth_hz: float = Field(50.0, ge=0.5, le=1600.0)
+    """-3 dB, by the board's capacitors; breakout boards ship with 0.1 uF, which is 50 Hz."""
+    band_hz: float = Field(500.0, gt=0.0, le=1600.0)
+    """Highest frequency that the scene wants; half its rate."""
+    axes: tuple[Axis, Axis, Axis] = ("x", "y", "z")
+    """Which of the sensor's axes lies along x, y, z of the scene; z is the surface's normal."""
+    serial: str | None = Field(None, min_length=1, max_length=64)
+    """Names the stored calibration; None takes the number that USB gives."""
+    stuck_s: float = Field(1.0, ge=0.05, le=3600.0)
+    """A value that stays the same to the last bit for so long is no measurement."""
+
+    @model_validator(mode="after")
+    def _axes_differ(self) -> Self:
+        if {axis[-1] for axis in self.axes} != {"x", "y", "z"}:
+            raise ValueError("axes must name each of x, y, z once, each with or without a minus")
+        return self
+
+    @property
+    def filter_delay_ns(self) -> int:
+        """Delay of the board's filter well below its corner: 1 / (2 pi f)."""
+        return round(1e9 / (2.0 * pi * self.bandwidth_hz))
+
+    def remarks(self) -> list[str]:
+        """Return a sentence for each doubtful option."""
+        if self.bandwidth_hz >= self.band_hz:
+            return []
+        farads = _MICROFARAD_HZ / self.bandwidth_hz
+        wanted = _MICROFARAD_HZ / self.band_hz
+        return [
+            f"the accelerometer's board passes {self.bandwidth_hz:g} Hz ({farads:.2g} uF at each "
+            f"output), the scene wants {self.band_hz:g} Hz: vibration above is lost. Replace the "
+            f"three capacitors by {wanted:.2g} uF or less (f = 5 uF / C), then set bandwidth_hz"
+        ]
+
+
+class SerialOptions(Adxl335Options):
+    """Of a microcontroller on a serial port."""
+
+    port: str = Field(min_length=1)
+    """As ``/dev/ttyACM0`` or ``COM3``; better a name below ``/dev/serial/by-id``."""
+    baud_rate: int = Field(115200, ge=9600, le=4_000_000)
+    """Boards with USB of their own ignore it."""
+    reference_v: float = Field(3.3, ge=1.0, le=5.5)
+    """Full scale of the converter."""
+    resolution_bits: int = Field(12, ge=8, le=16)
+    """Of the converter."""
+    start_s: float = Field(3.0, ge=0.1, le=30.0)
+    """How long the board may take for its first frame; some start anew when they are opened."""
+
+    @property
+    def volts_per_count(self) -> float:
+        """Of the converter."""
+        return self.reference_v / float(2**self.resolution_bits)

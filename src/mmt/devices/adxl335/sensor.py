@@ -1,0 +1,150 @@
+"""What all ways to read an ADXL335 share: stored calibration, rest, faults."""
+
+import logging
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from math import hypot
+from statistics import fmean, pstdev
+from typing import Final
+
+from mmt.devices.adxl335.conversion import Converter
+from mmt.devices.adxl335.gravity import (
+    GRAVITY_M_S2,
+    Calibration,
+    Rest,
+    Up,
+    from_dict,
+    nominal,
+)
+from mmt.devices.adxl335.options import Adxl335Options
+from mmt.devices.calibrations import load_calibration
+from mmt.devices.protocols import SensorReading, Vector
+from mmt.errors import MmtError
+
+LOG: Final = logging.getLogger("mmt.devices")
+
+CALIBRATED_AS: Final = "adxl335"
+"""The kind of device under which calibrations are stored."""
+
+_REST_S: Final = 0.2
+_LEAST_SAMPLES: Final = 20
+_CALIBRATED_ERROR: Final = 0.05
+_NOMINAL_ERROR: Final = 0.15
+"""Of gravity, relative."""
+
+
+class Adxl335:
+    """A `SampledSensor`; a subclass says how the volts come.
+
+    Parameters
+    ----------
+    options
+        Checked already.
+    """
+
+    def __init__(self, options: Adxl335Options) -> None:
+        self._common = options
+        self.latency_ns = options.filter_delay_ns
+        """Of the board's filter."""
+        self.calibration: Calibration = nominal(options.supply_v)
+        """What is used: nominal until `connect` finds a stored one."""
+        self._serial: str | None = None
+        self._calibrated = False
+        self._converter = Converter(self.calibration, options)
+        self._remarked = False
+
+    @property
+    def serial_number(self) -> str:
+        """Under which the calibration is stored, empty where there is none; after `connect`."""
+        return self._serial or ""
+
+    @property
+    def supply_v(self) -> float:
+        """Of the sensor."""
+        return self._common.supply_v
+
+    @property
+    def faults(self) -> Mapping[str, int]:
+        """Counts by what was survived."""
+        return {kind: n for counter in self._counters() for kind, n in counter.items() if n}
+
+    def read(self) -> Sequence[SensorReading]:
+        """Return what has come, in m/s2 along the scene's axes.
+
+        Raises
+        ------
+        DeviceLost
+            It was unplugged, or its value is stuck.
+        """
+        convert = self._converter.convert
+        return [convert(time_ns, volts) for time_ns, volts in self.voltages()]
+
+    def voltages(self) -> Iterable[tuple[int, Vector]]:
+        """Return what has come as (time_ns, volts along the sensor's own axes)."""
+        raise NotImplementedError
+
+    def calibrate(self) -> None:
+        """Compare the value at rest with gravity, and say where they differ.
+
+        Nothing is subtracted: gravity is part of what an accelerometer measures, and modelling
+        and rendering leave out what does not vibrate.
+        """
+        rest = self.rest("+z", _REST_S)
+        used = self.calibration
+        felt = hypot(
+            *((rest.mean_v[i] - used.zero_v[i]) / used.gain_v_per_m_s2[i] for i in range(3))
+        )
+        bound = _CALIBRATED_ERROR if self._calibrated else _NOMINAL_ERROR
+        if abs(felt / GRAVITY_M_S2 - 1.0) > bound:
+            why = (
+                f"the calibration stored for {self._serial} does not fit this sensor or its supply"
+                if self._calibrated
+                else "it is not calibrated, and the options for supply, reference and resolution "
+                "may be wrong"
+            )
+            LOG.warning(
+                "the accelerometer measures %.2f m/s2 at rest, gravity is %.2f: %s, or it was "
+                "moved",
+                felt,
+                GRAVITY_M_S2,
+                why,
+            )
+
+    def rest(self, up: Up, duration_s: float) -> Rest:
+        """Measure for a while at rest; blocks.
+
+        Raises
+        ------
+        MmtError
+            Too few samples came.
+        """
+        volts: list[Vector] = []
+        list(self.voltages())  # what came before
+        end = time.monotonic() + duration_s
+        while time.monotonic() < end:
+            volts.extend(v for _, v in self.voltages())
+            time.sleep(0.005)
+        if len(volts) < _LEAST_SAMPLES:
+            raise MmtError(
+                f"the accelerometer gave {len(volts)} samples in {duration_s:g} s, too few; check "
+                "its cable and its rate"
+            )
+        x, y, z = zip(*volts, strict=True)
+        return Rest(up, (fmean(x), fmean(y), fmean(z)), (pstdev(x), pstdev(y), pstdev(z)))
+
+    def _counters(self) -> Sequence[Mapping[str, int]]:
+        return (self._converter.faults,)
+
+    def _prepare(self, serial: str | None) -> None:
+        """Take the stored calibration of a sensor that was just connected."""
+        self._serial = self._common.serial or serial
+        stored = load_calibration(CALIBRATED_AS, self._serial) if self._serial else None
+        self._calibrated = stored is not None
+        self.calibration = nominal(self.supply_v) if stored is None else from_dict(stored)
+        faults = self._converter.faults
+        self._converter = Converter(self.calibration, self._common)
+        self._converter.faults = faults
+        if not self._remarked:
+            self._remarked = True
+            for remark in self._common.remarks():
+                LOG.warning("%s", remark)

@@ -1,0 +1,140 @@
+"""``adxl335-serial``: an ADXL335 behind a microcontroller that sends frames over USB serial."""
+
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from mmt.devices.adxl335.board import SerialBoard
+from mmt.devices.adxl335.framing import Counts, Frame, FrameDecoder
+from mmt.devices.adxl335.options import SerialOptions
+from mmt.devices.adxl335.sensor import Adxl335
+from mmt.devices.adxl335.timeline import Timeline
+from mmt.devices.loading import read_options
+from mmt.devices.protocols import SensorReading, Vector
+from mmt.errors import DeviceLost, MmtError
+
+NAME: Final = "adxl335-serial"
+_FIRST_FRAMES: Final = 3
+"""So many good frames must come before the board counts as connected."""
+_TEXT_SHARE: Final = 0.95
+
+
+class SerialAdxl335(Adxl335):
+    """Reads the frames that ``docs/reference/accelerometer-framing.md`` describes.
+
+    Parameters
+    ----------
+    options
+        See `mmt.devices.adxl335.options.SerialOptions`.
+
+    Raises
+    ------
+    InputError
+        An option is not allowed.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        self._options = read_options(SerialOptions, NAME, options)
+        super().__init__(self._options)
+        self._board = SerialBoard(self._options.port, self._options.baud_rate)
+        self._decoder = FrameDecoder()
+        self._timeline = Timeline()
+        self._earlier: Counter[str] = Counter()
+        self._newest: Counts | None = None
+        self._stuck_at: Counts | None = None
+
+    def connect(self) -> None:
+        """Open the port and wait for the board's first frames.
+
+        Raises
+        ------
+        MmtError
+            The port cannot be opened, or no frames come; the message says what came instead.
+        """
+        self._earlier.update(self._decoder.faults)
+        self._earlier.update(self._timeline.faults)
+        self._timeline = Timeline()
+        self._decoder = FrameDecoder()
+        self._board.open()
+        try:
+            self._wait_for_frames()
+        except Exception:
+            self._board.close()
+            raise
+        self._prepare(self._board.serial_number())
+
+    def voltages(self) -> Sequence[tuple[int, Vector]]:
+        """Return what has come as (time_ns, volts along the sensor's own axes).
+
+        Raises
+        ------
+        DeviceLost
+            The board was unplugged.
+        """
+        scale = self._options.volts_per_count
+        place = self._timeline.place
+        placed: list[tuple[int, Vector]] = []
+        for frame in self._decoder.feed(self._board.read()):
+            self._newest = frame.samples[-1]
+            for time_ns, (x, y, z) in place(frame):
+                placed.append((time_ns, (x * scale, y * scale, z * scale)))
+        return placed
+
+    def read(self) -> Sequence[SensorReading]:
+        """Return what has come, in m/s2 along the scene's axes; see `Adxl335.read`."""
+        try:
+            return super().read()
+        except DeviceLost:
+            if self._converter.stuck:
+                self._stuck_at = self._newest
+            raise
+
+    def close(self) -> None:
+        """Close the port; calling it twice is harmless."""
+        self._board.close()
+
+    def _counters(self) -> Sequence[Mapping[str, int]]:
+        now = Counter(self._earlier)
+        now.update(self._decoder.faults)
+        now.update(self._timeline.faults)
+        return (now, *super()._counters())
+
+    def _wait_for_frames(self) -> None:
+        received = bytearray()
+        frames: list[Frame] = []
+        end = time.monotonic() + self._options.start_s
+        while time.monotonic() < end:
+            got = self._board.read()
+            received += got
+            del received[:-4096]
+            frames.extend(self._decoder.feed(got))
+            moved = frames and frames[-1].samples[-1] != self._stuck_at
+            if len(frames) >= _FIRST_FRAMES and moved:
+                self._stuck_at = None
+                return
+            time.sleep(0.002)
+        raise MmtError(self._explain(bytes(received), frames))
+
+    def _explain(self, received: bytes, frames: Sequence[Frame]) -> str:
+        where = f"the accelerometer's board on {self._board.name}"
+        if frames and self._stuck_at is not None:
+            return (
+                f"{where} still sends one value that never changes: check the sensor's supply and "
+                "the wires to the converter"
+            )
+        if not received:
+            return (
+                f"{where} sent nothing for {self._options.start_s:g} s: check that the sketch of "
+                "scripts/firmware is on it and that this is its port"
+            )
+        if self._decoder.faults["other versions"]:
+            return f"{where} sends frames of another version: put the present sketch on it"
+        readable = sum(byte in b"\t\r\n" or 32 <= byte < 127 for byte in received)
+        if readable >= _TEXT_SHARE * len(received):
+            return f"{where} sends text: another sketch runs on it; put that of scripts/firmware on"
+        return (
+            f"{where} sent {len(received)} bytes or more but no good frames: the baud rate is "
+            f"probably not {self._options.baud_rate} (option baud_rate; the sketch says which), or "
+            "another sketch runs on it"
+        )

@@ -1,0 +1,215 @@
+"""An ADXL335 behind a microcontroller on a pseudo-terminal, as its driver meets it."""
+
+import os
+import pty
+import random
+import tempfile
+import threading
+import time
+import tty
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from mmt.devices.adxl335.framing import Counts, Frame, encode_frame
+from mmt.devices.adxl335.gravity import GRAVITY_M_S2, Calibration, nominal
+from mmt.devices.protocols import Vector
+
+_NOISE_M_S2: Final = 150e-6 * GRAVITY_M_S2
+"""Per root hertz (data sheet, X and Y)."""
+_WAIT_S: Final = 0.0005
+
+
+class EmulatedAdxl335Board:
+    """A board that sends frames until it is stopped; `address` is its port.
+
+    The board's filter delays what is felt by 1 / (2 pi f), as it does well below its corner;
+    it attenuates nothing. On the other end of a pseudo-terminal bytes come at once, whatever the
+    baud rate.
+
+    Parameters
+    ----------
+    truth
+        Proper acceleration (m/s2) along the sensor's own axes at a monotonic time (ns).
+    rate_hz, per_frame
+        Samples a second, and how many of them make a frame.
+    supply_v, resolution_bits
+        Of the sensor and of the converter, whose reference is the supply.
+    calibration
+        What the sensor really has; None for the data sheet's values.
+    bandwidth_hz
+        Of the board.
+    clock_ppm, start_us
+        How much too fast the board's clock runs, and where it begins.
+    seed
+        Of the noise and the garbage.
+    """
+
+    def __init__(
+        self,
+        truth: Callable[[int], Vector],
+        *,
+        rate_hz: float = 1000.0,
+        per_frame: int = 1,
+        supply_v: float = 3.3,
+        resolution_bits: int = 12,
+        calibration: Calibration | None = None,
+        bandwidth_hz: float = 500.0,
+        clock_ppm: float = 0.0,
+        start_us: int = 0,
+        seed: int = 0,
+    ) -> None:
+        self._truth = truth
+        self._rate_hz = rate_hz
+        self._per_frame = per_frame
+        self._top = (1 << resolution_bits) - 1
+        self._volts_per_count = supply_v / 2**resolution_bits
+        self._calibration = nominal(supply_v) if calibration is None else calibration
+        self._delay_ns = round(1e9 / (6.283185307179586 * bandwidth_hz))
+        self._noise = _NOISE_M_S2 * (1.57 * bandwidth_hz) ** 0.5
+        self._speed = 1.0 + 1e-6 * clock_ppm
+        self._start_us = start_us
+        self._random = random.Random(seed)  # noqa: S311 - noise, no secret
+        self._lock = threading.Lock()
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._ends: tuple[int, int] | None = None
+        self._thread: threading.Thread | None = None
+        self._stopping = threading.Event()
+        self._samples: list[Counts] = []
+        self._sequence = 0
+        self._begun_ns = 0
+        self._stuck: Counts | None = None
+        self._stalled = self._scrambled = False
+        self._garbled = self._halved = self._lost = 0
+
+    @property
+    def address(self) -> str:
+        """The port's name, the same after it was unplugged; empty before `start`."""
+        return "" if self._folder is None else str(Path(self._folder.name) / "ttyACM0")
+
+    def start(self) -> None:
+        """Plug it in; it begins to send."""
+        self._folder = tempfile.TemporaryDirectory(prefix="mmt-board-")
+        self._begun_ns = time.monotonic_ns()
+        self.plug()
+        self._stopping.clear()
+        self._thread = threading.Thread(target=self._run, name="emulated board", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End; calling it twice is harmless."""
+        self._stopping.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+        self.unplug()
+        if self._folder is not None:
+            self._folder.cleanup()
+            self._folder = None
+
+    def unplug(self) -> None:
+        """Take the port away, under whoever has it open."""
+        with self._lock:
+            ends, self._ends = self._ends, None
+            if ends is not None:
+                Path(self.address).unlink(missing_ok=True)
+                for end in ends:
+                    os.close(end)
+
+    def plug(self) -> None:
+        """Bring the port back under its name; the board itself went on counting."""
+        with self._lock:
+            if self._ends is None:
+                board, host = pty.openpty()
+                tty.setraw(host)  # the host's end stays open here, or the line would hang up
+                os.set_blocking(board, False)
+                Path(self.address).symlink_to(os.ttyname(host))
+                self._ends = board, host
+
+    def restart(self) -> None:
+        """Count samples and time from the beginning, as after the reset button."""
+        with self._lock:
+            self._sequence, self._begun_ns = 0, time.monotonic_ns()
+            self._start_us = 0
+            self._samples.clear()
+
+    def garble(self, frames: int = 1) -> None:
+        """Flip a bit in each of the next frames."""
+        self._garbled = frames
+
+    def halve(self, frames: int = 1) -> None:
+        """Send the first half of each of the next frames alone."""
+        self._halved = frames
+
+    def lose(self, frames: int = 1) -> None:
+        """Do not send the next frames."""
+        self._lost = frames
+
+    def stall(self, *, stalled: bool = True) -> None:
+        """Send nothing, or go on."""
+        self._stalled = stalled
+
+    def scramble(self, *, scrambled: bool = True) -> None:
+        """Send what a wrong baud rate makes of the frames, or go on."""
+        self._scrambled = scrambled
+
+    def stick(self, *, stuck: bool = True) -> None:
+        """Give one value again and again, or go on."""
+        self._stuck = self._convert(time.monotonic_ns()) if stuck else None
+
+    def _run(self) -> None:
+        while not self._stopping.wait(_WAIT_S):
+            with self._lock:
+                now_ns = time.monotonic_ns()
+                due = int((now_ns - self._begun_ns) * 1e-9 * self._rate_hz)
+                if due - self._sequence > self._rate_hz:  # held up for over a second
+                    self._sequence = due - 1
+                while self._sequence < due:
+                    self._sample()
+
+    def _sample(self) -> None:
+        self._sequence += 1
+        elapsed_ns = round(self._sequence / self._rate_hz * 1e9)
+        counts = self._stuck or self._convert(self._begun_ns + elapsed_ns)
+        self._samples.append(counts)
+        if len(self._samples) < self._per_frame:
+            return
+        time_us = self._start_us + round(elapsed_ns * self._speed / 1000.0)
+        frame = Frame(self._sequence & 0xFFFFFFFF, time_us & 0xFFFFFFFF, tuple(self._samples))
+        self._samples.clear()
+        wire = self._spoil(encode_frame(frame))
+        if wire and self._ends is not None:
+            try:
+                os.write(self._ends[0], wire)
+            except OSError:
+                return  # nobody reads: a board drops what its buffer cannot take
+
+    def _convert(self, time_ns: int) -> Counts:
+        felt = self._truth(time_ns - self._delay_ns)
+        zero, gain = self._calibration.zero_v, self._calibration.gain_v_per_m_s2
+        x, y, z = (
+            self._count(zero[i] + gain[i] * (felt[i] + self._random.gauss(0.0, self._noise)))
+            for i in range(3)
+        )
+        return x, y, z
+
+    def _count(self, volts: float) -> int:
+        return min(max(int(volts / self._volts_per_count), 0), self._top)
+
+    def _spoil(self, wire: bytes) -> bytes:
+        if self._stalled:
+            return b""
+        if self._scrambled:
+            return self._random.randbytes(len(wire))
+        if self._lost:
+            self._lost -= 1
+            return b""
+        if self._halved:
+            self._halved -= 1
+            return wire[: len(wire) // 2]
+        if self._garbled:
+            self._garbled -= 1
+            at = self._random.randrange(len(wire) - 1)
+            flipped = wire[at] ^ (1 << self._random.randrange(8))
+            return wire[:at] + bytes((flipped,)) + wire[at + 1 :]
+        return wire

@@ -1,0 +1,233 @@
+"""The accelerometer's frames: there and back, spoilt ones, the time axis, and the sketch in C++."""
+
+import itertools
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mmt.devices.adxl335.framing import (
+    MOST_SAMPLES,
+    VERSION,
+    Frame,
+    FrameDecoder,
+    encode_frame,
+    stuff,
+    unstuff,
+)
+from mmt.devices.adxl335.timeline import Timeline
+
+FIRMWARE = Path(__file__).resolve().parents[2] / "scripts" / "firmware" / "adxl335"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "accelerometer-framing.md"
+
+u16 = st.integers(0, 2**16 - 1)
+u32 = st.integers(0, 2**32 - 1)
+frames = st.builds(
+    Frame,
+    u32,
+    u32,
+    st.lists(st.tuples(u16, u16, u16), min_size=1, max_size=MOST_SAMPLES).map(tuple),
+)
+
+
+def decoder() -> FrameDecoder:
+    """One that has seen the end of an earlier frame."""
+    made = FrameDecoder()
+    made.feed(b"\0")
+    return made
+
+
+@given(st.lists(frames, max_size=5), st.integers(1, 50))
+def test_frames_come_back_however_the_bytes_are_cut(sent: list[Frame], size: int) -> None:
+    wire = b"".join(encode_frame(frame) for frame in sent)
+    reader, got = decoder(), []
+    for at in range(0, len(wire), size):
+        got.extend(reader.feed(wire[at : at + size]))
+    assert got == sent
+    assert not reader.faults
+
+
+@given(st.binary(max_size=253))
+def test_stuffed_bytes_hold_no_zero(plain: bytes) -> None:
+    stuffed = stuff(plain)
+    assert 0 not in stuffed
+    assert len(stuffed) == len(plain) + 1
+    assert unstuff(stuffed) == plain
+
+
+@given(frames, st.data())
+def test_a_flipped_bit_never_passes(frame: Frame, data: st.DataObject) -> None:
+    wire = bytearray(encode_frame(frame))
+    wire[data.draw(st.integers(0, len(wire) - 1))] ^= 1 << data.draw(st.integers(0, 7))
+    reader = decoder()
+    got = list(reader.feed(bytes(wire)))
+    after = Frame(1, 2, ((3, 4, 5),))
+    got += reader.feed(b"\0" + encode_frame(after))
+    assert got == [after]
+    assert 1 <= reader.faults.total() <= 2  # a bit that made a zero cuts the frame in two
+
+
+@settings(max_examples=50)
+@given(st.binary(max_size=2000), frames)
+def test_after_any_garbage_the_next_frame_is_read(garbage: bytes, frame: Frame) -> None:
+    reader = FrameDecoder()
+    reader.feed(garbage)
+    assert list(reader.feed(b"\0" + encode_frame(frame)))[-1:] == [frame]
+    assert len(reader._buffer) <= 210
+
+
+def test_the_first_half_frame_is_no_fault() -> None:
+    wire = encode_frame(Frame(7, 8, ((1, 2, 3),)))
+    reader = FrameDecoder()
+    assert list(reader.feed(wire[5:] + wire)) == [Frame(7, 8, ((1, 2, 3),))]
+    assert not reader.faults
+
+
+def test_another_version_is_counted() -> None:
+    wire = unstuff(encode_frame(Frame(7, 8, ((1, 2, 3),)))[:-1])
+    from binascii import crc_hqx
+
+    plain = bytes((VERSION + 1,)) + wire[1:-2]
+    reader = decoder()
+    checked = plain + crc_hqx(plain, 0xFFFF).to_bytes(2, "little")
+    assert not reader.feed(stuff(checked) + b"\0")
+    assert reader.faults == {"other versions": 1}
+
+
+@pytest.mark.parametrize("number", [0, MOST_SAMPLES + 1])
+def test_no_frame_is_empty_or_too_long(number: int) -> None:
+    with pytest.raises(ValueError, match="1 to 32"):
+        encode_frame(Frame(0, 0, ((1, 2, 3),) * number))
+
+
+def test_the_pages_example_is_true() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    example = encode_frame(Frame(1000, 2_000_000, ((2048, 2050, 2458),)))
+    assert example.hex(" ") in text
+
+
+# --- time
+
+
+def one(sequence: int, time_us: int, n: int = 1) -> Frame:
+    return Frame(sequence % 2**32, time_us % 2**32, ((1, 2, 3),) * n)
+
+
+def test_counters_wrap_without_a_jump() -> None:
+    timeline = Timeline()
+    start = 2**32 - 5000
+    times = [t for k in range(10) for t, _ in timeline.place(one(start + k, start + 1000 * k))]
+    assert times == [(start + 1000 * k) * 1000 for k in range(10)]
+    assert not timeline.faults.total()
+
+
+def test_samples_of_a_frame_lie_evenly_and_lost_ones_are_counted() -> None:
+    timeline = Timeline()
+    timeline.place(one(4, 4000, 4))
+    placed = timeline.place(one(12, 12_000, 4))
+    assert [t for t, _ in placed] == [9_000_000, 10_000_000, 11_000_000, 12_000_000]
+    assert timeline.faults["lost samples"] == 4
+
+
+def test_a_repeated_frame_is_left_out_and_a_restart_goes_on_in_time() -> None:
+    timeline = Timeline()
+    timeline.place(one(500_000, 10**9))
+    assert timeline.place(one(500_000, 10**9)) == ()
+    (restarted, _), *none = timeline.place(one(1, 1000))
+    ((following, _),) = timeline.place(one(2, 2000))
+    assert none == []
+    assert restarted > 10**12
+    assert following - restarted == 1_000_000
+    assert timeline.faults["restarts"] == timeline.faults["repeated frames"] == 1
+
+
+@given(st.lists(st.tuples(st.integers(1, 1000), st.integers(1, 10**6), st.integers(1, 32))))
+def test_times_never_go_back(steps: list[tuple[int, int, int]]) -> None:
+    timeline, sequence, time_us, times = Timeline(), 0, 2**32 - 1000, []
+    for step, elapsed, n in steps:
+        sequence, time_us = sequence + step, time_us + max(elapsed, step)
+        times += [t for t, _ in timeline.place(one(sequence, time_us, n))]
+    assert all(a < b for a, b in itertools.pairwise(times))
+
+
+# --- the reference sketch
+
+HARNESS = """
+#include "framing.h"
+#include <stdio.h>
+int main() {
+  unsigned long sequence, micros, n;
+  while (scanf("%lu %lu %lu", &sequence, &micros, &n) == 3) {
+    framing::Sample samples[40];
+    for (unsigned long i = 0; i < n; ++i) {
+      unsigned x, y, z;
+      if (scanf("%u %u %u", &x, &y, &z) != 3) return 1;
+      samples[i].x = x; samples[i].y = y; samples[i].z = z;
+    }
+    uint8_t wire[framing::kWireBytes];
+    size_t length = framing::encode(sequence, micros, samples, n, wire);
+    for (size_t i = 0; i < length; ++i) printf("%02x", wire[i]);
+    printf("\\n");
+  }
+}
+"""
+
+ARDUINO = """
+#pragma once
+#include <stddef.h>
+#include <stdint.h>
+const uint8_t A0 = 14, A1 = 15, A2 = 16;
+uint32_t micros();
+int analogRead(uint8_t pin);
+void analogReadResolution(int bits);
+void analogReadAveraging(unsigned samples);
+struct Port {
+  void begin(uint32_t baud);
+  int availableForWrite();
+  size_t write(const uint8_t *bytes, size_t count);
+};
+extern Port Serial;
+"""
+
+needs_compiler = pytest.mark.skipif(shutil.which("g++") is None, reason="there is no g++")
+
+
+@needs_compiler
+def test_the_sketch_sends_what_python_reads(tmp_path: Path) -> None:
+    (tmp_path / "harness.cpp").write_text(HARNESS)
+    program = tmp_path / "harness"
+    strict = ["-std=c++11", "-Wall", "-Wextra", "-Werror"]
+    subprocess.run(
+        ["g++", *strict, "-I", FIRMWARE, tmp_path / "harness.cpp", "-o", program], check=True
+    )
+    sent = [
+        Frame(0, 0, ((0, 0, 0),)),
+        Frame(2**32 - 1, 2**32 - 1, ((65535, 65535, 65535),) * MOST_SAMPLES),
+        Frame(1000, 2_000_000, ((2048, 2050, 2458),)),
+        *(
+            Frame(256 * k, 65536 * k, tuple((k, 256 * i, 65535 - k) for i in range(k)))
+            for k in range(1, MOST_SAMPLES + 1)
+        ),
+    ]
+    lines = [
+        f"{f.sequence} {f.time_us} {len(f.samples)} "
+        + " ".join(str(value) for sample in f.samples for value in sample)
+        for f in sent
+    ]
+    done = subprocess.run(
+        [program], input="\n".join(lines), capture_output=True, text=True, check=True
+    )
+    wires = [bytes.fromhex(line) for line in done.stdout.split()]
+    assert wires == [encode_frame(frame) for frame in sent]
+
+
+@needs_compiler
+@pytest.mark.parametrize("board", ["TEENSYDUINO", "ARDUINO_SAMD_ZERO"])
+def test_the_whole_sketch_is_valid(tmp_path: Path, board: str) -> None:
+    (tmp_path / "Arduino.h").write_text(ARDUINO)
+    strict = ["-std=c++11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", f"-D{board}"]
+    paths = ["-I", tmp_path, "-x", "c++", FIRMWARE / "adxl335.ino"]
+    subprocess.run(["g++", *strict, *paths], check=True)

@@ -1,0 +1,266 @@
+"""The driver adxl335-serial against a board on a pseudo-terminal: values, times, faults."""
+
+import itertools
+import logging
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from mmt.devices.adxl335.gravity import GRAVITY_M_S2, Calibration
+from mmt.devices.adxl335.serial_driver import SerialAdxl335
+from mmt.devices.calibrations import save_calibration
+from mmt.devices.loading import load_device
+from mmt.devices.protocols import SensorReading, Vector
+from mmt.errors import DeviceLost, InputError, MmtError
+
+if sys.platform == "win32":
+    pytest.skip("there are no pseudo-terminals", allow_module_level=True)
+
+from mmt.devices.emulated.adxl335_board import EmulatedAdxl335Board
+
+LEVEL = (0.0, 0.0, GRAVITY_M_S2)
+
+
+@pytest.fixture(autouse=True)
+def own_calibrations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+
+
+Boards = Callable[..., EmulatedAdxl335Board]
+
+
+@pytest.fixture
+def boards() -> Iterator[Boards]:
+    """Start boards, and end them whatever happens."""
+    started: list[EmulatedAdxl335Board] = []
+
+    def start(truth: Callable[[int], Vector] = lambda _: LEVEL, **options) -> EmulatedAdxl335Board:
+        board = EmulatedAdxl335Board(truth, **options)
+        board.start()
+        started.append(board)
+        return board
+
+    yield start
+    for board in started:
+        board.stop()
+
+
+@pytest.fixture
+def drivers() -> Iterator[Callable[..., SerialAdxl335]]:
+    made: list[SerialAdxl335] = []
+
+    def make(board: EmulatedAdxl335Board, **options) -> SerialAdxl335:
+        sensor = load_device(
+            "adxl335-serial",
+            {"port": board.address, "bandwidth_hz": 500.0, "start_s": 2.0, **options},
+        )
+        made.append(sensor)
+        return sensor
+
+    yield make
+    for sensor in made:
+        sensor.close()
+
+
+def readings(sensor: SerialAdxl335, number: int) -> list[SensorReading]:
+    got: list[SensorReading] = []
+    end = time.monotonic() + 10.0
+    while len(got) < number:
+        got.extend(sensor.read())
+        assert time.monotonic() < end, f"only {len(got)} of {number} readings came"
+        time.sleep(0.001)
+    return got
+
+
+def until_lost(sensor: SerialAdxl335) -> str:
+    end = time.monotonic() + 10.0
+    while time.monotonic() < end:
+        try:
+            sensor.read()
+        except DeviceLost as lost:
+            return str(lost)
+        time.sleep(0.001)
+    raise AssertionError("it was never lost")
+
+
+def test_values_are_the_truth_and_times_the_boards(boards, drivers) -> None:
+    sensor = drivers(boards(start_us=2**32 - 100_000))  # wraps a tenth of a second later
+    sensor.connect()
+    got = readings(sensor, 300)
+    for axis in range(3):
+        mean = sum(r.value[axis] for r in got) / len(got)
+        assert mean == pytest.approx(LEVEL[axis], abs=0.05)  # half a count, and the noise
+    steps = {b.time_ns - a.time_ns for a, b in itertools.pairwise(got)}
+    assert min(steps) == 1_000_000
+    assert max(steps) < 10**9
+    assert sensor.latency_ns == pytest.approx(318_310, abs=1)
+
+
+def test_frames_of_many_samples_arrive_evenly(boards, drivers) -> None:
+    sensor = drivers(boards(per_frame=8, rate_hz=4000.0))
+    sensor.connect()
+    got = readings(sensor, 400)
+    steps = sorted(b.time_ns - a.time_ns for a, b in itertools.pairwise(got))
+    assert steps[len(steps) // 2] == pytest.approx(250_000, abs=1000)
+
+
+def test_axes_are_turned_into_the_scenes(boards, drivers) -> None:
+    sensor = drivers(boards(), axes=["x", "-z", "y"])
+    sensor.connect()
+    got = readings(sensor, 50)
+    assert sum(r.value[1] for r in got) / len(got) == pytest.approx(-GRAVITY_M_S2, abs=0.1)
+
+
+def test_spoilt_frames_are_counted_and_survived(boards, drivers) -> None:
+    board = boards()
+    sensor = drivers(board)
+    sensor.connect()
+    board.garble(5)
+    readings(sensor, 30)
+    board.halve(2)
+    readings(sensor, 30)
+    before = sensor.faults["lost samples"]
+    board.lose(7)
+    readings(sensor, 30)
+    faults = sensor.faults
+    assert faults["lost samples"] >= before + 7
+    assert faults.get("bad checksums", 0) + faults.get("bad frames", 0) >= 6
+    board.restart()
+    readings(sensor, 200)
+    assert sensor.faults["restarts"] == 1
+
+
+def test_a_board_is_lost_when_unplugged_and_back_when_plugged(boards, drivers) -> None:
+    board = boards()
+    sensor = drivers(board)
+    sensor.connect()
+    board.garble(3)
+    readings(sensor, 20)
+    faults = dict(sensor.faults)
+    board.unplug()
+    assert "plug it in again" in until_lost(sensor)
+    with pytest.raises(MmtError, match="there is none; plug the board in"):
+        sensor.connect()
+    with pytest.raises(DeviceLost, match="not open"):
+        sensor.read()
+    board.plug()
+    sensor.connect()
+    assert readings(sensor, 20)
+    assert sensor.faults["bad checksums"] + sensor.faults.get("bad frames", 0) >= 3
+    assert all(sensor.faults[kind] >= count for kind, count in faults.items())
+
+
+def test_a_value_that_never_changes_is_none(boards, drivers) -> None:
+    board = boards()
+    sensor = drivers(board, stuck_s=0.1, start_s=0.2)
+    sensor.connect()
+    readings(sensor, 20)
+    board.stick()
+    assert "has not changed for 0.1 s" in until_lost(sensor)
+    with pytest.raises(MmtError, match="still sends one value that never changes"):
+        sensor.connect()
+    board.stick(stuck=False)
+    sensor.connect()
+    assert readings(sensor, 20)
+
+
+def test_a_wrong_baud_rate_is_told(boards, drivers) -> None:
+    board = boards()
+    board.scramble()
+    sensor = drivers(board, start_s=0.3)
+    with pytest.raises(MmtError, match=r"no good frames: the baud rate is probably not 115200"):
+        sensor.connect()
+    board.scramble(scrambled=False)
+    sensor.connect()
+    assert readings(sensor, 20)
+
+
+def test_a_silent_board_is_told(boards, drivers) -> None:
+    board = boards()
+    board.stall()
+    with pytest.raises(MmtError, match=r"sent nothing for 0\.2 s: check that the sketch"):
+        drivers(board, start_s=0.2).connect()
+
+
+def test_a_board_that_sends_text_is_told(boards, drivers, monkeypatch) -> None:
+    board = boards()
+    monkeypatch.setattr(board, "_spoil", lambda wire: b"x: 512, y: 510\r\n")
+    with pytest.raises(MmtError, match="sends text: another sketch"):
+        drivers(board, start_s=0.2).connect()
+
+
+def test_saturation_is_counted(boards, drivers) -> None:
+    sensor = drivers(boards(lambda _: (50.0, 0.0, 9.8)))
+    sensor.connect()
+    readings(sensor, 20)
+    assert sensor.faults["saturated samples"] >= 20
+
+
+def test_the_boards_capacitors_are_warned_of_once(boards, drivers, caplog) -> None:
+    sensor = drivers(boards(), bandwidth_hz=50.0)
+    with caplog.at_level(logging.WARNING, "mmt.devices"):
+        sensor.connect()
+        sensor.connect()
+    (message,) = [r.getMessage() for r in caplog.records]
+    assert "passes 50 Hz (0.1 uF at each output), the scene wants 500 Hz" in message
+    assert "by 0.01 uF or less" in message
+
+
+def test_a_stored_calibration_is_used_and_its_mismatch_told(boards, drivers, caplog) -> None:
+    true = Calibration((1.60, 1.68, 1.75), (0.0345, 0.033, 0.0325), 0.02)
+    save_calibration("adxl335", "bench-3", true.as_dict())
+    sensor = drivers(boards(calibration=true), serial="bench-3")
+    sensor.connect()
+    sensor.calibrate()
+    got = readings(sensor, 200)
+    assert sum(r.value[2] for r in got) / len(got) == pytest.approx(GRAVITY_M_S2, abs=0.05)
+    assert not caplog.records
+    another = drivers(boards(), serial="bench-3")
+    another.connect()
+    another.calibrate()
+    (message,) = [r.getMessage() for r in caplog.records]
+    assert "the calibration stored for bench-3 does not fit" in message
+
+
+def test_without_calibration_gravity_shows_a_wrong_supply(boards, drivers, caplog) -> None:
+    sensor = drivers(boards(), supply_v=1.8)
+    sensor.connect()
+    sensor.calibrate()
+    assert "it is not calibrated, and the options for supply" in caplog.text
+
+
+def test_a_port_that_is_not_permitted_is_told(tmp_path, monkeypatch) -> None:
+    import errno
+
+    import serial
+
+    def refuse(*args, **kwargs):
+        raise serial.SerialException(errno.EACCES, "denied")
+
+    monkeypatch.setattr(serial, "Serial", refuse)
+    with pytest.raises(MmtError, match="dialout"):
+        SerialAdxl335(port="/dev/ttyACM0").connect()
+
+
+def test_a_port_in_use_is_told(boards, drivers) -> None:
+    board = boards()
+    drivers(board).connect()
+    with pytest.raises(MmtError, match="another program has it open"):
+        drivers(board).connect()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({}, "port"),
+        ({"port": "a", "baud": 9600}, "baud is not a key; allowed are .*baud_rate"),
+        ({"port": "a", "axes": ["x", "x", "z"]}, "axes must name each of x, y, z once"),
+        ({"port": "a", "supply_v": 5.0}, "supply_v is 5.0"),
+    ],
+)
+def test_options_are_checked(options, message) -> None:
+    with pytest.raises(InputError, match=message):
+        load_device("adxl335-serial", options)
