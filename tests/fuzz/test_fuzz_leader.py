@@ -90,7 +90,7 @@ class Attacked:
         """Return a leader that listens: the one that there is, or a new one."""
         self.http = self.http or aiohttp.ClientSession()
         if self.leader is not None and self._running is not None:
-            if not self.leader._ended.is_set():
+            if not self.leader.ending.reached:
                 return self.leader
             check_end(await asyncio.wait_for(self._running, 30))
         self.leader = leader = LeaderService(self._scene)
@@ -171,13 +171,11 @@ async def send_raw(port: int | None, content: bytes) -> None:
 async def serve_a_good_one(attacked: Attacked) -> None:
     """Whatever went before, the next follower is served."""
     leader = await attacked.ready()
-    assert leader.server is not None
     async with asyncio.timeout(30):
-        while leader.server.connected:  # until the bad one's place is free
+        while leader.status().phase == "streaming":  # until the bad one's place is free
             await asyncio.sleep(0.002)
             leader = await attacked.ready()
-            assert leader.server is not None
-    taken = leader.server.statistics.frames
+    taken = leader.status().frames
     hello = FollowerHello(channels=NAMES, source="good", extra=attacked.extra)
     client = FollowerClient(
         f"http://127.0.0.1:{leader.port}", hello, FollowerEvents(on_commands=lambda *_: None)
@@ -190,12 +188,12 @@ async def serve_a_good_one(attacked: Attacked) -> None:
         frames["acceleration_m_s2"] = 1e5
         client.send_frames(frames)
         async with asyncio.timeout(30):
-            while leader.server.statistics.frames < taken + 3:
+            while leader.status().frames < taken + 3:
                 await asyncio.sleep(0.002)
         await asyncio.sleep(0.005)  # some ticks, which render and show what came
     finally:
         await client.disconnect()
-    assert not leader._ended.is_set()
+    assert not leader.ending.reached
 
 
 @pytest.fixture(scope="module")

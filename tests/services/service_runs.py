@@ -15,6 +15,7 @@ from mmt.follower.service import FollowerService, FollowerSummary
 from mmt.frames import FIELD_OF_CHANNEL, channels_of, frame_dtype
 from mmt.leader.service import LeaderService
 from mmt.leader.summary import LeaderSummary
+from mmt.link.server import LeaderServer
 from mmt.scene import Scene
 from mmt.scene_files import scene_from_tables
 
@@ -88,6 +89,13 @@ class Together:
     def of(cls, scene: Scene) -> "Together":
         said: list[str] = []
         return cls(LeaderService(scene, on_event=said.append), said)
+
+    @property
+    def server(self) -> LeaderServer:
+        """The leader's side of the link, once it listens."""
+        assert self.leader.remote is not None
+        assert self.leader.remote.server is not None
+        return self.leader.remote.server
 
     async def listen(self) -> None:
         """Start the leader and wait until it is ready, or has failed."""

@@ -45,8 +45,7 @@ async def test_a_network_that_changes_live_is_said_counted_and_recorded(tmp_path
     source = SteadySource()
     await together.listen()
     following = asyncio.create_task(together.follow(source))
-    server = together.leader.server
-    assert server is not None
+    server = together.server
     await together.until(lambda: server.statistics.frames > 600)
     await put(together, loss=1.0)
     changed = "emulated network: 1 lost in bursts of 1"
@@ -75,8 +74,7 @@ async def test_the_recording_notes_how_the_clocks_stand(tmp_path: Path) -> None:
     source = SteadySource()
     await together.listen()
     following = asyncio.create_task(together.follow(source))
-    server = together.leader.server
-    assert server is not None
+    server = together.server
     await together.until(lambda: server.clock.estimate is not None)
     source.ended = True
     followed, leader = await following, await together.end()
@@ -96,8 +94,7 @@ async def test_an_outage_is_silence_on_a_link_that_stays_up(tmp_path: Path) -> N
     source = SteadySource()
     await together.listen()
     following = asyncio.create_task(together.follow(source))
-    server = together.leader.server
-    assert server is not None
+    server = together.server
     await together.until(lambda: server.statistics.lost > 100)
     source.ended = True
     followed, leader = await following, await together.end()
@@ -112,8 +109,7 @@ async def test_the_metrics_have_the_clocks_and_the_emulation(tmp_path: Path) -> 
     source = SteadySource()
     await together.listen()
     following = asyncio.create_task(together.follow(source))
-    server = together.leader.server
-    assert server is not None
+    server = together.server
     await together.until(lambda: server.clock.estimate is not None)
     url = f"http://127.0.0.1:{together.leader.port}/metrics"
     async with aiohttp.ClientSession() as http, http.get(url) as response:

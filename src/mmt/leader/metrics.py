@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Final, get_args
 
+from mmt.leader.backfill import Backfill
 from mmt.leader.rendering import Mode
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def health(service: "LeaderService") -> dict[str, Any]:
     status = service.status()
     return {
         "phase": status.phase,
-        "connected": service.server is not None and service.server.connected,
+        "connected": service.remote is not None and service.remote.connected,
         "session": service.log.session_id,
         "time_s": round(status.time_s, 3),
         "mode": status.mode,
@@ -52,10 +53,11 @@ def collect(service: "LeaderService") -> Iterator["Metric"]:
     status = service.status()
     yield session(service.log.session_id, "leader")
     yield gauge("session_time_seconds", "Session time.", status.time_s)
-    if service.server is not None:
-        yield gauge("connected", "Whether a follower is connected.", service.server.connected)
-        yield from link_metrics(service.server.statistics, service.server.latency)
-        yield from _backfill(service)
+    if service.remote is not None and service.remote.server is not None:
+        server = service.remote.server
+        yield gauge("connected", "Whether a follower is connected.", server.connected)
+        yield from link_metrics(server.statistics, server.latency)
+        yield from _backfill(service.remote.backfill)
     yield from tick_metrics(service.ticker.statistics, service.ticker.periods)
     if service.parts.switch is not None:
         yield state("vibration_mode", "What drives the actuator.", "mode", status.mode, _MODES)
@@ -70,10 +72,10 @@ def collect(service: "LeaderService") -> Iterator["Metric"]:
         yield counter("recording_dropped_frames", "Frames that found no room.", recorder.dropped)
 
 
-def _backfill(service: "LeaderService") -> Iterator["Metric"]:
+def _backfill(backfill: Backfill) -> Iterator["Metric"]:
     from mmt.exposition import counter, gauge
 
-    frames = service.backfill.missing.summary
+    frames = backfill.missing.summary
     yield counter("missing_frames", "Frames that were missing at their turn.", frames["missing"])
     yield counter("filled_frames", "Missing frames that were filled in.", frames["filled"])
     yield counter("unfilled_frames", "Missing frames that were given up.", frames["lost"])

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
+from mmt.arrays import RecordArray
 from mmt.device_tables import Actuator
 from mmt.devices.protocols import LeaderInterface, VibrationActuator
 from mmt.errors import MmtError
@@ -71,6 +72,19 @@ class LeaderParts:
         """
         if self.make_recorder is not None:
             self.recorder = self.make_recorder(session_id=session_id)
+
+    def take(self, frames: RecordArray, arrival_ns: int) -> None:
+        """Hand the newest frames (n,) to every part that uses them."""
+        if self.recorder is not None:
+            self.recorder.record_frames(frames)
+        if self.streamed_vibration is not None:
+            self.streamed_vibration.take(frames, arrival_ns)
+        if self.streamed_motion is not None:
+            self.streamed_motion.take(frames)
+        if self.feedback is not None:
+            self.feedback.take(frames)
+        if self.modelling is not None:
+            self.modelling.take(frames)
 
     def close(self) -> list[str]:
         """Release the devices and finish the recording, also when one of them fails.

@@ -16,6 +16,7 @@ from mmt.texture.settings import Axis, VibrationAxis
 _AXES: Final[dict[str, int]] = {"x": 0, "y": 1, "z": 2}
 _MOTION_CUTOFF_HZ: Final = 20.0
 _VIBRATION_CUTOFF_HZ: Final = 10.0
+_REST_TICKS: Final = 100
 _PEAK_DECAY: Final = 0.995
 _PEAKS: Final = 2.0
 
@@ -76,11 +77,13 @@ class StreamedMotion:
         self._filters = tuple(BiquadFilter(lowpass) for _ in range(3))
         self._position = (0.0, 0.0)
         self._next: int | None = None
+        self._idle_ticks = 0
         self.speed_mm_s = 0.0
         self.force_n = 0.0
 
     def take(self, frames: RecordArray) -> None:
         """Follow the newest frames (n,)."""
+        self._idle_ticks = 0
         first, second = self._tangential
         positions = frames["position_mm"].tolist()
         forces = frames["force_n"][:, self._normal].tolist()
@@ -99,6 +102,13 @@ class StreamedMotion:
             self._position = (x, y)
             self.speed_mm_s = step_mm * self._rate_hz
             self.force_n = max(0.0, smooth_force)
+
+    def step(self, elapsed: int) -> tuple[float, float]:
+        """Return speed (mm/s) and force (N) now, at rest after 100 ticks without a frame."""
+        self._idle_ticks += elapsed
+        if self._idle_ticks > _REST_TICKS:
+            self.rest()
+        return self.speed_mm_s, self.force_n
 
     def rest(self) -> None:
         """Forget the motion: the stream has stopped."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mmt.errors import FAILED
 from mmt.leader.parts import LeaderParts
-from mmt.process import ProcessCost
+from mmt.process import ProcessMeter
 from mmt.ticking import TickStatistics, TimeHistogram
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class RunLog:
     """What the service notes while it runs."""
 
     session_id: str = field(default_factory=lambda: uuid.uuid4().hex[:12])
-    outcome: str = "completed"
+    meter: ProcessMeter = field(default_factory=ProcessMeter)
     update: "ModelUpdate | None" = None
     update_seconds: list[float] = field(default_factory=list)
     switches: list[dict[str, Any]] = field(default_factory=list)
@@ -90,17 +90,18 @@ def summarise(
     log: RunLog,
     parts: LeaderParts,
     *,
+    outcome: str,
     name: str,
     duration_s: float,
     link: "LinkStatistics | None",
     clock_offset_ns: int | None,
     ticks: TickStatistics,
-    cost: ProcessCost,
     backfill: dict[str, Any],
 ) -> LeaderSummary:
     """Gather the summary of a run that has ended."""
+    cost = log.meter.read()
     return LeaderSummary(
-        outcome=log.outcome,
+        outcome=outcome,
         session={"name": name, "id": log.session_id, "duration_s": round(duration_s, 3)},
         link=asdict(link) if link is not None else {},
         texture=_texture(log, parts),

@@ -1,0 +1,221 @@
+"""The follower as the leader knows it: its frames go to the parts, its loss is waited out."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from mmt.arrays import RecordArray
+from mmt.devices.protocols import Vector
+from mmt.ending import Ending
+from mmt.errors import FAILED
+from mmt.leader.backfill import Backfill
+from mmt.leader.clock_notes import ClockNotes
+from mmt.leader.commands import MotionCommands
+from mmt.leader.journal import Journal
+from mmt.leader.numbering import SessionNumbering
+from mmt.leader.parts import LeaderParts
+from mmt.leader.summary import RunLog
+from mmt.process import ProcessMeter
+from mmt.ranges import Range
+from mmt.scene import LARGEST_SPEED, Scene
+
+if TYPE_CHECKING:
+    from mmt.link.clock_offset import ClockJump
+    from mmt.link.extra import ExtraEvent
+    from mmt.link.network import EmulatedNetwork
+    from mmt.link.pages import Page
+    from mmt.link.protocol import FollowerHello, LinkStatistics
+    from mmt.link.server import LeaderServer
+
+
+class RemoteFollower:
+    """Take what the link reports, and send the follower what the tick has for it.
+
+    Parameters
+    ----------
+    scene
+        What to run; it has a link.
+    parts
+        Get the frames.
+    log
+        Names the session.
+    journal
+        Takes what happened.
+    ending
+        Is told when the follower ends the session, or does not come back.
+    """
+
+    def __init__(
+        self, scene: Scene, parts: LeaderParts, log: RunLog, journal: Journal, ending: Ending
+    ) -> None:
+        self._scene = scene
+        self._parts = parts
+        self._log = log
+        self._journal = journal
+        self._ending = ending
+        self._fastest = LARGEST_SPEED if scene.replay is not None else 1.0
+        self._numbering = SessionNumbering(round(1e9 / scene.session.rate_hz), self._fastest)
+        self._commands = MotionCommands(self._numbering)
+        self.backfill = Backfill(
+            scene.keep_frames(), self._numbering, parts, self._request_frames, journal.note
+        )
+        self.server: LeaderServer | None = None
+        """None before `listen`."""
+        self._clock_notes: ClockNotes | None = None
+
+    @property
+    def connected(self) -> bool:
+        """Whether a follower is there that has not ended the session."""
+        return self.server is not None and self.server.connected
+
+    @property
+    def statistics(self) -> "LinkStatistics | None":
+        """What the link counted, None before `listen`."""
+        return self.server.statistics if self.server is not None else None
+
+    @property
+    def clock_offset_ns(self) -> int | None:
+        """The follower's clock minus this one's, None while it is not known."""
+        return self.server.clock.offset_ns if self.server is not None else None
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether a frame has come."""
+        return self._numbering.frames > 0
+
+    @property
+    def time_s(self) -> float:
+        """Session time: that of the newest frame."""
+        return self._numbering.frames / self._scene.session.rate_hz
+
+    async def listen(self, pages: "Iterable[Page]") -> None:
+        """Wait for the follower, and serve these pages.
+
+        Raises
+        ------
+        MmtError
+            The port cannot be had, or the token or a certificate cannot be used.
+        """
+        from mmt.link.server import LeaderEvents, LeaderServer
+
+        assert self._scene.link is not None  # noqa: S101 - the caller has looked
+        self.server = LeaderServer(
+            self._scene.link,
+            self._scene.channels(),
+            LeaderEvents(
+                on_follower=self._on_follower,
+                on_frames=self._on_frames,
+                on_end=self._on_end,
+                on_lost=self._on_lost,
+                on_jump=self._on_jump,
+                on_backfill=self.backfill.take,
+                on_gone=self.backfill.gone,
+                on_settle=self.backfill.settle,
+                on_error=self._ending.fail,
+            ),
+            fastest=self._fastest,
+            session_id=self._log.session_id,
+            network=self._emulated_network(),
+            pages=pages,
+            extra=self._extra_event(),
+        )
+        self._clock_notes = ClockNotes(self.server.clock, self._journal.record)
+        await self.server.start()
+
+    async def dismiss(self) -> None:
+        """Ask the follower to end, and take what it still sends of what is missing."""
+        if self.server is not None:
+            await self.server.request_stop(self._ending.outcome)
+        self.backfill.close()
+
+    async def close(self) -> None:
+        """Listen no more, and note how the clocks stood at the end."""
+        self._ending.settle()
+        if self.server is not None:
+            await self.server.stop()
+        self.look(last=True)
+
+    def look(self, *, last: bool = False) -> None:
+        """Note how the clocks stand if it is time; call it several times a second."""
+        if self._clock_notes is not None:
+            self._clock_notes.look(last=last)
+
+    def command(self, now_ns: int, position_mm: Vector) -> None:
+        """Ask the follower to take a position."""
+        if self.server is not None:
+            self.server.send_commands(self._commands.make(now_ns, position_mm))
+
+    def send_extra(self, records: RecordArray) -> None:
+        """Send records (n,) of the scene's further event."""
+        if self.server is not None:
+            self.server.send_extra(records)
+
+    # --- what the link is made of
+
+    def _emulated_network(self) -> "EmulatedNetwork | None":
+        if self._scene.network is None:
+            return None
+        from mmt.link.network import EmulatedNetwork
+
+        seed = self._scene.session.seed
+        return EmulatedNetwork(self._scene.network, "down", seed, self._journal.event)
+
+    def _extra_event(self) -> "ExtraEvent | None":
+        feedback = self._parts.feedback
+        if feedback is None or feedback.event is None or feedback.dtype is None:
+            return None
+        from mmt.link.extra import ExtraEvent
+
+        return ExtraEvent(feedback.event, feedback.dtype, feedback.take_records, feedback.restart)
+
+    def _request_frames(self, ranges: list[Range]) -> None:
+        if self.server is not None:
+            self.server.request_frames(ranges)
+
+    # --- what the link reports
+
+    def _on_follower(self, hello: "FollowerHello") -> None:
+        self._ending.settle()
+        self._numbering.reconnect(hello.run_id)
+        self.backfill.connect(hello)
+        if self._parts.recorder is not None and hello.annotations:
+            self._parts.recorder.attach_annotations(hello.annotations)
+        self._journal.event(f"follower connected ({hello.source})")
+
+    def _on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
+        if not self.has_begun:
+            self._log.meter = ProcessMeter()
+        if self.backfill.settled:
+            self.backfill.take(frames)
+            return
+        newest = self._numbering.newest
+        frames, left_out = self._numbering.take(frames, arrival_ns)
+        if left_out:
+            self.backfill.started_anew()
+            self._journal.event(
+                f"the follower started anew, {left_out} frames are missing before it"
+            )
+        if 0 <= newest != self._numbering.newest - len(frames) - left_out:
+            self.backfill.missing.jumped(newest + left_out, frames)
+        self._parts.take(frames, arrival_ns)
+        if self.time_s >= self._scene.session.duration_s:
+            self._ending.stop("completed")
+
+    def _on_end(self, reason: str) -> None:
+        self._journal.event(f"follower ended: {reason}")
+        failed = reason.startswith(FAILED)
+        self._ending.stop(f"follower {reason}" if failed else "source ended")
+
+    def _on_lost(self, reason: str) -> None:
+        assert self._scene.link is not None  # noqa: S101 - there is a link to lose
+        if self._ending.reached:
+            return
+        patience_s = self._scene.link.patience_s
+        self._journal.event(f"follower lost ({reason}), waiting {patience_s:g} s for its return")
+        if self._parts.streamed_motion is not None:
+            self._parts.streamed_motion.rest()
+        self._ending.be_patient(patience_s, lambda: self._ending.stop("follower lost"))
+
+    def _on_jump(self, jump: "ClockJump") -> None:
+        if self._clock_notes is not None:
+            sentence, details = self._clock_notes.jumped(jump)
+            self._journal.event(sentence, **details)

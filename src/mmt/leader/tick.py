@@ -1,0 +1,107 @@
+"""What the leader does every millisecond."""
+
+import time
+
+import numpy as np
+
+from mmt.devices.protocols import InterfaceState
+from mmt.leader.journal import Journal
+from mmt.leader.parts import LeaderParts
+from mmt.leader.remote import RemoteFollower
+from mmt.leader.summary import RunLog
+
+
+class LeaderTick:
+    """Read the hand and command the follower, display force, render vibration.
+
+    Parameters
+    ----------
+    parts
+        The leader's parts.
+    log
+        Where switches and late ticks are noted.
+    journal
+        Takes what happened.
+    remote
+        The follower, None where the scene has no link.
+    period_ns
+        Time from tick to tick.
+    """
+
+    def __init__(
+        self,
+        parts: LeaderParts,
+        log: RunLog,
+        journal: Journal,
+        remote: RemoteFollower | None,
+        period_ns: int,
+    ) -> None:
+        self._parts = parts
+        self._log = log
+        self._journal = journal
+        self._remote = remote
+        self._period_ns = period_ns
+        self._last_ns = 0
+        self.ticks = 0
+        """Ticks so far, missed ones counted."""
+        self.mode = parts.switch.mode if parts.switch is not None else "silent"
+        """Which vibration is heard, as of the last tick."""
+
+    def step(self, elapsed: int) -> None:
+        """Do the work of so many ticks, all but the last of which were missed."""
+        now_ns = time.monotonic_ns()
+        parts, remote = self._parts, self._remote
+        self.ticks += elapsed
+        self._note_lateness(now_ns)
+        streaming = remote is None or remote.connected
+        state = self._read_hand(elapsed, now_ns) if streaming else None
+        if streaming and remote is not None:
+            remote.backfill.tick(elapsed)
+        if parts.feedback is not None:
+            news = parts.feedback.tick(elapsed, state)  # without a stream the force must fade
+            if news is not None and remote is not None:
+                remote.send_extra(news)
+        if remote is None or remote.has_begun:
+            self._render(elapsed, now_ns, state)
+
+    def _note_lateness(self, now_ns: int) -> None:
+        modelling = self._parts.modelling
+        if modelling is not None and modelling.working and self._last_ns:
+            late_ns = now_ns - self._last_ns - self._period_ns
+            self._log.late_while_modelling.add(max(0, late_ns))
+        self._last_ns = now_ns
+
+    def _read_hand(self, elapsed: int, now_ns: int) -> InterfaceState | None:
+        if self._parts.hand is None:
+            return None
+        state = self._parts.hand.read(elapsed)
+        if self._remote is not None:
+            self._remote.command(now_ns, state.position_mm)
+        return state
+
+    def _render(self, elapsed: int, now_ns: int, state: InterfaceState | None) -> None:
+        """Let the actuator play the elapsed ticks."""
+        parts = self._parts
+        if parts.switch is None or parts.actuator is None:
+            return
+        speed_mm_s, force_n = self._drive(state, elapsed)
+        vibration = parts.switch.render(
+            now_ns, np.full(elapsed, speed_mm_s), np.full(elapsed, force_n)
+        )
+        parts.actuator.write(vibration)
+        mode = parts.switch.mode
+        if parts.recorder is not None:
+            first_ns = now_ns - (elapsed - 1) * self._period_ns
+            parts.recorder.record_output(first_ns, mode, vibration)
+        if mode != self.mode:
+            self.mode = mode
+            self._log.switches.append({"time_s": self._journal.time_s, "mode": mode})
+            self._journal.event(f"vibration {mode}", mode=mode)
+
+    def _drive(self, state: InterfaceState | None, elapsed: int) -> tuple[float, float]:
+        """Return the speed and force that drive the model: the hand's own where there is one."""
+        if state is not None:
+            x, y, _ = state.velocity_mm_s
+            return (x * x + y * y) ** 0.5, state.force_n if state.contact else 0.0
+        motion = self._parts.streamed_motion
+        return motion.step(elapsed) if motion is not None else (0.0, 0.0)
