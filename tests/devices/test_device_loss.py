@@ -93,6 +93,27 @@ def test_a_sensor_that_stops_is_seen_within_20_ms_and_frames_cease(
     assert len(bench.arm.written) == 170  # the robot is commanded all the while
 
 
+def test_a_latency_that_is_known_once_connected_is_taken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    time = Time()
+    monkeypatch.setattr(source_module, "time", time)
+    sensor = SyntheticSensor(2000, time=time, latency_ns=0)
+
+    def connect() -> None:
+        sensor.latency_ns = 2 * MS
+
+    monkeypatch.setattr(sensor, "connect", connect)
+    source = DeviceSource(Arm(), sensor, None, ("position", "force"))
+    source.start(0)
+    frames = []
+    for _ in range(100):
+        time.now_ns += MS
+        frames.append(source.step(1, time.now_ns, None))
+    assert time.now_ns - np.concatenate(frames)["time_ns"][-1] == pytest.approx(3.5 * MS, abs=MS)
+    source.close()
+
+
 def test_a_short_silence_ends_without_a_new_connection(monkeypatch: pytest.MonkeyPatch) -> None:
     bench = Bench(monkeypatch)
     before = bench.run(100)

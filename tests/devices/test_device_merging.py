@@ -168,13 +168,23 @@ def test_a_clock_that_is_set_back_or_forward_begins_anew() -> None:
     assert clock.add(START_NS + 1000 * MS, 9_000 * MS)  # forward
     assert clock.jumps == 1
     assert clock.sensor_time(START_NS + 1000 * MS) == 9_000 * MS
-    jumped = [clock.add(START_NS + k * MS, (8_000 + k - 50) * MS) for k in range(1001, 1800)]
-    assert sum(jumped) == 1  # back, noticed by a block that lies behind the line
-    assert clock.sensor_time(START_NS + 1799 * MS) == (8_000 + 1799 - 50) * MS
+    jumped = [clock.add(START_NS + k * MS, (8_000 + k - 50) * MS) for k in range(1001, 2800)]
+    assert sum(jumped) == 1  # back, noticed by blocks that lie behind the line
+    assert clock.sensor_time(START_NS + 2799 * MS) == (8_000 + 2799 - 50) * MS
     lane = Lane()
     lane.take([SensorReading(10 * MS, (1.0, 1.0, 1.0))], START_NS)
     lane.take([SensorReading(0, (2.0, 2.0, 2.0))], START_NS + MS)
     assert lane.at(START_NS + MS) == (2.0, 2.0, 2.0)
+
+
+def test_a_busy_machine_is_not_taken_for_a_jump_of_the_clock() -> None:
+    clock = SensorClock()
+    for k in range(6000):
+        busy_ms = 20 if k % 1000 >= 500 else 0  # for half a second of each second
+        clock.add(START_NS + (k + busy_ms) * MS, k * MS)
+    assert clock.jumps == 0
+    assert clock.drift == pytest.approx(0.0, abs=1e-6)
+    assert clock.sensor_time(START_NS) == 0
 
 
 def test_a_poor_crystal_is_followed() -> None:

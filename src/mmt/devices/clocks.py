@@ -26,7 +26,9 @@ _LEAST_BLOCKS: Final = 4
 _DOUBT_NS: Final = 60_000
 """Within which the quickest of a block comes close to the line."""
 _JUMP_NS: Final = 5_000_000
-"""An arrival so much before the line, or a block so much behind it: the clock has jumped."""
+"""An arrival so much before the line, or blocks so much behind it: the clock has jumped."""
+_WITNESSES: Final = 4
+"""Blocks in a row behind the line; one alone may come from a machine that was busy."""
 
 _Point = tuple[int, float]
 """Host's time since the origin, and the difference of the clocks less that of the origin (ns)."""
@@ -52,6 +54,7 @@ class SensorClock:
         self._quickest: _Point | None = None  # of the block that is being filled
         self._block_ends = BLOCK_NS
         self._height = 0.0
+        self._late_blocks = 0
 
     @property
     def drift(self) -> float:
@@ -118,12 +121,16 @@ class SensorClock:
     def _end_block(self, arrival_ns: int, sensor_ns: int) -> bool:
         point = self._quickest
         assert point is not None  # noqa: S101 - the caller has just set it
-        if point[1] - self._drift * point[0] > self._height + _JUMP_NS:
+        late = point[1] - self._drift * point[0] > self._height + _JUMP_NS
+        self._late_blocks = self._late_blocks + 1 if late else 0
+        if self._late_blocks >= _WITNESSES:
             return self._jump(arrival_ns, sensor_ns)
-        self._blocks.append(point)
         self._quickest = None
         assert self._origin is not None  # noqa: S101 - something was taken
         self._block_ends = arrival_ns - self._origin[0] + BLOCK_NS
+        if late:  # the line stays as it was
+            return False
+        self._blocks.append(point)
         if len(self._blocks) >= _LEAST_BLOCKS:
             slope, span = _slope_below(list(self._blocks))
             doubt = _DOUBT_NS / span

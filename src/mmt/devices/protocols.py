@@ -74,7 +74,7 @@ class SampledSensor(Device, Protocol):
 
     latency_ns: int
     """From the physical instant to the sensor's own stamp, as far as it is known (filters,
-    averaging)."""
+    averaging); asked for once it is connected."""
 
     def read(self) -> Sequence[SensorReading]:
         """Return what has come since the last call, oldest first; never blocks.

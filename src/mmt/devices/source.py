@@ -110,6 +110,9 @@ class DeviceSource:
                 port.device.calibrate()
             except Exception as error:
                 raise failure(port, error) from error
+        for port in self._sampled:  # which a driver may know only now, from the device's filter
+            port.lane.latency_ns = port.device.latency_ns
+        self._merger = self._make_merger()
         if self._sampled:
             self._warm_up()
             self._prober.start()
