@@ -85,7 +85,7 @@ def try_devices(
 
     seen = []
     for role, driver, options in _devices(what, settings or []):
-        device = load_device(driver, options)
+        device = load_device(driver, options, role=role)
         messages.print(f"{role} ({driver})", highlight=False)
         seen.append(
             observe(role, driver, device, duration_s=duration, calibrate=calibrate, show=_show)

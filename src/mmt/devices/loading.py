@@ -13,12 +13,14 @@ from mmt.scene_files import explain_problems
 Options = TypeVar("Options", bound=BaseModel)
 
 
-def load_device(driver: str, options: Mapping[str, Any] | None = None) -> Any:
+def load_device(
+    driver: str, options: Mapping[str, Any] | None = None, *, role: str = "device"
+) -> Any:
     """Import the driver's module and call its factory with the options.
 
     Parameters
     ----------
-    driver
+    driver, role
         See `mmt.devices.table.locate`.
     options
         Keyword arguments of the factory.
@@ -31,7 +33,7 @@ def load_device(driver: str, options: Mapping[str, Any] | None = None) -> Any:
     MmtError
         The device cannot be made.
     """
-    factory = load_factory(driver)
+    factory = load_factory(driver, role)
     try:
         return factory(**(options or {}))
     except MmtError:
@@ -44,9 +46,9 @@ def load_device(driver: str, options: Mapping[str, Any] | None = None) -> Any:
         raise kind(f"device {driver!r} cannot be made: {reason}") from error
 
 
-def load_factory(driver: str) -> Any:
+def load_factory(driver: str, role: str = "device") -> Any:
     """Import the driver's module and return its factory; see `load_device`."""
-    module_name, _, factory_name = locate(driver).partition(":")
+    module_name, _, factory_name = locate(driver, role).partition(":")
     try:
         module = importlib.import_module(module_name)
     except Exception as error:  # a driver may want a library, a file, a version of Python

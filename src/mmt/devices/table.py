@@ -15,19 +15,26 @@ DRIVERS: Final[dict[str, str]] = {
 }
 """Name -> ``module:factory`` of the drivers that are part of mmt."""
 
+HANDLES: Final[dict[str, str]] = {
+    "openhaptics": "mmt.devices.openhaptics.handle:OpenHapticsHandle",
+}
+"""Likewise for the leader's handle, where a device can be that as well as a robot."""
+
 
 def offered() -> dict[str, EntryPoint]:
     """Return the drivers that other installed packages offer, by name."""
     return {entry.name: entry for entry in entry_points(group=GROUP)}
 
 
-def locate(driver: str) -> str:
+def locate(driver: str, role: str = "device") -> str:
     """Return ``module:factory`` of a driver.
 
     Parameters
     ----------
     driver
         A name of the table, one that an installed package offers, or ``package.module:factory``.
+    role
+        "handle" where the device is to be the leader's handle.
 
     Raises
     ------
@@ -36,6 +43,8 @@ def locate(driver: str) -> str:
     """
     if ":" in driver:
         return driver
+    if role == "handle" and driver in HANDLES:
+        return HANDLES[driver]
     if driver in DRIVERS:
         return DRIVERS[driver]
     others = offered()

@@ -131,7 +131,7 @@ def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None])
     elif scene.handle is not None:
         from mmt.devices.loading import load_device
 
-        parts.hand = load_device(scene.handle.driver, scene.handle.options)
+        parts.hand = load_device(scene.handle.driver, scene.handle.options, role="handle")
     if scene.texture is not None:
         from mmt.leader.modelling import ModellingTask
 
