@@ -99,6 +99,40 @@ def try_devices(
         raise typer.Exit(1)
 
 
+@app.command("calibrate")
+def calibrate_accelerometer(
+    what: Annotated[
+        str, typer.Argument(metavar="SCENE|DRIVER", help="A scene with an accelerometer, or it.")
+    ],
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="An option of the driver; repeatable."),
+    ] = None,
+    duration: Annotated[
+        float, typer.Option(min=0.1, max=600.0, help="Seconds at rest in each orientation.")
+    ] = 2.0,
+    rests: Annotated[
+        Path | None, typer.Option(help="Take recorded rests; no device is opened.")
+    ] = None,
+    keep: Annotated[Path | None, typer.Option(help="Keep the rests there.")] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+) -> None:
+    """Calibrate an ADXL335 by gravity and store it under its serial number."""
+    from mmt.cli.gravity import Files, calibrate_by_gravity
+    from mmt.devices.loading import load_device
+
+    found = [
+        (driver, options)
+        for role, driver, options in _devices(what, settings or [])
+        if role in {"accelerometer", "device"}
+    ]
+    if not found:
+        raise InputError(f"scene {what} names no accelerometer in [devices]")
+    driver, options = found[0]
+    files = Files(rests, keep, json_file)
+    calibrate_by_gravity(load_device(driver, options), driver, duration, files)
+
+
 def _devices(what: str, settings: list[str]) -> Iterator[tuple[str, str, dict[str, Any]]]:
     """Yield role, driver and options of what is to be tested."""
     from mmt.scene_files import example_scenes, load_scene

@@ -129,9 +129,8 @@ def calibrate(rests: Sequence[Rest], supply_v: float) -> Calibration:
         raise InputError(
             f"no rest with {', '.join(missing)} up or down: every axis needs one, six are best"
         )
-    gain_v_per_g = 0.1 * supply_v
     for rest in rests:
-        _check_still(rest, gain_v_per_g)
+        check_still(rest, supply_v)
     _check_orientations(rests)
     lines = [_line(rests, axis) for axis in range(3)]
     for axis, (zero, gain) in enumerate(lines):
@@ -149,6 +148,16 @@ def calibrate(rests: Sequence[Rest], supply_v: float) -> Calibration:
                 )
     zeros, gains = zip(*lines, strict=True)
     return Calibration(_vector(zeros), _vector(gains), residual)
+
+
+def check_still(rest: Rest, supply_v: float) -> None:
+    """Raise `InputError` where the sensor moved."""
+    spread_g = max(rest.spread_v) / (0.1 * supply_v)
+    if not spread_g < _MOVED:
+        raise InputError(
+            f"with {rest.up} up the sensor was not at rest (it varied by {spread_g:.2f} g): put it "
+            "down, do not hold it in the hand, and measure again"
+        )
 
 
 def changes(new: Calibration, old: Calibration) -> list[str]:
@@ -181,15 +190,6 @@ def _line(rests: Sequence[Rest], axis: int) -> tuple[float, float]:
         (f - mean_felt) ** 2 for f in felt
     )
     return mean_volts - gain * mean_felt, gain
-
-
-def _check_still(rest: Rest, gain_v_per_g: float) -> None:
-    spread_g = max(rest.spread_v) / gain_v_per_g
-    if not spread_g < _MOVED:
-        raise InputError(
-            f"with {rest.up} up the sensor was not at rest (it varied by {spread_g:.2f} g): put it "
-            "down, do not hold it in the hand, and measure again"
-        )
 
 
 def _check_orientations(rests: Sequence[Rest]) -> None:

@@ -14,7 +14,7 @@ _MICROFARAD_HZ: Final = 5.0
 class Adxl335Options(BaseModel):
     """Of the sensor and its board."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, coerce_numbers_to_str=True)
 
     supply_v: float = Field(3.3, ge=1.8, le=3.6)
     """The sensor's supply; its output is a share of it."""

@@ -2,6 +2,7 @@
 
 import logging
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from math import hypot
 from statistics import fmean, pstdev
@@ -33,7 +34,7 @@ _NOMINAL_ERROR: Final = 0.15
 """Of gravity, relative."""
 
 
-class Adxl335:
+class Adxl335(ABC):
     """A `SampledSensor`; a subclass says how the volts come.
 
     Parameters
@@ -59,6 +60,11 @@ class Adxl335:
         return self._serial or ""
 
     @property
+    def named(self) -> str | None:
+        """The serial number of the options, None where it is left to the device."""
+        return self._common.serial
+
+    @property
     def supply_v(self) -> float:
         """Of the sensor."""
         return self._common.supply_v
@@ -79,9 +85,17 @@ class Adxl335:
         convert = self._converter.convert
         return [convert(time_ns, volts) for time_ns, volts in self.voltages()]
 
+    @abstractmethod
+    def connect(self) -> None:
+        """Open the device; see `mmt.devices.protocols.Device`."""
+
+    @abstractmethod
     def voltages(self) -> Iterable[tuple[int, Vector]]:
         """Return what has come as (time_ns, volts along the sensor's own axes)."""
-        raise NotImplementedError
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release the device; calling it twice is harmless."""
 
     def calibrate(self) -> None:
         """Compare the value at rest with gravity, and say where they differ.
@@ -104,7 +118,7 @@ class Adxl335:
             )
             LOG.warning(
                 "the accelerometer measures %.2f m/s2 at rest, gravity is %.2f: %s, or it was "
-                "moved",
+                "moved. To calibrate it, run: mmt device calibrate",
                 felt,
                 GRAVITY_M_S2,
                 why,

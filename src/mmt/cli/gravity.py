@@ -1,0 +1,141 @@
+"""``mmt device calibrate``: an accelerometer by gravity, asked for or from recorded rests."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import typer
+
+from mmt.cli.common import messages, output, write_json
+from mmt.cli.tables import summary_table
+from mmt.devices.adxl335.gravity import (
+    UPS,
+    Calibration,
+    Rest,
+    Up,
+    calibrate,
+    changes,
+    check_still,
+    from_dict,
+    rests_from,
+)
+from mmt.devices.adxl335.sensor import CALIBRATED_AS, Adxl335
+from mmt.devices.calibrations import calibration_file, load_calibration, save_calibration
+from mmt.errors import InputError, MmtError
+
+_SKIP: Final = "s"
+
+
+@dataclass(frozen=True, slots=True)
+class Files:
+    """What is read and written beside the calibration itself."""
+
+    rests: Path | None
+    """Recorded rests, instead of measuring."""
+    keep: Path | None
+    """Where the rests are kept that were measured."""
+    json: Path | None
+
+
+def calibrate_by_gravity(device: Any, driver: str, duration_s: float, files: Files) -> None:
+    """Measure or read rests, fit, compare with what was stored, store.
+
+    Parameters
+    ----------
+    device, driver
+        An ADXL335, and its driver's name.
+    duration_s
+        Of each rest.
+    files
+        See `Files`.
+
+    Raises
+    ------
+    InputError
+        It is no accelerometer of that kind, has no serial number, or the rests do not
+        determine its calibration.
+    """
+    if not isinstance(device, Adxl335):
+        raise InputError(
+            f"{driver} is not calibrated by gravity; that is for the drivers of an ADXL335"
+        )
+    if files.rests is not None:
+        serial, rests = _read(files.rests, device.named)
+    else:
+        serial, rests = _measure(device, duration_s)
+        _keep(files.keep, serial, rests)
+    made = calibrate(rests, device.supply_v)
+    moved = _changes(serial, made)
+    path = save_calibration(CALIBRATED_AS, serial, made.as_dict())
+    output.print(summary_table(f"ADXL335 {serial}", {"calibration": made.as_dict()}))
+    for sentence in moved:
+        output.print(f"- changed since the last time: {sentence}", highlight=False)
+    messages.print(f"stored: {path}", highlight=False)
+    figures = {"serial": serial, "file": str(path), **made.as_dict(), "changes": moved}
+    write_json(files.json, {**figures, "rests": [rest._asdict() for rest in rests]})
+
+
+def _measure(sensor: Adxl335, duration_s: float) -> tuple[str, list[Rest]]:
+    """Ask for each orientation and measure it."""
+    sensor.connect()
+    try:
+        calibration_file(CALIBRATED_AS, sensor.serial_number)  # raises before anybody turned it
+        messages.print(
+            "Put the sensor against something upright in six ways. Enter measures, s skips; "
+            "each axis is needed once, all six are best.",
+            highlight=False,
+        )
+        found = [_rest(sensor, up, duration_s) for up in UPS]
+        return sensor.serial_number, [rest for rest in found if rest is not None]
+    finally:
+        sensor.close()
+
+
+def _rest(sensor: Adxl335, up: Up, duration_s: float) -> Rest | None:
+    """Measure one orientation, again until the sensor was still."""
+    where = "up" if up[0] == "+" else "down"
+    while True:
+        answer = typer.prompt(f"{up[1]} points {where}", default="", show_default=False, err=True)
+        if str(answer).strip().lower() == _SKIP:
+            return None
+        rest = sensor.rest(up, duration_s)
+        try:
+            check_still(rest, sensor.supply_v)
+        except InputError as error:
+            messages.print(str(error), highlight=False)
+        else:
+            return rest
+
+
+def _read(path: Path, named: str | None) -> tuple[str, list[Rest]]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"--rests {path}: {error.strerror or error}") from error
+    except ValueError as error:
+        raise InputError(f"--rests {path}: not valid JSON: {error}") from error
+    if not isinstance(content, dict) or "rests" not in content:
+        raise InputError(f'--rests {path}: it must hold "rests", and may hold "serial"')
+    serial = named or str(content.get("serial") or "")
+    calibration_file(CALIBRATED_AS, serial)
+    return serial, rests_from(content["rests"])
+
+
+def _keep(path: Path | None, serial: str, rests: list[Rest]) -> None:
+    if path is None:
+        return
+    text = json.dumps({"serial": serial, "rests": [rest._asdict() for rest in rests]}, indent=2)
+    try:
+        path.write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"--keep {path}: {error.strerror or error}") from error
+
+
+def _changes(serial: str, made: Calibration) -> list[str]:
+    """Return what differs from the stored calibration; one that cannot be read is replaced."""
+    try:
+        stored = load_calibration(CALIBRATED_AS, serial)
+        return [] if stored is None else changes(made, from_dict(stored))
+    except MmtError as error:
+        return [f"the one before cannot be compared: {error}"]

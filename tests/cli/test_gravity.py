@@ -1,0 +1,124 @@
+"""`mmt device calibrate`: asked for on an emulated board, and from recorded rests."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner, Result
+
+from mmt.cli.main import app
+from mmt.devices.adxl335.gravity import GRAVITY_M_S2, UPS, Calibration
+from mmt.devices.calibrations import load_calibration
+from mmt.errors import InputError
+
+TRUE = Calibration((1.60, 1.68, 1.75), (0.0345, 0.033, 0.0325))
+
+
+@pytest.fixture(autouse=True)
+def own_calibrations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, ["device", "calibrate", *map(str, arguments)])
+
+
+def felt(up: str) -> tuple[float, float, float]:
+    x, y, z = (GRAVITY_M_S2 * (up[1] == a) * (1 if up[0] == "+" else -1) for a in "xyz")
+    return x, y, z
+
+
+def recorded(path: Path, true: Calibration, **more: object) -> Path:
+    rests = [
+        {
+            "up": up,
+            "mean_v": [true.zero_v[i] + true.gain_v_per_m_s2[i] * felt(up)[i] for i in range(3)],
+            "spread_v": [0.002] * 3,
+        }
+        for up in UPS
+    ]
+    path.write_text(json.dumps({"rests": rests, **more}))
+    return path
+
+
+def test_recorded_rests_are_fitted_stored_and_compared(tmp_path: Path) -> None:
+    first = recorded(tmp_path / "first.json", TRUE, serial="bench-3")
+    result = run("adxl335-serial", "--set", "port=none", "--rests", first)
+    assert result.exit_code == 0, result.output
+    stored = load_calibration("adxl335", "bench-3")
+    assert stored is not None
+    assert stored["zero_v"] == pytest.approx(TRUE.zero_v)
+    assert "changed" not in result.output
+    moved = recorded(tmp_path / "second.json", TRUE._replace(zero_v=(1.60, 1.80, 1.75)))
+    result = run(
+        *("adxl335-serial", "--set", "port=none", "--set", "serial=bench-3"),
+        *("--rests", moved, "--json", tmp_path / "out.json"),
+    )
+    (change,) = json.loads((tmp_path / "out.json").read_text())["changes"]
+    assert change.startswith("y: zero moved by +3.64 m/s2")
+    assert "changed since the last time: y" in result.output
+
+
+def test_rests_without_a_serial_number_are_refused(tmp_path: Path) -> None:
+    rests = recorded(tmp_path / "rests.json", TRUE)
+    result = run("adxl335-serial", "--set", "port=none", "--rests", rests)
+    assert isinstance(result.exception, InputError)
+    assert "no serial number: give it one" in str(result.exception)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [("{", "not valid JSON"), ("[]", 'must hold "rests"'), ('{"rests": 1, "serial": "7"}', "list")],
+)
+def test_a_file_that_holds_no_rests_is_told(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "rests.json").write_text(text)
+    result = run("adxl335-serial", "--set", "port=none", "--rests", tmp_path / "rests.json")
+    assert isinstance(result.exception, InputError)
+    assert message in str(result.exception)
+
+
+def test_another_device_is_told(tmp_path: Path) -> None:
+    result = run("ati-net-ft", "--rests", tmp_path / "rests.json")
+    assert isinstance(result.exception, InputError)
+    assert "is not calibrated by gravity" in str(result.exception)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no pseudo-terminals")
+def test_a_sensor_is_turned_six_ways(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from mmt.devices.emulated.adxl335_board import EmulatedAdxl335Board
+
+    held = {"felt": felt("+z"), "shaken": False}
+    asked: list[str] = []
+
+    def truth(time_ns: int) -> tuple[float, float, float]:
+        x, y, z = held["felt"]
+        return (x + 3.0 * (-1) ** (time_ns // 10_000_000) * held["shaken"], y, z)
+
+    def turn(text: str, **_: object) -> str:
+        asked.append(text)
+        axis, _, where = text.split()
+        held["felt"] = felt(("+" if where == "up" else "-") + axis)
+        held["shaken"] = len(asked) == 2  # in the hand at first: it is asked for again
+        return "s" if text == "y points down" else ""
+
+    monkeypatch.setattr(typer, "prompt", turn)
+    board = EmulatedAdxl335Board(truth, calibration=TRUE)
+    board.start()
+    try:
+        result = run(
+            *("adxl335-serial", "--set", f"port={board.address}", "--set", "serial=7"),
+            *("--duration", "0.3", "--keep", tmp_path / "kept.json"),
+        )
+    finally:
+        board.stop()
+    assert result.exit_code == 0, (result.output, result.exception)
+    assert len(asked) == 7
+    assert asked[1] == asked[2] == "x points down"
+    stored = load_calibration("adxl335", "7")
+    assert stored is not None
+    assert stored["zero_v"] == pytest.approx(TRUE.zero_v, abs=0.003)
+    assert stored["gain_v_per_m_s2"] == pytest.approx(TRUE.gain_v_per_m_s2, rel=0.01)
+    kept = json.loads((tmp_path / "kept.json").read_text())
+    assert (kept["serial"], len(kept["rests"])) == ("7", 5)
