@@ -9,6 +9,7 @@ GROUP: Final = "mmt.devices"
 """The group of entry points under which another package offers its drivers by name."""
 
 DRIVERS: Final[dict[str, str]] = {
+    "ati-digital-ft": "mmt.devices.ati.digital_ft:digital_ft",
     "ati-net-ft": "mmt.devices.ati.net_ft:net_ft",
     "openhaptics": "mmt.devices.openhaptics.robot:OpenHapticsRobot",
     "adxl335-serial": "mmt.devices.adxl335.serial_driver:SerialAdxl335",

@@ -34,7 +34,7 @@ _MOST_RECORDS: Final = 1024
 """Drained in one call at most."""
 _REPEAT_START_NS: Final = 50_000_000
 _START_PATIENCE_S: Final = 1.0
-_BROKEN_NS: Final = 200_000_000
+_BROKEN_NS: Final = 100_000_000
 _RECEIVE_BUFFER: Final = 1 << 20
 
 

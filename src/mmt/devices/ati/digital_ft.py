@@ -1,0 +1,231 @@
+"""Force through ATI's Digital F/T: settings by Modbus, then a stream on RS-485."""
+
+import time
+from typing import Any, Final, Literal
+
+from pydantic import Field
+
+from mmt.devices.ati.calibration import check_calibration
+from mmt.devices.ati.digital_clock import CountingClock
+from mmt.devices.ati.digital_line import DigitalLine
+from mmt.devices.ati.digital_records import SIZE, Gauges, RecordStream
+from mmt.devices.ati.digital_registers import (
+    CALIBRATION_REGISTERS,
+    CALIBRATIONS,
+    GAINS,
+    LOCK,
+    OFFSETS,
+    START_STREAM,
+    STATUS,
+    UNLOCK,
+    StoredCalibration,
+    calibration_start,
+    explain_status,
+    parse_calibration,
+)
+from mmt.devices.ati.modbus import NoFrame
+from mmt.devices.ati.options import AtiOptions
+from mmt.devices.ati.sensor import AtiSensor, Stamped
+from mmt.devices.ati.wrench import WrenchConverter
+from mmt.devices.loading import read_options
+from mmt.errors import DeviceLost, MmtError
+
+DRIVER: Final = "ati-digital-ft"
+
+NOMINAL_HZ: Final = 7000.0
+_BITS: Final = 11 * SIZE
+"""A record on the line: start, eight bits, parity and stop a byte."""
+_START_PATIENCE_S: Final = 1.0
+_HIGHEST, _LOWEST = 32767, -32768
+_BROKEN_NS: Final = 100_000_000
+
+
+class DigitalFtOptions(AtiOptions):
+    """Options of ``ati-digital-ft``."""
+
+    port: str
+    """Serial port, as ``/dev/serial/by-id/usb-...``."""
+    baud: Literal[1_250_000, 115_200, 19_200] = 1_250_000
+    """Bits a second that the sensor is set to."""
+    calibration_number: int = Field(default=1, ge=1, le=CALIBRATIONS)
+    """Which of its stored calibrations to use."""
+    average: int | None = Field(default=None, ge=1, le=100)
+    """Records that make one reading; None for as many as give about 1000 readings a second."""
+
+
+def record_rate_hz(baud: int) -> float:
+    """Return how many records a second come: the sensor's own rate, or what the line passes."""
+    return min(NOMINAL_HZ, baud / _BITS)
+
+
+def digital_ft(**options: Any) -> "DigitalFt":
+    """Make the driver; see `DigitalFtOptions`.
+
+    Raises
+    ------
+    InputError
+        An option is not allowed.
+    """
+    return DigitalFt(read_options(DigitalFtOptions, DRIVER, options))
+
+
+class DigitalFt(AtiSensor):
+    """A `SampledSensor` of forces on an RS-485 line."""
+
+    def __init__(self, options: DigitalFtOptions) -> None:
+        super().__init__(f"Digital F/T at {options.port}", options)
+        self._options = options
+        self._line: DigitalLine | None = None
+        self._stream = RecordStream()
+        rate_hz = record_rate_hz(options.baud)
+        self._clock = CountingClock(rate_hz)
+        self._average = options.average or max(1, round(rate_hz / 1000))
+        self._sums = [0.0] * 6
+        self._summed = 0
+        self._usable_ns = 0
+        delay_ms = options.latency_ms
+        self.latency_ns = (
+            round((self._average - 1) / 2 * self._clock.period_ns + _BITS * 1e9 / options.baud)
+            if delay_ms is None
+            else round(delay_ms * 1e6)
+        )
+        self.stored: StoredCalibration | None = None
+        """The calibration in use, once it is connected."""
+
+    def connect(self) -> None:
+        """Open the port, read and check the calibration, then have the sensor stream.
+
+        Raises
+        ------
+        InputError
+            The sensor or its calibration is not the one that the options expect.
+        MmtError
+            The port cannot be opened, or the sensor does not answer, or not as it should.
+        """
+        self.close()
+        line = self._line = DigitalLine(self._options.port, self._options.baud, self.name)
+        try:
+            self._settle(line)
+            line.command(START_STREAM, "stream")
+            self._await_first_record()
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Have the sensor stop; calling it twice is harmless."""
+        if self._line is not None:
+            self._line.close()
+            self._line = None
+
+    def _settle(self, line: DigitalLine) -> None:
+        try:
+            status = line.read_registers(STATUS, 1)[0]
+        except NoFrame:  # perhaps it still streams
+            line.stop_stream()
+            status = line.read_registers(STATUS, 1)[0]
+        if status:
+            raise MmtError(
+                f"{self.name}: it reports {explain_status(status)}; check its supply and the "
+                "transducer's cable, and switch it off and on"
+            )
+        start = calibration_start(self._options.calibration_number)
+        stored = parse_calibration(line.read_registers(start, CALIBRATION_REGISTERS), self.name)
+        check_calibration(self.name, stored.calibration, self._options)
+        self._amplify(line, stored)
+        self.stored = stored
+        calibration = stored.calibration
+        self._set_converter(
+            WrenchConverter(
+                stored.matrix, calibration.range_n, calibration.range_n_mm, self._options
+            )
+        )
+
+    def _amplify(self, line: DigitalLine, stored: StoredCalibration) -> None:
+        """Have the gauges amplified as the calibration wants it, where they are not."""
+        wanted = {GAINS: stored.gains, OFFSETS: stored.offsets}
+        differing = {
+            start: values
+            for start, values in wanted.items()
+            if tuple(line.read_registers(start, 6)) != values
+        }
+        if not differing:
+            return
+        line.command(UNLOCK, "unlock its settings")
+        for start, values in differing.items():
+            line.write_registers(start, values)
+        line.command(LOCK, "lock its settings")
+        self._count("gauge settings written")
+
+    def _await_first_record(self) -> None:
+        self._stream.reset()
+        self._clock.interrupt()
+        self._summed = 0
+        self._sums = [0.0] * 6
+        start = time.monotonic()
+        while time.monotonic() - start < _START_PATIENCE_S:
+            now_ns = self._usable_ns = self._arrival_ns = time.monotonic_ns()
+            if self._receive(now_ns):
+                return
+            time.sleep(0.001)
+        raise MmtError(f"{self.name}: it accepts to stream, but no record comes; {self._where()}")
+
+    def _where(self) -> str:
+        return "check the sensor's power and cable, and the adapter's"
+
+    def _receive(self, now_ns: int) -> list[Stamped]:
+        if self._line is None:
+            raise DeviceLost(f"{self.name} is closed: connect it again")
+        content = self._line.read()
+        if not content:
+            return []
+        gauges = self._stream.feed(content)
+        self._clock.arrive(len(gauges), now_ns)
+        records = self._averaged(gauges)
+        if records:
+            self._usable_ns = now_ns
+        elif now_ns - self._usable_ns > _BROKEN_NS:
+            raise DeviceLost(
+                f"{self.name}: for {_BROKEN_NS / 1e6:.0f} ms no record was usable "
+                f"({self._stream.errors} with the error bit, {self._stream.bad} with a wrong sum "
+                "so far): check the transducer's cable, the line's ends and shield, and 'baud'"
+            )
+        return records
+
+    def _averaged(self, gauges: list[Gauges | None]) -> list[Stamped]:
+        """Return means of successive records, stamped by the last one's time."""
+        records: list[Stamped] = []
+        count, next_ns = self._average, self._clock.next
+        u, v, w, x, y, z = self._sums
+        summed = self._summed
+        for record in gauges:
+            time_ns = next_ns()
+            if record is None:
+                u = v = w = x = y = z = 0.0
+                summed = 0
+                continue
+            a, b, c, d, e, f = record
+            if max(record) == _HIGHEST or min(record) == _LOWEST:
+                self._count("saturation")
+            u, v, w, x, y, z = u + a, v + b, w + c, x + d, y + e, z + f
+            summed += 1
+            if summed == count:
+                records.append(
+                    (time_ns, (u / count, v / count, w / count, x / count, y / count, z / count))
+                )
+                u = v = w = x = y = z = 0.0
+                summed = 0
+        self._sums = [u, v, w, x, y, z]
+        self._summed = summed
+        return records
+
+    @property
+    def faults(self) -> dict[str, int]:
+        """Counts by what was survived."""
+        counts = {
+            **super().faults,
+            "wrong sum": self._stream.bad,
+            "error bit": self._stream.errors,
+            "lost record": self._clock.missing,
+        }
+        return {reason: count for reason, count in counts.items() if count}

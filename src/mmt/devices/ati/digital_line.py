@@ -1,0 +1,200 @@
+"""The serial line to a Digital F/T: requests and answers, then bytes as they come."""
+
+import contextlib
+import errno
+import time
+from typing import Final
+
+import serial
+
+from mmt.devices.ati.digital_registers import DEVICE
+from mmt.devices.ati.modbus import (
+    LONGEST_READ,
+    NoFrame,
+    answer_length,
+    frame,
+    parse_answer,
+    read_request,
+    registers_of,
+    write_request,
+)
+from mmt.errors import DeviceLost, MmtError
+
+_ANSWER_S: Final = 0.15
+_ATTEMPTS: Final = 3
+_JAM: Final = bytes(72)
+_QUIET_S: Final = 0.5
+"""The device takes so long to leave its stream."""
+_LARGEST: Final = 4096
+
+
+class DigitalLine:
+    """The line, once it is open.
+
+    Parameters
+    ----------
+    port
+        As ``/dev/ttyUSB0``.
+    baud
+        Bits a second.
+    name
+        What a person calls the device.
+
+    Raises
+    ------
+    MmtError
+        The port cannot be opened.
+    """
+
+    def __init__(self, port: str, baud: int, name: str) -> None:
+        self._name = name
+        self._baud = baud
+        self._surplus = b""
+        self._garbage = 0  # bytes that were no answers
+        try:
+            self._serial = serial.Serial(
+                port, baud, parity=serial.PARITY_EVEN, timeout=0, write_timeout=1, exclusive=True
+            )
+        except Exception as error:  # pyserial lets termios.error through, which is no OSError
+            raise MmtError(f"{name}: {_explain(error)}") from error
+        with contextlib.suppress(OSError, ValueError, NotImplementedError, AttributeError):
+            self._serial.set_low_latency_mode(True)  # where the adapter knows it
+
+    def read(self) -> bytes:
+        """Return what has come, without waiting.
+
+        Raises
+        ------
+        DeviceLost
+            The port is gone.
+        """
+        try:
+            received = self._serial.read(_LARGEST)
+        except (OSError, TypeError) as error:  # TypeError: pyserial, when it is closed meanwhile
+            raise self._lost(error) from error
+        if self._surplus:
+            received, self._surplus = self._surplus + received, b""
+        return bytes(received)
+
+    def write(self, content: bytes) -> None:
+        """Send bytes.
+
+        Raises
+        ------
+        DeviceLost
+            The port is gone.
+        """
+        try:
+            self._serial.write(content)
+        except OSError as error:
+            raise self._lost(error) from error
+
+    def read_registers(self, start: int, count: int) -> list[int]:
+        """Read registers, in as many requests as it takes.
+
+        Raises
+        ------
+        MmtError
+            No answer comes, or the device refuses.
+        """
+        values: list[int] = []
+        while len(values) < count:
+            number = min(LONGEST_READ, count - len(values))
+            request = read_request(DEVICE, start + len(values), number)
+            values += registers_of(self.ask(request))
+        return values
+
+    def write_registers(self, start: int, values: tuple[int, ...]) -> None:
+        """Write registers; see `read_registers`."""
+        self.ask(write_request(DEVICE, start, values))
+
+    def command(self, command: tuple[int, int], action: str) -> None:
+        """Send one of the device's own commands.
+
+        Raises
+        ------
+        MmtError
+            No answer comes, or the device does not accept it.
+        """
+        function, argument = command
+        answer = self.ask(frame(DEVICE, function, bytes([argument])))
+        if answer[0] != 1:
+            raise MmtError(
+                f"{self._name}: it does not accept to {action} (answer {answer[0]}); switch it off "
+                "and on, then start again"
+            )
+
+    def ask(self, request: bytes) -> bytes:
+        """Send a request and return the answer's content; what follows is kept for `read`.
+
+        Raises
+        ------
+        MmtError
+            No answer comes after three attempts, or the device refuses.
+        """
+        for _ in range(_ATTEMPTS):
+            self.read()
+            self.write(request)
+            received = self._await(answer_length(request))
+            try:
+                content = parse_answer(request, received)
+            except NoFrame:
+                self._garbage += len(received)
+                continue
+            except MmtError as error:
+                raise MmtError(f"{self._name}: {error}") from error
+            self._surplus = received[answer_length(request) :]
+            return content
+        raise NoFrame(f"{self._name}: {self._explain_silence()}")
+
+    def stop_stream(self) -> None:
+        """Jam the line so that the device stops streaming, and wait until it listens again."""
+        self.write(_JAM)
+        time.sleep(_QUIET_S)
+        self.read()
+
+    def close(self) -> None:
+        """Stop the stream and close; calling it twice is harmless."""
+        if self._serial.is_open:
+            with contextlib.suppress(OSError, MmtError):
+                self.write(_JAM)
+            with contextlib.suppress(OSError):
+                self._serial.close()
+
+    def _await(self, length: int) -> bytes:
+        received = b""
+        end = time.monotonic() + _ANSWER_S + 11 * length / self._baud
+        while time.monotonic() < end:
+            received += self.read()
+            if len(received) >= length or (len(received) >= 5 and received[1] & 0x80):
+                break
+            time.sleep(0.0005)
+        return received
+
+    def _explain_silence(self) -> str:
+        if self._garbage:
+            return (
+                f"{self._garbage} bytes came that make no sense: check 'baud' (1250000 as shipped, "
+                "also 115200 and 19200), and that nothing else drives the line"
+            )
+        return (
+            f"it does not answer at {self._baud} baud: check its power, the cable, that A and B of "
+            "the RS-485 adapter are not swapped, and 'baud'"
+        )
+
+    def _lost(self, error: Exception) -> DeviceLost:
+        return DeviceLost(f"{self._name}: the port is gone ({error}); plug the adapter in again")
+
+
+def _explain(error: Exception) -> str:
+    number = getattr(error, "errno", None)
+    if number in {errno.EACCES, errno.EPERM}:
+        return (
+            "no permission to open it: add yourself to the port's group "
+            "(sudo usermod -aG dialout $USER) and log in again"
+        )
+    if number == errno.ENOENT:
+        return "there is no such port: plug the adapter in, and see `ls /dev/serial/by-id`"
+    if number in {errno.EBUSY, errno.EAGAIN}:
+        return "another program uses the port: end that one"
+    return f"the port cannot be opened ({error}); it must allow even parity and 'baud'"

@@ -1,0 +1,125 @@
+"""A serial port in software: a pseudo terminal that can be unplugged. On Linux."""
+
+import contextlib
+import os
+import struct
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+_LARGEST: Final = 4096
+_TCGETS2: Final = 0x802C542A
+_TCSETS2: Final = 0x402C542B
+_SPEED_AT: Final = 40
+_IXANY: Final = 0x800
+
+
+class EmulatedPort:
+    """One side of a serial line; programs open the other by its path.
+
+    Parameters
+    ----------
+    period_ns
+        How often the device does something.
+    step
+        Called each period with the due time (ns, the host's monotonic) and the bytes that have
+        come; it may `write`.
+    """
+
+    def __init__(self, period_ns: int, step: Callable[[int, bytes], None]) -> None:
+        self.dropped = 0
+        """Bytes that nobody read in time, as by an overrun."""
+        self._period_ns = period_ns
+        self._step = step
+        self._directory = tempfile.TemporaryDirectory(prefix="mmt-port-")
+        self._link = Path(self._directory.name) / "port"
+        self._master = -1
+        self._baud = 0
+        self._lock = threading.Lock()
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="emulated port", daemon=True)
+
+    @property
+    def path(self) -> str:
+        """What a program opens; the same after it was plugged in again."""
+        return str(self._link)
+
+    @property
+    def baud(self) -> int:
+        """Bits a second that the program has set."""
+        return self._baud
+
+    def start(self) -> None:
+        """Plug it in and begin."""
+        self.plug()
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End and remove the port."""
+        self._ended.set()
+        self._thread.join()
+        self.unplug()
+        self._directory.cleanup()
+
+    def plug(self) -> None:
+        """Have the port appear."""
+        import pty
+        import tty
+
+        with self._lock:
+            if self._master >= 0:
+                return
+            self._master, slave = pty.openpty()
+            tty.setraw(slave)
+            self._link.symlink_to(os.ttyname(slave))
+            os.close(slave)
+            os.set_blocking(self._master, False)
+
+    def unplug(self) -> None:
+        """Have the port vanish, as with its USB plug."""
+        with self._lock:
+            if self._master >= 0:
+                os.close(self._master)
+                self._master = -1
+                self._link.unlink()
+
+    def write(self, content: bytes) -> None:
+        """Send bytes to the program; what its side cannot hold is dropped."""
+        sent = 0
+        with contextlib.suppress(OSError):  # full, or unplugged
+            sent = os.write(self._master, content)
+        self.dropped += len(content) - sent
+
+    def _run(self) -> None:
+        due_ns = time.monotonic_ns()
+        while not self._ended.is_set():
+            due_ns += self._period_ns
+            wait_ns = due_ns - time.monotonic_ns()
+            if wait_ns > 0:
+                time.sleep(wait_ns / 1e9)
+            with self._lock:
+                received = b""
+                if self._master >= 0:
+                    self._watch_settings()
+                    with contextlib.suppress(OSError):  # nothing came, or nobody has it open
+                        received = os.read(self._master, _LARGEST)
+                self._step(due_ns, received)
+
+    def _watch_settings(self) -> None:
+        """Note the baud rate, and mark the settings.
+
+        A pseudo terminal has no parity. Setting one that changes nothing is an error, so that
+        a second program could not open the port; the mark is a change that it makes.
+        """
+        import fcntl
+
+        settings = bytearray(44)
+        fcntl.ioctl(self._master, _TCGETS2, settings)
+        (flags,) = struct.unpack_from("=I", settings)
+        if not flags & _IXANY:
+            (self._baud,) = struct.unpack_from("=I", settings, _SPEED_AT)
+            struct.pack_into("=I", settings, 0, flags | _IXANY)
+            fcntl.ioctl(self._master, _TCSETS2, settings)

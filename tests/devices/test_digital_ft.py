@@ -1,0 +1,226 @@
+"""The Digital F/T's driver on the emulated sensor, over a pseudo terminal."""
+
+import itertools
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sensor_reading import read_some, read_until, read_until_fault
+
+from mmt.devices.ati.digital_ft import DigitalFtOptions, digital_ft, record_rate_hz
+from mmt.devices.ati.digital_registers import GAINS, STATUS
+from mmt.devices.loading import load_device
+from mmt.errors import DeviceLost, InputError, MmtError
+
+if sys.platform != "linux":
+    pytest.skip("the emulated port is for Linux", allow_module_level=True)
+
+from mmt.devices.emulated.digital_ft import EmulatedDigitalFt
+
+FORCE = (0.5, -0.25, 2.0)
+NEAR = pytest.approx(FORCE, abs=0.03)
+
+
+@pytest.fixture
+def emulated():
+    made = EmulatedDigitalFt(lambda _time_ns: FORCE, 115_200)
+    made.start()
+    yield made
+    made.stop()
+
+
+@pytest.fixture
+def sensor(emulated):
+    driver = digital_ft(**emulated.options)
+    driver.connect()
+    yield driver
+    driver.close()
+
+
+def test_forces_come_at_the_lines_rate(emulated, sensor):
+    readings = read_some(sensor, 200)
+    period_ns = 1e9 * 143 / 115_200
+    steps = [b.time_ns - a.time_ns for a, b in itertools.pairwise(readings)]
+    assert sorted(steps)[100] == pytest.approx(period_ns, abs=1)
+    assert all(reading.value == NEAR for reading in readings)
+    assert sensor.latency_ns == round(period_ns)  # the time on the line
+
+
+def test_the_full_rate_is_averaged_to_a_thousand_a_second():
+    assert (record_rate_hz(1_250_000), round(record_rate_hz(19_200))) == (7000.0, 134)
+    emulated = EmulatedDigitalFt(lambda _time_ns: FORCE, noise_counts=20.0)
+    emulated.start()
+    sensor = digital_ft(**emulated.options)
+    sensor.connect()
+    readings = read_some(sensor, 100)
+    sensor.close()
+    emulated.stop()
+    steps = [b.time_ns - a.time_ns for a, b in itertools.pairwise(readings)]
+    assert sorted(steps)[50] == 1_000_000
+    assert sensor.latency_ns == round(3 / 7000 * 1e9 + 143 / 1.25e6 * 1e9)
+    noise_n = np.std([reading.value[2] for reading in readings])
+    assert noise_n == pytest.approx(0.02 * 3**0.5 / 7**0.5, rel=0.5)  # three gauges, 0.001 N each
+
+
+def test_gauges_are_amplified_as_the_calibration_wants(emulated, sensor):
+    assert emulated.registers[GAINS] == 500
+    assert sensor.faults["gauge settings written"] == 1
+    sensor.connect()
+    assert sensor.faults["gauge settings written"] == 1
+
+
+def test_the_bias_is_removed(sensor):
+    sensor.calibrate()
+    assert read_some(sensor)[-1].value == pytest.approx((0, 0, 0), abs=0.03)
+
+
+def test_another_sensor_than_expected_is_explained(emulated):
+    for options, words in (
+        ({"serial": "FT9"}, "its serial number is FT00018, expected is FT9"),
+        ({"range_n": (25, 25, 35)}, "its range is 12, 12, 17 N"),
+        ({"force_unit": "lbf"}, "it measures in N, expected is lbf"),
+    ):
+        with pytest.raises(InputError, match=words):
+            digital_ft(**emulated.options, **options).connect()
+    with pytest.raises(MmtError, match="no usable calibration of this number"):
+        digital_ft(**emulated.options, calibration_number=3).connect()
+
+
+def test_a_bad_status_is_explained(emulated):
+    emulated.registers[STATUS] = 0x0020
+    with pytest.raises(MmtError, match=r"status 0x0020 .supply voltage too low.; check its supply"):
+        digital_ft(**emulated.options).connect()
+
+
+def test_a_sensor_that_streams_already_is_stopped_first(emulated, sensor):
+    emulated.stream()
+    other = digital_ft(**emulated.options)
+    sensor._line._serial.close()  # as after a crash: nobody has stopped the stream
+    other.connect()
+    assert read_some(other)[-1].value == NEAR
+    other.close()
+
+
+def test_flipped_bits_and_half_records_are_survived(emulated, sensor):
+    read_some(sensor)
+    readings = []
+    for fault in (
+        lambda: emulated.flip(4),
+        lambda: emulated.cut(5),
+        lambda: emulated.cut(12, 13, 0, 1),
+        lambda: emulated.garble(b"garbage \x00\xff"),
+    ):
+        fault()
+        readings += read_until_fault(sensor, "wrong sum")
+        readings += read_some(sensor)
+    near = [reading for reading in readings if reading.value == NEAR]
+    assert len(near) >= len(readings) - 4  # the sum does not see every flipped bit
+    times = [reading.time_ns for reading in readings]
+    assert times == sorted(set(times))
+
+
+def test_a_gap_is_no_error_in_time(emulated):
+    sensor = digital_ft(**emulated.options, silence_ms=5000)
+    sensor.connect()
+    before = read_some(sensor)
+    emulated.stall()
+    while sensor.read():
+        pass
+    end = time.monotonic() + 0.15
+    while time.monotonic() < end:
+        assert not sensor.read()
+    emulated.stall(silent=False)
+    readings = read_until_fault(sensor, "lost record", 50)
+    readings += read_some(sensor)
+    assert readings[-1].time_ns - before[-1].time_ns > 150_000_000
+    sensor.close()
+
+
+def test_an_unplugged_adapter_is_lost_and_comes_back(emulated, sensor):
+    sensor.calibrate()
+    before = read_some(sensor)
+    emulated.unplug()
+    with pytest.raises(DeviceLost, match="the port is gone"):
+        read_until(sensor, lambda _: False)
+    with pytest.raises(MmtError, match="there is no such port"):
+        sensor.connect()
+    with pytest.raises(DeviceLost, match="is closed"):
+        sensor.read()
+    emulated.plug()
+    sensor.connect()
+    after = read_some(sensor)
+    assert after[0].time_ns > before[-1].time_ns
+    assert after[-1].value == pytest.approx((0, 0, 0), abs=0.03)
+
+
+def test_silence_is_lost(emulated, sensor):
+    read_some(sensor)
+    emulated.stall()
+    with pytest.raises(DeviceLost, match=r"no record for \d+ ms; check the sensor's power"):
+        read_until(sensor, lambda _: False)
+
+
+def test_stuck_values_are_seen(emulated, sensor):
+    emulated.stuck = True
+    with pytest.raises(DeviceLost, match=r"the very same values for \d+ ms"):
+        read_until(sensor, lambda _: False)
+
+
+def test_records_with_the_error_bit_alone_are_lost(emulated, sensor):
+    read_some(sensor)
+    emulated.error = True
+    with pytest.raises(DeviceLost, match="100 ms no record was usable"):
+        read_until(sensor, lambda _: False)
+    assert sensor.faults["error bit"] > 0
+
+
+def test_saturation_and_overload_are_counted():
+    emulated = EmulatedDigitalFt(lambda _time_ns: (0.0, 0.0, 16.5), 115_200)
+    emulated.start()
+    sensor = digital_ft(**emulated.options)
+    sensor.connect()
+    sensor.calibrate()
+    emulated._truth = lambda _time_ns: (0.0, 0.0, 39.0)
+    read_until_fault(sensor, "overload", 5)
+    emulated._truth = lambda _time_ns: (0.0, 0.0, 120.0)
+    read_until_fault(sensor, "saturation", 5)
+    sensor.close()
+    emulated.stop()
+
+
+def test_a_wrong_baud_rate_is_explained(emulated):
+    wrong = digital_ft(port=emulated.port.path, baud=19_200)
+    emulated.stream()
+    with pytest.raises(MmtError, match="bytes came that make no sense: check 'baud'"):
+        wrong.connect()
+    with pytest.raises(MmtError, match="does not answer at 19200 baud: check its power"):
+        wrong.connect()
+
+
+def test_a_sensor_without_power_is_explained(emulated):
+    emulated.deaf = True
+    with pytest.raises(MmtError, match="does not answer at 115200 baud: check its power, the cab"):
+        digital_ft(**emulated.options).connect()
+
+
+def test_a_port_that_cannot_be_used_is_explained(emulated, sensor, monkeypatch):
+    with pytest.raises(MmtError, match="another program uses the port"):
+        digital_ft(**emulated.options).connect()
+
+    def refuse(*_arguments):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("os.open", refuse)
+    with pytest.raises(MmtError, match="no permission to open it: add yourself to the port's gro"):
+        digital_ft(**emulated.options).connect()
+
+
+def test_options_are_validated_and_documented():
+    for wrong in ({}, {"port": "x", "baud": 9600}, {"port": "x", "speed": 1}):
+        with pytest.raises(InputError, match="device 'ati-digital-ft'"):
+            load_device("ati-digital-ft", wrong)
+    page = (Path(__file__).parents[2] / "docs/how-to/nano17.md").read_text(encoding="utf-8")
+    for option in DigitalFtOptions.model_fields:
+        assert f"`{option}`" in page

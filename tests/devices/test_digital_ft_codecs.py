@@ -1,0 +1,223 @@
+"""The Digital F/T's frames, registers, records and clock, without a line."""
+
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mmt.devices.ati.digital_clock import CountingClock
+from mmt.devices.ati.digital_records import SIZE, RecordStream, pack_record
+from mmt.devices.ati.digital_registers import (
+    calibration_start,
+    explain_status,
+    pack_calibration,
+    parse_calibration,
+)
+from mmt.devices.ati.modbus import (
+    NoFrame,
+    answer_length,
+    checksum,
+    frame,
+    parse_answer,
+    read_request,
+    registers_of,
+    write_request,
+)
+from mmt.errors import MmtError
+
+MS = 1_000_000
+GAUGES = st.tuples(*[st.integers(-32768, 32767)] * 6)
+
+
+# --- Modbus
+
+
+def test_the_checksum_is_that_of_modbus():
+    assert checksum(b"123456789") == bytes([0x37, 0x4B])  # the catalogued check value, 0x4B37
+
+
+def test_requests_are_the_documented_bytes():
+    assert read_request(10, 0x00E3, 64)[:6] == bytes.fromhex("0a 03 00e3 0040")
+    assert write_request(10, 6, (1, 0x1234))[:-2] == bytes.fromhex("0a 10 0006 0002 04 0001 1234")
+    assert frame(10, 0x46, b"\x55")[:3] == bytes.fromhex("0a 46 55")
+    assert [answer_length(r) for r in (read_request(10, 0, 6), frame(10, 0x46, b"U"))] == [17, 5]
+    assert answer_length(write_request(10, 0, (1,))) == 8
+
+
+def test_an_answer_is_parsed_also_where_more_follows():
+    request = read_request(10, 0, 2)
+    answer = frame(10, 3, bytes.fromhex("04 0001 ff00"))
+    assert registers_of(parse_answer(request, answer + b"more")) == [1, 0xFF00]
+
+
+def test_what_is_no_answer_is_told_from_a_refusal():
+    request = read_request(10, 0, 2)
+    answer = frame(10, 3, bytes.fromhex("04 0001 ff00"))
+    broken = [b"", b"\xff" * 20, answer[:-1], answer[:-1] + b"\0", b"\x0b" + answer[1:]]
+    for received in broken:
+        with pytest.raises(NoFrame):
+            parse_answer(request, received)
+    with pytest.raises(MmtError, match="function 0x03 is refused: no such register"):
+        parse_answer(request, frame(10, 0x83, b"\x02"))
+
+
+# --- registers
+
+
+def test_calibrations_lie_where_they_are_documented():
+    assert (calibration_start(1), calibration_start(2), calibration_start(16)) == (227, 419, 3107)
+
+
+def packed(units=(2, 4), counts=(1000, 500)):
+    matrix = np.arange(36.0).reshape(6, 6)
+    ranges = (12, 12, 17, 120, 120, 120)
+    return pack_calibration("FT1", "SI-12", matrix, units, ranges, counts, range(6), range(6, 12))
+
+
+def test_a_calibration_is_read_from_its_registers():
+    registers = packed()
+    assert len(registers) == 168
+    assert registers[0] == 0x4654
+    assert registers[32 + 2 : 32 + 4] == list(struct.unpack(">2H", struct.pack(">f", 1.0)))
+    assert registers[104] == 0x0204
+    assert registers[117:121] == [0, 1000, 0, 500]
+    stored = parse_calibration(registers, "sensor")
+    assert stored.calibration.serial == "FT1"
+    assert stored.calibration.part == "SI-12"
+    assert stored.calibration.range_n == (12.0, 12.0, 17.0)
+    assert stored.matrix[1][0] == pytest.approx(6 / 1000)
+    assert stored.matrix[5][5] == pytest.approx(35 / 500)
+    assert (stored.gains, stored.offsets) == (tuple(range(6)), tuple(range(6, 12)))
+
+
+def test_other_units_of_a_calibration_are_converted():
+    stored = parse_calibration(packed(units=(1, 3)), "sensor")
+    assert stored.matrix[1][0] == pytest.approx(6 / 1000 * 4.4482216)
+    assert stored.calibration.range_n_mm == pytest.approx((120_000.0,) * 3)
+
+
+@pytest.mark.parametrize("wrong", [{"units": (0, 4)}, {"units": (2, 7)}, {"counts": (0, 1)}])
+def test_an_empty_calibration_is_explained(wrong):
+    with pytest.raises(MmtError, match="sensor: it holds no usable calibration"):
+        parse_calibration(packed(**wrong), "sensor")
+    with pytest.raises(MmtError, match="change 'calibration_number'"):
+        parse_calibration([0xFFFF] * 168, "sensor")
+
+
+def test_the_status_is_explained():
+    assert explain_status(0x0022) == (
+        "status 0x0022 (excitation voltage too high; supply voltage too low)"
+    )
+    assert explain_status(0x8000) == "status 0x8000 (meaning not known)"
+
+
+# --- records
+
+
+def test_a_record_is_the_documented_thirteen_bytes():
+    record = pack_record((0x0102, 0x0304, 0x0506, 0x0708, 0x090A, -1))
+    total = sum(bytes.fromhex("0102 0506 090a 0304 0708 ffff"))
+    assert record == bytes.fromhex("0102 0506 090a 0304 0708 ffff") + bytes([total & 0x7F])
+    assert pack_record((0,) * 6, error=True)[-1] == 0x80
+
+
+@given(st.lists(GAUGES, min_size=3, max_size=12), st.data())
+def test_records_are_found_however_the_bytes_are_split(gauges, data):
+    content = b"".join(pack_record(each) for each in gauges)
+    stream = RecordStream()
+    found = []
+    while content:
+        size = data.draw(st.integers(1, len(content)))
+        found += stream.feed(content[:size])
+        content = content[size:]
+    assert found == gauges
+    assert (stream.bad, stream.errors) == (0, 0)
+
+
+def numbered(first, count):
+    """Return records whose sums do not fit any other place than their own by chance."""
+    generator = np.random.default_rng(first)
+    return [tuple(int(v) for v in row) for row in generator.integers(-9999, 9999, (count, 6))]
+
+
+@given(st.integers(0, 8 * SIZE - 1))
+def test_a_flipped_bit_costs_its_record_alone(bit):
+    before, hit, after = numbered(1, 5), numbered(2, 1), numbered(3, 6)
+    broken = bytearray(pack_record(hit[0]))
+    broken[bit // 8] ^= 1 << bit % 8
+    stream = RecordStream()
+    content = b"".join(pack_record(each) for each in before)
+    content += bytes(broken) + b"".join(pack_record(each) for each in after)
+    found = stream.feed(content)
+    in_a_bit_that_is_not_summed = bit % 8 == 7 and bit // 8 < 12
+    if not in_a_bit_that_is_not_summed:
+        assert found == [*before, None, *after]
+        assert stream.bad + stream.errors == 1
+
+
+@given(st.integers(1, 12))
+def test_a_half_record_costs_one_record_alone(size):
+    before, hit, after = numbered(4, 5), numbered(5, 1), numbered(6, 6)
+    stream = RecordStream()
+    content = b"".join(pack_record(each) for each in before)
+    content += pack_record(hit[0])[:size] + b"".join(pack_record(each) for each in after)
+    assert stream.feed(content) == [*before, None, *after]
+
+
+@given(st.binary(max_size=300))
+def test_any_garbage_is_survived(garbage):
+    stream = RecordStream()
+    stream.feed(garbage)
+    records = numbered(7, 40)
+    found = [r for each in records for r in stream.feed(pack_record(each))]
+    assert found[-30:] == records[-30:]
+
+
+def test_a_record_with_the_error_bit_is_left_out():
+    stream = RecordStream()
+    records = numbered(8, 3)
+    content = b"".join(pack_record(each) for each in records) + pack_record((1,) * 6, error=True)
+    assert stream.feed(content) == [*records, None]
+    assert (stream.errors, stream.bad) == (1, 0)
+
+
+# --- clock
+
+
+def test_records_are_counted():
+    clock = CountingClock(1000.0)
+    times = []
+    for tick in range(3):
+        clock.arrive(2, tick * 2 * MS)
+        times += [clock.next(), clock.next()]
+    assert times == [0, MS, 2 * MS, 3 * MS, 4 * MS, 5 * MS]
+
+
+def feed(clock, arrivals):
+    for records, at_ms in arrivals:
+        clock.arrive(records, at_ms * MS)
+        for _ in range(records):
+            last_ns = clock.next()
+    return last_ns
+
+
+def test_what_a_silence_has_swallowed_is_counted():
+    clock = CountingClock(1000.0)
+    last_ns = feed(clock, [*[(1, t) for t in range(1, 50)], *[(1, t) for t in range(150, 160)]])
+    assert last_ns == 158 * MS
+    assert clock.missing == 100
+
+
+def test_what_was_merely_held_back_is_not():
+    clock = CountingClock(1000.0)
+    last_ns = feed(clock, [(1, 1), (1, 2), (98, 100), (1, 101), (1, 102)])
+    assert (last_ns, clock.missing) == (101 * MS, 0)
+
+
+def test_a_new_stream_goes_on_by_the_hosts_time():
+    clock = CountingClock(1000.0)
+    feed(clock, [(1, 1), (1, 2)])
+    clock.interrupt()
+    assert feed(clock, [(2, 500)]) == 499 * MS
