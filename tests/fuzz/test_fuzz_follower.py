@@ -35,7 +35,7 @@ class Watched:
         self.client._on_connect()
         self._step = self.service.source.step
         self.service.source.step = self._note  # type: ignore[method-assign]
-        self.service._fail = self.faults.append  # type: ignore[assignment,method-assign]
+        self.service.ending.fail = self.faults.append  # type: ignore[assignment,method-assign]
         self.client._events = self.client._events.__class__(
             **{**vars(self.client._events), "on_error": self.faults.append}
         )

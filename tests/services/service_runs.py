@@ -11,7 +11,8 @@ import numpy as np
 from mmt.arrays import RecordArray
 from mmt.devices.protocols import Vector
 from mmt.follower import service as follower_service
-from mmt.follower.service import FollowerService, FollowerSummary
+from mmt.follower.service import FollowerService
+from mmt.follower.summary import FollowerSummary
 from mmt.frames import FIELD_OF_CHANNEL, channels_of, frame_dtype
 from mmt.leader.service import LeaderService
 from mmt.leader.summary import LeaderSummary

@@ -11,7 +11,8 @@ from service_runs import Together, made_frames, small_scene
 from wire_relay import relay
 
 from mmt.devices.simulated.offline import simulate_session
-from mmt.follower.service import FollowerService, FollowerSummary
+from mmt.follower.service import FollowerService
+from mmt.follower.summary import FollowerSummary
 from mmt.frames import CHANNELS
 from mmt.leader.summary import LeaderSummary
 from mmt.link.client import FollowerClient, FollowerEvents

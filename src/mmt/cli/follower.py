@@ -20,7 +20,8 @@ from mmt.cli.common import (
     write_line,
 )
 from mmt.errors import InputError, MmtError
-from mmt.follower.service import FollowerService, FollowerSummary
+from mmt.follower.service import FollowerService
+from mmt.follower.summary import FollowerSummary
 from mmt.logs import Logs, details
 from mmt.realtime import be_real_time, require_real_time
 from mmt.scene import Scene

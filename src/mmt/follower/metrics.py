@@ -49,8 +49,9 @@ def _collect(service: "FollowerService") -> Iterator["Metric"]:
     yield from tick_metrics(service.ticker.statistics, service.ticker.periods)
     sent = client.backfill.get("sent", 0)
     yield counter("backfilled_frames", "Frames that were sent again.", sent)
-    if service.guard is not None:
-        commands = service.guard.summary
+    guard = service.driven.guard
+    if guard is not None:
+        commands = guard.summary
         yield counter("silences", "Times that the leader fell silent.", commands["silences"])
         yield counter("silent_seconds", "Time without a fresh command.", commands["silent_s"])
         yield counter("stale_commands", "Commands thrown away.", commands["stale_commands"])

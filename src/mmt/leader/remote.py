@@ -20,8 +20,6 @@ from mmt.scene import LARGEST_SPEED, Scene
 
 if TYPE_CHECKING:
     from mmt.link.clock_offset import ClockJump
-    from mmt.link.extra import ExtraEvent
-    from mmt.link.network import EmulatedNetwork
     from mmt.link.pages import Page
     from mmt.link.protocol import FollowerHello, LinkStatistics
     from mmt.link.server import LeaderServer
@@ -95,6 +93,7 @@ class RemoteFollower:
         MmtError
             The port cannot be had, or the token or a certificate cannot be used.
         """
+        from mmt.link.from_scene import emulated_network, extra_event
         from mmt.link.server import LeaderEvents, LeaderServer
 
         assert self._scene.link is not None  # noqa: S101 - the caller has looked
@@ -114,9 +113,9 @@ class RemoteFollower:
             ),
             fastest=self._fastest,
             session_id=self._log.session_id,
-            network=self._emulated_network(),
+            network=emulated_network(self._scene, "down", self._journal.event),
             pages=pages,
-            extra=self._extra_event(),
+            extra=extra_event(self._parts.feedback),
         )
         self._clock_notes = ClockNotes(self.server.clock, self._journal.record)
         await self.server.start()
@@ -148,28 +147,6 @@ class RemoteFollower:
         """Send records (n,) of the scene's further event."""
         if self.server is not None:
             self.server.send_extra(records)
-
-    # --- what the link is made of
-
-    def _emulated_network(self) -> "EmulatedNetwork | None":
-        if self._scene.network is None:
-            return None
-        from mmt.link.network import EmulatedNetwork
-
-        seed = self._scene.session.seed
-        return EmulatedNetwork(self._scene.network, "down", seed, self._journal.event)
-
-    def _extra_event(self) -> "ExtraEvent | None":
-        feedback = self._parts.feedback
-        if feedback is None or feedback.event is None or feedback.dtype is None:
-            return None
-        from mmt.link.extra import ExtraEvent
-
-        return ExtraEvent(feedback.event, feedback.dtype, feedback.take_records, feedback.restart)
-
-    def _request_frames(self, ranges: list[Range]) -> None:
-        if self.server is not None:
-            self.server.request_frames(ranges)
 
     # --- what the link reports
 
@@ -219,3 +196,7 @@ class RemoteFollower:
         if self._clock_notes is not None:
             sentence, details = self._clock_notes.jumped(jump)
             self._journal.event(sentence, **details)
+
+    def _request_frames(self, ranges: list[Range]) -> None:
+        if self.server is not None:
+            self.server.request_frames(ranges)

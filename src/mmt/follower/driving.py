@@ -1,0 +1,112 @@
+"""What the follower does every millisecond: drive its source as commanded, and measure."""
+
+import math
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from mmt.arrays import RecordArray
+from mmt.devices.protocols import FollowerSource, Vector
+from mmt.follower.guarding import CommandGuard
+from mmt.scene import Link, Scene, Texture
+
+if TYPE_CHECKING:
+    from mmt.follower.feedback import FollowerFeedback
+
+
+class DrivenSource:
+    """A source whose commands are guarded, and bounded by what force feedback allows.
+
+    Parameters
+    ----------
+    scene
+        What to run.
+    source
+        Takes the commands and is measured.
+    feedback
+        The follower's side of force feedback, None where it has none.
+    say
+        Called with a sentence for the person.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        source: FollowerSource,
+        feedback: "FollowerFeedback | None",
+        say: Callable[[str], None],
+    ) -> None:
+        self._source = source
+        self._feedback = feedback
+        self._say = say
+        self._devices = scene.devices
+        self._newest: RecordArray | None = None
+        self.guard = None if scene.replay is not None else _guard(scene, say)
+        """None where a recording is replayed, which follows no commands."""
+        watch = getattr(source, "watch", None)
+        if watch is not None:  # a source of devices
+            watch(self._on_device)
+
+    @property
+    def summary(self) -> dict[str, dict[str, Any]]:
+        """What was counted, a table for each part of the follower's summary."""
+        return {
+            "commands": self.guard.summary if self.guard is not None else {},
+            "devices": getattr(self._source, "summary", {}),
+            "feedback": dict(self._feedback.summary) if self._feedback is not None else {},
+        }
+
+    def take(self, commands: RecordArray, arrival_ns: int) -> None:
+        """Take commands (n,), the newest last, with their arrival."""
+        if self.guard is not None:
+            self.guard.take(commands, arrival_ns)
+
+    def step(self, elapsed: int) -> tuple[RecordArray, RecordArray | None]:
+        """Do the work of so many ticks, all but the last of which were missed.
+
+        Returns
+        -------
+        frames
+            Shape (n,), the ticks' frames; n is 0 where the source has none.
+        news
+            Shape (k,), records of the further event for the leader, None for none.
+        """
+        guard, feedback = self.guard, self._feedback
+        command = guard.step(elapsed, self._measured) if guard is not None else None
+        if feedback is not None:
+            command = feedback.command(command)
+        frames = self._source.step(elapsed, time.monotonic_ns(), command)
+        if not len(frames):
+            return frames, None
+        self._newest = frames
+        return frames, None if feedback is None else feedback.measured(frames)
+
+    def _measured(self) -> Vector | None:
+        """Return the robot's newest measured position, None before there is one."""
+        if self._newest is None:
+            return None
+        x, y, z = self._newest["position_mm"][-1].tolist()
+        return (x, y, z) if math.isfinite(x + y + z) else None
+
+    def _on_device(self, lost: bool, sentence: str) -> None:
+        """Do what the scene says while a device is lost."""
+        devices = self._devices
+        if self.guard is None or devices is None or devices.on_lost == "stop":
+            return
+        if lost:
+            self._newest = None
+            self.guard.halt(devices.on_lost)
+        else:
+            self.guard.release()
+        does = "holding" if devices.on_lost == "hold" else "retracting"
+        self._say(f"{sentence}{f': {does}' if lost else ': taking commands again'}")
+
+
+def _guard(scene: Scene, say: Callable[[str], None]) -> CommandGuard:
+    return CommandGuard(
+        scene.link or Link(),
+        scene.session.rate_hz,
+        (scene.texture or Texture()).normal,
+        measures_position="position" in scene.channels(),
+        say=say,
+    )
