@@ -1,0 +1,260 @@
+"""The ``.cal`` file, and forces from gauge voltages on an emulated board."""
+
+import itertools
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sensor_reading import read_some, read_until, read_until_fault
+
+from mmt.devices.ati.calibration_file import load_calibration_file, parse_calibration_file
+from mmt.devices.ati.gauges import Gauges, GaugesOptions
+from mmt.devices.emulated.gauges import EmulatedGauges
+from mmt.devices.loading import load_device
+from mmt.errors import DeviceLost, InputError, MmtError
+
+NAMES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
+ROWS = np.array(
+    [
+        [0.02, -0.03, 0.05, 1.7, 0.04, -1.7],
+        [0.1, -2.0, 0.03, 1.0, -0.06, 1.1],
+        [1.9, 0.05, 1.8, -0.02, 1.85, 0.01],
+        [0.2, -0.1, 11.0, 0.3, -11.2, 0.2],
+        [-12.5, 0.4, 6.1, -0.1, 6.3, 0.2],
+        [0.3, -7.5, 0.1, -7.4, 0.2, -7.6],
+    ]
+)
+"""N and N mm a volt."""
+FORCE = (0.5, -0.25, 2.0)
+
+
+def values(row):
+    return " ".join(f"{value:.9g}" for value in row)
+
+
+def cal_file(
+    axes=None, *, units=("N", "N-mm", "mm"), head="", ranges=(12, 12, 17, 120, 120, 120), gain="1"
+):
+    axes = axes or "".join(
+        f'<UserAxis Name="{name}" values=" {values(row)} " max="{limit}"/>'
+        for name, row, limit in zip(NAMES, ROWS, ranges, strict=True)
+    )
+    force, torque, length = units
+    return (
+        f'{head}<FTSensor Serial="FT00019" BodyStyle="Nano17" Family="DAQ" NumGages="6" '
+        f'CalFileVersion="1.1"><Calibration PartNumber="SI-12-0.12" CalDate="1/2/2024" '
+        f'ForceUnits="{force}" TorqueUnits="{torque}" DistUnits="{length}" OutputRange="20" '
+        f'GainMultiplier="{gain}" OutputBipolar="True">{axes}</Calibration></FTSensor>'
+    ).encode()
+
+
+# --- the file
+
+
+def test_the_user_axes_are_the_matrix():
+    head = '<?xml version="1.0" encoding="utf-8"?><!-- a note -->'
+    loaded = parse_calibration_file(cal_file(head=head))
+    np.testing.assert_allclose(loaded.matrix, ROWS)
+    assert loaded.calibration.serial == "FT00019"
+    assert loaded.calibration.part == "SI-12-0.12"
+    assert loaded.calibration.range_n == (12.0, 12.0, 17.0)
+    assert loaded.calibration.range_n_mm == (120.0, 120.0, 120.0)
+    assert loaded.output_v == 10.0
+
+
+def test_other_units_are_converted():
+    loaded = parse_calibration_file(cal_file(units=("lbf", "lbf-in", "in")))
+    np.testing.assert_allclose(loaded.matrix[0], 4.4482216152605 * ROWS[0])
+    np.testing.assert_allclose(loaded.matrix[5], 4.4482216152605 * 25.4 * ROWS[5])
+
+
+@pytest.mark.parametrize(
+    ("units", "millimetres_a_unit", "newton_mm"),
+    [(("N", "N-mm", "mm"), 1, 1), (("N", "N-m", "m"), 1e3, 1e3)],
+)
+def test_a_file_without_user_axes_gives_the_matrix_at_the_displaced_origin(
+    units, millimetres_a_unit, newton_mm
+):
+    displaced = np.array([0.3, -0.2, 6.096])
+    scales = np.array([11.4, 11.4, 5.9, 1.8, 1.8, 1.6])
+    axes = "".join(
+        f'<Axis Name="{name}" values="{values(row * scale)}" max="12" scale="{scale}"/>'
+        for name, row, scale in zip(NAMES, ROWS, scales, strict=True)
+    )
+    dx, dy, dz = displaced / millimetres_a_unit
+    axes += f'<BasicTransform Dx="{dx}" Dy="{dy}" Dz="{dz}" Rx="0" Ry="0" Rz="0"/>'
+    loaded = parse_calibration_file(cal_file(axes, units=units))
+    forces, torques = ROWS[:3], newton_mm * ROWS[3:]
+    moved = torques - np.cross(displaced, forces.T).T
+    np.testing.assert_allclose(loaded.matrix[:3], forces, rtol=1e-7)
+    np.testing.assert_allclose(loaded.matrix[3:], moved, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "it is no XML"),
+        (b"<html></html>", "no .cal file by ATI"),
+        (cal_file("<Nothing/>"), "neither UserAxis nor Axis"),
+        (cal_file('<UserAxis Name="Fx" values="1 2 3 4 5 6" max="1"/>'), "no UserAxis for Fy, Fz"),
+        (cal_file().replace(b"0.02 ", b"", 1), "Fx has 5 values, six are expected"),
+        (cal_file().replace(b"0.02 ", b"x ", 1), "values of Fx is 'x', not a number"),
+        (cal_file().replace(b"0.02 ", b"nan ", 1), "not finite"),
+        (cal_file(ranges=(0, 1, 1, 1, 1, 1)), "not above zero"),
+        (cal_file(units=("stone", "N-mm", "mm")), "unit of force 'stone' is not known"),
+        (cal_file(units=("", "N-mm", "mm")), "has no ForceUnits"),
+        (cal_file(gain="2"), "GainMultiplier is not 1"),
+    ],
+)
+def test_a_file_that_cannot_be_used_is_explained(content, words):
+    with pytest.raises(InputError, match=words):
+        parse_calibration_file(content)
+
+
+def test_a_file_that_is_missing_or_too_large_is_explained(tmp_path):
+    with pytest.raises(InputError, match=r"none.cal: No such file"):
+        load_calibration_file(tmp_path / "none.cal")
+    large = tmp_path / "large.cal"
+    large.write_bytes(bytes(2 << 20))
+    with pytest.raises(InputError, match="over 1 MiB"):
+        load_calibration_file(large)
+
+
+# --- the driver
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "FT00019.cal"
+    path.write_bytes(cal_file())
+    return path
+
+
+def make(file, board, **options):
+    given = {"calibration_file": file, "board": "lab.boards:board", **options}
+    return Gauges(GaugesOptions.model_validate(given), board)
+
+
+@pytest.fixture
+def board():
+    return EmulatedGauges(lambda _time_ns: FORCE, tuple(map(tuple, ROWS.tolist())))
+
+
+@pytest.fixture
+def sensor(file, board):
+    made = make(file, board)
+    made.connect()
+    yield made
+    made.close()
+
+
+def test_the_bias_is_taken_in_volts_and_the_clock_is_the_boards(board, sensor):
+    board._truth = lambda _time_ns: (0.0, 0.0, 0.0)
+    sensor.read()
+    sensor.calibrate()
+    np.testing.assert_allclose(sensor._converter.bias, [0.2] * 6, atol=1e-4)
+    board._truth = lambda _time_ns: FORCE
+    sensor.read()
+    readings = read_some(sensor, 100)
+    assert all(reading.value == pytest.approx(FORCE, abs=0.01) for reading in readings)
+    steps = {b.time_ns - a.time_ns for a, b in itertools.pairwise(readings)}
+    assert steps == {1_000_000}
+
+
+def test_the_stamp_is_the_instant_of_the_force(file):
+    board = EmulatedGauges(
+        lambda time_ns: (0.0, 0.0, math.sin(40e-9 * time_ns)), tuple(map(tuple, ROWS.tolist()))
+    )
+    sensor = make(file, board)
+    sensor.connect()
+    readings = read_some(sensor, 300)
+    z = np.array([reading.value[2] for reading in readings])
+    times_s = 1e-9 * (board._began_ns + np.array([reading.time_ns for reading in readings]))
+    expected = np.sin(40.0 * times_s)
+    np.testing.assert_allclose(z - z.mean(), expected - expected.mean(), atol=0.02)
+
+
+def test_the_calibration_is_checked(file, board):
+    with pytest.raises(InputError, match="its serial number is FT00019, expected is FT1"):
+        make(file, board, serial="FT1")
+    board.inputs = 4
+    with pytest.raises(InputError, match="set to 4 inputs, the gauges need six"):
+        make(file, board)
+
+
+def test_overload_saturation_and_broken_voltages_are_counted(board, sensor):
+    board._truth = lambda _time_ns: (0.0, 0.0, 20.0)
+    read_until_fault(sensor, "overload", 5)
+    board._truth = lambda _time_ns: (0.0, 0.0, 80.0)
+    read_until_fault(sensor, "saturation", 5)
+    board._truth = lambda _time_ns: (0.0, math.nan, 0.0)
+    read_until_fault(sensor, "impossible value", 5)
+
+
+def test_an_unplugged_board_is_lost_and_comes_back(board, sensor):
+    sensor.calibrate()
+    before = read_some(sensor)
+    board.unplug()
+    with pytest.raises(DeviceLost, match="the board does not answer any more"):
+        sensor.read()
+    with pytest.raises(MmtError, match="plug it in"):
+        sensor.connect()
+    with pytest.raises(DeviceLost, match="is closed"):
+        sensor.read()
+    board.plug()
+    sensor.connect()
+    after = read_some(sensor)
+    assert after[0].time_ns > before[-1].time_ns
+    assert after[-1].value == pytest.approx((0, 0, 0), abs=0.01)
+
+
+def test_silence_and_stuck_voltages_are_seen(board, sensor):
+    board.stuck = True
+    with pytest.raises(DeviceLost, match="the very same values"):
+        read_until(sensor, lambda _: False)
+    board.stall()
+    with pytest.raises(DeviceLost, match="no record for"):
+        read_until(sensor, lambda _: False)
+    with pytest.raises(MmtError, match="the board gives no voltages"):
+        sensor.connect()
+
+
+def test_the_boards_own_faults_are_shown(board, sensor):
+    board.faults = {"bad checksum": 3}
+    assert sensor.faults["board: bad checksum"] == 3
+
+
+def board_of_a_lab(*, amplified: bool):
+    assert amplified
+    return EmulatedGauges(lambda _time_ns: FORCE, tuple(map(tuple, ROWS.tolist())))
+
+
+def test_the_board_is_made_by_its_own_driver(file):
+    table = {"driver": f"{__name__}:board_of_a_lab", "amplified": True}
+    sensor = load_device("ati-gauges", {"calibration_file": str(file), "board": table})
+    sensor.connect()
+    assert read_some(sensor, 5)
+    sensor.close()
+
+
+def test_options_are_validated_and_documented(file):
+    for wrong in ({}, {"calibration_file": str(file)}, {"calibration_file": str(file), "board": 1}):
+        with pytest.raises(InputError, match="device 'ati-gauges'"):
+            load_device("ati-gauges", wrong)
+    page = (Path(__file__).parents[2] / "docs/how-to/nano17.md").read_text(encoding="utf-8")
+    for option in GaugesOptions.model_fields:
+        assert f"`{option}`" in page
+
+
+def test_a_driver_imports_neither_scipy_nor_numba():
+    program = (
+        "import sys, mmt.devices.ati.net_ft, mmt.devices.ati.digital_ft, mmt.devices.ati.gauges;"
+        "print([m for m in ('scipy', 'numba', 'asyncio') if m in sys.modules])"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", program], check=True, capture_output=True, text=True
+    )
+    assert result.stdout.strip() == "[]"
