@@ -8,8 +8,11 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from mmt.devices import discovery
+from mmt.devices.discovery import FoundPort
 from mmt.devices.emulated.hd import EmulatedHd
 from mmt.devices.loading import load_device
+from mmt.devices.openhaptics.library import Stack
 from mmt.devices.openhaptics.robot import OpenHapticsRobot
 from mmt.errors import DeviceLost, InputError, MmtError
 
@@ -185,6 +188,35 @@ def test_a_device_that_cannot_be_opened_says_why(make, emulated, fault, sentence
         make().connect()
 
 
+def test_ports_that_the_person_may_not_open_are_named(make, emulated, monkeypatch) -> None:
+    found = [
+        FoundPort("/dev/ttyACM7", "Touch", "", "no permission for /dev/ttyACM7: ask"),
+        FoundPort("/dev/ttyS0", "", "", ""),
+    ]
+    monkeypatch.setattr(discovery, "find_serial_ports", lambda: found)
+    emulated.fail("absent")
+    with pytest.raises(MmtError, match=r"then connect again; no permission for /dev/ttyACM7: ask$"):
+        make().connect()
+
+
+def test_a_library_that_may_not_be_read_is_told_from_one_that_is_no_library(
+    tmp_path, monkeypatch
+) -> None:
+    library = tmp_path / "libHD.so"
+    library.write_text("no library")
+    monkeypatch.setattr("os.access", lambda _path, _mode: False)
+    with pytest.raises(InputError, match="you may not read it: ask its owner"):
+        Stack(str(library))
+
+
+def test_a_servo_loop_that_stands_still_does_not_hold_up_the_calibration(make, emulated) -> None:
+    robot = make()
+    robot.connect()
+    emulated.stall()
+    with pytest.raises(DeviceLost, match="servo loop has stopped"):
+        until(lambda: False, robot.calibrate)  # the loop may have had a last tick
+
+
 def test_two_devices_share_the_stack_and_one_name_is_used_once(make, emulated) -> None:
     first, second, third = make(device="Left"), make(device="Right"), make(device="Left")
     first.connect()
@@ -220,6 +252,7 @@ def test_a_calibration_that_is_due_is_updated(make, emulated, caplog) -> None:
     robot.connect()
     emulated.uncalibrate(AUTO | INKWELL, NEEDS_UPDATE)
     robot.calibrate()
+    assert robot.faults == {}  # it has kept to one frame a tick
     emulated.uncalibrate(ENCODER_RESET, NEEDS_HANDS)
     with pytest.raises(MmtError, match="reset position"):
         make_again(robot, emulated)
@@ -271,6 +304,7 @@ def run_alone(program: str) -> str:
 
 PROGRAM = """
 import sys
+from mmt.devices.openhaptics.library import Stack
 from mmt.devices.openhaptics.robot import OpenHapticsRobot
 from mmt.errors import MmtError
 for library in {libraries!r}:

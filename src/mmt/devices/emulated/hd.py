@@ -17,7 +17,9 @@ import platformdirs
 from mmt.devices.protocols import Vector
 from mmt.errors import MmtError
 
-_SOURCE: Final = Path(__file__).with_name("hd_stub.c")
+_SOURCES: Final = tuple(
+    Path(__file__).with_name(name) for name in ("hd_stub.c", "hd_stub_world.c", "hd_stub.h")
+)
 _FLAGS: Final = ("-O2", "-std=gnu11", "-shared", "-fPIC", "-pthread")
 _COMPILERS: Final = ("cc", "gcc", "clang")
 _PATIENCE_S: Final = 60.0
@@ -45,7 +47,7 @@ def build_library(directory: Path | None = None) -> Path:
     MmtError
         There is no C compiler, or it fails.
     """
-    source = _SOURCE.read_bytes()
+    source = b"".join(path.read_bytes() for path in _SOURCES)
     if directory is None:
         directory = platformdirs.user_cache_path("mmt-haptics", appauthor=False)
     library = directory / f"emulated-hd-{hashlib.sha256(source).hexdigest()[:16]}.so"
@@ -60,7 +62,7 @@ def build_library(directory: Path | None = None) -> Path:
         with tempfile.TemporaryDirectory(dir=directory) as folder:
             made = Path(folder) / library.name
             subprocess.run(  # noqa: S603 - our own source, by the compiler of this machine
-                [compiler, *_FLAGS, str(_SOURCE), "-o", str(made), "-lm"],
+                [compiler, *_FLAGS, *map(str, _SOURCES[:-1]), "-o", str(made), "-lm"],
                 check=True, capture_output=True, text=True, timeout=_PATIENCE_S,
             )  # fmt: skip
             made.replace(library)

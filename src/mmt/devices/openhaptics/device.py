@@ -3,11 +3,9 @@
 import atexit
 import ctypes
 import logging
-import os
 import time
 from collections.abc import Callable, Mapping
 from functools import partial
-from pathlib import Path
 from typing import Final, Generic, TypeVar
 
 from mmt.devices.openhaptics import constants as hd
@@ -97,7 +95,7 @@ class HdDevice(Generic[AnyServo]):
         errors = stack.take_errors()
         if errors or handle == hd.INVALID_HANDLE:
             seen = explain(self.name, errors[0] if errors else HdError(hd.DEVICE_FAULT, 0))
-            raise MmtError(seen + _ports_without_permission())
+            raise MmtError(seen + _closed_ports())
         self._handle = handle
         try:
             stack.hd.hdMakeCurrentDevice(handle)
@@ -150,8 +148,7 @@ class HdDevice(Generic[AnyServo]):
         began = time.monotonic()
         told = False
         while True:
-            status = stack.in_servo(partial(self._calibrate_once, stack, style, reset=reset))
-            stack.check(self.name)
+            status = self._in_frame(partial(self._calibrate_once, stack, style, reset=reset))
             waited_s = time.monotonic() - began
             if status == hd.CALIBRATION_OK:
                 self._calibrated = True
@@ -167,14 +164,24 @@ class HdDevice(Generic[AnyServo]):
             reset = False
             time.sleep(_POLL_S)
 
-    def _calibrate_once(self, stack: Stack, style: int, *, reset: bool) -> int:
-        """Update the calibration where it is due; runs in the servo loop."""
-        stack.hd.hdBeginFrame(self._handle)
+    def _in_frame(self, function: Callable[[], object]) -> object:
+        """Let the servo run a function within its next frame and return what it returns."""
+        servo = self.servo
+        servo.ask(function)
+        while servo.request is not None:
+            self.check()
+            time.sleep(0.001)
+        if isinstance(servo.answer, MmtError):
+            raise servo.answer
+        return servo.answer
+
+    def _calibrate_once(self, stack: Stack, style: int, *, reset: bool) -> int | MmtError:
+        """Update the calibration where it is due, and return the state before; in a frame."""
         status: int = stack.hd.hdCheckCalibration()
         if reset or (status == hd.CALIBRATION_NEEDS_UPDATE and style != hd.ENCODER_RESET):
             stack.hd.hdUpdateCalibration(style)
-        stack.hd.hdEndFrame(self._handle)
-        return status
+        errors = stack.take_errors()
+        return MmtError(explain(self.name, errors[0])) if errors else status
 
     def close(self) -> None:
         """Take the force away and release the device; calling it twice is harmless."""
@@ -235,7 +242,8 @@ class HdDevice(Generic[AnyServo]):
         bad_since_ns = servo.bad_since_ns
         if bad_since_ns is not None and now_ns - bad_since_ns > _LOST_NS:
             raise DeviceLost(explain(self.name, HdError(hd.COMM_ERROR, 0)))
-        if now_ns - servo.tick_ns > _STOPPED_NS:
+        since_ns = self._stack.running_since_ns if self._stack is not None else None
+        if since_ns is not None and now_ns - max(servo.tick_ns, since_ns) > _STOPPED_NS:
             raise DeviceLost(
                 f"{self.name}: the servo loop has stopped: check cable and power, connect again"
             )
@@ -261,10 +269,8 @@ def _double(stack: Stack, what: int) -> float:
     return value.value
 
 
-def _ports_without_permission() -> str:
+def _closed_ports() -> str:
     """Return what to add where serial ports are there that this person may not open."""
-    ports = sorted(Path("/dev").glob("ttyACM*"))
-    closed = [str(port) for port in ports if not os.access(port, os.R_OK | os.W_OK)]
-    if not closed:
-        return ""
-    return f"; you may not open {', '.join(closed)}: join the group that owns it, often dialout"
+    from mmt.devices.discovery import find_serial_ports
+
+    return "".join(f"; {port.problem}" for port in find_serial_ports() if port.problem)

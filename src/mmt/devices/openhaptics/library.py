@@ -3,12 +3,12 @@
 import ctypes
 import os
 import threading
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
-from mmt.devices.openhaptics.constants import DEFAULT_PRIORITY
 from mmt.devices.openhaptics.sentences import HdError, explain
 from mmt.errors import InputError, MmtError
 
@@ -53,7 +53,6 @@ _PROTOTYPES: Final[dict[str, tuple[Any, list[Any]]]] = {
     "hdStartScheduler": (None, []),
     "hdStopScheduler": (None, []),
     "hdScheduleAsynchronous": (ctypes.c_ulong, [CALLBACK, ctypes.c_void_p, ctypes.c_uint16]),
-    "hdScheduleSynchronous": (None, [CALLBACK, ctypes.c_void_p, ctypes.c_uint16]),
     "hdUnschedule": (None, [ctypes.c_ulong]),
 }
 
@@ -74,6 +73,8 @@ class Stack:
     copies
         The same library for what only copies numbers. These calls keep the interpreter, so
         that no other thread sees a position half written.
+    running_since_ns
+        When the scheduler was started the last time, None while it stands.
 
     Raises
     ------
@@ -85,6 +86,7 @@ class Stack:
         self.path = path
         self._lock = threading.RLock()
         self._running = 0
+        self.running_since_ns: int | None = None
         try:
             self.hd: Any = ctypes.CDLL(path)
             self.copies: Any = ctypes.PyDLL(path)
@@ -98,6 +100,7 @@ class Stack:
         """Stop the scheduler for as long as devices come or go, `devices` of them."""
         with self._lock:
             if self._running:
+                self.running_since_ns = None
                 self.hd.hdStopScheduler()
             try:
                 yield
@@ -105,19 +108,7 @@ class Stack:
             finally:
                 if self._running:
                     self.hd.hdStartScheduler()
-
-    def in_servo(self, function: Callable[[], int]) -> int:
-        """Run a function in the servo loop, between two ticks, and return what it returns."""
-        results: list[int] = []
-
-        def call(_: Any) -> int:
-            results.append(function())
-            return 0
-
-        self.hd.hdScheduleSynchronous(CALLBACK(call), None, DEFAULT_PRIORITY)
-        if not results:
-            raise MmtError("the servo loop has not taken the call: connect the device again")
-        return results[0]
+                    self.running_since_ns = time.monotonic_ns()
 
     def take_errors(self) -> list[HdError]:
         """Return what lies on the stack of errors, newest first, and empty it."""

@@ -29,6 +29,9 @@ class Servo:
     assigning a slice: each happens as a whole, under the interpreter's lock. The velocity may
     be a tick newer than the position that is read beside it.
 
+    A `request` runs once, within the next frame, and leaves its `answer`: HD allows one frame a
+    tick and has calls that belong into one.
+
     Parameters
     ----------
     hd, copies
@@ -66,8 +69,14 @@ class Servo:
         self.fault: HdError | None = None
         self.failure: Exception | None = None
         self.counts: Counter[str] = Counter()
+        self.request: Callable[[], object] | None = None
+        self.answer: object = None
         self.newest_force_error: HdError | None = None
         self._rest_until_ns = 0
+
+    def ask(self, function: Callable[[], object]) -> None:
+        """Let a function run within the next frame; when `request` is None again, it has."""
+        self.answer, self.request = None, function
 
     def tick(self, _: Any) -> int:
         """Do one frame; the library calls it."""
@@ -76,6 +85,8 @@ class Servo:
             self._begin(self._handle)
             self._get(CURRENT_POSITION, self.position)
             self._get(CURRENT_VELOCITY, self.velocity)
+            if self.request is not None:
+                self.answer, self.request = self.request(), None
             self.drive(now_ns, self._fade(now_ns))
             self._set(CURRENT_FORCE, self.displayed)
             self._end(self._handle)

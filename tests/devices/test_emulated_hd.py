@@ -1,0 +1,115 @@
+"""The emulated HD library keeps the rules of the real one, so that a driver learns them."""
+
+import ctypes
+from collections.abc import Iterator
+
+import pytest
+
+from mmt.devices.emulated.hd import EmulatedHd, build_library
+from mmt.devices.openhaptics.constants import CURRENT_FORCE, CURRENT_POSITION, FORCE_OUTPUT
+from mmt.devices.openhaptics.library import Stack, Vector3, open_stack
+from mmt.devices.openhaptics.sentences import name_of
+from mmt.errors import MmtError
+
+
+@pytest.fixture
+def stack() -> Iterator[Stack]:
+    """The library with its scheduler at rest, so that frames are the test's own."""
+    try:
+        emulated = EmulatedHd()
+    except MmtError as error:
+        pytest.skip(str(error))
+    emulated.start()
+    opened = open_stack(emulated.address)
+    opened.take_errors()
+    opened.device = opened.hd.hdInitDevice(None)  # type: ignore[attr-defined]
+    yield opened
+    opened.hd.hdDisableDevice(opened.device)  # type: ignore[attr-defined]
+    opened.take_errors()
+
+
+def names(stack: Stack) -> list[str]:
+    return [name_of(error.code) for error in stack.take_errors()]
+
+
+def test_frames_are_neither_nested_nor_ended_twice_and_errors_pop_newest_first(stack) -> None:
+    stack.hd.hdBeginFrame(stack.device)
+    stack.hd.hdBeginFrame(stack.device)
+    stack.hd.hdEndFrame(stack.device)
+    stack.hd.hdEndFrame(stack.device)
+    stack.hd.hdEndFrame(77)
+    assert names(stack) == ["BAD_HANDLE", "ILLEGAL_END", "ILLEGAL_BEGIN"]
+    assert names(stack) == []
+
+
+def test_a_force_belongs_into_a_frame_and_is_gone_in_the_next_one(stack) -> None:
+    force = Vector3(1.0, 0.0, 0.0)
+    stack.hd.hdEnable(FORCE_OUTPUT)
+    stack.hd.hdSetDoublev(CURRENT_FORCE, force)
+    assert names(stack) == ["INVALID_OPERATION"]
+    emulated = EmulatedHd()
+    for expected in (1.0, 0.0):
+        stack.hd.hdBeginFrame(stack.device)
+        if expected:
+            stack.hd.hdSetDoublev(CURRENT_FORCE, force)
+        stack.hd.hdEndFrame(stack.device)
+        assert emulated.look(device=stack.device).motor_n[0] == expected
+    assert names(stack) == []
+
+
+def test_a_force_beyond_the_maximum_is_an_error_unless_it_is_clamped(stack) -> None:
+    stack.hd.hdEnable(FORCE_OUTPUT)
+    emulated = EmulatedHd()
+    for clamp, expected, errors in ((False, 0.0, ["EXCEEDED_MAX_FORCE"]), (True, 8.5, [])):
+        if clamp:
+            stack.hd.hdEnable(0x4001)
+        stack.hd.hdBeginFrame(stack.device)
+        stack.hd.hdSetDoublev(CURRENT_FORCE, Vector3(0.0, 20.0, 0.0))
+        stack.hd.hdEndFrame(stack.device)
+        assert emulated.look(device=stack.device).motor_n[1] == pytest.approx(expected)
+        assert names(stack) == errors
+
+
+def test_what_is_unknown_is_refused(stack) -> None:
+    stack.hd.hdGetDoublev(0x1234, Vector3())
+    stack.hd.hdEnable(0x1234)
+    stack.hd.hdUpdateCalibration(1)
+    stack.hd.hdUnschedule(5)
+    assert names(stack) == ["INVALID_VALUE", "INVALID_INPUT_TYPE", "INVALID_ENUM", "INVALID_ENUM"]
+
+
+def test_a_wall_stops_the_tip_and_a_hand_moves_it(stack) -> None:
+    emulated = EmulatedHd()
+    emulated.wall(-1.0, 2.0, device=stack.device)
+    emulated.hold((0.0, -21.0, 0.0), 0.1, device=stack.device)
+    stack.hd.hdStartScheduler()
+    wanted = emulated.ticks + 3000
+    position = Vector3()
+    while emulated.ticks < wanted:
+        stack.hd.hdGetDoublev(CURRENT_POSITION, position)
+        if abs(position[1] + 1.0 + 20.0 * 0.1 / 2.1) < 0.01 and emulated.look(
+            device=stack.device
+        ).velocity_mm_s[1] == pytest.approx(0.0, abs=0.01):
+            break
+    else:
+        pytest.fail(f"the tip is at {position[1]} mm")
+    stack.hd.hdStopScheduler()
+
+
+def test_a_compiler_that_is_missing_or_fails_is_explained(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.raises(MmtError, match="install a C compiler"):
+        build_library(tmp_path)
+    monkeypatch.setenv("CC", "false")
+    with pytest.raises(MmtError, match="cannot compile the emulated OpenHaptics device"):
+        build_library(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_handle_of_the_scheduler_is_wider_than_32_bits(stack) -> None:
+    """A binding without a result type would cut it, and unschedule nothing."""
+    call = ctypes.CFUNCTYPE(ctypes.c_uint32, ctypes.c_void_p)(lambda _: 1)
+    scheduled = stack.hd.hdScheduleAsynchronous(call, None, 0)
+    assert scheduled > 2**32
+    stack.hd.hdUnschedule(scheduled)
+    assert names(stack) == []
