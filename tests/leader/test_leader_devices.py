@@ -63,11 +63,13 @@ def scene(drivers: str, **handle: object) -> Scene:
 
 def test_handle_and_actuator_are_made_by_their_drivers_with_their_options(drivers: str) -> None:
     parts = build_parts(scene(drivers, arm="left"), lambda _update, _time: None)
+    mended = parts.mended
+    assert mended is not None
     assert parts.hand.options == {"arm": "left"}  # type: ignore[union-attr]
-    assert parts.actuator.options == {"volts": 2.0}  # type: ignore[union-attr]
+    assert mended.device.options == {"volts": 2.0}  # type: ignore[union-attr]
     parts.connect()
     assert parts.close() == []
-    for device in (parts.hand, parts.actuator):
+    for device in (parts.hand, mended.device):
         assert device.calls == ["connect", "calibrate", "close"]  # type: ignore[union-attr]
 
 

@@ -18,6 +18,7 @@ from mmt.leader.stream import StreamedMotion, StreamedVibration
 from mmt.scene import Scene, Simulated, Texture
 
 if TYPE_CHECKING:
+    from mmt.devices.mending import MendedActuator
     from mmt.leader.modelling import ModellingTask
     from mmt.session.recording import McapRecorder
     from mmt.texture.modelling import ModelUpdate
@@ -30,6 +31,8 @@ class LeaderParts:
 
     hand: LeaderInterface | None = None
     actuator: VibrationActuator | None = None
+    mended: "MendedActuator | None" = None
+    """The actuator, where it is a driver's, which may be lost and come back."""
     playout: PlayoutBuffer | None = None
     streamed_vibration: StreamedVibration | None = None
     streamed_motion: StreamedMotion | None = None
@@ -57,7 +60,7 @@ class LeaderParts:
             except MmtError:
                 raise
             except Exception as error:
-                name, reason = type(device).__name__, str(error) or type(error).__name__
+                name, reason = self._name(device), str(error) or type(error).__name__
                 raise MmtError(f"{name} cannot be connected: {reason}") from error
 
     def begin_recording(self, session_id: str) -> None:
@@ -100,10 +103,14 @@ class LeaderParts:
                 if device is not None:
                     device.close()
             except Exception as error:  # noqa: BLE001 - the rest must still be closed
-                problems.append(f"closing {type(device).__name__}: {error}")
+                problems.append(f"closing {self._name(device)}: {error}")
         if self.recorder is not None:
             self.recorder.close()
         return problems
+
+    def _name(self, device: LeaderInterface | VibrationActuator | None) -> str:
+        mended = self.mended
+        return type(mended.device if mended is not None and device is mended else device).__name__
 
 
 def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None]) -> LeaderParts:
@@ -168,21 +175,22 @@ def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None])
     return parts
 
 
-def _make_actuator(table: Actuator) -> VibrationActuator:
+def _make_actuator(table: Actuator, parts: LeaderParts) -> VibrationActuator:
     if table.driver is None:
         from mmt.devices.simulated.actuator import SimulatedActuator
 
         return SimulatedActuator(limit_m_s2=table.limit_m_s2)
     from mmt.devices.loading import load_device
+    from mmt.devices.mending import MendedActuator
 
-    actuator: VibrationActuator = load_device(table.driver, table.options)
-    return actuator
+    parts.mended = MendedActuator(load_device(table.driver, table.options))
+    return parts.mended
 
 
 def _build_vibration(scene: Scene, parts: LeaderParts) -> None:
     assert scene.actuator is not None  # noqa: S101 - the caller has looked
     limit_m_s2 = scene.actuator.limit_m_s2
-    parts.actuator = _make_actuator(scene.actuator)
+    parts.actuator = _make_actuator(scene.actuator, parts)
     crossfade_ms = 0.0
     if scene.rendering is not None:
         from mmt.texture.synthesis import Synthesizer

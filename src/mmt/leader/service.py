@@ -201,6 +201,9 @@ class LeaderService:
                 LOG.debug("status", extra=logs.details(status=status.as_dict()))
             if self.remote is not None:
                 self.remote.look()
+            mended = self.parts.mended
+            for sentence in mended.take_news() if mended is not None else ():
+                self._journal.event(sentence)
             recorder = self.parts.recorder
             if recorder is not None and recorder.error is not None:
                 self.ending.fail(MmtError(f"recording {recorder.path}: {recorder.error}"))

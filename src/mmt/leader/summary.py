@@ -144,6 +144,8 @@ def _vibration(log: RunLog, parts: LeaderParts, clock_offset_ns: int | None) -> 
         return {}
     table: dict[str, Any] = {"mode": parts.switch.mode, "switches": log.switches}
     table["actuator"] = asdict(parts.actuator.statistics)
+    if parts.mended is not None:
+        table["actuator"] |= parts.mended.losses_summary
     if parts.playout is not None:
         age_ms = parts.playout.age_ms(clock_offset_ns)
         table["playout"] = {**asdict(parts.playout.statistics()), "age_ms": age_ms}

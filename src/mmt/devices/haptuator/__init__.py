@@ -1,0 +1,1 @@
+"""Haptuators, and other voice-coil actuators that an amplifier drives."""

@@ -1,0 +1,78 @@
+"""From the acceleration that is wanted to the voltage that an actuator may get."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from mmt.arrays import FloatArray
+from mmt.devices.haptuator.options import HaptuatorOptions
+from mmt.devices.protocols import ActuatorStatistics
+from mmt.texture.biquad import BiquadFilter, bessel_low_pass, butterworth_high_pass
+
+_HIGHEST_SHARE: Final = 0.4999
+"""A low-pass above this share of the rate would pass all that there is."""
+
+
+class VoltageDrive:
+    """Keep samples within the band, scale them to volts, and limit the voltage.
+
+    Plain Python, some 2 us a sample. A sample that is not finite counts as clipped and as
+    zero.
+
+    Parameters
+    ----------
+    options
+        Band, scale and limits.
+    rate_hz
+        Of the samples. A low-pass that would lie at half of it or above is left out.
+    """
+
+    def __init__(self, options: HaptuatorOptions, rate_hz: float) -> None:
+        self._scale = options.volts_per_m_s2
+        self._limit_v = options.largest_v
+        sections = [BiquadFilter(butterworth_high_pass(options.low_hz, rate_hz))]
+        if options.high_hz < _HIGHEST_SHARE * rate_hz:
+            sections.append(BiquadFilter(bessel_low_pass(options.high_hz, rate_hz)))
+        self._filters: tuple[Callable[[float], float], ...] = tuple(s.step for s in sections)
+        self._sections = sections
+        self._samples = 0
+        self._clipped = 0
+        self._sum_squares = 0.0
+        self._peak = 0.0
+        self.rest()
+
+    def rest(self) -> None:
+        """Begin at rest: what comes next is not taken for what has always been."""
+        for section in self._sections:
+            section.reset()
+            section.step(0.0)
+
+    def convert(self, samples_m_s2: Sequence[float] | FloatArray) -> list[float]:
+        """Return the voltages (V) for samples (n,), m/s2."""
+        values = samples_m_s2 if isinstance(samples_m_s2, Sequence) else samples_m_s2.tolist()
+        limit_v, scale, filters = self._limit_v, self._scale, self._filters
+        volts = []
+        for value in values:
+            magnitude = abs(value)
+            if math.isfinite(magnitude):
+                self._peak = max(self._peak, magnitude)
+                wanted = value
+            else:
+                wanted = 0.0
+                self._clipped += 1
+            for step in filters:
+                wanted = step(wanted)
+            voltage = wanted * scale
+            if not -limit_v <= voltage <= limit_v:
+                voltage = math.copysign(limit_v, voltage)
+                self._clipped += 1
+            self._sum_squares += voltage * voltage
+            volts.append(voltage)
+        self._samples += len(values)
+        return volts
+
+    @property
+    def statistics(self) -> ActuatorStatistics:
+        """Counts and levels; the RMS is that of the band, after the limit."""
+        rms_v = math.sqrt(self._sum_squares / self._samples) if self._samples else 0.0
+        return ActuatorStatistics(self._samples, self._clipped, rms_v / self._scale, self._peak)

@@ -1,0 +1,39 @@
+"""Options that a Haptuator takes whichever way it is driven."""
+
+from typing import Annotated, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+LARGEST_HZ = 1000.0
+
+
+class HaptuatorOptions(BaseModel):
+    """What the actuator stands, and what it makes of a volt."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    volts_per_m_s2: float = Field(gt=0, le=100)
+    """Voltage at the actuator for 1 m/s2, from the calibration of its level."""
+    full_scale_v: float = Field(gt=0, le=100)
+    """Voltage at the actuator for the largest number that the converter takes."""
+    limit_v: float = Field(default=3.0, gt=0, le=100)
+    """Largest voltage that the actuator may get."""
+    low_hz: float = Field(default=90.0, ge=1, le=400)
+    """Below this the actuator distorts: a second-order high-pass."""
+    high_hz: float = Field(default=LARGEST_HZ, ge=20, le=LARGEST_HZ)
+    """Above this it is not driven: a second-order low-pass, where the signal reaches so far."""
+
+    @model_validator(mode="after")
+    def _band(self) -> Self:
+        if self.high_hz <= self.low_hz:
+            raise ValueError(
+                f"high_hz {self.high_hz:g} must be above low_hz {self.low_hz:g}: nothing would pass"
+            )
+        return self
+
+    @property
+    def largest_v(self) -> float:
+        """What limits the voltage: the actuator or the amplifier."""
+        return min(self.limit_v, self.full_scale_v)

@@ -1,0 +1,239 @@
+"""A Haptuator behind an amplifier at a sound card's output."""
+
+import contextlib
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from mmt.arrays import FloatArray
+from mmt.devices.haptuator.drive import VoltageDrive
+from mmt.devices.haptuator.library import find_output, load_sounddevice
+from mmt.devices.haptuator.options import HaptuatorOptions
+from mmt.devices.haptuator.pulling import Puller
+from mmt.devices.loading import read_options
+from mmt.devices.protocols import ActuatorStatistics
+from mmt.errors import DeviceLost, MmtError
+
+DRIVER: Final = "haptuator-sound"
+
+_RATE_HZ: Final = 1000.0
+"""Of the session, which has no other."""
+_SILENCE_NS: Final = 500_000_000
+"""A card that asks for nothing for so long is lost."""
+_FADE_PATIENCE_S: Final = 0.1
+_LONGEST_AHEAD_S: Final = 5.0
+_SMOOTHING: Final = 0.02
+
+
+class SoundOptions(HaptuatorOptions):
+    """Options of ``haptuator-sound``."""
+
+    device: str | int | None = None
+    """Output by part of its name or by number; None for the system's default."""
+    channel: int = Field(default=1, ge=1, le=64)
+    """Output that the amplifier is plugged into, counted from 1; the others are silent."""
+    card_rate_hz: int = Field(default=48_000, ge=8000, le=192_000)
+    block_ms: float = Field(default=2.0, ge=0.5, le=50)
+    """What the card asks for at a time."""
+    buffer_ms: float = Field(default=4.0, ge=1, le=200)
+    """How late a sample may be written."""
+
+
+@dataclass(frozen=True, slots=True)
+class SoundStatistics(ActuatorStatistics):
+    """Counts and levels, and how the card went along."""
+
+    underruns: int
+    """How often samples came too late for the card."""
+    slips: int
+    """How often the reading jumped to be in time again."""
+    card_underflows: int
+    """How often the card's own buffer ran dry, as PortAudio reports it."""
+    limited_frames: int
+    """Frames that went beyond the limit between the samples and were cut."""
+    drift_ppm: float
+    """How much faster the session's clock runs than the card's."""
+    latency_ms: float | None
+    """From writing a sample to the converter, the mean of the last blocks; None before any."""
+
+
+def haptuator_sound(**options: Any) -> "SoundHaptuator":
+    """Make the driver; see `SoundOptions`.
+
+    Raises
+    ------
+    InputError
+        An option is not allowed.
+    """
+    return SoundHaptuator(read_options(SoundOptions, DRIVER, options))
+
+
+class SoundHaptuator:
+    """A `VibrationActuator` at a sound card.
+
+    The card's thread takes blocks from a `Puller` that `write` fills. Counts go on when it is
+    connected again.
+
+    Parameters
+    ----------
+    options
+        See `SoundOptions`.
+    library
+        What `sounddevice` offers, as an emulated card does; None imports it.
+    clock_ns
+        The monotonic time.
+    """
+
+    def __init__(
+        self,
+        options: SoundOptions,
+        library: Any = None,
+        clock_ns: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self.name = f"sound card {'(default)' if options.device is None else options.device}"
+        self._options = options
+        self._library = library
+        self._clock_ns = clock_ns
+        self._drive = VoltageDrive(options, _RATE_HZ)
+        self._block_frames = max(1, round(options.block_ms * options.card_rate_hz / 1000.0))
+        self._puller = self._new_puller()
+        self._stream: Any = None
+        self._ended = False
+        self._called_ns = 0
+        self._card_underflows = 0
+        self._limited = 0
+        self._card_latency_s = 0.0
+        self._latency_s: float | None = None
+
+    def connect(self) -> None:
+        """Open the output; silence is played until the first samples have come.
+
+        Raises
+        ------
+        InputError
+            There is no such output, or it has not so many channels.
+        MmtError
+            The library is missing, or the output does not open.
+        """
+        self.close()
+        if self._library is None:
+            self._library = load_sounddevice()
+        library, options = self._library, self._options
+        device = find_output(library, options.device, options.channel)
+        previous = self._puller
+        self._puller = self._new_puller()
+        self._puller.drift = previous.drift
+        self._puller.underruns, self._puller.slips = previous.underruns, previous.slips
+        self._drive.rest()
+        self._ended = False
+        self._called_ns = self._clock_ns()
+        try:
+            self._stream = library.OutputStream(
+                samplerate=options.card_rate_hz,
+                blocksize=self._block_frames,
+                device=device,
+                channels=options.channel,
+                dtype="float32",
+                latency="low",
+                callback=self._fill,
+                finished_callback=self._on_finished,
+            )
+            self._card_latency_s = float(self._stream.latency)
+            self._stream.start()
+        except library.PortAudioError as error:
+            self._release()
+            raise MmtError(
+                f"{self.name} cannot be opened at {options.card_rate_hz} Hz ({error}): check that "
+                "no other program holds it, and 'card_rate_hz'"
+            ) from error
+
+    def calibrate(self) -> None:
+        """Do nothing: what the actuator makes of a volt is an option."""
+
+    def write(self, samples_m_s2: Sequence[float] | FloatArray) -> None:
+        """Play samples (n,), m/s2; never blocks.
+
+        Raises
+        ------
+        DeviceLost
+            The card asks for nothing any more.
+        """
+        if self._stream is None:
+            raise DeviceLost(f"{self.name} is closed: connect it again")
+        if self._ended or self._clock_ns() - self._called_ns > _SILENCE_NS:
+            raise DeviceLost(
+                f"{self.name} asks for no more sound: check its cable, and that the system has not "
+                "switched it off"
+            )
+        self._puller.write(self._drive.convert(samples_m_s2))
+
+    def close(self) -> None:
+        """Fade out and release the card; calling it twice is harmless."""
+        if self._stream is None:
+            return
+        if not self._ended:
+            self._puller.mute()
+            give_up = time.monotonic() + _FADE_PATIENCE_S
+            while not self._puller.silent and time.monotonic() < give_up:
+                time.sleep(0.001)
+        self._release()
+
+    @property
+    def statistics(self) -> SoundStatistics:
+        """Counts and levels since it was made."""
+        drive, puller, latency_s = self._drive.statistics, self._puller, self._latency_s
+        return SoundStatistics(
+            samples=drive.samples,
+            clipped=drive.clipped,
+            rms_m_s2=drive.rms_m_s2,
+            peak_m_s2=drive.peak_m_s2,
+            underruns=puller.underruns,
+            slips=puller.slips,
+            card_underflows=self._card_underflows,
+            limited_frames=self._limited,
+            drift_ppm=round(1e6 * puller.drift, 1),
+            latency_ms=None if latency_s is None else round(1e3 * latency_s, 2),
+        )
+
+    def _new_puller(self) -> Puller:
+        options = self._options
+        return Puller(_RATE_HZ, float(options.card_rate_hz), self._block_frames, options.buffer_ms)
+
+    def _release(self) -> None:
+        stream, self._stream = self._stream, None
+        if stream is not None:
+            with contextlib.suppress(self._library.PortAudioError):  # the card may be gone
+                stream.abort()
+            with contextlib.suppress(self._library.PortAudioError):
+                stream.close()
+
+    def _fill(self, block: npt.NDArray[np.float32], frames: int, times: Any, status: Any) -> None:
+        """Fill a block (frames, channels) for the card, in the card's own thread."""
+        if status.output_underflow:
+            self._card_underflows += 1
+        self._called_ns = self._clock_ns()
+        limit_v = self._options.largest_v
+        volts = self._puller.read(frames)
+        beyond = int(np.count_nonzero(np.abs(volts) > limit_v))
+        if beyond:
+            self._limited += beyond
+            np.clip(volts, -limit_v, limit_v, out=volts)
+        block.fill(0.0)
+        block[:, -1] = volts / self._options.full_scale_v
+        if not self._puller.silent:
+            ahead_s = times.outputBufferDacTime - times.currentTime
+            if not 0.0 < ahead_s < _LONGEST_AHEAD_S:  # not every system fills both in
+                ahead_s = self._card_latency_s
+            latency_s = ahead_s + self._puller.fill / _RATE_HZ
+            known = self._latency_s
+            self._latency_s = (
+                latency_s if known is None else known + _SMOOTHING * (latency_s - known)
+            )
+
+    def _on_finished(self) -> None:
+        self._ended = True

@@ -1,0 +1,211 @@
+"""What a Haptuator gets: band, voltage limit, interpolation, and two clocks."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy import signal
+
+from mmt.devices.haptuator.drive import VoltageDrive
+from mmt.devices.haptuator.interpolation import AFTER, BEFORE, Interpolator, tap_table
+from mmt.devices.haptuator.options import HaptuatorOptions
+from mmt.devices.haptuator.pulling import Puller
+from mmt.devices.loading import read_options
+from mmt.errors import InputError
+
+
+def drive(**changes: float) -> VoltageDrive:
+    return VoltageDrive(
+        HaptuatorOptions(**{"volts_per_m_s2": 0.1, "full_scale_v": 6.0, **changes}), 1000.0
+    )
+
+
+# --- the voltage
+
+
+def test_the_voltage_is_that_of_scipys_filters_scaled() -> None:
+    samples = np.random.default_rng(1).normal(0.0, 5.0, 500)
+    high = signal.butter(2, 90.0, "highpass", fs=1000.0, output="sos")
+    low = signal.bessel(2, 300.0, norm="mag", fs=1000.0, output="sos")
+    expected = 0.1 * signal.sosfilt(np.vstack([high, low]), samples)
+    np.testing.assert_allclose(drive(high_hz=300.0).convert(samples), expected, atol=1e-12)
+    wide = 0.1 * signal.sosfilt(high, samples)
+    np.testing.assert_allclose(drive().convert(samples), wide, atol=1e-12)
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    st.lists(st.floats(width=64), max_size=50),
+    st.floats(0.01, 100.0),
+    st.floats(0.1, 20.0),
+    st.floats(0.1, 20.0),
+)
+def test_no_voltage_is_ever_beyond_the_limit(
+    samples: list[float], volts_per_m_s2: float, limit_v: float, full_scale_v: float
+) -> None:
+    volts = drive(volts_per_m_s2=volts_per_m_s2, limit_v=limit_v, full_scale_v=full_scale_v)
+    played = volts.convert(samples)
+    assert len(played) == len(samples)
+    assert all(abs(value) <= min(limit_v, full_scale_v) for value in played)
+    assert all(math.isfinite(value) for value in played)
+    assert volts.statistics.samples == len(samples)
+
+
+def test_what_is_cut_or_not_finite_is_counted() -> None:
+    volts = drive()
+    played = volts.convert([100.0, -100.0] * 50 + [math.nan, math.inf])
+    statistics = volts.statistics
+    assert max(played) == pytest.approx(3.0)
+    assert statistics.clipped == sum(abs(value) == 3.0 for value in played) + 2
+    assert statistics.peak_m_s2 == 100.0
+    assert statistics.rms_m_s2 == pytest.approx(10.0 * np.sqrt(np.mean(np.square(played))))
+
+
+def test_options_that_cannot_be_are_explained() -> None:
+    for options, words in (
+        ({"volts_per_m_s2": 0.1}, "full_scale_v"),
+        ({"volts_per_m_s2": 0.1, "full_scale_v": 6, "low_hz": 300, "high_hz": 200}, "above low_hz"),
+        ({"volts_per_m_s2": 0.1, "full_scale_v": 6, "limit_v": -1}, "limit_v"),
+        ({"volts_per_m_s2": 0.1, "full_scale_v": 6, "volume": 3}, "volume"),
+    ):
+        with pytest.raises(InputError, match=words):
+            read_options(HaptuatorOptions, "haptuator", options)
+
+
+# --- between the samples
+
+
+def test_samples_are_met_and_a_constant_is_kept() -> None:
+    ring = np.random.default_rng(2).normal(size=64)
+    reader = Interpolator(ring)
+    np.testing.assert_allclose(reader.read(10.0, 1.0, 40), ring[10:50], atol=1e-12)
+    np.testing.assert_allclose(tap_table().sum(axis=1), 1.0, atol=1e-12)
+    ring[:] = 2.5
+    np.testing.assert_allclose(reader.read(3.3, 0.021, 500), 2.5, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("frequency_hz", "within"), [(90.0, 0.03), (200.0, 0.03), (300.0, 0.04), (400.0, 0.30)]
+)
+def test_a_tone_in_the_band_keeps_its_level(frequency_hz: float, within: float) -> None:
+    ring = np.sin(2.0 * np.pi * frequency_hz * np.arange(1024) / 1000.0)
+    instants = 20.0 + np.arange(40_000) / 48.0
+    played = Interpolator(ring).read(20.0, 1.0 / 48.0, 40_000)
+    wanted = np.sin(2.0 * np.pi * frequency_hz * instants / 1000.0)
+    assert np.max(np.abs(played - wanted)) < within
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    arrays(np.float64, 64, elements=st.floats(-1e6, 1e6)),
+    st.floats(BEFORE, 50.0),
+    st.floats(1e-3, 3.0),
+    st.integers(0, 200),
+)
+def test_a_ring_is_read_around_its_end(
+    ring: np.ndarray, position: float, step: float, count: int
+) -> None:
+    twice = np.concatenate([ring, ring, ring, ring])
+    whole = 64 * (math.ceil((position + step * count + AFTER) / 64) + 1)
+    if whole > len(twice):
+        count = int((len(twice) - AFTER - 1 - position) / step)
+    expected = Interpolator(twice).read(position, step, count)
+    np.testing.assert_allclose(
+        Interpolator(ring).read(position + 640.0, step, count), expected, atol=1e-3, rtol=1e-6
+    )
+
+
+# --- two clocks
+
+
+def tone() -> Iterator[float]:
+    k = 0
+    while True:
+        yield math.sin(2.0 * math.pi * 200.0 * k / 1000.0)
+        k += 1
+
+
+def run(puller: Puller, seconds: float, *, session_ppm: float = 0.0, block: int = 96) -> np.ndarray:
+    """Write and read in turn, as the two clocks demand."""
+    samples, due, played = tone(), 0.0, []
+    for _ in range(round(seconds * 48_000 / block)):
+        due += block / 48.0 * (1.0 + 1e-6 * session_ppm)
+        puller.write([next(samples) for _ in range(int(due))])
+        due -= int(due)
+        played.append(puller.read(block))
+    return np.concatenate(played)
+
+
+@pytest.mark.parametrize("session_ppm", [-1000.0, 0.0, 300.0])
+def test_a_drift_is_learnt_without_a_slip(session_ppm: float) -> None:
+    puller = Puller(1000.0, 48_000.0, 96, 4.0)
+    played = run(puller, 20.0, session_ppm=session_ppm)
+    assert (puller.underruns, puller.slips) == (0, 0)
+    assert abs(puller.fill - puller.target) < 1.5
+    assert puller.drift == pytest.approx(1e-6 * session_ppm, abs=2e-4)
+    # no jump anywhere: a tone's steps are bounded
+    assert np.max(np.abs(np.diff(played))) < 1.1 * 2.0 * np.pi * 200.0 / 48_000.0
+
+
+def test_a_drift_beyond_what_can_be_followed_slips_and_goes_on() -> None:
+    puller = Puller(1000.0, 48_000.0, 96, 4.0)
+    played = run(puller, 20.0, session_ppm=20_000.0)
+    assert puller.slips >= 3
+    assert puller.underruns == 0
+    assert np.max(np.abs(np.diff(played))) < 0.1
+    assert np.sqrt(np.mean(played[-48_000:] ** 2)) > 0.6
+
+
+def test_late_samples_make_one_underrun_that_fades_and_ends() -> None:
+    puller = Puller(1000.0, 48_000.0, 96, 4.0)
+    run(puller, 0.5)
+    starved = np.concatenate([puller.read(96) for _ in range(20)])
+    assert puller.underruns == 1
+    assert puller.silent
+    assert np.max(np.abs(np.diff(starved))) < 0.1
+    assert np.all(starved[-960:] == 0.0)
+    played = run(puller, 0.5)
+    assert puller.underruns == 1
+    assert np.sqrt(np.mean(played[-9600:] ** 2)) == pytest.approx(math.sqrt(0.5), rel=0.02)
+
+
+def test_a_clump_of_samples_is_no_loss_of_the_card_and_does_not_block() -> None:
+    puller = Puller(1000.0, 48_000.0, 96, 4.0)
+    run(puller, 0.2)
+    puller.write([0.5] * 20_000)
+    played = np.concatenate([puller.read(96) for _ in range(10)])
+    assert puller.slips == 1
+    assert np.all(np.isfinite(played))
+    assert np.max(np.abs(np.diff(played))) < 0.15
+
+
+def test_muting_fades_to_silence() -> None:
+    puller = Puller(1000.0, 48_000.0, 96, 4.0)
+    before = run(puller, 0.2)
+    puller.mute()
+    after = np.concatenate([before[-1:], *(puller.read(96) for _ in range(3))])
+    assert puller.silent
+    assert np.max(np.abs(np.diff(after))) < 0.03
+    puller.write([1.0] * 100)
+    assert not puller.read(96).any()
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.lists(st.tuples(st.integers(0, 60), st.integers(1, 2000)), max_size=60),
+    st.floats(1.0, 50.0),
+    st.sampled_from([8000.0, 44_100.0, 192_000.0]),
+)
+def test_whatever_comes_when_frames_are_whole_finite_and_bounded(
+    turns: list[tuple[int, int]], buffer_ms: float, card_rate_hz: float
+) -> None:
+    puller = Puller(1000.0, card_rate_hz, 96, buffer_ms)
+    for samples, frames in turns:
+        puller.write([1.0] * samples)
+        block = puller.read(frames)
+        assert block.shape == (frames,)
+        assert np.all(np.abs(block) <= 1.5)

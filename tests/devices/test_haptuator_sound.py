@@ -1,0 +1,202 @@
+"""A Haptuator at an emulated sound card: what is heard, what is counted, what goes wrong."""
+
+import builtins
+import math
+import sys
+import time
+import types
+
+import numpy as np
+import pytest
+
+from mmt.devices.emulated.haptuator import EmulatedHaptuator
+from mmt.devices.emulated.sound_card import EmulatedSoundCard
+from mmt.devices.haptuator.library import load_sounddevice
+from mmt.devices.haptuator.sound import SoundHaptuator, SoundOptions
+from mmt.devices.loading import load_device
+from mmt.devices.mending import MendedActuator
+from mmt.errors import DeviceLost, InputError, MmtError
+from mmt.leader.parts import build_parts
+from mmt.scene_files import scene_from_tables
+
+OPTIONS = {"volts_per_m_s2": 0.1, "full_scale_v": 6.0}
+
+
+def haptuator(card: EmulatedSoundCard, **changes: object) -> SoundHaptuator:
+    options = SoundOptions.model_validate({**OPTIONS, **changes})
+    return SoundHaptuator(options, card, card.clock_ns)
+
+
+def play(device: SoundHaptuator, card: EmulatedSoundCard, seconds: float) -> None:
+    for k in range(round(1000 * seconds)):
+        device.write([10.0 * math.sin(2.0 * math.pi * 250.0 * k / 1000.0 + 0.3)])
+        card.advance(0.001)
+
+
+def test_a_tone_is_heard_at_its_level_on_its_channel_alone() -> None:
+    card = EmulatedSoundCard(clock_ppm=200.0)
+    device = haptuator(card, channel=2)
+    device.connect()
+    device.calibrate()
+    play(device, card, 1.0)
+    heard_v = 6.0 * card.played(2)[-24_000:]
+    assert np.sqrt(np.mean(heard_v**2)) == pytest.approx(math.sqrt(0.5), rel=0.02)
+    assert not card.played(1).any()
+    statistics = device.statistics
+    assert statistics.samples == 1000
+    assert (statistics.underruns, statistics.slips, statistics.clipped) == (0, 0, 0)
+    device.close()
+    device.close()
+
+
+def test_the_latency_stated_is_the_one_that_passes() -> None:
+    card = EmulatedSoundCard(dac_latency_s=0.004)
+    device = haptuator(card, low_hz=1.0)
+    device.connect()
+    for k in range(1000):
+        device.write([10.0 if k == 900 else 0.0])
+        card.advance(0.001)
+    # frames are asked for at the end of the time that passes; the converter is 4 ms later
+    frame = int(np.argmax(np.abs(card.played())))
+    passed_ms = frame / 48.0 + 2.0 + 4.0 - 900.0
+    assert device.statistics.latency_ms == pytest.approx(passed_ms, abs=1.5)
+    device.close()
+
+
+def test_no_frame_is_beyond_the_limit_between_the_samples_either() -> None:
+    card = EmulatedSoundCard()
+    device = haptuator(card, limit_v=1.0)
+    device.connect()
+    generator = np.random.default_rng(1)
+    for _ in range(500):
+        device.write(generator.normal(0.0, 50.0, 1))
+        card.advance(0.001)
+    assert 6.0 * np.max(np.abs(card.played())) <= 1.0 + 1e-6
+    assert device.statistics.limited_frames > 0
+    assert device.statistics.clipped > 0
+    device.close()
+
+
+def test_a_card_that_runs_dry_and_samples_that_are_late_are_counted() -> None:
+    card = EmulatedSoundCard()
+    device = haptuator(card)
+    device.connect()
+    play(device, card, 0.2)
+    card.underflow()
+    card.advance(0.1)
+    assert device.statistics.card_underflows == 1
+    assert device.statistics.underruns == 1
+    play(device, card, 0.2)
+    assert device.statistics.underruns == 1
+    device.close()
+
+
+def test_an_unplugged_card_is_lost_and_found_again() -> None:
+    card = EmulatedSoundCard()
+    device = haptuator(card)
+    device.connect()
+    play(device, card, 0.2)
+    card.unplug()
+    with pytest.raises(DeviceLost, match="check its cable"):
+        device.write([1.0])
+    with pytest.raises(InputError, match="no default output"):
+        device.connect()
+    with pytest.raises(DeviceLost, match="closed"):
+        device.write([1.0])
+    card.plug()
+    device.connect()
+    play(device, card, 0.2)
+    assert np.max(np.abs(card.played()[-4800:])) > 0.1
+    assert device.statistics.samples == 400
+    device.close()
+
+
+def test_a_card_that_asks_for_nothing_is_lost() -> None:
+    card = EmulatedSoundCard()
+    device = haptuator(card)
+    device.connect()
+    play(device, card, 0.1)
+    card.stall()
+    with pytest.raises(DeviceLost, match="asks for no more sound"):
+        play(device, card, 1.0)
+    device.close()
+
+
+def test_what_cannot_be_opened_is_explained() -> None:
+    card = EmulatedSoundCard()
+    for changes, words in (
+        ({"device": "Focusrite"}, "outputs are 0 'Emulated card'"),
+        ({"channel": 3}, "has 2 output channels"),
+    ):
+        with pytest.raises(InputError, match=words):
+            haptuator(card, **changes).connect()
+    first, second = haptuator(card), haptuator(card)
+    first.connect()
+    with pytest.raises(MmtError, match="no other program holds it"):
+        second.connect()
+    first.close()
+    second.connect()
+    second.close()
+
+
+def test_a_missing_library_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(sys.modules, "sounddevice", raising=False)
+    whole = builtins.__import__
+
+    def without(error: Exception):  # type: ignore[no-untyped-def]
+        def load(name: str, *rest: object) -> types.ModuleType:
+            if name == "sounddevice":
+                raise error
+            return whole(name, *rest)  # type: ignore[arg-type]
+
+        return load
+
+    monkeypatch.setattr(builtins, "__import__", without(ImportError("no module")))
+    with pytest.raises(MmtError, match=r"mmt-haptics\[sound\]"):
+        load_sounddevice()
+    monkeypatch.setattr(builtins, "__import__", without(OSError("PortAudio library not found")))
+    with pytest.raises(MmtError, match="libportaudio2"):
+        load_sounddevice()
+
+
+def test_the_driver_is_found_by_its_name_and_imports_no_library_before_it_is_connected() -> None:
+    device = load_device("haptuator-sound", OPTIONS)
+    assert isinstance(device, SoundHaptuator)
+    with pytest.raises(InputError, match="full_scale_v"):
+        load_device("haptuator-sound", {"volts_per_m_s2": 0.1})
+
+
+# --- in the leader
+
+
+def test_a_lost_actuator_comes_back_while_the_leader_goes_on() -> None:
+    scene = scene_from_tables(
+        {
+            "link": {},
+            "devices": {"robot": "lab:Robot", "accelerometer": "lab:A"},
+            "playout": {},
+            "actuator": {"driver": "mmt.devices.emulated.haptuator:emulated_haptuator", **OPTIONS},
+        }
+    )
+    parts = build_parts(scene, lambda _update, _time: None)
+    assert isinstance(parts.mended, MendedActuator)
+    device = parts.mended.device
+    assert isinstance(device, EmulatedHaptuator)
+    parts.connect()
+    parts.mended.write([1.0, -1.0])
+    device.card.unplug()
+    parts.mended.write([1.0])
+    parts.mended.write([1.0, 2.0])
+    assert parts.mended.losses_summary == {"losses": 1, "lost_samples": 3}
+    assert "until it is back" in parts.mended.take_news()[0]
+    device.card.plug()
+    give_up = time.monotonic() + 30.0
+    while not parts.mended.take_news():
+        assert time.monotonic() < give_up
+        parts.mended.write([1.0])
+        time.sleep(0.005)
+    samples = parts.mended.statistics.samples
+    parts.mended.write([1.0])
+    assert parts.mended.statistics.samples == samples + 1
+    assert parts.mended.losses_summary["losses"] == 1
+    assert parts.close() == []
