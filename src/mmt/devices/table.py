@@ -15,6 +15,7 @@ DRIVERS: Final[dict[str, str]] = {
     "haptuator-sound": "mmt.devices.haptuator.sound:haptuator_sound",
     "openhaptics": "mmt.devices.openhaptics.robot:OpenHapticsRobot",
     "adxl335-serial": "mmt.devices.adxl335.serial_driver:SerialAdxl335",
+    "adxl335-u6": "mmt.devices.adxl335.u6_driver:U6Adxl335",
 }
 """Name -> ``module:factory`` of the drivers that are part of mmt."""
 

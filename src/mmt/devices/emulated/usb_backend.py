@@ -1,0 +1,141 @@
+"""A pyusb backend with one device on it, whose endpoints are all of the bulk kind."""
+
+import errno
+from types import SimpleNamespace
+from typing import Any, Final
+
+import usb.backend
+import usb.core
+
+_DEVICE: Final = {
+    "bLength": 18,
+    "bDescriptorType": 1,
+    "bcdUSB": 0x200,
+    "bDeviceClass": 255,
+    "bDeviceSubClass": 0,
+    "bDeviceProtocol": 0,
+    "bMaxPacketSize0": 64,
+    "bcdDevice": 0,
+    "iManufacturer": 0,
+    "iProduct": 0,
+    "iSerialNumber": 0,
+    "bNumConfigurations": 1,
+    "address": 5,
+    "bus": 1,
+    "port_number": 1,
+    "port_numbers": (1,),
+    "speed": 3,
+}
+_CONFIGURATION: Final = {
+    "bLength": 9,
+    "bDescriptorType": 2,
+    "wTotalLength": 39,
+    "bNumInterfaces": 1,
+    "bConfigurationValue": 1,
+    "iConfiguration": 0,
+    "bmAttributes": 0x80,
+    "bMaxPower": 250,
+    "extra_descriptors": [],
+}
+_INTERFACE: Final = {
+    "bLength": 9,
+    "bDescriptorType": 4,
+    "bInterfaceNumber": 0,
+    "iInterface": 0,
+    "bAlternateSetting": 0,
+    "bInterfaceClass": 255,
+    "bInterfaceSubClass": 0,
+    "bInterfaceProtocol": 0,
+    "extra_descriptors": [],
+}
+_ENDPOINT: Final = {
+    "bLength": 7,
+    "bDescriptorType": 5,
+    "bmAttributes": 2,
+    "wMaxPacketSize": 64,
+    "bInterval": 0,
+    "bRefresh": 0,
+    "bSynchAddress": 0,
+    "extra_descriptors": [],
+}
+
+
+class OneDeviceBackend(usb.backend.IBackend):  # type: ignore[misc]  # pyusb has no types
+    """Give it to pyusb as its `backend`; a subclass moves the bytes.
+
+    Parameters
+    ----------
+    vendor, product
+        The device's numbers.
+    endpoints
+        Their addresses.
+    """
+
+    def __init__(self, vendor: int, product: int, endpoints: tuple[int, ...]) -> None:
+        super().__init__()
+        self._ids = {"idVendor": vendor, "idProduct": product}
+        self._endpoints = endpoints
+        self._plugged = True
+        self._permitted = True
+
+    def unplug(self) -> None:
+        """Take the device away, under whoever has it open."""
+        self._plugged = False
+
+    def plug(self) -> None:
+        """Bring it back."""
+        self._plugged = True
+
+    def forbid(self, *, forbidden: bool = True) -> None:
+        """Refuse to be opened, as without a udev rule."""
+        self._permitted = not forbidden
+
+    def enumerate_devices(self) -> list[object]:
+        """Return the device where it is plugged in."""
+        return [self] if self._plugged else []
+
+    def get_device_descriptor(self, *_: Any) -> Any:
+        """Describe the device."""
+        return SimpleNamespace(**_DEVICE, **self._ids)
+
+    def get_configuration_descriptor(self, _: object, config: int) -> Any:
+        """Describe its only configuration."""
+        if config:
+            raise IndexError(config)
+        return SimpleNamespace(**_CONFIGURATION)
+
+    def get_interface_descriptor(self, _: object, intf: int, alt: int, *__: Any) -> Any:
+        """Describe its only interface."""
+        if intf or alt:
+            raise IndexError(alt)
+        return SimpleNamespace(**_INTERFACE, bNumEndpoints=len(self._endpoints))
+
+    def get_endpoint_descriptor(self, _: object, ep: int, *__: Any) -> Any:
+        """Describe one of its endpoints."""
+        return SimpleNamespace(**_ENDPOINT, bEndpointAddress=self._endpoints[ep])
+
+    def open_device(self, dev: object) -> object:
+        """Open it."""
+        if not self._permitted:
+            raise usb.core.USBError("Access denied", errno=errno.EACCES)
+        self.check()
+        return dev
+
+    def close_device(self, *_: Any) -> None:
+        """Close it."""
+
+    def get_configuration(self, *_: Any) -> int:
+        """Return the active configuration."""
+        self.check()
+        return 1
+
+    def claim_interface(self, *_: Any) -> None:
+        """Let anybody have it."""
+
+    def release_interface(self, *_: Any) -> None:
+        """Let it go."""
+
+    def check(self) -> None:
+        """Raise what libusb raises where the device is gone."""
+        if not self._plugged:
+            raise usb.core.USBError("No such device", errno=errno.ENODEV)

@@ -1,0 +1,1 @@
+"""A LabJack U6: voltages at an even rate over USB."""

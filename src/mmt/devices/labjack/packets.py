@@ -1,0 +1,205 @@
+"""Packets of a LabJack U6: commands, replies and streamed data; bytes alone, no I/O.
+
+After the low-level function reference of the vendor's U6 data sheet, section 5.2.
+"""
+
+import struct
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+CONFIG_U6: Final = 0x08
+STREAM_CONFIG: Final = 0x11
+READ_CALIBRATION: Final = 0x2D
+
+START_STREAM: Final = b"\xa8\xa8"
+STOP_STREAM: Final = b"\xb0\xb0"
+BAD_CHECKSUM: Final = b"\xb8\xb8"
+"""What the U6 answers to a command whose checksum is wrong."""
+
+MOST_SAMPLES: Final = 25
+"""In one packet of the stream."""
+RECOVERING: Final = 59
+RECOVERED: Final = 60
+STREAM_IS_ACTIVE: Final = 48
+BAD_STREAM: Final = 50
+STREAM_NOT_RUNNING: Final = 52
+DUMMY: Final = 0xFFFF
+"""Each sample of the scan that stands where others were thrown away."""
+
+GAINS: Final = (1, 10, 100, 1000)
+"""By their index: +-10 V, +-1 V, +-0.1 V, +-0.01 V."""
+
+_EXTENDED: Final = 0xF8
+_STREAMED: Final = 0xF9
+_ERRORS: Final = {
+    STREAM_IS_ACTIVE: "a stream runs already",
+    49: "the list of channels is not valid",
+    BAD_STREAM: "the configuration is not valid",
+    STREAM_NOT_RUNNING: "no stream runs",
+    55: "a scan began before the last one had ended: fewer channels or a lower rate",
+    56: "the number of samples is not valid",
+    57: "the gain is not valid",
+    58: "the rate is not valid",
+}
+
+
+class Channel(NamedTuple):
+    """One of the inputs."""
+
+    number: int
+    """0 to 13 are the screw terminals and the connectors."""
+    gain: int = 1
+    """1, 10, 100 or 1000."""
+    differential: bool = False
+    """Against the next input of the pair; the number is then even."""
+
+
+class Scanning(NamedTuple):
+    """What the U6 is told about a stream."""
+
+    channels: tuple[Channel, ...]
+    clock_hz: int
+    """4 or 48 MHz."""
+    interval: int
+    """Cycles of the clock from one scan to the next, up to 65535."""
+    scans_per_packet: int
+
+    @property
+    def samples_per_packet(self) -> int:
+        """Whole scans, so that a packet never begins within one."""
+        return len(self.channels) * self.scans_per_packet
+
+    def time_ns(self, scan: int) -> int:
+        """Return when a scan was taken, from the first one on, by the U6's clock."""
+        return scan * self.interval * 1_000_000_000 // self.clock_hz
+
+
+class StreamPacket(NamedTuple):
+    """Samples that the U6 sent together."""
+
+    counter: int
+    """Counts packets, modulo 256."""
+    error: int
+    missed: int
+    """Scans thrown away, the dummy included; where the error is `RECOVERED`."""
+    samples: tuple[int, ...]
+    """Counts, scan after scan."""
+
+
+def checksum8(content: bytes) -> int:
+    """Return the sum folded twice into eight bits."""
+    total = sum(content)
+    total = (total & 0xFF) + (total >> 8)
+    return (total & 0xFF) + (total >> 8)
+
+
+def command(number: int, payload: bytes) -> bytes:
+    """Return an extended command; the payload has an even number of bytes."""
+    words, odd = divmod(len(payload), 2)
+    if odd or words > 0xFF:
+        raise ValueError(f"a payload of {len(payload)} bytes")
+    return _with_checksums(bytes((_EXTENDED, words, number)), payload)
+
+
+def read_reply(reply: bytes, number: int) -> bytes:
+    """Return what a reply holds after its error byte and the one that follows it.
+
+    Raises
+    ------
+    ValueError
+        It is not the reply to that command, is spoilt, or says that something is wrong.
+    """
+    if reply[:2] == BAD_CHECKSUM:
+        raise ValueError("it received a spoilt command")
+    if len(reply) < 8 or reply[1] != _EXTENDED or reply[3] != number:
+        raise ValueError(f"it sent another reply ({reply[:8].hex(' ')})")
+    reply = reply[: 6 + 2 * reply[2]]
+    if not is_sound(reply):
+        raise ValueError("its reply was spoilt")
+    if reply[6]:
+        raise ValueError(explain(reply[6]))
+    return reply[8:]
+
+
+def read_short_reply(reply: bytes, sent: bytes) -> int:
+    """Return the error of the reply to `START_STREAM` or `STOP_STREAM`, 0 where all is well.
+
+    Raises
+    ------
+    ValueError
+        It is not the reply to that.
+    """
+    if len(reply) < 4 or reply[1] != sent[1] + 1 or reply[0] != checksum8(reply[1:4]):
+        raise ValueError(f"it sent another reply ({reply[:4].hex(' ')})")
+    return reply[2]
+
+
+def explain(error: int) -> str:
+    """Return what an error of the U6 means."""
+    return f"error {error}: {_ERRORS.get(error, 'see its data sheet')}"
+
+
+def plan(channels: Sequence[Channel], rate_hz: float) -> Scanning:
+    """Return the scanning that comes nearest to a rate of at least 62 Hz, with little delay.
+
+    A packet holds what comes in a millisecond, as far as it fits.
+    """
+    clock_hz = 48_000_000 if rate_hz >= 733.0 else 4_000_000
+    scans = max(1, min(MOST_SAMPLES // len(channels), round(rate_hz / 1000.0)))
+    return Scanning(tuple(channels), clock_hz, round(clock_hz / rate_hz), scans)
+
+
+def stream_config(scanning: Scanning) -> bytes:
+    """Return the command that sets up a stream; the resolution is the fastest, index 1."""
+    channels = scanning.channels
+    head = struct.pack(
+        "<BBBBBBH",
+        len(channels),
+        1,
+        scanning.samples_per_packet,
+        0,
+        0,
+        0x08 if scanning.clock_hz == 48_000_000 else 0,
+        scanning.interval,
+    )
+    table = b"".join(
+        bytes((c.number, (0x80 if c.differential else 0) | GAINS.index(c.gain) << 4))
+        for c in channels
+    )
+    return command(STREAM_CONFIG, head + table)
+
+
+def decode_stream(packet: bytes, number: int) -> StreamPacket | None:
+    """Return a packet of the stream with so many samples, None where it is none."""
+    if (
+        len(packet) != 14 + 2 * number
+        or packet[1] != _STREAMED
+        or packet[2] != 4 + number
+        or packet[3] != 0xC0
+        or not is_sound(packet)
+    ):
+        return None
+    missed, counter, error = struct.unpack_from("<IBB", packet, 6)
+    samples = struct.unpack_from(f"<{number}H", packet, 12)
+    return StreamPacket(counter, error, missed if error == RECOVERED else 0, samples)
+
+
+def encode_stream(packet: StreamPacket) -> bytes:
+    """Return a packet of the stream as the U6 sends it, with an empty backlog."""
+    number = len(packet.samples)
+    payload = struct.pack(
+        f"<IBB{number}HH", packet.missed, packet.counter, packet.error, *packet.samples, 0
+    )
+    return _with_checksums(bytes((_STREAMED, 4 + number, 0xC0)), payload)
+
+
+def _with_checksums(head: bytes, payload: bytes) -> bytes:
+    body = head + (sum(payload) & 0xFFFF).to_bytes(2, "little")
+    return bytes((checksum8(body),)) + body + payload
+
+
+def is_sound(packet: bytes) -> bool:
+    """Return whether both checksums of a command, a reply or a packet are right."""
+    return packet[0] == checksum8(packet[1:6]) and (
+        packet[4] | packet[5] << 8 == sum(packet[6:]) & 0xFFFF
+    )

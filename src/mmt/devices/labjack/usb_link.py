@@ -1,0 +1,220 @@
+"""A LabJack U6 on USB: find it, command it, and take its stream in a thread."""
+
+import contextlib
+import errno
+import threading
+from collections import deque
+from typing import Any, Final
+
+import usb.core
+import usb.util
+
+from mmt.devices.labjack.packets import (
+    CONFIG_U6,
+    START_STREAM,
+    STOP_STREAM,
+    command,
+    explain,
+    read_reply,
+    read_short_reply,
+)
+from mmt.errors import DeviceLost, MmtError
+
+VENDOR: Final = 0x0CD5
+PRODUCT: Final = 0x0006
+
+_OUT: Final = 0x01
+_REPLIES: Final = 0x82
+_STREAM: Final = 0x83
+_REPLY_MS: Final = 1000
+_DRAIN_MS: Final = 20
+_STREAM_MS: Final = 100
+_PACKET: Final = 64
+_MOST_WAITING: Final = 8192
+"""Packets; the oldest are dropped, and their numbers tell that they are missing."""
+
+
+class U6Link:
+    """One U6.
+
+    Parameters
+    ----------
+    serial
+        Its serial number; None takes the only one.
+    backend
+        Of pyusb; None takes what the system has.
+    """
+
+    def __init__(self, serial: int | None, backend: Any = None) -> None:
+        self._wanted = serial
+        self._backend = backend
+        self._device: Any = None
+        self._thread: threading.Thread | None = None
+        self._ending = threading.Event()
+        self._lost = threading.Event()
+        self._packets: deque[bytes] = deque(maxlen=_MOST_WAITING)
+        self.serial = 0
+        """Of the one that is open."""
+
+    def open(self) -> None:
+        """Find the U6 and end a stream that a program left behind.
+
+        Raises
+        ------
+        MmtError
+            There is none, several, or it may not be opened.
+        """
+        self.close()
+        try:
+            found = list(
+                usb.core.find(
+                    find_all=True, idVendor=VENDOR, idProduct=PRODUCT, backend=self._backend
+                )
+            )
+        except usb.core.NoBackendError as error:
+            raise MmtError(
+                "the LabJack U6 cannot be reached: install libusb 1.0 (Debian: libusb-1.0-0)"
+            ) from error
+        serials = []
+        for device in found:
+            self._device = device
+            self.serial = self._greet()
+            if self._wanted in {None, self.serial}:
+                break
+            serials.append(str(self.serial))
+            self._release()
+        if self._device is None:
+            others = f"; there is {', '.join(serials)}" if serials else ""
+            which = "" if self._wanted is None else f" with serial number {self._wanted}"
+            raise MmtError(f"there is no LabJack U6{which} on USB{others}: plug it in")
+        if self._wanted is None and len(found) > 1:
+            self._release()
+            raise MmtError(f"there are {len(found)} LabJack U6: say which one by the option 'box'")
+
+    def ask(self, number: int, payload: bytes) -> bytes:
+        """Return the reply to an extended command, without its error.
+
+        Raises
+        ------
+        MmtError
+            It does not answer, or refuses.
+        """
+        return self._reply(command(number, payload), number)
+
+    def send(self, packet: bytes, number: int) -> bytes:
+        """Return the reply to an extended command that is encoded already; see `ask`."""
+        return self._reply(packet, number)
+
+    def start(self) -> None:
+        """Start the stream that was configured.
+
+        Raises
+        ------
+        MmtError
+            It does not answer, or refuses.
+        """
+        error = self._short(START_STREAM)
+        if error:
+            raise MmtError(f"the LabJack U6 does not stream: {explain(error)}")
+        self._packets.clear()
+        self._ending.clear()
+        self._lost.clear()
+        self._thread = threading.Thread(
+            target=self._run, args=(self._device,), name="LabJack U6", daemon=True
+        )
+        self._thread.start()
+
+    def packets(self) -> list[bytes]:
+        """Return the stream's packets that have come.
+
+        Raises
+        ------
+        DeviceLost
+            It was unplugged, or is not open.
+        """
+        waiting = self._packets
+        taken = [waiting.popleft() for _ in range(len(waiting))]
+        if not taken and (self._lost.is_set() or self._device is None):
+            raise DeviceLost("the LabJack U6 is gone: plug it in again")
+        return taken
+
+    def close(self) -> None:
+        """End the stream and let the U6 go; calling it twice is harmless."""
+        self._ending.set()
+        if self._thread is not None:
+            self._thread.join(timeout=2.0)
+            self._thread = None
+        if self._device is not None:
+            with contextlib.suppress(MmtError):
+                self._short(STOP_STREAM)
+            self._release()
+
+    def _run(self, device: Any) -> None:
+        while not self._ending.is_set():
+            try:
+                self._packets.append(device.read(_STREAM, _PACKET, _STREAM_MS).tobytes())
+            except usb.core.USBTimeoutError:
+                continue
+            except usb.core.USBError:
+                self._lost.set()
+                return
+
+    def _greet(self) -> int:
+        """End a stream that runs, throw away what waits, return the serial number."""
+        try:
+            try:
+                self._device.get_active_configuration()
+            except usb.core.USBError:
+                self._device.set_configuration()
+            self._device.write(_OUT, STOP_STREAM, _REPLY_MS)
+            for endpoint in (_REPLIES, _STREAM):
+                with contextlib.suppress(usb.core.USBTimeoutError):
+                    while True:
+                        self._device.read(endpoint, _PACKET, _DRAIN_MS)
+            reply = self.ask(CONFIG_U6, bytes(20))
+        except usb.core.USBError as error:
+            self._release()
+            raise MmtError(_reason(error)) from error
+        except MmtError:
+            self._release()
+            raise
+        return int.from_bytes(reply[7:11], "little")
+
+    def _reply(self, packet: bytes, number: int) -> bytes:
+        try:
+            return read_reply(self._exchange(packet), number)
+        except ValueError as error:
+            raise MmtError(f"the LabJack U6 does not do as told: {error}") from error
+
+    def _short(self, packet: bytes) -> int:
+        try:
+            return read_short_reply(self._exchange(packet), packet)
+        except ValueError as error:
+            raise MmtError(f"the LabJack U6 does not do as told: {error}") from error
+
+    def _exchange(self, packet: bytes) -> bytes:
+        try:
+            self._device.write(_OUT, packet, _REPLY_MS)
+            return bytes(self._device.read(_REPLIES, _PACKET, _REPLY_MS))
+        except usb.core.USBError as error:
+            raise MmtError(_reason(error)) from error
+
+    def _release(self) -> None:
+        device, self._device = self._device, None
+        if device is not None:
+            with contextlib.suppress(usb.core.USBError):
+                usb.util.dispose_resources(device)
+
+
+def _reason(error: usb.core.USBError) -> str:
+    if error.errno == errno.EACCES:
+        return (
+            "the LabJack U6 may not be opened. On Linux add the udev rule "
+            'SUBSYSTEM=="usb", ATTR{idVendor}=="0cd5", MODE="0666" as '
+            "/etc/udev/rules.d/90-labjack.rules, then unplug it and plug it in"
+        )
+    if error.errno == errno.EBUSY:
+        return "another program has the LabJack U6 open: close that one"
+    if isinstance(error, usb.core.USBTimeoutError):
+        return "the LabJack U6 does not answer: unplug it and plug it in again"
+    return f"the LabJack U6 is gone ({error.strerror or error}): plug it in again"

@@ -1,0 +1,292 @@
+"""A LabJack U6: its packets, its calibration, its stream through pyusb, and the accelerometer."""
+
+import contextlib
+import logging
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+import usb.core
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
+from mmt.devices.emulated.labjack_u6 import EmulatedU6
+from mmt.devices.labjack import packets, usb_link
+from mmt.devices.labjack.gains import Line, nominal_lines, read_lines, write_lines
+from mmt.devices.labjack.packets import Channel, StreamPacket, decode_stream, encode_stream, plan
+from mmt.devices.labjack.voltages import U6Voltages
+from mmt.devices.loading import load_device
+from mmt.errors import DeviceLost, InputError, MmtError
+
+u16 = st.integers(0, 2**16 - 1)
+
+# --- packets
+
+
+def test_commands_are_those_of_the_vendors_library() -> None:
+    # setChecksum of LabJackPython gives this one in its documentation.
+    assert list(packets.command(0x0B, bytes(6))) == [7, 248, 3, 11, 0, 0, 0, 0, 0, 0, 0, 0]
+    channels = (Channel(0), Channel(4, 10), Channel(2, 1000, differential=True))
+    sent = packets.stream_config(plan(channels, 1000.0))
+    assert len(sent) == 14 + 2 * 3
+    assert sent[1:4] == bytes((0xF8, 7, 0x11))
+    assert sent[6:12] == bytes((3, 1, 3, 0, 0, 0x08))
+    assert int.from_bytes(sent[12:14], "little") == 48_000
+    assert sent[14:] == bytes((0, 0x00, 4, 0x10, 2, 0x80 | 0x30))
+
+
+def test_checksums_are_folded_twice() -> None:
+    assert packets.checksum8(b"") == 0
+    assert packets.checksum8(b"\xff" * 5) == 0xFF  # 0x4FB
+    assert packets.checksum8(b"\x80\xff\x80") == 1  # 0x1FF, then 0x100
+
+
+@given(
+    st.integers(0, 255),
+    st.sampled_from([0, 59, 55]),
+    st.lists(u16, min_size=1, max_size=25).map(tuple),
+    st.data(),
+)
+def test_streamed_packets_come_back_and_spoilt_ones_do_not(counter, error, samples, data) -> None:
+    packet = StreamPacket(counter, error, 0, samples)
+    wire = encode_stream(packet)
+    assert len(wire) == 14 + 2 * len(samples)
+    assert decode_stream(wire, len(samples)) == packet
+    at, bit = data.draw(st.integers(0, len(wire) - 1)), data.draw(st.integers(0, 7))
+    flipped = wire[:at] + bytes((wire[at] ^ (1 << bit),)) + wire[at + 1 :]
+    assert decode_stream(flipped, len(samples)) is None
+    assert decode_stream(wire[:at], len(samples)) is None
+
+
+@given(st.binary(max_size=64))
+def test_any_bytes_are_read_or_refused(content: bytes) -> None:
+    decode_stream(content, 3)
+    for read in (
+        lambda: packets.read_reply(content, 8),
+        lambda: packets.read_short_reply(content, packets.START_STREAM),
+    ):
+        with contextlib.suppress(ValueError):
+            read()
+
+
+def test_an_error_in_a_reply_is_a_sentence() -> None:
+    with pytest.raises(ValueError, match="error 50: the configuration is not valid"):
+        packets.read_reply(packets.command(0x11, bytes((50, 0))), 0x11)
+    with pytest.raises(ValueError, match="spoilt command"):
+        packets.read_reply(packets.BAD_CHECKSUM, 0x11)
+
+
+@pytest.mark.parametrize("rate_hz", [100.0, 732.0, 733.0, 1000.0, 4000.0])
+@pytest.mark.parametrize("number", [1, 3, 9, 14])
+def test_the_planned_rate_is_the_wanted_one(rate_hz: float, number: int) -> None:
+    scanning = plan([Channel(n) for n in range(number)], rate_hz)
+    assert 1 <= scanning.interval <= 65535
+    assert scanning.samples_per_packet <= packets.MOST_SAMPLES
+    assert scanning.clock_hz / scanning.interval == pytest.approx(rate_hz, rel=1e-4)
+    assert scanning.time_ns(10**9) == pytest.approx(1e18 / rate_hz, rel=1e-4)
+
+
+# --- calibration
+
+
+def test_a_calibration_memory_is_read_as_it_is_written() -> None:
+    lines = tuple(
+        Line(33_500.0 + k, 3.15e-4 / gain, -3.16e-4 / gain) for k, gain in enumerate(packets.GAINS)
+    )
+    for found, wanted in zip(read_lines(write_lines(lines)), lines, strict=True):
+        assert list(found) == pytest.approx(list(wanted), rel=0, abs=2**-33)
+    line = lines[0]
+    assert line.volts(33_500) == 0.0
+    assert line.volts(33_600) == pytest.approx(0.0315)
+    assert line.volts(33_400) == pytest.approx(-0.0316)
+
+
+def test_an_erased_memory_is_no_calibration() -> None:
+    with pytest.raises(ValueError, match="calibration memory holds"):
+        read_lines([b"\xff" * 32] * 4)
+    assert nominal_lines()[0].volts(0) == pytest.approx(-10.587, abs=1e-3)
+
+
+# --- the stream
+
+
+@pytest.fixture(autouse=True)
+def own_calibrations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+
+
+@pytest.fixture
+def closing() -> Iterator[Callable]:
+    opened = []
+
+    def keep(device):
+        opened.append(device)
+        return device
+
+    yield keep
+    for device in opened:
+        device.close()
+
+
+def level(time_ns: int) -> list[float]:
+    """Return an input of 0.1 V a number, which never quite stands still."""
+    return [0.1 * n + 0.001 * (time_ns // 1_000_000 % 3) for n in range(14)]
+
+
+def scans(source, number: int) -> list:
+    got: list = []
+    end = time.monotonic() + 10.0
+    while len(got) < number:
+        got.extend(source.read())
+        assert time.monotonic() < end, f"only {len(got)} of {number} came"
+        time.sleep(0.001)
+    return got
+
+
+def test_nine_inputs_carry_a_force_sensors_gauges_and_an_accelerometer(closing) -> None:
+    box = EmulatedU6(level)
+    source = closing(U6Voltages([Channel(n) for n in range(9)], 1000.0, backend=box))
+    source.connect()
+    assert source.serial == 360_000_001
+    got = scans(source, 200)
+    assert [t for t, _ in got] == [1_000_000 * k for k in range(len(got))]
+    for _, volts in got:
+        assert volts == pytest.approx([0.1 * n for n in range(9)], abs=0.0025)
+    assert not source.faults
+
+
+def test_differential_inputs_and_gains(closing) -> None:
+    box = EmulatedU6(lambda _: [0.0, 0.0, 0.52, 0.5, -0.3] + [0.0] * 9)
+    channels = [Channel(2, 100, differential=True), Channel(4, 10), Channel(3)]
+    source = closing(U6Voltages(channels, backend=box))
+    source.connect()
+    for _, volts in scans(source, 20):
+        assert volts == pytest.approx([0.02, -0.3, 0.5], abs=2e-4)
+
+
+def test_what_is_lost_or_spoilt_is_counted_and_times_stay_true(closing) -> None:
+    box = EmulatedU6(level)
+    source = closing(U6Voltages([Channel(0), Channel(1), Channel(2)], backend=box))
+    source.connect()
+    got = scans(source, 20)
+    box.lose(5)
+    got += scans(source, 20)
+    box.garble(2)
+    got += scans(source, 20)
+    box.halve(2)
+    got += scans(source, 20)
+    box.overflow(100)
+    got += scans(source, 150)
+    times = [t for t, _ in got]
+    assert times == sorted(set(times))
+    missing = times[-1] // 1_000_000 + 1 - len(got)
+    assert missing == source.faults["lost scans"] == 5 + 2 + 2 + 100
+    assert source.faults["bad packets"] == 4
+    assert source.faults["overflows"] == 1
+
+
+def test_a_box_is_lost_when_unplugged_and_back_when_plugged(closing) -> None:
+    box = EmulatedU6(level)
+    source = closing(U6Voltages([Channel(0)], backend=box))
+    source.connect()
+    scans(source, 5)
+    box.unplug()
+    with pytest.raises(DeviceLost, match="plug it in again"):
+        scans(source, 10**6)
+    with pytest.raises(MmtError, match="there is no LabJack U6 on USB"):
+        source.connect()
+    box.plug()
+    source.connect()
+    assert scans(source, 5)[0][0] == 0
+
+
+def test_a_stream_that_a_program_left_behind_is_ended(closing) -> None:
+    box = EmulatedU6(level)
+    left = U6Voltages([Channel(0)], backend=box)
+    left.connect()
+    left._link._ending.set()  # as if it had died: nothing stops the stream
+    source = closing(U6Voltages([Channel(5)], backend=box))
+    source.connect()
+    for _, volts in scans(source, 20):
+        assert volts == pytest.approx([0.5], abs=0.0025)
+
+
+def test_what_keeps_a_box_from_being_opened_is_told(monkeypatch) -> None:
+    box = EmulatedU6(level)
+    with pytest.raises(MmtError, match="no LabJack U6 with serial number 7 on USB; there is 3600"):
+        U6Voltages([Channel(0)], box=7, backend=box).connect()
+    box.forbid()
+    with pytest.raises(MmtError, match="udev rule"):
+        U6Voltages([Channel(0)], backend=box).connect()
+    box.forbid(forbidden=False)
+    box.erase()
+    with pytest.raises(MmtError, match="is not calibrated"):
+        U6Voltages([Channel(0)], backend=box).connect()
+
+    def absent(**_: object) -> None:
+        raise usb.core.NoBackendError("none")
+
+    monkeypatch.setattr(usb_link.usb, "core", SimpleNamespace(**vars(usb.core) | {"find": absent}))
+    with pytest.raises(MmtError, match="install libusb"):
+        U6Voltages([Channel(0)]).connect()
+
+
+@pytest.mark.parametrize(
+    ("channels", "rate_hz", "message"),
+    [
+        ([], 1000.0, "14 inputs"),
+        ([Channel(14)], 1000.0, "input 14"),
+        ([Channel(0, 5)], 1000.0, "gain 5"),
+        ([Channel(1, 1, differential=True)], 1000.0, "even half"),
+        ([Channel(0)], 50.0, "rate_hz 50"),
+    ],
+)
+def test_what_a_box_cannot_do_is_refused(channels, rate_hz, message) -> None:
+    with pytest.raises(InputError, match=message):
+        U6Voltages(channels, rate_hz)
+
+
+# --- the accelerometer
+
+
+def test_an_accelerometer_at_a_box_measures_gravity(closing, caplog) -> None:
+    data = nominal(3.3)
+
+    def volts(time_ns: int) -> list[float]:
+        tremor = 0.002 * (time_ns // 1_000_000 % 2)
+        felt = (0.0, 0.0, GRAVITY_M_S2)
+        return [
+            0.0,
+            *(data.zero_v[i] + data.gain_v_per_m_s2[i] * felt[i] + tremor for i in range(3)),
+            *[0.0] * 10,
+        ]
+
+    box = EmulatedU6(volts)
+    sensor = closing(
+        load_device("adxl335-u6", {"backend": box, "inputs": [1, 2, 3], "bandwidth_hz": 500.0})
+    )
+    with caplog.at_level(logging.WARNING, "mmt.devices"):
+        sensor.connect()
+        sensor.calibrate()
+    assert not caplog.records
+    got = scans(sensor, 100)
+    assert sensor.serial_number == "u6-360000001"
+    for axis, expected in enumerate((0.0, 0.0, GRAVITY_M_S2)):
+        assert sum(r.value[axis] for r in got) / len(got) == pytest.approx(expected, abs=0.06)
+    assert sensor.faults == {}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"inputs": [0, 0, 1]}, "three different ones of 0 to 13"),
+        ({"rate_hz": 10.0}, "rate_hz is 10.0"),
+        ({"port": "a"}, "port is not a key; allowed are .*inputs"),
+    ],
+)
+def test_options_are_checked(options, message) -> None:
+    with pytest.raises(InputError, match=message):
+        load_device("adxl335-u6", options)
