@@ -121,11 +121,11 @@ def test_a_short_silence_ends_without_a_new_connection(monkeypatch: pytest.Monke
     bench.run(60)
     bench.sensor.stalled = False
     ticks = bench.run_until_back()
-    assert ticks >= 100
+    assert ticks < 5  # its clock is still known
     assert bench.sensor.calls == ["connect", "calibrate"]
     after = bench.run(50)
     assert len(after) >= 49
-    assert after["sequence"][0] >= before["sequence"][-1] + 160
+    assert after["sequence"][0] >= before["sequence"][-1] + 60
     error_ms = after["force_n"][:, 0] - (after["time_ns"] - after["time_ns"][0]) / 1e6
     assert np.ptp(error_ms) < 0.1
     bench.source.close()

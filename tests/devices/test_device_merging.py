@@ -187,6 +187,14 @@ def test_a_busy_machine_is_not_taken_for_a_jump_of_the_clock() -> None:
     assert clock.sensor_time(START_NS) == 0
 
 
+def test_growing_load_is_not_taken_for_a_drift() -> None:
+    clock = SensorClock()
+    for k in range(6000):
+        delay_ns = k * 700  # 4 ms after six seconds, as of 700 ppm
+        clock.add(START_NS + k * MS + delay_ns, k * MS)
+    assert clock.drift == pytest.approx(200e-6)
+
+
 def test_a_poor_crystal_is_followed() -> None:
     """A ceramic resonator is half a percent off."""
     frames, _, _, lane = merged(SyntheticSensor(2000, 5e-3), 8.0)

@@ -15,6 +15,7 @@ from mmt.devices.source import DeviceSource
 from mmt.errors import DeviceLost, InputError, MmtError
 from mmt.frames import CHANNELS
 from mmt.scene import Scene
+from mmt.scene_files import load_scene
 from mmt.session import read_session
 
 
@@ -290,3 +291,24 @@ async def test_a_session_ends_with_its_recording_kept_where_the_scene_says_stop(
     assert "the force sensor (OwnClock) failed: the cable is out" in summary.problem
     assert "the cable is out" in str((await together.end()).problem)
     assert len(read_session(tmp_path / "session.mcap").frames) > 20
+
+
+async def test_the_virtual_lab_carries_the_main_job_over_its_devices(tmp_path: Path) -> None:
+    changes = {"link.port": 0, "recording.file": str(tmp_path / "session.mcap")}
+    together = Together.of(load_scene(Path("virtual-lab"), changes))
+    await together.listen()
+    following = asyncio.create_task(together.follow())
+    await together.until(lambda: together.leader.time_s > 2.0)
+    together.leader.stop()
+    assert (await together.end()).problem is None
+    summary = await following
+    assert summary.problem is None
+    assert summary.devices["force_sensor"]["readings"] > 500
+    assert summary.devices["accelerometer"]["readings"] > 500
+    frames = read_session(tmp_path / "session.mcap").frames
+    assert len(frames) > 200
+    assert np.median(np.linalg.norm(frames["acceleration_m_s2"], axis=1)) == pytest.approx(
+        10, abs=2
+    )
+    assert frames["force_n"][:, 2].max() > 0.1  # the hand has pressed on the surface
+    assert np.ptp(frames["position_mm"][:, 2]) > 4.0

@@ -100,6 +100,8 @@ EXPECTED: dict[str, set[str]] = {
         "mmt.contact.estimation",
     },
     "follower model": {*NETWORK, SIMULATED, "mmt.follower.feedback", "mmt.contact.passivity"},
+    "leader virtual-lab": {*NETWORK, *MODEL, *FILES, RECORDER, HAND, ACTUATOR},
+    "follower virtual-lab": {*NETWORK, DEVICE_SOURCE},
     "leader devices": {*NETWORK, ACTUATOR},
     "follower devices": {*NETWORK, DEVICE_SOURCE},
 }
@@ -204,7 +206,9 @@ def test_a_service_imports_what_its_scene_needs_and_no_more(
 def test_the_numerics_are_where_a_model_is() -> None:
     """Holds the table above: streaming and devices need neither numba nor scipy."""
     with_numerics = {name for name, expected in EXPECTED.items() if expected & NUMERICS}
-    assert with_numerics == {"leader demo", "leader replay", "leader model-only"}
+    assert with_numerics == {
+        f"leader {name}" for name in ("demo", "replay", "model-only", "virtual-lab")
+    }
 
 
 def test_no_service_imports_what_is_for_offline_work(modules: dict[str, set[str]]) -> None:

@@ -13,6 +13,7 @@ There is no clock in here: whoever reads the sensor hands in the times.
 
 from collections import deque
 from itertools import islice
+from statistics import median
 from typing import Final
 
 BLOCK_NS: Final = 250_000_000
@@ -24,7 +25,11 @@ _RECENT_BLOCKS: Final = 4
 """Newest whole blocks that set the height of the line."""
 _LEAST_BLOCKS: Final = 4
 _DOUBT_NS: Final = 60_000
-"""Within which the quickest of a block comes close to the line."""
+"""Within which the quickest of a block comes close to the line at best."""
+_QUARTZ: Final = 200e-6
+"""Two crystals hardly drift more against each other; ceramic resonators do."""
+_LOAD_NS: Final = 5_000_000
+"""Even the quickest readings may come so much later while a machine is busy."""
 _JUMP_NS: Final = 5_000_000
 """An arrival so much before the line, or blocks so much behind it: the clock has jumped."""
 _WITNESSES: Final = 4
@@ -132,9 +137,7 @@ class SensorClock:
             return False
         self._blocks.append(point)
         if len(self._blocks) >= _LEAST_BLOCKS:
-            slope, span = _slope_below(list(self._blocks))
-            doubt = _DOUBT_NS / span
-            self._drift = min(max(self._drift, slope - doubt), slope + doubt)
+            self._drift = _drift(list(self._blocks), self._drift)
         self._height = min(
             difference - self._drift * time
             for time, difference in islice(reversed(self._blocks), _RECENT_BLOCKS)
@@ -142,10 +145,24 @@ class SensorClock:
         return False
 
 
-def _slope_below(points: list[_Point]) -> tuple[float, int]:
-    """Return the slope of the line below the points that is closest in sum, and their span.
+def _drift(points: list[_Point], believed: float) -> float:
+    """Return the drift that is nearest to the one believed and that the points allow.
 
-    It is the edge of the lower convex hull above the mean of the times.
+    More than quartz has is taken where it amounts to more than what load explains.
+    """
+    slope, doubt = _slope_below(points)
+    drift = min(max(believed, slope - doubt), slope + doubt)
+    span = points[-1][0] - points[0][0]
+    if abs(slope) * span < _QUARTZ * span + _LOAD_NS:
+        drift = min(max(drift, -_QUARTZ), _QUARTZ)
+    return drift
+
+
+def _slope_below(points: list[_Point]) -> tuple[float, float]:
+    """Return the slope of the line below the points that is closest in sum, and its doubt.
+
+    It is the edge of the lower convex hull above the mean of the times. The doubt grows with the
+    usual distance of a point from the line: on a busy machine even the quickest are late.
     """
     hull: list[_Point] = []
     for point in points:
@@ -157,7 +174,9 @@ def _slope_below(points: list[_Point]) -> tuple[float, int]:
     while hull[after][0] < middle:
         after += 1
     first, second = hull[after - 1], hull[after]
-    return (second[1] - first[1]) / (second[0] - first[0]), points[-1][0] - points[0][0]
+    slope = (second[1] - first[1]) / (second[0] - first[0])
+    above = median(point[1] - first[1] - slope * (point[0] - first[0]) for point in points)
+    return slope, (_DOUBT_NS + 2.0 * above) / (points[-1][0] - points[0][0])
 
 
 def _turns_down(first: _Point, middle: _Point, last: _Point) -> bool:

@@ -21,7 +21,8 @@ have arrived: more than the spacing of a sensor of 0.8 kHz."""
 LONGEST_GAP_NS: Final = 1_500_000
 """Between two readings with a value in between; one and a half of a slow sensor's periods."""
 
-_POLLED_GAP_NS: Final = 5_000_000
+POLLED_GAP_NS: Final = 5_000_000
+"""Between two ticks at which a device was polled, with a value in between."""
 _KEPT: Final = 4096
 """Readings that a lane holds at most: half a second at 8 kHz."""
 
@@ -118,8 +119,11 @@ class Lane:
 class PolledLane(Lane):
     """What a device without a clock has measured at the ticks, stamped by the host."""
 
-    last: Vector = (0.0, 0.0, 0.0)
-    """The newest measurement."""
+    def __init__(self, longest_gap_ns: int = POLLED_GAP_NS) -> None:
+        super().__init__()
+        self.last: Vector = (0.0, 0.0, 0.0)
+        """The newest measurement."""
+        self._longest_gap_ns = longest_gap_ns
 
     def note(self, value: Vector, now_ns: int) -> None:
         """Take one measurement."""
@@ -130,7 +134,7 @@ class PolledLane(Lane):
 
     def at(self, host_ns: int) -> "Vector | Waiting | None":
         """Return the value of an instant; see `Lane`."""
-        return self._interpolate(host_ns, _POLLED_GAP_NS)
+        return self._interpolate(host_ns, self._longest_gap_ns)
 
 
 class Waiting:

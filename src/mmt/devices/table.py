@@ -16,6 +16,9 @@ DRIVERS: Final[dict[str, str]] = {
     "openhaptics": "mmt.devices.openhaptics.robot:OpenHapticsRobot",
     "adxl335-serial": "mmt.devices.adxl335.serial_driver:SerialAdxl335",
     "adxl335-u6": "mmt.devices.adxl335.u6_driver:U6Adxl335",
+    "virtual-robot": "mmt.devices.emulated.drivers:VirtualRobot",
+    "virtual-net-ft": "mmt.devices.emulated.drivers:virtual_net_ft",
+    "virtual-adxl335": "mmt.devices.emulated.drivers:virtual_adxl335",
 }
 """Name -> ``module:factory`` of the drivers that are part of mmt."""
 

@@ -1,0 +1,147 @@
+"""The virtual lab: a world that moves by the clock, and drivers that find its devices."""
+
+import math
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from mmt.devices.emulated import drivers as drivers_module
+from mmt.devices.emulated.drivers import VirtualRobot, virtual_adxl335, virtual_net_ft
+from mmt.devices.emulated.world import TICK_NS, World
+from mmt.devices.loading import load_device
+from mmt.errors import DeviceLost, InputError, MmtError
+
+
+def until(happened: Any, longest_s: float = 20.0) -> None:
+    deadline = time.monotonic() + longest_s
+    while not happened():
+        assert time.monotonic() < deadline
+        time.sleep(0.002)
+
+
+@pytest.fixture
+def world() -> Iterator[World]:
+    world = World("wood", 3)
+    world.start()
+    yield world
+    world.stop()
+    world.stop()
+
+
+def test_the_world_waits_above_its_surface_and_follows_commands(world: World) -> None:
+    now_ns = time.monotonic_ns()
+    assert world.position_mm(now_ns) == pytest.approx((0.0, 0.0, 5.0))
+    assert world.force_n(now_ns) == pytest.approx((0.0, 0.0, 0.0))
+    assert math.hypot(*world.acceleration_m_s2(now_ns)) == pytest.approx(9.81, abs=0.2)
+    world.command_mm = (4.0, 0.0, -1.0)
+    until(lambda: world.force_n(time.monotonic_ns())[2] > 0.5)
+    until(lambda: world.position_mm(time.monotonic_ns())[0] > 3.0)
+
+
+def test_the_world_moves_smoothly_between_its_ticks(world: World) -> None:
+    world.command_mm = (20.0, 0.0, 5.0)
+    until(lambda: world.position_mm(time.monotonic_ns())[0] > 1.0)
+    now_ns = time.monotonic_ns()
+    places = [world.position_mm(now_ns - k * TICK_NS // 4)[0] for k in range(40)]
+    steps = [late - early for late, early in pairwise(places)]
+    assert all(step >= 0 for step in steps)  # 0 where the world itself was held up
+    assert max(steps) < 0.25  # a quarter of a tick at 1 m/s
+
+
+def test_a_surface_that_does_not_exist_is_explained() -> None:
+    robot = VirtualRobot(surface="velcro")
+    with pytest.raises(MmtError, match=r"does not start: .*velcro"):
+        robot.connect()
+
+
+@pytest.mark.parametrize("make", [VirtualRobot, virtual_net_ft, virtual_adxl335])
+def test_an_option_of_the_wrong_kind_is_refused(make: Any) -> None:
+    with pytest.raises(InputError, match="seed"):
+        make(seed="many")
+
+
+def test_what_is_not_connected_is_lost() -> None:
+    for device in (VirtualRobot(), virtual_net_ft()):
+        with pytest.raises(DeviceLost, match="not connected"):
+            device.read()
+        device.close()
+
+
+def test_the_devices_share_a_lab_which_ends_with_the_last_of_them() -> None:
+    robot = load_device("virtual-robot", {"surface": "wood"})
+    force = load_device("virtual-net-ft", {"rate_hz": 1000})
+    accelerometer = load_device("virtual-adxl335")
+    devices = (robot, force, accelerometer)
+    try:
+        for device in devices:
+            device.connect()
+            device.calibrate()
+        process = drivers_module._LAB._process
+        assert process is not None
+        assert robot.read() == pytest.approx((0.0, 0.0, 5.0), abs=0.01)
+        robot.write((0.0, 0.0, -2.0))
+        pressed: list[float] = []
+
+        def pressing() -> bool:
+            pressed.extend(reading.value[2] for reading in force.read())
+            return bool(pressed) and pressed[-1] > 1.0
+
+        until(pressing)
+        felt: list[float] = []
+
+        def feeling() -> bool:
+            felt.extend(math.hypot(*reading.value) for reading in accelerometer.read())
+            return len(felt) > 50
+
+        until(feeling)
+        assert sorted(felt)[len(felt) // 2] == pytest.approx(9.8, abs=2.0)
+        assert robot.read()[2] < 1.0
+        assert force.latency_ns >= 0
+        assert accelerometer.latency_ns > 0
+        robot.close()
+        force.close()
+        assert process.poll() is None
+    finally:
+        for device in devices:
+            device.close()
+    assert process.poll() == 0
+    assert drivers_module._LAB._process is None
+
+
+def test_a_lab_that_dies_is_a_lost_robot_and_comes_back() -> None:
+    robot = VirtualRobot()
+    try:
+        robot.connect()
+        process = drivers_module._LAB._process
+        assert process is not None
+        process.kill()
+        process.wait()
+
+        def is_lost() -> bool:
+            try:
+                robot.read()
+                robot.write((0.0, 0.0, 5.0))
+            except DeviceLost:
+                return True
+            return False
+
+        until(is_lost)
+        robot.connect()
+        assert robot.read() == pytest.approx((0.0, 0.0, 5.0), abs=0.01)
+    finally:
+        robot.close()
+
+
+def test_a_follower_on_devices_imports_neither_scipy_nor_numba() -> None:
+    modules = (
+        "mmt.devices.source, mmt.devices.emulated.drivers, mmt.devices.ati.net_ft, "
+        "mmt.devices.adxl335.serial_driver"
+    )
+    program = f"import sys, {modules}; print(sorted({{'numba', 'scipy'}} & set(sys.modules)))"
+    ran = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True)
+    assert ran.stdout.strip() == b"[]"
