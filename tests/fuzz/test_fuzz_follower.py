@@ -28,17 +28,12 @@ class Watched:
             "network": {},
         }
         self.told: list[Vector] = []
-        self.faults: list[Exception] = []
         self.service = FollowerService(scene_from_tables(tables))
         self.service.source.start(0)
         self.client = self.service.client
-        self.client._on_connect()
+        self.client._traffic.restart()
         self._step = self.service.source.step
         self.service.source.step = self._note  # type: ignore[method-assign]
-        self.service.ending.fail = self.faults.append  # type: ignore[assignment,method-assign]
-        self.client._events = self.client._events.__class__(
-            **{**vars(self.client._events), "on_error": self.faults.append}
-        )
 
     def _note(self, elapsed: int, now_ns: int, command: Vector | None) -> Any:
         if command is not None:
@@ -77,7 +72,7 @@ def test_nothing_that_a_leader_sends_ends_the_follower_or_moves_the_robot_too_fa
                 await asyncio.sleep(0)
             for _ in range(5):
                 watched.service._tick(1)
-            assert watched.faults == []
+            assert watched.service.ending.fault is None
             assert all(math.isfinite(value) for told in watched.told for value in told)
             steps = zip(watched.told, watched.told[1:], strict=False)
             assert all(math.dist(a, b) <= LIMIT_MM_S / 1000 * 1.01 for a, b in steps)

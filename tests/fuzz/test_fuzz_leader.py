@@ -256,7 +256,7 @@ def test_whatever_hello_is_admitted_is_one_or_is_refused() -> None:
         changed = {**HELLO, "token": "a token of sixteen", key: value}
         for offered in (auth, changed):
             try:
-                hello = admit(offered, access, NAMES, 1000, occupant=None)
+                hello = admit(offered, None, access=access, channels=NAMES, rate_hz=1000)
             except MmtError:
                 continue
             assert offered is changed

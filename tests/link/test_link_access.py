@@ -160,8 +160,8 @@ async def test_the_token_is_asked_for_again_after_a_break(token_file: Path) -> N
     async with listening(Link(port=0, token_file=token_file)) as url:
         follower = FollowerClient(url, hello(), FollowerNotes().events(), access=Access(TOKEN))
         await follower.connect(5.0)
-        assert follower._line is not None
-        await follower._line.client.eio.ws.close()
+        assert follower._connection.line is not None
+        await follower._connection.line.client.eio.ws.close()
         await until(lambda: not follower.connected)
         await until(lambda: follower.connected)
         await follower.disconnect()

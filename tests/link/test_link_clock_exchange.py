@@ -73,7 +73,7 @@ async def linked(
     )
     try:
         await client.connect(10.0)
-        await until(lambda: server._outbox.is_open)
+        await until(lambda: server._traffic.outbox.is_open)
         yield Linked(server, client, up, down, jumps)
     finally:
         await client.disconnect()
@@ -240,8 +240,8 @@ def test_too_many_questions_are_rejected() -> None:
 
 async def test_a_malformed_stamp_from_the_other_side_is_counted() -> None:
     async with linked() as link:
-        link.client._outbox.put(0, encode_event("clock", b"short"))
-        link.server._outbox.put(0, encode_event("clock", b"short"))
+        link.client._traffic.outbox.put(0, encode_event("clock", b"short"))
+        link.server._traffic.outbox.put(0, encode_event("clock", b"short"))
         await until(lambda: link.server.statistics.rejected and link.client.statistics.rejected)
         assert link.server.statistics.rejected == {"malformed clock": 1}
         assert link.client.statistics.rejected == {"malformed clock": 1}

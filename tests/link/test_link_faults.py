@@ -20,7 +20,7 @@ from link_samples import (
 
 import mmt.link.client
 import mmt.link.direct
-import mmt.link.server
+import mmt.link.hosting
 from mmt.errors import MmtError
 from mmt.link.client import FollowerClient
 from mmt.link.dialling import Line
@@ -129,7 +129,7 @@ async def test_a_cut_link_is_taken_up_again_and_shows_as_a_gap() -> None:
         client.send_frames(frames(10, 5))  # nobody can take them
         server.send_commands(commands(0))
         assert client.statistics.dropped == 5
-        await until(lambda: client.connected and server._outbox.is_open)
+        await until(lambda: client.connected and server._traffic.outbox.is_open)
         client.send_frames(frames(15, 5))
         server.send_commands(commands(1))
         await until(lambda: len(up.sequences) == 15 and down.sequences == [1])
@@ -178,7 +178,7 @@ async def test_a_follower_may_give_up_on_a_leader_that_does_not_come_back() -> N
 async def test_a_wire_that_falls_silent_is_noticed_on_both_sides(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(mmt.link.server, "PING_TIMEOUT_S", 1)
+    monkeypatch.setattr(mmt.link.hosting, "PING_TIMEOUT_S", 1)
     up, down = LeaderNotes(), FollowerNotes()
     async with (
         leader(up) as server,
@@ -238,7 +238,7 @@ async def test_where_the_library_hides_its_websocket_its_queue_is_used(
     monkeypatch.setattr(mmt.link.direct, "ClientWebSocketResponse", type(None))
     up, down = LeaderNotes(), FollowerNotes()
     async with leader(up) as server, follower(server.port, down) as client:
-        await until(lambda: server._outbox.is_open)
+        await until(lambda: server._traffic.outbox.is_open)
         for sequence in range(20):
             client.send_frames(frames(sequence))
             server.send_commands(commands(sequence))

@@ -119,7 +119,9 @@ async def test_a_follower_that_floods_is_cut_off_and_the_next_is_served(
         assert notes.losses[0].startswith("it sent more than 1000 messages")
         assert server.statistics.rejected["too fast"] > 0
         await client.disconnect()
-        monkeypatch.setattr(server._gate, "_due_ns", 0)  # what the first owes would take 0.5 s
+        monkeypatch.setattr(
+            server._traffic.gate, "_due_ns", 0
+        )  # what the first owes would take 0.5 s
         async with follower(server.port) as good:
             good.send_frames(frames(0))
             await until(lambda: notes.sequences == [0])
@@ -134,11 +136,11 @@ async def test_a_leader_that_floods_ends_the_follower_with_a_reason(
     monkeypatch.setattr(mmt.link.gate, "PATIENCE_S", 0.05)
     notes = FollowerNotes()
     async with leader() as server, follower(server.port, notes) as client:
-        await until(lambda: server._outbox.is_open)
+        await until(lambda: server._traffic.outbox.is_open)
         async with asyncio.timeout(30):
             while not notes.errors:
-                server._outbox.put(1, encode_event("commands", b"x"))
-                server._outbox.put(1, encode_event("commands", b"x"))
+                server._traffic.outbox.put(1, encode_event("commands", b"x"))
+                server._traffic.outbox.put(1, encode_event("commands", b"x"))
                 await asyncio.sleep(0)
         assert str(notes.errors[0]).startswith("the leader was cut off: it sent more than")
         assert client.statistics.rejected["too fast"] > 0
@@ -175,6 +177,6 @@ async def test_there_is_room_for_so_many_connections() -> None:
             await session.ws_connect(url)
         for websocket in open_ones:
             await websocket.close()
-        await until(lambda: not server._server.eio.sockets, timeout_s=10)
+        await until(lambda: not server._host.server.eio.sockets, timeout_s=10)
         async with follower(server.port):
             assert server.connected

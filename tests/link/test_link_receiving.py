@@ -48,7 +48,7 @@ async def exchange(count: int) -> tuple[LeaderNotes, FollowerNotes]:
     """Send so many frames and commands, one a message, and a reason at the end."""
     up, down = LeaderNotes(), FollowerNotes()
     async with leader(up) as server, follower(server.port, down) as client:
-        await until(lambda: server._outbox.is_open)
+        await until(lambda: server._traffic.outbox.is_open)
         for sequence in range(count):
             client.send_frames(frames(sequence))
             server.send_commands(commands(sequence))

@@ -10,11 +10,11 @@ from mmt.link.protocol import FollowerHello
 
 def admit(
     auth: object,
+    occupant: FollowerHello | None,
+    *,
     access: Access,
     channels: Sequence[Channel],
     rate_hz: int,
-    *,
-    occupant: FollowerHello | None,
     extra: str = "",
 ) -> FollowerHello:
     """Return the hello of a follower that fits the leader's scene.
@@ -23,13 +23,13 @@ def admit(
     ----------
     auth
         Of the connection, as anybody may have sent it.
+    occupant
+        Of the follower that is connected, None where none is. Its own process may take its
+        place: it knows that its old connection is dead before the leader does.
     access
         What the leader asks for.
     channels, rate_hz
         What the leader's scene needs.
-    occupant
-        Of the follower that is connected, None where none is. Its own process may take its
-        place: it knows that its old connection is dead before the leader does.
     extra
         The further event that the leader's scene has on the wire, empty for none.
 

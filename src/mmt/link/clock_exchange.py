@@ -15,7 +15,7 @@ from typing import Final
 from mmt.link.clock import clock_id
 from mmt.link.clock_offset import ClockEstimate, ClockJump, ClockOffset
 from mmt.link.outbox import Outbox
-from mmt.link.protocol import CLOCK, encode_event
+from mmt.link.protocol import CLOCK, argument_of, encode_event
 from mmt.link.reading import BlockReader
 
 _QUESTION: Final = struct.Struct("<IqIq")
@@ -126,7 +126,7 @@ class ClockAsker(OtherClock):
     def take_answer(self, *arguments: object) -> None:
         """Use an answer, as anybody may have sent it."""
         arrival_ns = time.monotonic_ns()
-        data = arguments[0] if len(arguments) == 1 else None
+        data = argument_of(arguments)
         if not isinstance(data, bytes) or len(data) != _ANSWER.size:
             self._reader.reject("malformed clock")
             return
@@ -157,7 +157,7 @@ class ClockAnswerer(OtherClock):
     def take_question(self, *arguments: object) -> None:
         """Answer a question, as anybody may have sent it, and learn from the one before."""
         arrival_ns = time.monotonic_ns()
-        data = arguments[0] if len(arguments) == 1 else None
+        data = argument_of(arguments)
         if not isinstance(data, bytes) or len(data) != _QUESTION.size:
             self._reader.reject("malformed clock")
             return

@@ -17,6 +17,7 @@ from mmt.link.protocol import (
     MAX_RECORDS_PER_MESSAGE,
     MISSING,
     SETTLE,
+    argument_of,
     encode_event,
     ranges_of_payload,
 )
@@ -70,7 +71,7 @@ class BackfillPort:
     def _on_backfill(self, sid: str, *arguments: object) -> None:
         if not self._expects(sid):
             return
-        data = arguments[0] if len(arguments) == 1 else None
+        data = argument_of(arguments)
         if not isinstance(data, bytes):
             self._reject("malformed back-fill")
             return
@@ -93,14 +94,14 @@ class BackfillPort:
     def _on_gone(self, sid: str, *arguments: object) -> None:
         if not self._expects(sid):
             return
-        ranges = ranges_of_payload(arguments[0] if len(arguments) == 1 else None)
+        ranges = ranges_of_payload(argument_of(arguments))
         if ranges is None:
             self._reject("malformed gone")
             return
         call(self._events.on_gone, ranges, on_error=self._events.on_error)
 
     def _on_settle(self, sid: str, *arguments: object) -> dict[str, Any]:
-        payload = arguments[0] if len(arguments) == 1 else None
+        payload = argument_of(arguments)
         sent = payload.get("frames") if isinstance(payload, Mapping) else None
         missing: list[Range] = []
         if not self._expects(sid):

@@ -235,6 +235,11 @@ def encode_event(event: str, payload: object) -> bytes:
     return encoded
 
 
+def argument_of(arguments: tuple[object, ...]) -> object:
+    """Return the one argument of an event, None where it has none or several."""
+    return arguments[0] if len(arguments) == 1 else None
+
+
 def ranges_of_payload(payload: object) -> list[Range] | None:
     """Return the ranges that a ``missing`` or ``gone`` carries, None where it is malformed."""
     if not isinstance(payload, list) or len(payload) > MAX_RANGES:

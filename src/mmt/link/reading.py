@@ -8,7 +8,7 @@ import numpy as np
 
 from mmt.arrays import RecordArray
 from mmt.link.log import LOG, RateLimit
-from mmt.link.protocol import MAX_RECORDS_PER_MESSAGE
+from mmt.link.protocol import MAX_RECORDS_PER_MESSAGE, argument_of
 from mmt.pacing import JumpBound, shortest_period_ns
 from mmt.ticking import TimeHistogram
 
@@ -89,7 +89,7 @@ class BlockReader:
         arrival_ns
             Monotonic time of the arrival.
         """
-        data = arguments[0] if len(arguments) == 1 else None
+        data = argument_of(arguments)
         if not isinstance(data, bytes):
             self.reject("not bytes")
             return None
