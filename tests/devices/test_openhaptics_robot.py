@@ -129,6 +129,7 @@ def test_warm_motors_give_no_force_and_the_person_is_told_once(make, emulated, c
     with caplog.at_level(logging.WARNING):
         emulated.fail("warm")
         until(lambda: robot.faults.get("WARM_MOTORS", 0) > 5, lambda: robot.write((9.0, 0.0, 0.0)))
+        robot.read()
     assert [record.message for record in caplog.records] == [
         "Emulated HD device EMULATED1: the motors are too warm and give no force "
         "(HD_WARM_MOTORS, device's own code -1): let go, let them cool for some minutes, and "
@@ -276,6 +277,13 @@ def make_again(robot: OpenHapticsRobot, emulated: EmulatedHd) -> None:
 def test_a_stiffness_beyond_the_device_is_refused(make, emulated) -> None:
     emulated.limits(8.5, 0.4)
     with pytest.raises(InputError, match=r"at most 0\.4"):
+        make().connect()
+
+
+@pytest.mark.parametrize("force_n", [0.0, float("nan")])
+def test_a_device_that_knows_no_limit_of_its_force_is_refused(make, emulated, force_n) -> None:
+    emulated.limits(force_n, 3.5)
+    with pytest.raises(MmtError, match="no limit is known"):
         make().connect()
 
 

@@ -172,6 +172,21 @@ def test_a_force_error_takes_the_force_away_for_a_second() -> None:
     assert made.fault is None
 
 
+def test_a_device_with_a_fault_gets_no_force_again() -> None:
+    made = servo(frame := Frame(1e9))
+    forces = []
+    for tick in range(400):
+        made.target[:] = [5.0, 0.0, 0.0]
+        made.command_ns = frame.now_ns
+        if tick == 200:
+            frame.errors = [(0x0300, 7)]
+        made.tick(None)
+        forces.append(frame.f)
+    assert forces[200] > 2.0
+    assert set(forces[201:]) == {0.0}
+    assert made.fault == HdError(0x0300, 7)
+
+
 def test_a_mistake_in_the_callback_ends_it_without_force() -> None:
     made = servo(frame := Frame())
     made.target = None

@@ -103,13 +103,10 @@ class HdDevice(Generic[AnyServo]):
             serial = stack.hd.hdGetString(hd.SERIAL_NUMBER)
             texts = [text.decode(errors="replace") for text in (model, serial) if text]
             self.name = " ".join(texts) or self.name
-            force_n = _double(stack, hd.NOMINAL_MAX_FORCE)
-            stiffness_n_mm = _double(stack, hd.NOMINAL_MAX_STIFFNESS)
             stack.hd.hdEnable(hd.FORCE_OUTPUT)
             stack.hd.hdEnable(hd.MAX_FORCE_CLAMPING)
-            stack.check(self.name)
-            limit_n = min(self._options.force_limit_n, force_n)
-            servo = self._make_servo(stack, handle, limit_n, stiffness_n_mm)
+            stiffness_n_mm = _double(stack, hd.NOMINAL_MAX_STIFFNESS)
+            servo = self._make_servo(stack, handle, self._force_limit_n(stack), stiffness_n_mm)
             self._callback = CALLBACK(servo.tick)
             self._scheduled = stack.hd.hdScheduleAsynchronous(
                 self._callback, None, hd.DEFAULT_PRIORITY
@@ -119,6 +116,17 @@ class HdDevice(Generic[AnyServo]):
             self._release(stack)
             raise
         self._servo = servo
+
+    def _force_limit_n(self, stack: Stack) -> float:
+        """Return the least of the scene's limit and the device's own."""
+        largest_n = _double(stack, hd.NOMINAL_MAX_FORCE)
+        stack.check(self.name)
+        if not largest_n > 0.0:
+            raise MmtError(
+                f"{self.name} says that its largest force is {largest_n:g} N, so that no limit is "
+                "known: check it with the vendor's diagnosis program"
+            )
+        return min(self._options.force_limit_n, largest_n)
 
     def _wait_for_tick(self) -> None:
         deadline = time.monotonic() + _FIRST_TICK_S

@@ -114,7 +114,7 @@ class Servo:
         passed_ns = now_ns - self.tick_ns
         change = (passed_ns if passed_ns < _LONGEST_STEP_NS else _LONGEST_STEP_NS) / self._ramp_ns
         command_ns = self.command_ns
-        if now_ns < self._rest_until_ns:
+        if now_ns < self._rest_until_ns or self.fault is not None:
             self.share = 0.0
         elif command_ns is not None and now_ns - command_ns < self._stale_ns:
             self.share = self.share + change if self.share + change < 1.0 else 1.0
