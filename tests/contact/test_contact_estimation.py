@@ -79,6 +79,47 @@ def test_a_surface_that_is_gone_is_unlearned_when_nothing_is_met_there() -> None
     assert left is None or left.force_n(2e-3, 0.0) < 0.3 * wall.force_n(2e-3, 0.0)
 
 
+def test_a_push_on_the_way_out_teaches_nothing() -> None:
+    """Something else pushes at another place, harder and longer than a touch of the wall."""
+    wall = ContactModel(0.0, 10_000.0, damping_n_s_m=20.0)
+    depth_m = strokes(4.0, 5e-4)
+    speed_m_s = np.gradient(depth_m, TICK_S)
+    estimator = ContactEstimator()
+    for depth, rate in zip(depth_m.tolist(), speed_m_s.tolist(), strict=True):
+        stray_n = 3.0 if depth < -5e-5 and rate < -2e-3 else 0.0
+        estimator.update(depth, wall.force_n(depth, rate) + stray_n)
+    found = estimator.kelvin_voigt()
+    assert found is not None
+    assert found.stiffness_n_m == pytest.approx(10_000.0, rel=0.15)
+
+
+def test_a_push_on_the_way_out_is_contact_once_the_tool_comes_back_into_it() -> None:
+    estimator = ContactEstimator()
+    for depth in np.linspace(0.0, -2e-3, 200).tolist():
+        estimator.update(depth, 2.0 if depth < -1e-3 else 0.0)
+    assert not estimator.contact
+    for depth in np.linspace(-2e-3, 0.0, 200).tolist():
+        estimator.update(depth, 2.0)
+    assert estimator.contact
+    assert estimator.contacts == 1
+
+
+@pytest.mark.parametrize("drag_n", [0.1, 0.5])
+def test_drag_is_not_taken_for_contact(drag_n: float) -> None:
+    """Knocks of 5 N on a wall, with a drag that pulls on the way in and pushes deep in the air."""
+    wall = ContactModel(0.0, 10_000.0, damping_n_s_m=20.0)
+    estimator = ContactEstimator()
+    for tick in range(5000):
+        phase = 2 * math.pi * 2e-3 * tick
+        depth, rate = 5e-3 * math.sin(phase) - 4.5e-3, 5e-3 * 4 * math.pi * math.cos(phase)
+        drag = drag_n * math.sin(phase + 4.0)
+        estimator.update(depth, wall.force_n(depth, rate) + drag)
+    assert estimator.contacts == 10
+    found = estimator.kelvin_voigt()
+    assert found is not None
+    assert found.stiffness_n_m == pytest.approx(10_000.0, rel=0.5)
+
+
 def test_without_contact_there_is_no_model() -> None:
     estimator = ContactEstimator()
     for depth in strokes(5.0, 0.01).tolist():
