@@ -151,6 +151,34 @@ def test_the_model_shows_the_force_of_the_hands_own_place() -> None:
     assert 0 < summary["contact_samples"] < 2000
 
 
+def test_what_no_model_explains_is_shown_as_it_was_met_at_each_place_and_speed() -> None:
+    """A surface that gives back half of its force: no spring and damper is both at once."""
+    handle = Handle()
+    feedback = ModelForce(handle, limit_n=10.0)
+    depth = 4.0 * np.sin(np.arange(3000) / 30)
+    records = samples(depth, 1.0)
+    outward = np.gradient(depth) < 0.0
+    records["force_n"][outward] *= 0.5
+    for start in range(0, 2000, CONTACT_GATHERED):
+        feedback.take_records(records[start : start + CONTACT_GATHERED])
+    shown = []
+    for tick in range(2000, 3000):
+        feedback.take(pushing(0.0))
+        feedback.tick(1, at(-float(depth[tick])))
+        shown.append(handle.force_n[2])
+    moving = np.abs(np.gradient(depth[2000:])) > 0.05  # mm a tick
+    moving[:200] = False  # until the hand has paid for it
+    error = np.array(shown) - records["force_n"][2000:, 2]
+    for way in (outward[2000:] & moving, ~outward[2000:] & moving):
+        assert np.sqrt(np.mean(error[way] ** 2)) < 0.2
+    model = feedback.felt
+    assert model is not None
+    alone = [model.force_n(1e-3 * place, 0.0) for place in depth[2000:]] - records["force_n"][
+        2000:, 2
+    ]
+    assert np.sqrt(np.mean(alone[moving] ** 2)) > 0.4
+
+
 def test_the_streamed_force_is_shown_until_there_is_a_model() -> None:
     handle = Handle()
     feedback = ModelForce(handle, limit_n=10.0)
