@@ -16,7 +16,15 @@ import numpy as np
 from mmt.arrays import FloatArray, RecordArray
 from mmt.contact.estimation import ContactModel
 from mmt.errors import InputError
-from mmt.evaluation.feedback.sides import Display, Method, Sides, handle_state, make_sides
+from mmt.evaluation.feedback.bound import least_shown
+from mmt.evaluation.feedback.sides import (
+    PASSIVITY,
+    Display,
+    Method,
+    Sides,
+    handle_state,
+    make_sides,
+)
 from mmt.frames import empty_frames
 from mmt.leader.feedback_model import ModelForce
 
@@ -87,6 +95,9 @@ class RecordedResult:
         Root mean square of displayed less true force, from the first round trip on.
     force_n
         Root mean square of the true force over the same time.
+    least_error_n
+        The least force error of a passive display that knows the whole recording from the
+        moment when the first contact has arrived, and shows nothing before.
     energy_mj
         What the hand had got at most beyond what it had put in.
     settled_s
@@ -101,6 +112,7 @@ class RecordedResult:
     delay_ms: int
     force_error_n: float
     force_n: float
+    least_error_n: float
     energy_mj: float
     settled_s: float | None = None
     surface: ContactModel | None = None
@@ -175,6 +187,7 @@ def evaluate_run(run: RecordedRun, method: Method, delay_ms: int) -> RecordedRes
         delay_ms,
         force_error_n=_rms(error),
         force_n=_rms(run.force_n[known]),
+        least_error_n=_rms((_least_shown(run, delay_ms) - run.force_n)[known]),
         energy_mj=1e3 * max(0.0, float(net.max())),
         settled_s=_settled_s(stiffness),
         surface=model.surface if model is not None else None,
@@ -209,6 +222,15 @@ def _replay(
         if isinstance(sides.leader, ModelForce) and sides.leader.felt is not None:
             stiffness[tick] = sides.leader.felt.stiffness_at(_REFERENCE_N)
     return shown, stiffness
+
+
+def _least_shown(run: RecordedRun, delay_ms: int) -> FloatArray:
+    """Return the best that a passive display could have shown, (n,)."""
+    touched = np.flatnonzero(run.force_n > _CONTACT_N)
+    first = int(touched[0]) if len(touched) else 0
+    travel_m = np.append(np.diff(run.hand_m), 0.0)
+    energy_j = PASSIVITY.reserve_j + run.opening_j
+    return least_shown(run.force_n, travel_m, energy_j, first + 2 * delay_ms)
 
 
 def _frames(run: RecordedRun) -> RecordArray:

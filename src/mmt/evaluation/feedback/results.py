@@ -25,6 +25,8 @@ DEFINITIONS: Final = {
     "environment at the same instant of the hand, from the first round trip on, learning "
     "included. Simulated: the same against the force that the tool meets when the hand's "
     "motion has reached it, from the second touch on",
+    "least_error_n": "recorded: the least force error of a passive display that knows the whole "
+    "recording from the moment when the first contact has arrived, and shows nothing before",
     "position_error_mm": "simulated: the handle's place less the tool's when the hand's motion "
     "has reached it, from the second touch on",
     "injected_mj": "most energy that the hand had got beyond what it had put in",
