@@ -279,6 +279,70 @@ def test_an_accelerometer_at_a_box_measures_gravity(closing, caplog) -> None:
     assert sensor.faults == {}
 
 
+def test_a_stuck_accelerometer_stays_lost_until_its_value_changes(closing) -> None:
+    still = {"volts": [1.65, 1.65, 1.98]}
+    box = EmulatedU6(lambda _: [*still["volts"], *[0.0] * 11])
+    sensor = closing(load_device("adxl335-u6", {"backend": box, "stuck_s": 0.1}))
+    sensor.connect()
+    for _ in range(2):
+        with pytest.raises(DeviceLost, match=r"not changed for 0\.1 s"):
+            scans(sensor, 10**6)
+        sensor.close()
+        sensor.connect()
+    still["volts"] = [1.65, 1.66, 1.98]
+    sensor.close()
+    sensor.connect()
+    assert scans(sensor, 20)
+
+
+# --- the board of other sensors
+
+
+def test_a_nano17s_gauges_are_read_by_a_box(tmp_path: Path, closing) -> None:
+    axes = "".join(
+        f'<UserAxis Name="{name}" values="{" ".join("2" if i == k else "0" for k in range(6))}" '
+        f'max="{20 if i < 3 else 120}"/>'
+        for i, name in enumerate(("Fx", "Fy", "Fz", "Tx", "Ty", "Tz"))
+    )
+    (tmp_path / "FT7.cal").write_text(
+        '<FTSensor Serial="FT7" BodyStyle="Nano17" Family="DAQ" NumGages="6" CalFileVersion="1.1">'
+        '<Calibration PartNumber="SI-12-0.12" CalDate="1/2/2024" ForceUnits="N" '
+        'TorqueUnits="N-mm" DistUnits="mm" OutputRange="20" GainMultiplier="1" '
+        f'OutputBipolar="True">{axes}</Calibration></FTSensor>'
+    )
+    pressed = {"volts": 0.0}
+
+    def volts(time_ns: int) -> list[float]:
+        tremor = 0.001 * (time_ns // 1_000_000 % 2)
+        return [0.3 + tremor] * 8 + [0.3 + tremor + pressed["volts"]] + [0.3 + tremor] * 5
+
+    board = {"driver": "labjack-u6", "inputs": [4, 6, 8, 10, 12, 13], "backend": EmulatedU6(volts)}
+    sensor = closing(
+        load_device("ati-gauges", {"calibration_file": tmp_path / "FT7.cal", "board": board})
+    )
+    sensor.connect()
+    sensor.calibrate()
+    pressed["volts"] = 0.5
+    scans(sensor, 100)  # some still come from before
+    got = scans(sensor, 50)
+    assert sum(r.value[2] for r in got) / len(got) == pytest.approx(1.0, abs=0.01)
+    assert sum(r.value[0] for r in got) / len(got) == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"inputs": []}, "inputs"),
+        ({"inputs": [0, 14]}, "input 14"),
+        ({"gain": 5}, "gain is 5"),
+        ({"inputs": [1], "differential": True}, "even half"),
+    ],
+)
+def test_a_boards_options_are_checked(options, message) -> None:
+    with pytest.raises(InputError, match=message):
+        load_device("labjack-u6", options)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -12,6 +12,7 @@ DRIVERS: Final[dict[str, str]] = {
     "ati-digital-ft": "mmt.devices.ati.digital_ft:digital_ft",
     "ati-gauges": "mmt.devices.ati.gauges:gauges",
     "ati-net-ft": "mmt.devices.ati.net_ft:net_ft",
+    "labjack-u6": "mmt.devices.labjack.board:labjack_u6",
     "haptuator-sound": "mmt.devices.haptuator.sound:haptuator_sound",
     "openhaptics": "mmt.devices.openhaptics.robot:OpenHapticsRobot",
     "adxl335-serial": "mmt.devices.adxl335.serial_driver:SerialAdxl335",

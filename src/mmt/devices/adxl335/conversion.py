@@ -21,9 +21,13 @@ class Converter:
         Zero and gain of each of the sensor's own axes.
     options
         Which axis lies where, and from when a value is stuck.
+    stuck_at
+        The volts at which the sensor was stuck before, None where it was not.
     """
 
-    def __init__(self, calibration: Calibration, options: Adxl335Options) -> None:
+    def __init__(
+        self, calibration: Calibration, options: Adxl335Options, stuck_at: Vector | None = None
+    ) -> None:
         self.faults: Counter[str] = Counter()
         """``saturated samples``: beyond 3.6 g along an axis."""
         self._zero = calibration.zero_v
@@ -33,9 +37,9 @@ class Converter:
             ("xyz".index(a[-1]), -1.0 if a[0] == "-" else 1.0) for a in options.axes
         )
         self._stuck_ns = round(1e9 * options.stuck_s)
-        self.stuck = False
-        """Whether the value has stayed the same for too long."""
-        self._last: Vector | None = None
+        self.stuck_at = stuck_at
+        """The volts that have stayed the same for too long, None where they change."""
+        self._last = stuck_at
         self._since_ns = 0
 
     def convert(self, time_ns: int, volts: Vector) -> SensorReading:
@@ -47,13 +51,13 @@ class Converter:
             The volts have not changed by the least bit for too long.
         """
         if volts != self._last:
-            self._last, self._since_ns = volts, time_ns
-        elif time_ns - self._since_ns >= self._stuck_ns:
-            self.stuck = True
+            self._last, self._since_ns, self.stuck_at = volts, time_ns, None
+        elif self.stuck_at is not None or time_ns - self._since_ns >= self._stuck_ns:
+            self.stuck_at = volts
             raise DeviceLost(
-                f"the accelerometer's value has not changed for "
-                f"{(time_ns - self._since_ns) / 1e9:.2g} s, and even at rest it is never quite "
-                "still: check the sensor's supply and the wires to the converter"
+                f"the accelerometer's value has not changed for {1e-9 * self._stuck_ns:g} s "
+                "or more, and even at rest it is never quite still: check the sensor's supply and "
+                "the wires to the converter"
             )
         zero, scale = self._zero, self._scale
         own = (

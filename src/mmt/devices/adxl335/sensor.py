@@ -155,9 +155,9 @@ class Adxl335(ABC):
         stored = load_calibration(CALIBRATED_AS, self._serial) if self._serial else None
         self._calibrated = stored is not None
         self.calibration = nominal(self.supply_v) if stored is None else from_dict(stored)
-        faults = self._converter.faults
-        self._converter = Converter(self.calibration, self._common)
-        self._converter.faults = faults
+        before = self._converter
+        self._converter = Converter(self.calibration, self._common, before.stuck_at)
+        self._converter.faults = before.faults
         if not self._remarked:
             self._remarked = True
             for remark in self._common.remarks():

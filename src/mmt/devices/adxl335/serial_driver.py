@@ -86,7 +86,7 @@ class SerialAdxl335(Adxl335):
         try:
             return super().read()
         except DeviceLost:
-            if self._converter.stuck:
+            if self._converter.stuck_at is not None:
                 self._stuck_at = self._newest
             raise
 

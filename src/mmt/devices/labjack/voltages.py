@@ -19,13 +19,14 @@ from mmt.devices.labjack.packets import (
     stream_config,
 )
 from mmt.devices.labjack.usb_link import U6Link
+from mmt.devices.voltages import VoltageReading
 from mmt.errors import InputError, MmtError
 
 _MOST_CHANNELS: Final = 14
 
 
 class U6Voltages:
-    """Stream inputs at an even rate; `read` gives (time_ns, volts of each input).
+    """A `VoltageBoard` that streams inputs at an even rate.
 
     Parameters
     ----------
@@ -54,6 +55,12 @@ class U6Voltages:
         _check(channels, rate_hz)
         self.faults: Counter[str] = Counter()
         """``bad packets``, ``lost scans``, ``overflows`` and, by their number, errors."""
+        self.inputs = len(channels)
+        """How many voltages a reading has."""
+        self.limit_v = min(10.0 / channel.gain for channel in channels)
+        """Largest magnitude that every input measures."""
+        self.latency_ns = 0
+        """A scan is stamped when it begins; its inputs follow each other within it."""
         self._scanning = plan(channels, rate_hz)
         self._link = U6Link(box, backend)
         self._lines: list[Callable[[int], float]] = []
@@ -92,15 +99,15 @@ class U6Voltages:
             link.close()
             raise
 
-    def read(self) -> list[tuple[int, tuple[float, ...]]]:
-        """Return what has come, oldest first: (time_ns by the U6's clock, volts); never blocks.
+    def read(self) -> list[VoltageReading]:
+        """Return what has come, oldest first, by the U6's clock; never blocks.
 
         Raises
         ------
         DeviceLost
             It was unplugged.
         """
-        scans: list[tuple[int, tuple[float, ...]]] = []
+        scans: list[VoltageReading] = []
         for raw in self._link.packets():
             packet = decode_stream(raw, self._scanning.samples_per_packet)
             if packet is None:
@@ -130,7 +137,7 @@ class U6Voltages:
         elif packet.error not in {0, RECOVERING}:
             self.faults[f"error {packet.error}"] += 1
 
-    def _take(self, packet: StreamPacket, scans: list[tuple[int, tuple[float, ...]]]) -> None:
+    def _take(self, packet: StreamPacket, scans: list[VoltageReading]) -> None:
         number = len(self._lines)
         for at in range(0, len(packet.samples), number):
             counts = packet.samples[at : at + number]
@@ -139,7 +146,7 @@ class U6Voltages:
                 self._missed = 0
                 continue
             volts = tuple(line(count) for line, count in zip(self._lines, counts, strict=True))
-            scans.append((self._scanning.time_ns(self._scan), volts))
+            scans.append(VoltageReading(self._scanning.time_ns(self._scan), volts))
             self._scan += 1
 
 
