@@ -171,7 +171,7 @@ def test_a_wrong_baud_rate_is_told(boards, drivers) -> None:
     board = boards()
     board.scramble()
     sensor = drivers(board, start_s=0.3)
-    with pytest.raises(MmtError, match=r"no good frames: the baud rate is probably not 115200"):
+    with pytest.raises(MmtError, match=r"no good frames: the baud rate is probably not 500000"):
         sensor.connect()
     board.scramble(scrambled=False)
     sensor.connect()

@@ -5,8 +5,7 @@
 // X, Y, Z to A0, A1, A2, ground to ground. The board's capacitors set the bandwidth (5 uF / C Hz):
 // replace the 0.1 uF that breakout boards ship with by 0.01 uF for 500 Hz.
 //
-// Options of the driver that go with it: resolution_bits = 12, reference_v = 3.3, and for boards
-// with a converter from USB to serial baud_rate = 500000.
+// The driver's defaults go with it: resolution_bits = 12, reference_v = 3.3, baud_rate = 500000.
 
 #include <Arduino.h>
 

@@ -58,7 +58,7 @@ class SerialOptions(Adxl335Options):
 
     port: str = Field(min_length=1)
     """As ``/dev/ttyACM0`` or ``COM3``; better a name below ``/dev/serial/by-id``."""
-    baud_rate: int = Field(115200, ge=9600, le=4_000_000)
+    baud_rate: int = Field(500_000, ge=9600, le=4_000_000)
     """Boards with USB of their own ignore it."""
     reference_v: float = Field(3.3, ge=1.0, le=5.5)
     """Full scale of the converter."""
