@@ -84,7 +84,7 @@ class SensorClock:
         Returns
         -------
         jumped
-            Whether the sensor's clock has jumped, so that all before it is of no use.
+            Whether the sensor's clock has jumped, or seems to where the machine was busy for long.
         """
         if self._origin is None:
             self._origin = (arrival_ns, arrival_ns - sensor_ns)
@@ -94,13 +94,13 @@ class SensorClock:
         height = difference - self._drift * time
         if height < self._height:
             if height < self._height - _JUMP_NS:
-                return self._jump(arrival_ns, sensor_ns)
+                return self._jump(time, height)
             self._height = height
         quickest = self._quickest
         if quickest is None or height < quickest[1] - self._drift * quickest[0]:
             self._quickest = (time, difference)
         if time >= self._block_ends:
-            return self._end_block(arrival_ns, sensor_ns)
+            return self._end_block(time)
         return False
 
     def sensor_time(self, host_ns: int) -> int:
@@ -117,22 +117,26 @@ class SensorClock:
         origin_ns, zero_ns = self._origin
         return host_ns - zero_ns - round(self._height + self._drift * (host_ns - origin_ns))
 
-    def _jump(self, arrival_ns: int, sensor_ns: int) -> bool:
+    def _jump(self, time: int, height: float) -> bool:
+        """Begin the line anew at this height."""
         self.jumps += 1
-        self.reset()
-        self.add(arrival_ns, sensor_ns)
+        self._height = height
+        self._late_blocks = 0
+        self._blocks.clear()
+        self._quickest = None
+        self._block_ends = time + BLOCK_NS
         return True
 
-    def _end_block(self, arrival_ns: int, sensor_ns: int) -> bool:
+    def _end_block(self, time: int) -> bool:
         point = self._quickest
         assert point is not None  # noqa: S101 - the caller has just set it
-        late = point[1] - self._drift * point[0] > self._height + _JUMP_NS
+        height = point[1] - self._drift * point[0]
+        late = height > self._height + _JUMP_NS
         self._late_blocks = self._late_blocks + 1 if late else 0
         if self._late_blocks >= _WITNESSES:
-            return self._jump(arrival_ns, sensor_ns)
+            return self._jump(time, height)
         self._quickest = None
-        assert self._origin is not None  # noqa: S101 - something was taken
-        self._block_ends = arrival_ns - self._origin[0] + BLOCK_NS
+        self._block_ends = time + BLOCK_NS
         if late:  # the line stays as it was
             return False
         self._blocks.append(point)

@@ -77,9 +77,7 @@ class Lane:
             self.readings += len(readings)
             newest = self.newest = readings[-1]
             _, _, _ = newest.value  # else it is the sensor's fault, and found here
-            if self.clock.add(arrival_ns, newest.time_ns):
-                kept.clear()
-                kept.append(newest)
+            self.clock.add(arrival_ns, newest.time_ns)
 
     def at(self, host_ns: int) -> "Vector | Waiting | None":
         """Return the value of a physical instant by the host's clock.
