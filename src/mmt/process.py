@@ -22,19 +22,20 @@ _SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}
 _ATTRIBUTES = "<IIQiIQQQ"  # struct sched_attr: size, policy, flags, nice, priority, runtime, ...
 
 
-def ask_for_short_turns() -> bool:
+def ask_for_short_turns(slice_ns: int = SLICE_NS) -> bool:
     """Ask the Linux scheduler to let this thread run soon after it wakes, for short turns.
 
     Since Linux 6.12 a thread of the ordinary policy may ask for the length of its turn, and
     one with a shorter turn runs before one with a longer turn that is under way. It takes no
-    privilege. Returns whether the kernel took it; an older one leaves the turn as it was.
+    privilege. Returns whether the kernel took it; an older one leaves the turn as it was. A child
+    process inherits it; 0 asks for the kernel's own turn again.
     """
     number = _SCHED_SETATTR.get(platform.machine())
     if sys.platform != "linux" or number is None or os.sched_getscheduler(0) != os.SCHED_OTHER:
         return False
     size = struct.calcsize(_ATTRIBUTES)
     nice = os.getpriority(os.PRIO_PROCESS, 0)
-    attributes = struct.pack(_ATTRIBUTES, size, os.SCHED_OTHER, 0, nice, 0, SLICE_NS, 0, 0)
+    attributes = struct.pack(_ATTRIBUTES, size, os.SCHED_OTHER, 0, nice, 0, slice_ns, 0, 0)
     this_thread, no_flags = 0, 0
     return bool(ctypes.CDLL(None).syscall(number, this_thread, attributes, no_flags) == 0)
 

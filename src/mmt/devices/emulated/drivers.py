@@ -70,6 +70,7 @@ class _Lab:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
+            start_new_session=True,  # Ctrl-C is for the service; schedulers share by session
         )
         said = self._process.stdout
         assert said is not None  # noqa: S101 - a pipe was asked for

@@ -12,6 +12,7 @@ from mmt.devices.emulated.adxl335_board import EmulatedAdxl335Board
 from mmt.devices.emulated.net_ft import EmulatedNetFt
 from mmt.devices.emulated.robot_link import RobotLink
 from mmt.devices.emulated.world import World
+from mmt.process import SWITCH_INTERVAL_S, ask_for_short_turns
 
 ACCELEROMETER_HZ: Final = 2000.0
 ACCELEROMETER_BANDWIDTH_HZ: Final = 1000.0
@@ -19,7 +20,8 @@ ACCELEROMETER_BANDWIDTH_HZ: Final = 1000.0
 
 def main(surface: str, seed: int) -> None:
     """Run the lab until standard input ends."""
-    sys.setswitchinterval(1e-4)
+    ask_for_short_turns(0)  # the service that it is a child of goes first
+    sys.setswitchinterval(SWITCH_INTERVAL_S)
     world = World(surface, seed)
     robot = RobotLink(world)
     box = EmulatedNetFt(world.force_n, clock_ppm=40.0, seed=seed)
