@@ -205,15 +205,23 @@ def feed(clock, arrivals):
 
 def test_what_a_silence_has_swallowed_is_counted():
     clock = CountingClock(1000.0)
-    last_ns = feed(clock, [*[(1, t) for t in range(1, 50)], *[(1, t) for t in range(150, 160)]])
-    assert last_ns == 158 * MS
+    last_ns = feed(clock, [*[(1, t) for t in range(1, 50)], *[(1, t) for t in range(150, 300)]])
+    assert last_ns == 298 * MS
     assert clock.missing == 100
 
 
-def test_what_was_merely_held_back_is_not():
+@pytest.mark.parametrize("late_ms", [0, 1, 30])
+def test_what_was_merely_held_back_is_not(late_ms):
     clock = CountingClock(1000.0)
-    last_ns = feed(clock, [(1, 1), (1, 2), (98, 100), (1, 101), (1, 102)])
-    assert (last_ns, clock.missing) == (101 * MS, 0)
+    held_back = [(40, 100), (58, 100 + late_ms)]
+    last_ns = feed(clock, [(1, 1), (1, 2), *held_back, (160, 260), (1, 261), (1, 262)])
+    assert (last_ns, clock.missing) == (261 * MS, 0)
+
+
+def test_a_rate_below_the_nominal_one_is_no_loss():
+    clock = CountingClock(1000.0)
+    feed(clock, [(49, 50 * i) for i in range(1, 200)])
+    assert clock.missing == 0
 
 
 def test_a_new_stream_goes_on_by_the_hosts_time():

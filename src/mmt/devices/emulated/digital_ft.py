@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.devices.ati.digital_ft import record_rate_hz
-from mmt.devices.ati.digital_records import Gauges, pack_record
+from mmt.devices.ati.digital_records import SIZE, Gauges, pack_record
 from mmt.devices.ati.digital_registers import (
     CALIBRATION_REGISTERS,
     DEVICE,
@@ -66,6 +66,7 @@ class EmulatedDigitalFt:
         self._noise = noise_counts
         self._random = random.Random(seed)  # noqa: S311 - noise, no secret
         self._rate = record_rate_hz(baud) * (1.0 + 1e-6 * clock_ppm) * 1e-9
+        self._on_line_ns = round(11 * SIZE * 1e9 / baud)
         self._sent = 0
         self._began_ns: int | None = None  # its stream; None while it listens
         self._received = b""
@@ -189,7 +190,9 @@ class EmulatedDigitalFt:
         if self._silent or not numbers:
             return
         packet = b"".join(
-            self._record(self._truth(began_ns + round((number + 1) / self._rate)))
+            self._record(
+                self._truth(began_ns + round((number + 1) / self._rate) - self._on_line_ns)
+            )
             for number in numbers
         )
         if self._garbage:
