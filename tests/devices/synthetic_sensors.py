@@ -3,6 +3,7 @@
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 from mmt.devices.protocols import SensorReading, Vector
 
@@ -19,6 +20,11 @@ class Time:
     def monotonic_ns(self) -> int:
         self.now_ns += 100_000
         return self.now_ns
+
+    @property
+    def still(self) -> SimpleNamespace:
+        """The same time, which does not pass by being asked for."""
+        return SimpleNamespace(monotonic_ns=lambda: self.now_ns)
 
     def sleep(self, seconds: float) -> None:
         self.now_ns += round(seconds * 1e9)

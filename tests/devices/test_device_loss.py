@@ -7,6 +7,7 @@ import pytest
 from synthetic_sensors import MS, SyntheticSensor, Time
 
 from mmt.arrays import RecordArray
+from mmt.devices import ports as ports_module
 from mmt.devices import source as source_module
 from mmt.devices.protocols import SensorReading, Vector
 from mmt.devices.source import DeviceSource
@@ -47,6 +48,7 @@ class Bench:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, on_lost: str = "hold") -> None:
         self.time = Time()
         monkeypatch.setattr(source_module, "time", self.time)
+        monkeypatch.setattr(ports_module, "time", self.time.still)
         self.arm = Arm()
         self.sensor = SyntheticSensor(2000, time=self.time)
         self.told: list[tuple[bool, str]] = []
@@ -98,6 +100,7 @@ def test_a_latency_that_is_known_once_connected_is_taken(
 ) -> None:
     time = Time()
     monkeypatch.setattr(source_module, "time", time)
+    monkeypatch.setattr(ports_module, "time", time.still)
     sensor = SyntheticSensor(2000, time=time, latency_ns=0)
 
     def connect() -> None:
@@ -214,6 +217,7 @@ def test_a_sensor_that_gives_nothing_at_the_start_is_explained(
 ) -> None:
     time = Time()
     monkeypatch.setattr(source_module, "time", time)
+    monkeypatch.setattr(ports_module, "time", time.still)
     sensor = SyntheticSensor(1000, time=time)
     sensor.stalled = True
     source = DeviceSource(Arm(), sensor, None, ("force",))
@@ -228,3 +232,21 @@ def test_a_sensor_that_gives_what_is_no_vector_is_named(monkeypatch: pytest.Monk
     )
     with pytest.raises(MmtError, match=r"the force sensor \(SyntheticSensor\) failed"):
         bench.run(5)
+
+
+def test_a_reading_that_comes_while_the_tick_is_held_up_did_not_come_before_it_was_measured(
+    monkeypatch,
+):
+    time = Time()
+    monkeypatch.setattr(ports_module, "time", time.still)
+    sensor = SyntheticSensor(1000, time=time)
+
+    def read() -> list[SensorReading]:
+        time.now_ns += 5 * MS  # another process has the core
+        return [SensorReading(7_000_000_000, (0.0, 0.0, 0.0))]
+
+    monkeypatch.setattr(sensor, "read", read)
+    port = ports_module.SampledPort("force sensor", sensor)
+    tick_ns = time.now_ns
+    port.step(tick_ns, None)
+    assert port.lane.clock.sensor_time(tick_ns + 5 * MS) <= 7_000_000_000

@@ -1,6 +1,7 @@
 """One device of a follower: read or write it, see that it is lost, and connect it again."""
 
 import threading
+import time
 from collections.abc import Mapping
 from typing import Any, Final
 
@@ -205,7 +206,7 @@ class SampledPort(Port):
         DeviceLost
             Nothing has come for too long.
         """
-        if self.poll(now_ns):
+        if self.poll():
             self._last_ns, self._empty = now_ns, 0
             return
         self._empty += 1
@@ -215,11 +216,11 @@ class SampledPort(Port):
                 f"no reading for {silent_ns / 1e6:.0f} ms; check its cable and its power"
             )
 
-    def poll(self, now_ns: int) -> bool:
+    def poll(self) -> bool:
         """Take what has come; return whether anything has."""
         readings = self.device.read()
-        if readings:
-            self.lane.take(readings, now_ns)
+        if readings:  # a time from before the call might be before they came
+            self.lane.take(readings, time.monotonic_ns())
         return bool(readings)
 
     def lose(self, now_ns: int) -> None:
@@ -235,7 +236,7 @@ class SampledPort(Port):
         super()._connect()
 
     def _answers(self, now_ns: int) -> bool:
-        if self.poll(now_ns):
+        if self.poll():
             self._last_ns, self._empty = now_ns, 0
             if self._heard_ns is None:
                 self._heard_ns = now_ns

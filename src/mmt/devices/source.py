@@ -125,7 +125,7 @@ class DeviceSource:
         ):
             for port in self._sampled:
                 try:
-                    port.poll(time.monotonic_ns())
+                    port.poll()
                     if passed_ns > _FIRST_READING_NS and not port.lane.clock.known:
                         raise DeviceLost(  # noqa: TRY301 - told like what a driver raises
                             "it is connected but gives no reading; check its cable and settings"
@@ -136,12 +136,12 @@ class DeviceSource:
         for port in self._sampled:
             port.begin(time.monotonic_ns())
 
-    def probe(self, now_ns: int) -> None:
+    def probe(self, now_ns: int) -> None:  # noqa: ARG002 - each read tells its own time
         """Look at the sampled sensors between two ticks; a fault is left to the next tick."""
         for port in self._sampled:
             if port.lost_ns is None and self._probed is None:
                 try:
-                    port.poll(now_ns)
+                    port.poll()
                 except Exception as error:  # noqa: BLE001 - raised by the next step
                     self._probed = (port, error)
 
