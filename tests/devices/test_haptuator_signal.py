@@ -146,7 +146,7 @@ def test_a_drift_is_learnt_without_a_slip(session_ppm: float) -> None:
     played = run(puller, 20.0, session_ppm=session_ppm)
     assert (puller.underruns, puller.slips) == (0, 0)
     assert abs(puller.fill - puller.target) < 1.5
-    assert puller.drift == pytest.approx(1e-6 * session_ppm, abs=2e-4)
+    assert puller.follower.drift == pytest.approx(1e-6 * session_ppm, abs=2e-4)
     # no jump anywhere: a tone's steps are bounded
     assert np.max(np.abs(np.diff(played))) < 1.1 * 2.0 * np.pi * 200.0 / 48_000.0
 

@@ -13,6 +13,7 @@ DRIVERS: Final[dict[str, str]] = {
     "ati-gauges": "mmt.devices.ati.gauges:gauges",
     "ati-net-ft": "mmt.devices.ati.net_ft:net_ft",
     "labjack-u6": "mmt.devices.labjack.board:labjack_u6",
+    "haptuator-serial": "mmt.devices.haptuator.serial_driver:haptuator_serial",
     "haptuator-sound": "mmt.devices.haptuator.sound:haptuator_sound",
     "openhaptics": "mmt.devices.openhaptics.robot:OpenHapticsRobot",
     "adxl335-serial": "mmt.devices.adxl335.serial_driver:SerialAdxl335",

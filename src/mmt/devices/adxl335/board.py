@@ -1,13 +1,13 @@
 """A serial port, read without waiting; what goes wrong with it, in sentences."""
 
 import contextlib
-import errno
 import os
 from typing import Final
 
 import serial
 from serial.tools import list_ports
 
+from mmt.devices.serial_ports import explain_refusal
 from mmt.errors import DeviceLost, MmtError
 
 _AT_ONCE: Final = 16384
@@ -39,7 +39,9 @@ class SerialBoard:
         try:
             self._port = serial.Serial(self.name, self._baud_rate, timeout=0, exclusive=True)
         except (serial.SerialException, OSError, ValueError) as error:
-            raise MmtError(f"the accelerometer's port {self.name}: {_reason(error)}") from error
+            raise MmtError(
+                f"the accelerometer's port {self.name}: {explain_refusal(error)}"
+            ) from error
         # A converter from USB to serial gathers bytes for 16 ms unless told otherwise.
         with contextlib.suppress(AttributeError, NotImplementedError, ValueError, OSError):
             self._port.set_low_latency_mode(True)
@@ -80,18 +82,3 @@ class SerialBoard:
                 number: str | None = info.serial_number
                 return number
         return None
-
-
-def _reason(error: Exception) -> str:
-    code = getattr(error, "errno", None)
-    if code == errno.EACCES:
-        return (
-            "no permission. On Linux add yourself to the group that owns it (dialout or uucp: "
-            "sudo usermod -aG dialout $USER) and log in again"
-        )
-    if code in {errno.ENOENT, errno.ENXIO, errno.ENODEV}:
-        ports = [str(info.device) for info in list_ports.comports()]
-        return f"there is none; plug the board in. There are: {', '.join(ports) or 'no ports'}"
-    if code in {errno.EBUSY, errno.EAGAIN}:
-        return "another program has it open; close that one (a serial monitor, another follower)"
-    return str(error)

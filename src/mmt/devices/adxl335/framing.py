@@ -13,6 +13,8 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
+from mmt.devices.cobs import stuff, unstuff
+
 VERSION: Final = 1
 MOST_SAMPLES: Final = 32
 """In one frame: it then stays below 254 bytes, where COBS adds exactly one."""
@@ -52,33 +54,6 @@ def encode_frame(frame: Frame) -> bytes:
     plain = _HEAD.pack(VERSION, frame.sequence, frame.time_us)
     plain += b"".join(_SAMPLE.pack(*sample) for sample in frame.samples)
     return stuff(plain + _CHECK.pack(crc_hqx(plain, 0xFFFF))) + b"\0"
-
-
-def stuff(plain: bytes) -> bytes:
-    """Return bytes COBS-encoded: none of them is zero.
-
-    Raises
-    ------
-    ValueError
-        More than 253 bytes, which would need more than one byte beside them.
-    """
-    if len(plain) > 253:
-        raise ValueError(f"{len(plain)} bytes are too long for a frame")
-    blocks = plain.split(b"\0")
-    return b"".join(bytes((len(block) + 1,)) + block for block in blocks)
-
-
-def unstuff(stuffed: bytes) -> bytes | None:
-    """Return COBS-encoded bytes decoded, None where they are none."""
-    blocks = []
-    at, end = 0, len(stuffed)
-    while at < end:
-        following = at + stuffed[at]
-        if following == at or following > end:
-            return None
-        blocks.append(stuffed[at + 1 : following])
-        at = following
-    return b"\0".join(blocks)
 
 
 class FrameDecoder:

@@ -17,12 +17,10 @@ from typing import Final
 import numpy as np
 
 from mmt.arrays import FloatArray
+from mmt.devices.haptuator.following import FillFollower
 from mmt.devices.haptuator.interpolation import AFTER, BEFORE, Interpolator
 
 _CAPACITY: Final = 4096
-_TIME_CONSTANT_S: Final = 2.0
-_LARGEST_CORRECTION: Final = 5e-3
-_LARGEST_DRIFT: Final = 3e-3
 _LEAST_SLACK: Final = 20.0
 """Samples beyond the wanted fill before the reading jumps."""
 _FADE_S: Final = 0.002
@@ -65,8 +63,7 @@ class Puller:
         self._tail = np.zeros(0)
         self._muted = False
         self._rise = False
-        self.drift = 0.0
-        """By what share the session's clock is ahead of the card's, as learnt."""
+        self.follower = FillFollower(rate_hz)
         self.fill = 0.0
         """Samples that lay ahead of the reading at the last block."""
         self.underruns = 0
@@ -161,11 +158,5 @@ class Puller:
 
     def _step(self, fill: float, frames: int) -> float:
         """Return the step from instant to instant (samples), and learn from the fill."""
-        error = fill - self.target
-        natural = 1.0 / _TIME_CONSTANT_S
-        passed_s = frames / self._card_rate_hz
-        drift = self.drift + natural * natural / self._rate_hz * error * passed_s
-        self.drift = min(max(drift, -_LARGEST_DRIFT), _LARGEST_DRIFT)
-        correction = self.drift + 2.0 * natural / self._rate_hz * error
-        correction = min(max(correction, -_LARGEST_CORRECTION), _LARGEST_CORRECTION)
+        correction = self.follower.correction(fill - self.target, frames / self._card_rate_hz)
         return self._rate_hz / self._card_rate_hz * (1.0 + correction)

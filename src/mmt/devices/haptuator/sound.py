@@ -127,7 +127,7 @@ class SoundHaptuator:
         device = find_output(library, options.device, options.channel)
         previous = self._puller
         self._puller = self._new_puller()
-        self._puller.drift = previous.drift
+        self._puller.follower = previous.follower
         self._puller.underruns, self._puller.slips = previous.underruns, previous.slips
         self._drive.rest()
         self._ended = False
@@ -196,7 +196,7 @@ class SoundHaptuator:
             slips=puller.slips,
             card_underflows=self._card_underflows,
             limited_frames=self._limited,
-            drift_ppm=round(1e6 * puller.drift, 1),
+            drift_ppm=round(1e6 * puller.follower.drift, 1),
             latency_ms=None if latency_s is None else round(1e3 * latency_s, 2),
         )
 

@@ -1,0 +1,119 @@
+"""The serial port of a board that plays samples: bytes in and out, without waiting."""
+
+import contextlib
+import os
+from collections import Counter
+from collections.abc import Sequence
+from typing import Final
+
+import serial
+
+from mmt.devices.haptuator.framing import Decoder, Message, encode
+from mmt.devices.serial_ports import explain_refusal
+from mmt.errors import DeviceLost, MmtError
+
+_AT_ONCE: Final = 16384
+_LARGEST_BACKLOG: Final = 8192
+
+
+class HaptuatorBoard:
+    """Messages to and from a board.
+
+    Parameters
+    ----------
+    port, baud_rate
+        As in `mmt.devices.haptuator.serial_driver.SerialOptions`.
+    """
+
+    def __init__(self, port: str, baud_rate: int) -> None:
+        self.name = f"Haptuator's board on {port}"
+        self.faults: Counter[str] = Counter()
+        """``bad frames``, ``bad checksums``, ``other versions`` that came, and ``dropped bytes``
+        that the port did not take."""
+        self._path = port
+        self._baud_rate = baud_rate
+        self._port: serial.Serial | None = None
+        self._decoder = Decoder()
+        self._backlog = bytearray()
+
+    def open(self) -> None:
+        """Open the port, and throw away what waits in it.
+
+        Raises
+        ------
+        MmtError
+            There is none, somebody else has it, or it is not permitted.
+        """
+        self.close()
+        try:
+            self._port = serial.Serial(
+                self._path, self._baud_rate, timeout=0, write_timeout=0, exclusive=True
+            )
+        except (serial.SerialException, OSError, ValueError) as error:
+            raise MmtError(f"{self.name}: {explain_refusal(error)}") from error
+        # A converter from USB to serial gathers bytes for 16 ms unless told otherwise.
+        with contextlib.suppress(AttributeError, NotImplementedError, ValueError, OSError):
+            self._port.set_low_latency_mode(True)
+        with contextlib.suppress(OSError, serial.SerialException):
+            self._port.reset_input_buffer()
+        self._decoder = Decoder()
+        self._backlog = bytearray(b"\0")  # ends whatever the board has half of
+
+    def receive(self) -> Sequence[Message]:
+        """Return the messages that have come.
+
+        Raises
+        ------
+        DeviceLost
+            The port is not open, or the board was unplugged.
+        """
+        try:
+            received = self._opened().read(_AT_ONCE)
+        except (serial.SerialException, OSError, TypeError) as error:
+            raise self._gone() from error
+        messages = self._decoder.feed(received)
+        if self._decoder.faults:
+            self.faults.update(self._decoder.faults)
+            self._decoder.faults.clear()
+        return messages
+
+    def send(self, *messages: Message) -> None:
+        """Send messages; what the port does not take now goes with the next ones.
+
+        Raises
+        ------
+        DeviceLost
+            The port is not open, or the board was unplugged.
+        """
+        port, backlog = self._opened(), self._backlog
+        for message in messages:
+            backlog += encode(message)
+        try:
+            # pyserial's own write spins where the system's buffer is full
+            sent = os.write(port.fileno(), backlog) if os.name == "posix" else port.write(backlog)
+        except BlockingIOError:
+            sent = 0
+        except (serial.SerialException, OSError, TypeError) as error:
+            raise self._gone() from error
+        del backlog[:sent]
+        if len(backlog) > _LARGEST_BACKLOG:
+            self.faults["dropped bytes"] += len(backlog)
+            backlog[:] = b"\0"
+
+    def close(self) -> None:
+        """Close the port; calling it twice is harmless."""
+        port, self._port = self._port, None
+        if port is not None:
+            with contextlib.suppress(OSError, serial.SerialException):
+                port.close()
+
+    def _opened(self) -> serial.Serial:
+        if self._port is None:
+            raise DeviceLost(f"the {self.name} is closed: connect it again")
+        return self._port
+
+    def _gone(self) -> DeviceLost:
+        return DeviceLost(
+            f"the {self.name} is gone: plug it in again, and check that no other program uses the "
+            "port"
+        )

@@ -1,0 +1,219 @@
+"""A Haptuator's board on an emulated port: its frames, its clock, and what goes wrong."""
+
+import math
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+pty = pytest.importorskip("pty", reason="the emulated port is a pseudo-terminal")
+
+from mmt.devices.emulated.haptuator_board import EmulatedHaptuatorBoard  # noqa: E402
+from mmt.devices.haptuator.framing import (  # noqa: E402
+    FULL_SCALE,
+    MOST_SAMPLES,
+    Decoder,
+    Message,
+    Report,
+    Reset,
+    Samples,
+    encode,
+)
+from mmt.devices.haptuator.pushing import Pusher  # noqa: E402
+from mmt.devices.haptuator.serial_driver import SerialHaptuator  # noqa: E402
+from mmt.devices.loading import load_device  # noqa: E402
+from mmt.errors import DeviceLost, InputError, MmtError  # noqa: E402
+
+U16 = st.integers(0, 0xFFFF)
+VALUES = st.lists(st.integers(-FULL_SCALE, FULL_SCALE), min_size=1, max_size=MOST_SAMPLES)
+MESSAGES = st.one_of(
+    st.builds(lambda n, v: Samples(n, tuple(v)), U16, VALUES),
+    st.just(Reset()),
+    st.builds(Report, st.integers(0, 2**32 - 1), U16, U16, U16, U16, U16),
+)
+
+
+# --- frames
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(MESSAGES, max_size=6), st.integers(1, 50))
+def test_messages_survive_the_wire_in_any_pieces(messages: list[Message], piece: int) -> None:
+    content = b"\0" + b"".join(encode(message) for message in messages)
+    decoder, got = Decoder(), []
+    for begin in range(0, len(content), piece):
+        got += decoder.feed(content[begin : begin + piece])
+    assert got == messages
+    assert not decoder.faults
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.binary(max_size=700), MESSAGES)
+def test_after_garbage_the_next_message_is_heard(garbage: bytes, message: Message) -> None:
+    decoder = Decoder()
+    decoder.feed(garbage)
+    assert list(decoder.feed(b"\0" + encode(message)))[-1:] == [message]
+
+
+def test_a_flipped_bit_is_never_taken_for_a_message() -> None:
+    content = encode(Samples(7, (100, -200, 0, 32767)))
+    for bit in range(8 * (len(content) - 1)):
+        flipped = bytearray(content)
+        flipped[bit // 8] ^= 1 << bit % 8
+        decoder = Decoder()
+        assert list(decoder.feed(b"\0" + bytes(flipped))) == []
+        assert sum(decoder.faults.values()) >= 1
+
+
+def test_the_example_of_the_page_is_right() -> None:
+    assert encode(Samples(1, (256, -2))).hex(" ") == "04 01 01 01 01 06 01 fe ff 22 92 00"
+
+
+def test_samples_that_do_not_fit_are_refused() -> None:
+    for values in ((), (0,) * (MOST_SAMPLES + 1), (FULL_SCALE + 1,)):
+        with pytest.raises(ValueError, match=r"frame holds|beyond"):
+            encode(Samples(1, values))
+
+
+# --- the board's clock
+
+
+@pytest.mark.parametrize("board_ppm", [-1000.0, 0.0, 300.0])
+def test_a_boards_drift_is_learnt_and_the_signal_stays_whole(board_ppm: float) -> None:
+    pusher, ahead, played = Pusher(1000.0, 8000.0, 6.0), 0.0, []
+    fills = []
+    for k in range(20_000):
+        fills.append(ahead)
+        block = pusher.push([math.sin(2.0 * math.pi * 200.0 * k / 1000.0)], math.floor(ahead))
+        played.append(block)
+        ahead = max(0.0, ahead + len(block) - 8.0 * (1.0 + 1e-6 * board_ppm))
+    signal = np.concatenate(played)
+    assert np.max(np.abs(np.diff(signal))) < 1.1 * 2.0 * np.pi * 200.0 / 8000.0
+    assert np.mean(fills[-5000:]) == pytest.approx(48.0, abs=4.0)
+    assert min(fills[1:]) > 16.0
+    assert pusher.follower.drift == pytest.approx(-1e-6 * board_ppm, abs=2e-4)
+    assert pusher.slips == 0
+
+
+def test_a_buffer_that_is_far_too_full_is_caught_up_with_smoothly() -> None:
+    pusher, ahead, played = Pusher(1000.0, 8000.0, 6.0), 400.0, []
+    for k in range(1000):
+        block = pusher.push([math.sin(2.0 * math.pi * 100.0 * k / 1000.0)], math.floor(ahead))
+        played.append(block)
+        ahead = max(0.0, ahead + len(block) - 8.0)
+    assert pusher.slips == 1
+    assert ahead < 80.0
+    signal = np.concatenate(played)
+    assert np.max(np.abs(np.diff(signal))) < 2.3 * 2.0 * np.pi * 100.0 / 8000.0
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 3000), st.integers(0, 2000)), max_size=30))
+def test_whatever_is_held_up_the_board_gets_finite_bounded_samples(
+    turns: list[tuple[int, int]],
+) -> None:
+    pusher = Pusher(1000.0, 8000.0, 6.0)
+    for count, ahead in turns:
+        block = pusher.push([1.0] * count, ahead)
+        assert np.all(np.abs(block) <= 1.5)
+
+
+# --- the driver
+
+
+@pytest.fixture
+def board() -> Iterator[EmulatedHaptuatorBoard]:
+    emulated = EmulatedHaptuatorBoard(clock_ppm=200.0)
+    emulated.start()
+    yield emulated
+    emulated.stop()
+
+
+def haptuator(board: EmulatedHaptuatorBoard, **changes: object) -> SerialHaptuator:
+    options = {"volts_per_m_s2": 0.1, "full_scale_v": 6.0, "port": board.path, "buffer_ms": 50.0}
+    device = load_device("haptuator-serial", {**options, **changes})
+    assert isinstance(device, SerialHaptuator)
+    return device
+
+
+def play(device: SerialHaptuator, until: Callable[[], bool], patience_s: float = 20.0) -> None:
+    """Play a tone of 200 Hz and 10 m/s2 in real time until something holds."""
+    begin, written = time.monotonic(), 0
+    while not until():
+        now = time.monotonic() - begin
+        assert now < patience_s
+        due = int(1000.0 * now) - written
+        if due > 0:
+            device.write(
+                [10.0 * math.sin(0.4 * math.pi * k + 0.3) for k in range(written, written + due)]
+            )
+            written += due
+        time.sleep(0.001)
+
+
+def test_a_tone_reaches_the_converter_at_its_level(board: EmulatedHaptuatorBoard) -> None:
+    device = haptuator(board)
+    device.connect()
+    device.calibrate()
+    play(device, lambda: device.statistics.samples > 700)
+    volts = np.array(board.played()[-2400:-800]) * 6.0 / FULL_SCALE
+    assert np.sqrt(np.mean(volts**2)) == pytest.approx(math.sqrt(0.5), rel=0.05)
+    statistics = device.statistics
+    assert (statistics.lost_frames, statistics.bad_messages, statistics.clipped) == (0, 0, 0)
+    assert statistics.latency_ms is not None
+    assert 40.0 < statistics.latency_ms < 90.0
+    device.close()
+    device.close()
+
+
+def test_garbled_frames_are_counted_and_survived(board: EmulatedHaptuatorBoard) -> None:
+    device = haptuator(board)
+    device.connect()
+    board.garbled = 0.1
+    play(device, lambda: device.statistics.lost_frames > 3 and device.statistics.bad_messages > 3)
+    board.garbled = 0.0
+    samples = device.statistics.samples
+    play(device, lambda: device.statistics.samples > samples + 300)
+    assert max(map(abs, board.played()[-1600:])) > 0.9 / 6.0 * FULL_SCALE
+    device.close()
+
+
+def test_an_unplugged_board_is_lost_and_connected_again(board: EmulatedHaptuatorBoard) -> None:
+    device = haptuator(board)
+    device.connect()
+    play(device, lambda: device.statistics.samples > 100)
+    board.unplug()
+    with pytest.raises(DeviceLost, match="plug it in again"):
+        play(device, lambda: False)
+    with pytest.raises(MmtError, match="plug the board in"):
+        device.connect()
+    with pytest.raises(DeviceLost, match="closed"):
+        device.write([1.0])
+    board.plug()
+    device.connect()
+    samples = device.statistics.samples
+    assert samples >= 100
+    play(device, lambda: device.statistics.samples > samples + 100)
+    device.close()
+
+
+def test_a_board_that_hangs_is_lost(board: EmulatedHaptuatorBoard) -> None:
+    device = haptuator(board)
+    device.connect()
+    board.stalled = True
+    with pytest.raises(DeviceLost, match="reported nothing"):
+        play(device, lambda: False)
+    with pytest.raises(MmtError, match="does not answer"):
+        device.connect()
+
+
+def test_what_cannot_be_is_explained(board: EmulatedHaptuatorBoard) -> None:
+    with pytest.raises(MmtError, match="set 'board_rate_hz'"):
+        haptuator(board, board_rate_hz=16_000).connect()
+    with pytest.raises(MmtError, match="make it smaller"):
+        haptuator(board, buffer_ms=100).connect()
+    with pytest.raises(InputError, match="port"):
+        haptuator(board, port="")
