@@ -310,9 +310,9 @@ async def test_resetting_the_model_fades_back_to_the_stream_and_begins_anew(
         {
             "session": {"duration_s": 600.0},
             "link": {"port": 0},
-            "replay": {"file": str(tmp_path / "made.mcap"), "speed": 10.0, "loop": True},
+            "replay": {"file": str(tmp_path / "made.mcap"), "speed": 4.0, "loop": True},
             "texture": {"order": 4, "start_distance": 35.0, "stop_distance": 0.01},
-            "rendering": {"crossfade_ms": 20.0},
+            "rendering": {"crossfade_ms": 100.0},
             "playout": {},
             "actuator": {},
             "recording": {"file": str(tmp_path / "session.mcap")},
@@ -336,10 +336,13 @@ async def test_resetting_the_model_fades_back_to_the_stream_and_begins_anew(
     leader.stop()
     summary = await together.end()
     assert (await following).outcome == "leader stopped (stopped)"
-    assert modes() == ["fading", "synthesized", "fading", "streamed", "fading", "synthesized"]
+    settled = [mode for mode in modes() if mode != "fading"]
+    assert settled == ["synthesized", "streamed", "synthesized"]
     assert first_start_s is not None
     assert 0 < first_start_s <= reset_s < summary.texture["start_s"] <= leader.time_s
     recording = read_session(tmp_path / "session.mcap")
+    most_at_once = max(len(output.vibration_m_s2) for output in recording.outputs)
+    assert modes().count("fading") == 3 or most_at_once >= 100  # a tick that made up a whole fade
     times_s = [time_s for time_s, _ in recording.models]
     assert times_s == sorted(times_s)
     assert len(times_s) >= 4

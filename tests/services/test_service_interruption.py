@@ -96,8 +96,8 @@ def test_a_peer_that_hangs_does_not_hold_up_the_one_who_is_interrupted(tmp_path:
         assert follower.summary()["outcome"] == "stopped"
 
 
-def test_a_killed_follower_may_be_started_anew_but_not_stay_away(tmp_path: Path) -> None:
-    patience = {"MMT_LINK__PATIENCE_S": "2"}
+def test_a_killed_follower_may_be_started_anew(tmp_path: Path) -> None:
+    patience = {"MMT_LINK__PATIENCE_S": "60"}
     with session(tmp_path, "stream-only", **RECORDED, **patience) as (leader, follower):
         leader.wait_for(lambda: streamed_s(leader) > 0.5)
         follower.signal(signal.SIGKILL)
@@ -105,13 +105,12 @@ def test_a_killed_follower_may_be_started_anew_but_not_stay_away(tmp_path: Path)
         with follower_of(leader, "stream-only", tmp_path, **RECORDED, **patience) as second:
             leader.wait_for(lambda: any("started anew" in event for event in leader.events()))
             leader.wait_for(lambda: leader.lines("status")[-1]["frames"] > 900)
-            second.signal(signal.SIGKILL)
-            assert leader.end() == 1
-    assert leader.summary()["outcome"] == "follower lost"
-    assert leader.stderr == "error: follower lost\n"
-    waiting = [event for event in leader.events() if "follower lost" in event]
-    assert len(waiting) == 2
-    assert all(event.endswith("waiting 2 s for its return") for event in waiting)
+            second.signal(signal.SIGINT)
+            assert (leader.end(), second.end()) == (0, 0), leader.stderr + second.stderr
+    assert leader.summary()["outcome"] == "source ended"
+    assert leader.stderr == ""
+    (waiting,) = [event for event in leader.events() if "follower lost" in event]
+    assert waiting.endswith("waiting 60 s for its return")
     frames = assert_recorded(tmp_path, leader, at_least=900).frames
     steps = np.diff(frames["sequence"].astype(np.int64))
     assert (steps >= 1).all()
@@ -119,6 +118,19 @@ def test_a_killed_follower_may_be_started_anew_but_not_stay_away(tmp_path: Path)
     (missing,) = steps[steps > 1] - 1
     assert f"the follower started anew, {missing} frames are missing before it" in leader.events()
     assert missing > 100
+
+
+def test_a_killed_follower_that_stays_away_ends_the_session(tmp_path: Path) -> None:
+    patience = {"MMT_LINK__PATIENCE_S": "0.5"}
+    with session(tmp_path, "stream-only", **RECORDED, **patience) as (leader, follower):
+        leader.wait_for(lambda: streamed_s(leader) > 0.5)
+        follower.signal(signal.SIGKILL)
+        assert leader.end() == 1
+    assert leader.summary()["outcome"] == "follower lost"
+    assert leader.stderr == "error: follower lost\n"
+    (waiting,) = [event for event in leader.events() if "follower lost" in event]
+    assert waiting.endswith("waiting 0.5 s for its return")
+    assert_recorded(tmp_path, leader, at_least=500)
 
 
 def test_a_killed_leader_is_given_up_and_its_recording_recovered(tmp_path: Path) -> None:

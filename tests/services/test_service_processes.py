@@ -83,7 +83,10 @@ def test_every_frame_sent_is_received_and_recorded(run: Run) -> None:
 def test_commands_come_down_and_are_followed(run: Run) -> None:
     commands = run.leader.summary()["link"]["commands"]
     received = run.follower.summary()["link"]
-    assert received["commands"] + received["lost"] >= 0.99 * commands > 4000
+    ticks = run.leader.summary()["ticks"]
+    in_time = 1.0 - ticks["missed"] / ticks["ticks"]  # one command for all that are made up at once
+    assert commands > 0.66 * in_time * 1000 * DURATION_S
+    assert received["commands"] + received["lost"] >= 0.9 * commands
     height_mm = run.recording().frames["position_mm"][:, 2]
     assert height_mm[0] > 0.0 > height_mm.min()
 
@@ -191,7 +194,7 @@ def test_both_say_which_parts_run_and_which_are_left_out(replayed: Run) -> None:
     assert "runs:     link, texture, rendering, playout, actuator, recording" in (
         replayed.leader.stderr
     )
-    assert "left out: network, hand, force_feedback" in replayed.leader.stderr
+    assert "left out: network, hand, handle, force_feedback" in replayed.leader.stderr
     assert "runs:     link, replay" in replayed.follower.stderr
     assert "left out: network, simulated, devices" in replayed.follower.stderr
 
