@@ -174,6 +174,8 @@ def test_records_with_the_error_bit_alone_are_lost(emulated, sensor):
     with pytest.raises(DeviceLost, match="100 ms no record was usable"):
         read_until(sensor, lambda _: False)
     assert sensor.faults["error bit"] > 0
+    with pytest.raises(MmtError, match="1000 ms no record was usable"):
+        sensor.connect()
 
 
 def test_saturation_and_overload_are_counted():

@@ -217,6 +217,8 @@ def test_a_box_in_error_is_lost_and_connects_again_when_it_is_mended(box, sensor
     with pytest.raises(DeviceLost, match="status 0x80000400"):
         read_until(sensor, lambda _: False)
     assert sensor.faults["error status"] > 0
+    with pytest.raises(MmtError, match="status 0x80000400"):
+        sensor.connect()
     box.status = 0
     sensor.connect()
     assert read_some(sensor)

@@ -168,6 +168,8 @@ class DigitalFt(AtiSensor):
             if self._receive(now_ns):
                 return
             time.sleep(0.001)
+        if self._stream.errors or self._stream.bad:
+            raise MmtError(self._explain_unusable(_START_PATIENCE_S))
         raise MmtError(f"{self.name}: it accepts to stream, but no record comes; {self._where()}")
 
     def _where(self) -> str:
@@ -185,12 +187,15 @@ class DigitalFt(AtiSensor):
         if records:
             self._usable_ns = now_ns
         elif now_ns - self._usable_ns > _BROKEN_NS:
-            raise DeviceLost(
-                f"{self.name}: for {_BROKEN_NS / 1e6:.0f} ms no record was usable "
-                f"({self._stream.errors} with the error bit, {self._stream.bad} with a wrong sum "
-                "so far): check the transducer's cable, the line's ends and shield, and 'baud'"
-            )
+            raise DeviceLost(self._explain_unusable(_BROKEN_NS / 1e9))
         return records
+
+    def _explain_unusable(self, duration_s: float) -> str:
+        return (
+            f"{self.name}: for {1e3 * duration_s:.0f} ms no record was usable "
+            f"({self._stream.errors} with the error bit, {self._stream.bad} with a wrong sum "
+            "so far): check the transducer's cable, the line's ends and shield, and 'baud'"
+        )
 
     def _averaged(self, gauges: list[Gauges | None]) -> list[Stamped]:
         """Return means of successive records, stamped by the last one's time."""

@@ -74,6 +74,7 @@ class NetFt(AtiSensor):
         self._bias_in_box: str | None = None
         self._started_ns = 0
         self._usable_ns = 0
+        self._broken_status = 0  # of the newest record that was not usable
         self._buffer = bytearray(2048)
         self.settings: NetSettings | None = None
         """What the box says of itself, once it is connected."""
@@ -173,7 +174,7 @@ class NetFt(AtiSensor):
     def _await_first_record(self) -> None:
         """Ask for records until one comes, since a request can be lost."""
         start = time.monotonic()
-        self._started_ns = 0
+        self._started_ns = self._broken_status = 0
         while time.monotonic() - start < _START_PATIENCE_S:
             now_ns = time.monotonic_ns()
             self._usable_ns = now_ns
@@ -182,6 +183,8 @@ class NetFt(AtiSensor):
                 return
             time.sleep(0.001)
         self.close()
+        if self._broken_status:
+            raise MmtError(self._explain_broken())
         raise MmtError(
             f"{self.name}: its web page answers, but no record comes to UDP port "
             f"{self._options.rdt_port}; {self._where()}"
@@ -237,12 +240,16 @@ class NetFt(AtiSensor):
         if not is_broken(status):
             return True
         self._count("RDT error" if status & RDT_ERROR else "error status")
+        self._broken_status = status
         if now_ns - self._usable_ns > _BROKEN_NS:
-            raise DeviceLost(
-                f"{self.name}: the box reports {explain_status(status)}: check the transducer's "
-                "cable and the box's System Information page, and switch it off and on"
-            )
+            raise DeviceLost(self._explain_broken())
         return False
+
+    def _explain_broken(self) -> str:
+        return (
+            f"{self.name}: the box reports {explain_status(self._broken_status)}: check the "
+            "transducer's cable and the box's System Information page, and switch it off and on"
+        )
 
     @property
     def faults(self) -> dict[str, int]:
