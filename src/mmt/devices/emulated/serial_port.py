@@ -15,6 +15,8 @@ _TCGETS2: Final = 0x802C542A
 _TCSETS2: Final = 0x402C542B
 _SPEED_AT: Final = 40
 _IXANY: Final = 0x800
+_SETTLED: Final = 3
+"""Looks at unchanged settings before they are marked: a program sets them in two steps."""
 
 
 class EmulatedPort:
@@ -38,6 +40,7 @@ class EmulatedPort:
         self._link = Path(self._directory.name) / "port"
         self._master = -1
         self._baud = 0
+        self._unmarked = 0
         self._lock = threading.Lock()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="emulated port", daemon=True)
@@ -67,6 +70,7 @@ class EmulatedPort:
     def plug(self) -> None:
         """Have the port appear."""
         import pty
+        import termios
         import tty
 
         with self._lock:
@@ -74,6 +78,10 @@ class EmulatedPort:
                 return
             self._master, slave = pty.openpty()
             tty.setraw(slave)
+            settings = termios.tcgetattr(slave)
+            settings[0] |= _IXANY
+            termios.tcsetattr(slave, termios.TCSANOW, settings)
+            self._unmarked = 0
             self._link.symlink_to(os.ttyname(slave))
             os.close(slave)
             os.set_blocking(self._master, False)
@@ -118,8 +126,9 @@ class EmulatedPort:
 
         settings = bytearray(44)
         fcntl.ioctl(self._master, _TCGETS2, settings)
+        (self._baud,) = struct.unpack_from("=I", settings, _SPEED_AT)
         (flags,) = struct.unpack_from("=I", settings)
-        if not flags & _IXANY:
-            (self._baud,) = struct.unpack_from("=I", settings, _SPEED_AT)
+        self._unmarked = 0 if flags & _IXANY else self._unmarked + 1
+        if self._unmarked >= _SETTLED:  # the program has done with its settings
             struct.pack_into("=I", settings, 0, flags | _IXANY)
             fcntl.ioctl(self._master, _TCSETS2, settings)
