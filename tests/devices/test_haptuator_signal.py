@@ -68,6 +68,7 @@ def test_what_is_cut_or_not_finite_is_counted() -> None:
 def test_options_that_cannot_be_are_explained() -> None:
     for options, words in (
         ({"volts_per_m_s2": 0.1}, "full_scale_v"),
+        ({"full_scale_v": 6}, "serial"),
         ({"volts_per_m_s2": 0.1, "full_scale_v": 6, "low_hz": 300, "high_hz": 200}, "above low_hz"),
         ({"volts_per_m_s2": 0.1, "full_scale_v": 6, "limit_v": -1}, "limit_v"),
         ({"volts_per_m_s2": 0.1, "full_scale_v": 6, "volume": 3}, "volume"),

@@ -133,6 +133,23 @@ def calibrate_accelerometer(
     calibrate_by_gravity(load_device(driver, options), driver, duration, files)
 
 
+@app.command("equalise")
+def equalise_actuator(
+    recording: Annotated[Path, typer.Argument(help="A .npz file of a sweep, at 1 kHz.")],
+    serial: Annotated[str, typer.Option(help="Store it under this serial number.")],
+    low_hz: Annotated[float, typer.Option(help="Lower end of the band.")] = 90.0,
+    high_hz: Annotated[float, typer.Option(help="Upper end of the band.")] = 450.0,
+    largest_gain_db: Annotated[
+        float, typer.Option(help="Raise or lower a frequency by so much at most.")
+    ] = 12.0,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+) -> None:
+    """Fit a Haptuator's level and equaliser to a recorded sweep and store both."""
+    from mmt.cli.equalising import equalise
+
+    equalise(recording, serial, (low_hz, high_hz), largest_gain_db, json_file)
+
+
 def _devices(what: str, settings: list[str]) -> Iterator[tuple[str, str, dict[str, Any]]]:
     """Yield role, driver and options of what is to be tested."""
     from mmt.scene_files import example_scenes, load_scene

@@ -1,10 +1,13 @@
 """From the acceleration that is wanted to the voltage that an actuator may get."""
 
 import math
+from collections import deque
 from collections.abc import Callable, Sequence
+from operator import mul
 from typing import Final
 
 from mmt.arrays import FloatArray
+from mmt.devices.haptuator.level import level_of
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.protocols import ActuatorStatistics
 from mmt.texture.biquad import BiquadFilter, bessel_low_pass, butterworth_high_pass
@@ -14,21 +17,29 @@ _HIGHEST_SHARE: Final = 0.4999
 
 
 class VoltageDrive:
-    """Keep samples within the band, scale them to volts, and limit the voltage.
+    """Keep samples within the band, even them out, scale them to volts, and limit the voltage.
 
-    Plain Python, some 2 us a sample. A sample that is not finite counts as clipped and as
-    zero.
+    Plain Python, some 2 us a sample, and as much for an equaliser. A sample that is not finite
+    counts as clipped and as zero.
 
     Parameters
     ----------
     options
-        Band, scale and limits.
+        Band, level and limits.
     rate_hz
         Of the samples. A low-pass that would lie at half of it or above is left out.
+
+    Raises
+    ------
+    InputError
+        No level is stored for the serial number.
     """
 
     def __init__(self, options: HaptuatorOptions, rate_hz: float) -> None:
-        self._scale = options.volts_per_m_s2
+        level = level_of(options)
+        self._scale = level.volts_per_m_s2
+        self._taps = level.taps
+        self._history = deque([0.0] * len(level.taps), maxlen=len(level.taps))
         self._limit_v = options.largest_v
         sections = [BiquadFilter(butterworth_high_pass(options.low_hz, rate_hz))]
         if options.high_hz < _HIGHEST_SHARE * rate_hz:
@@ -46,11 +57,13 @@ class VoltageDrive:
         for section in self._sections:
             section.reset()
             section.step(0.0)
+        self._history.extend([0.0] * len(self._taps))
 
     def convert(self, samples_m_s2: Sequence[float] | FloatArray) -> list[float]:
         """Return the voltages (V) for samples (n,), m/s2."""
         values = samples_m_s2 if isinstance(samples_m_s2, Sequence) else samples_m_s2.tolist()
         limit_v, scale, filters = self._limit_v, self._scale, self._filters
+        taps, history = self._taps, self._history
         volts = []
         for value in values:
             magnitude = abs(value)
@@ -62,6 +75,9 @@ class VoltageDrive:
                 self._clipped += 1
             for step in filters:
                 wanted = step(wanted)
+            if len(taps) > 1:
+                history.appendleft(wanted)
+                wanted = sum(map(mul, taps, history))
             voltage = wanted * scale
             if not -limit_v <= voltage <= limit_v:
                 voltage = math.copysign(limit_v, voltage)
@@ -73,6 +89,6 @@ class VoltageDrive:
 
     @property
     def statistics(self) -> ActuatorStatistics:
-        """Counts and levels; the RMS is that of the band, after the limit."""
+        """Counts and levels; the RMS is that of the voltage, over the level."""
         rms_v = math.sqrt(self._sum_squares / self._samples) if self._samples else 0.0
         return ActuatorStatistics(self._samples, self._clipped, rms_v / self._scale, self._peak)

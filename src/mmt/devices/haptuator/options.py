@@ -14,8 +14,10 @@ class HaptuatorOptions(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    volts_per_m_s2: float = Field(gt=0, le=100)
-    """Voltage at the actuator for 1 m/s2, from the calibration of its level."""
+    volts_per_m_s2: float | None = Field(default=None, gt=0, le=100)
+    """Voltage at the actuator for 1 m/s2; None takes what is stored for `serial`."""
+    serial: str | None = Field(default=None, min_length=1)
+    """Under which its level and equaliser were stored."""
     full_scale_v: float = Field(gt=0, le=100)
     """Voltage at the actuator for the largest number that the converter takes."""
     limit_v: float = Field(default=3.0, gt=0, le=100)
@@ -30,6 +32,11 @@ class HaptuatorOptions(BaseModel):
         if self.high_hz <= self.low_hz:
             raise ValueError(
                 f"high_hz {self.high_hz:g} must be above low_hz {self.low_hz:g}: nothing would pass"
+            )
+        if (self.volts_per_m_s2 is None) == (self.serial is None):
+            raise ValueError(
+                "the level is needed once: give volts_per_m_s2, or the serial under which it is "
+                "stored"
             )
         return self
 

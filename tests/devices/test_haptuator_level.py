@@ -1,0 +1,146 @@
+"""The level of a Haptuator and its equaliser: fitted, stored, and used."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import platformdirs
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import signal
+from typer.testing import CliRunner
+
+from mmt.cli.main import app
+from mmt.devices.calibrations import save_calibration
+from mmt.devices.haptuator.drive import VoltageDrive
+from mmt.devices.haptuator.equalising import TAPS, Equaliser, fit_equaliser, sweep
+from mmt.devices.haptuator.level import level_of, store_level
+from mmt.devices.haptuator.options import HaptuatorOptions
+from mmt.errors import InputError
+
+
+def actuator(volts: np.ndarray) -> np.ndarray:
+    """Resonate around 150 Hz, with 3 m/s2 per volt beside that."""
+    b, a = signal.iirfilter(1, [120.0, 180.0], fs=1000.0, btype="band")
+    return 8.0 * signal.lfilter(b, a, volts) + 3.0 * volts
+
+
+def heard(noise_m_s2: float = 0.05, late: int = 17) -> tuple[np.ndarray, np.ndarray]:
+    volts = sweep(2.0, 60.0, 490.0, 6.0)
+    noise = np.random.default_rng(1).normal(0.0, noise_m_s2, len(volts))
+    return volts, np.roll(actuator(volts), late) + noise
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(platformdirs, "user_data_path", lambda *_args, **_options: tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("late", [-30, 0, 17])
+def test_a_resonance_is_evened_out_and_the_level_found(late: int) -> None:
+    fitted = fit_equaliser(*heard(late=late))
+    assert fitted.unevenness_db > 3.0
+    assert fitted.remaining_db < 0.5
+    assert fitted.coherence > 0.99
+    # against the actuator itself, tone by tone
+    for frequency_hz in (100.0, 150.0, 200.0, 300.0, 400.0):
+        wanted = np.sin(2.0 * np.pi * frequency_hz * np.arange(2000) / 1000.0)
+        volts = fitted.volts_per_m_s2 * signal.lfilter(fitted.taps, [1.0], wanted)
+        rms = np.sqrt(np.mean(actuator(volts)[500:1500] ** 2))
+        assert rms == pytest.approx(np.sqrt(0.5), rel=0.06)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(1.0, 30.0), st.integers(0, 1000), st.floats(0.001, 1000.0))
+def test_the_equalisers_gain_is_bounded_for_any_actuator(
+    largest_gain_db: float, seed: int, gain: float
+) -> None:
+    volts = np.random.default_rng(seed).normal(size=6000)
+    response = gain * np.random.default_rng(seed + 1).normal(size=12)
+    acceleration = signal.lfilter(response, [1.0], volts)
+    fitted = fit_equaliser(volts, acceleration, largest_gain_db=largest_gain_db)
+    magnitude = np.abs(np.fft.rfft(fitted.taps, 1024))
+    assert np.all(magnitude <= 10.0 ** (largest_gain_db / 20.0) * 1.01)
+    assert len(fitted.taps) <= TAPS
+    assert np.isfinite(fitted.volts_per_m_s2)
+    assert fitted.volts_per_m_s2 > 0.0
+
+
+def test_what_tells_nothing_is_refused() -> None:
+    volts, acceleration = heard()
+    noise = np.random.default_rng(3).normal(size=len(volts))
+    broken = acceleration.copy()
+    broken[5] = np.nan
+    for pair, words in (
+        ((volts, noise), "raise the level"),
+        ((volts[:500], acceleration[:500]), "at least"),
+        ((volts, acceleration[:-1]), "one length"),
+        ((volts, broken), "finite"),
+        ((0.0 * volts, acceleration), "zero throughout"),
+    ):
+        with pytest.raises(InputError, match=words):
+            fit_equaliser(*pair)
+    with pytest.raises(InputError, match="allowed are"):
+        fit_equaliser(volts, acceleration, low_hz=300.0, high_hz=200.0)
+    with pytest.raises(InputError, match="rising"):
+        sweep(1.0, 0.0, 400.0, 5.0)
+
+
+def test_a_stored_level_drives_the_actuator_evenly(home: Path) -> None:
+    store_level(fit_equaliser(*heard()), "TL 17")
+    options = HaptuatorOptions(serial="TL 17", full_scale_v=6.0, low_hz=20.0)
+    drive = VoltageDrive(options, 1000.0)
+    assert level_of(options).taps[0] != 1.0
+    wanted = np.sin(2.0 * np.pi * 150.0 * np.arange(2000) / 1000.0)
+    felt = actuator(np.array(drive.convert(wanted)))
+    assert np.sqrt(np.mean(felt[500:] ** 2)) == pytest.approx(np.sqrt(0.5), rel=0.06)
+    plain = VoltageDrive(
+        HaptuatorOptions(volts_per_m_s2=0.1, full_scale_v=6.0, low_hz=20.0), 1000.0
+    )
+    np.testing.assert_allclose(plain.convert([1.0]), 0.1, rtol=0.1)
+
+
+def test_what_is_stored_and_useless_is_explained(home: Path) -> None:
+    options = HaptuatorOptions(serial="x", full_scale_v=6.0)
+    with pytest.raises(InputError, match="make one by"):
+        level_of(options)
+    for values in (
+        {},
+        {"volts_per_m_s2": -1.0, "taps": [1.0]},
+        {"volts_per_m_s2": 0.1, "taps": []},
+        {"volts_per_m_s2": 0.1, "taps": ["a"]},
+        {"volts_per_m_s2": 0.1, "taps": [1.0] * (TAPS + 1)},
+    ):
+        save_calibration("haptuator", "x", values)
+        with pytest.raises(InputError, match="make it again"):
+            level_of(options)
+
+
+def test_the_command_fits_and_stores(home: Path) -> None:
+    recording, figures = home / "sweep.npz", home / "figures.json"
+    volts, acceleration = heard()
+    np.savez(recording, drive_v=volts, acceleration_m_s2=acceleration)
+    arguments = ["device", "equalise", str(recording), "--serial", "A7", "--json", str(figures)]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    written = json.loads(figures.read_text())
+    fitted = fit_equaliser(volts, acceleration)
+    assert written["volts_per_m_s2"] == pytest.approx(fitted.volts_per_m_s2)
+    options = HaptuatorOptions(serial="A7", full_scale_v=6.0)
+    assert level_of(options).taps == pytest.approx(fitted.taps)
+
+
+def test_the_command_explains_a_recording_that_it_cannot_use(home: Path) -> None:
+    wrong = home / "wrong.npz"
+    np.savez(wrong, drive_v=np.zeros(10))
+    for path in (wrong, home / "none.npz"):
+        result = CliRunner().invoke(app, ["device", "equalise", str(path), "--serial", "A7"])
+        assert isinstance(result.exception, InputError)
+        assert "drive_v" in str(result.exception)
+
+
+def test_an_equaliser_is_stored_whole(home: Path) -> None:
+    path = store_level(Equaliser(0.2, (1.0, -0.5), 3.0, 0.1, 0.99), "B")
+    assert json.loads(path.read_text())["taps"] == [1.0, -0.5]
