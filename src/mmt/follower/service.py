@@ -62,31 +62,7 @@ class FollowerService:
         feedback = _build_feedback(scene)
         self.driven = DrivenSource(scene, self.source, feedback, self._say)
         self.ending = Ending("source ended")
-        self.client = FollowerClient(
-            self.url,
-            FollowerHello(
-                channels=scene.channels(),
-                source=scene.source or "",
-                rate_hz=scene.session.rate_hz,
-                frames_per_message=self._link.frames_per_message,
-                annotations=self.source.annotations,
-                keep_frames=scene.keep_frames(),
-                run_id=uuid.uuid4().hex,
-                extra="" if feedback is None else feedback.event,
-            ),
-            FollowerEvents(
-                on_commands=self.driven.take,
-                on_session=self._take_session,
-                on_stop=self._on_stop,
-                on_lost=self._on_lost,
-                on_jump=lambda jump: self._say(f"clocks: the leader's {jump.describe()}"),
-                on_error=self.ending.fail,
-            ),
-            network=emulated_network(scene, "up", self._say),
-            access=self._access,
-            clock_hz=self._link.clock_hz,
-            extra=extra_event(feedback),
-        )
+        self.client = self._make_client(feedback)
         self.ticker = Ticker(round(1e9 / scene.session.rate_hz), self._tick)
 
     async def run(self, on_ready: Callable[[], None] | None = None) -> FollowerSummary:
@@ -124,6 +100,34 @@ class FollowerService:
     def stop(self, outcome: str = "stopped") -> None:
         """End the session; `run` returns with the summary."""
         self.ending.stop(outcome)
+
+    def _make_client(self, feedback: "FollowerFeedback | None") -> FollowerClient:
+        scene = self.scene
+        return FollowerClient(
+            self.url,
+            FollowerHello(
+                channels=scene.channels(),
+                source=scene.source or "",
+                rate_hz=scene.session.rate_hz,
+                frames_per_message=self._link.frames_per_message,
+                annotations=self.source.annotations,
+                keep_frames=scene.keep_frames(),
+                run_id=uuid.uuid4().hex,
+                extra="" if feedback is None else feedback.event,
+            ),
+            FollowerEvents(
+                on_commands=self.driven.take,
+                on_session=self._take_session,
+                on_stop=self._on_stop,
+                on_lost=self._on_lost,
+                on_jump=lambda jump: self._say(f"clocks: the leader's {jump.describe()}"),
+                on_error=self.ending.fail,
+            ),
+            network=emulated_network(scene, "up", self._say),
+            access=self._access,
+            clock_hz=self._link.clock_hz,
+            extra=extra_event(feedback),
+        )
 
     def _say(self, sentence: str) -> None:
         self._tell(sentence)

@@ -148,18 +148,7 @@ def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None])
             on_update,
             keep_frames=scene.keep_frames(),
         )
-    if scene.playout is not None:
-        parts.playout = PlayoutBuffer(
-            scene.playout.delay_ms,
-            scene.playout.longest_delay_ms,
-            round(1e9 / rate_hz),
-            build_concealment(scene.concealment, scene.session.seed),
-        )
-        parts.streamed_vibration = StreamedVibration(
-            parts.playout, geometry.axis, geometry.normal, rate_hz
-        )
-    if scene.rendering is not None and not scene.commands:
-        parts.streamed_motion = StreamedMotion(geometry.normal, rate_hz)
+    _build_streamed(scene, parts)
     if scene.force_feedback is not None and parts.hand is not None:
         parts.feedback = build_feedback(
             scene.force_feedback, parts.hand, rate_hz=rate_hz, normal=geometry.normal
@@ -185,6 +174,24 @@ def _make_actuator(table: Actuator, parts: LeaderParts) -> VibrationActuator:
 
     parts.mended = MendedActuator(load_device(table.driver, table.options))
     return parts.mended
+
+
+def _build_streamed(scene: Scene, parts: LeaderParts) -> None:
+    """Build what takes vibration and motion from the frames at once."""
+    geometry = scene.texture or Texture()
+    rate_hz = float(scene.session.rate_hz)
+    if scene.playout is not None:
+        parts.playout = PlayoutBuffer(
+            scene.playout.delay_ms,
+            scene.playout.longest_delay_ms,
+            round(1e9 / rate_hz),
+            build_concealment(scene.concealment, scene.session.seed),
+        )
+        parts.streamed_vibration = StreamedVibration(
+            parts.playout, geometry.axis, geometry.normal, rate_hz
+        )
+    if scene.rendering is not None and not scene.commands:
+        parts.streamed_motion = StreamedMotion(geometry.normal, rate_hz)
 
 
 def _build_vibration(scene: Scene, parts: LeaderParts) -> None:

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
@@ -106,21 +106,9 @@ class LeaderServer:
             extra=extra,
         )
         self.clock = ClockAnswerer(traffic.reader, traffic.outbox, traffic.tell_jump)
-        frequent = {FRAMES: self._on_frames, CLOCK: self._on_clock}
-        if extra is not None:
-            frequent[extra.event] = self._on_extra
         self._host = LinkHost(settings, access, pages)
-        for event, take in {**frequent, END: self._on_end}.items():
-            self._host.server.on(event, take)
         self._filling = BackfillPort(
             self._host.server, dtype, events, self._place.expects, traffic.reader
-        )
-        fitting = partial(
-            admit,
-            access=access,
-            channels=channels,
-            rate_hz=rate_hz,
-            extra="" if extra is None else extra.event,
         )
         self._reception = Reception(
             self._host,
@@ -128,8 +116,14 @@ class LeaderServer:
             traffic,
             self.clock,
             events,
-            fitting,
-            frequent,
+            partial(
+                admit,
+                access=access,
+                channels=channels,
+                rate_hz=rate_hz,
+                extra="" if extra is None else extra.event,
+            ),
+            self._register(),
             session_id=session_id,
             network=network,
         )
@@ -220,6 +214,15 @@ class LeaderServer:
         return self._place.sid is not None and self._traffic.outbox.is_open
 
     # --- what the follower sends
+
+    def _register(self) -> dict[str, Callable[..., None]]:
+        """Let the library call the handlers; return those of frequent events."""
+        frequent = {FRAMES: self._on_frames, CLOCK: self._on_clock}
+        if self._traffic.extra is not None:
+            frequent[self._traffic.extra.event] = self._on_extra
+        for event, take in {**frequent, END: self._on_end}.items():
+            self._host.server.on(event, take)
+        return frequent
 
     def _on_frames(self, sid: str, *arguments: object) -> None:
         arrival_ns = time.monotonic_ns()
