@@ -144,7 +144,7 @@ def test_an_unplugged_adapter_is_lost_and_comes_back(emulated, sensor):
     emulated.unplug()
     with pytest.raises(DeviceLost, match="the port is gone"):
         read_until(sensor, lambda _: False)
-    with pytest.raises(MmtError, match="there is no such port"):
+    with pytest.raises(MmtError, match="its serial port: there is none; plug"):
         sensor.connect()
     with pytest.raises(DeviceLost, match="is closed"):
         sensor.read()
@@ -208,14 +208,14 @@ def test_a_sensor_without_power_is_explained(emulated):
 
 
 def test_a_port_that_cannot_be_used_is_explained(emulated, sensor, monkeypatch):
-    with pytest.raises(MmtError, match="another program uses the port"):
+    with pytest.raises(MmtError, match="another program has it open"):
         digital_ft(**emulated.options).connect()
 
     def refuse(*_arguments):
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr("os.open", refuse)
-    with pytest.raises(MmtError, match="no permission to open it: add yourself to the port's gro"):
+    with pytest.raises(MmtError, match=r"no permission\. On Linux add yourself to the group"):
         digital_ft(**emulated.options).connect()
 
 

@@ -1,7 +1,6 @@
 """The serial line to a Digital F/T: requests and answers, then bytes as they come."""
 
 import contextlib
-import errno
 import time
 from typing import Final
 
@@ -18,6 +17,7 @@ from mmt.devices.ati.modbus import (
     registers_of,
     write_request,
 )
+from mmt.devices.serial_ports import explain_refusal
 from mmt.errors import DeviceLost, MmtError
 
 _ANSWER_S: Final = 0.15
@@ -56,7 +56,7 @@ class DigitalLine:
                 port, baud, parity=serial.PARITY_EVEN, timeout=0, write_timeout=1, exclusive=True
             )
         except Exception as error:  # pyserial lets termios.error through, which is no OSError
-            raise MmtError(f"{name}: {_explain(error)}") from error
+            raise MmtError(f"{name}: its serial port: {explain_refusal(error)}") from error
         with contextlib.suppress(OSError, ValueError, NotImplementedError, AttributeError):
             self._serial.set_low_latency_mode(True)  # where the adapter knows it
 
@@ -184,17 +184,3 @@ class DigitalLine:
 
     def _lost(self, error: Exception) -> DeviceLost:
         return DeviceLost(f"{self._name}: the port is gone ({error}); plug the adapter in again")
-
-
-def _explain(error: Exception) -> str:
-    number = getattr(error, "errno", None)
-    if number in {errno.EACCES, errno.EPERM}:
-        return (
-            "no permission to open it: add yourself to the port's group "
-            "(sudo usermod -aG dialout $USER) and log in again"
-        )
-    if number == errno.ENOENT:
-        return "there is no such port: plug the adapter in, and see `ls /dev/serial/by-id`"
-    if number in {errno.EBUSY, errno.EAGAIN}:
-        return "another program uses the port: end that one"
-    return f"the port cannot be opened ({error}); it must allow even parity and 'baud'"
