@@ -87,8 +87,9 @@ class EmulatedHaptuatorBoard:
         self._running = False
 
     def _step(self, due_ns: int, received: bytes) -> None:
-        last_ns, self._last_ns = self._last_ns, due_ns
-        if self.stalled or last_ns is None:
+        last_ns = due_ns if self._last_ns is None else self._last_ns
+        self._last_ns = due_ns
+        if self.stalled:
             return
         for message in self._decoder.feed(self._garble(received)):
             if isinstance(message, Reset):
