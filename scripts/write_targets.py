@@ -20,7 +20,7 @@ def main() -> None:
             found = "not measured" if target["measured"] is None else f"{target['measured']:.3g}"
             aim = f"{target['side']} {target['bound']:g}"
             rows.append((f"{name}: {target['what']} ({aim})", f"{found}{met}"))
-    replace(BENCH, ("target", "measured"), rows)
+    replace(BENCH, "measured", ("target", "measured"), rows)
 
 
 if __name__ == "__main__":
