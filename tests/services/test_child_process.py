@@ -20,7 +20,8 @@ PROGRAMS = {
         "sys.exit(3)\n"
     ),
     "lasting_program": (
-        "import sys, time\n"
+        "import signal, sys, time\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's job may ignore it\n"
         "try:\n"
         '    print(\'{"kind": "ready", "argument": "\' + sys.argv[1] + \'"}\', flush=True)\n'
         "    time.sleep(60)\nexcept KeyboardInterrupt:\n    raise SystemExit(4)\n"
