@@ -43,12 +43,7 @@ class Lane:
         """How many have come."""
         self.newest: SensorReading | None = None
         self._kept: deque[SensorReading] = deque(maxlen=_KEPT)
-        self._spacing_ns = 0.0
-
-    @property
-    def spacing_ns(self) -> float:
-        """The usual time between two readings by the sensor's clock, 0 before there are two."""
-        return self._spacing_ns
+        self._spacing_ns = 0.0  # usual time between readings, 0 before there are two
 
     def reset(self) -> None:
         """Forget what has come: the device begins anew."""
@@ -171,11 +166,6 @@ class FrameMerger:
         self._due = 0
         self.left_out = 0
         """Frames that a lane had no value for."""
-
-    @property
-    def hold_back_ns(self) -> int:
-        """From a frame's instant to its tick."""
-        return self._hold_back_ns
 
     def tick(self, elapsed: int, now_ns: int) -> None:
         """Note that so many ticks have passed.

@@ -15,8 +15,6 @@ from mmt.errors import MmtError
 TIMEOUT_S: Final = 2.0
 _LARGEST_PAGE: Final = 65_536
 
-CUT_OFFS_HZ: Final = (0, 838, 326, 152, 73, 35, 18, 8, 5, 1500, 2000, 2500, 3000)
-"""By ``setuserfilter``; 0 is no filter."""
 FIRST_ORDER: Final = range(1, 9)
 """Filters whose cut-offs are those of ``y += (x - y) / 2**k`` at 7 kHz within 15 %."""
 _BOX_RATE_HZ: Final = 7000.0

@@ -76,7 +76,6 @@ class EmulatedDigitalFt:
         self._garbage = b""
         self._silent = False
         self._unlocked = False
-        self._locked_writes = 0
         self.port = EmulatedPort(_PERIOD_NS, self._step)
         self.store(_mixing_matrix())
 
