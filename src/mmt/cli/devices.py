@@ -24,6 +24,12 @@ def main() -> None:
     """Take a command."""
 
 
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="An option of the driver; repeatable."),
+]
+
+
 @app.command("list")
 def list_devices(
     json_file: Annotated[Path | None, typer.Option("--json", help="Write what was found.")] = None,
@@ -67,10 +73,7 @@ def try_devices(
     what: Annotated[
         str, typer.Argument(metavar="SCENE|DRIVER", help="A scene with devices, or a driver.")
     ],
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="An option of the driver; repeatable."),
-    ] = None,
+    settings: Settings = None,
     duration: Annotated[
         float, typer.Option(min=0.1, max=3600.0, help="Seconds for each device.")
     ] = 5.0,
@@ -104,10 +107,7 @@ def calibrate_accelerometer(
     what: Annotated[
         str, typer.Argument(metavar="SCENE|DRIVER", help="A scene with an accelerometer, or it.")
     ],
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="An option of the driver; repeatable."),
-    ] = None,
+    settings: Settings = None,
     duration: Annotated[
         float, typer.Option(min=0.1, max=600.0, help="Seconds at rest in each orientation.")
     ] = 2.0,

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, Final
 
@@ -62,7 +63,7 @@ class Reconnection(threading.Thread):
         self.join(3.0)
 
 
-class Port:
+class Port(ABC):
     """One device in its role.
 
     Parameters
@@ -91,6 +92,7 @@ class Port:
         """Name it."""
         return f"{self.role} {type(self.device).__name__}"
 
+    @abstractmethod
     def step(self, now_ns: int, command_position_mm: Vector | None) -> None:
         """Do what falls due at a tick.
 
@@ -99,7 +101,6 @@ class Port:
         Exception
             Whatever its driver raises; `DeviceLost` where it may come back.
         """
-        raise NotImplementedError
 
     def lose(self, now_ns: int) -> None:
         """Take it as lost and connect it again."""

@@ -1,6 +1,7 @@
 """What the drivers of ATI's force sensors share: bias, overload, silence, stuck values."""
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Final
 
@@ -18,7 +19,7 @@ _BIAS_RECORDS: Final = 20
 """At least so many make a bias."""
 
 
-class AtiSensor:
+class AtiSensor(ABC):
     """A `SampledSensor` of forces; a driver adds how records come.
 
     Parameters
@@ -32,7 +33,6 @@ class AtiSensor:
     def __init__(self, name: str, options: AtiOptions) -> None:
         self.name = name
         self.latency_ns = 0
-        self._mounting = options
         self._converter: WrenchConverter | None = None
         self._counts: dict[str, int] = {}
         self._overloads = 0
@@ -43,13 +43,13 @@ class AtiSensor:
         self._silence_ns = round(options.silence_ms * 1e6)
         self._stuck_ns = round(options.stuck_ms * 1e6)
 
+    @abstractmethod
     def _receive(self, now_ns: int) -> list[Stamped]:
         """Return the records that have come, oldest first; never blocks."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _where(self) -> str:
         """Say what to check where nothing comes."""
-        raise NotImplementedError
 
     def calibrate(self) -> None:
         """Take the bias: the mean over 0.2 s.
