@@ -67,9 +67,7 @@ class Gate:
 
     def passes(self, size: int, now_ns: int) -> bool:
         """Whether a message of so many bytes that arrives now may pass."""
-        due_ns = self._due_ns
-        due_ns = max(due_ns, now_ns)
-        due_ns += self._message_ns + size * self._byte_ps // 1000
+        due_ns = max(self._due_ns, now_ns) + self._message_ns + size * self._byte_ps // 1000
         if due_ns - now_ns <= self._burst_ns:
             self._due_ns = due_ns
             if self._over_since_ns is not None and due_ns - now_ns < self._burst_ns // 2:
