@@ -8,7 +8,7 @@ import msgpack
 import numpy as np
 import pytest
 import socketio
-from aiohttp import WSMessage, WSMsgType, web
+from aiohttp import WSCloseCode, WSMessage, WSMsgType, web
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from link_samples import (
@@ -25,7 +25,7 @@ from socketio.msgpack_packet import MsgPackPacket
 
 import mmt.link.dialling
 import mmt.link.direct
-from mmt.link.gate import StrangersGate
+from mmt.link.gate import STRANGERS_MESSAGES, Gate, StrangersGate
 from mmt.link.protocol import MAX_MESSAGE_BYTES, encode_event
 from mmt.link.receiving import _rest, binary_event, take_directly
 
@@ -42,6 +42,14 @@ def decoded(monkeypatch: pytest.MonkeyPatch) -> Counter[int]:
 
     monkeypatch.setattr(MsgPackPacket, "decode", decode)
     return counted
+
+
+def open_gate() -> Gate:
+    return Gate(1000, on_excess=pytest.fail, on_shut=pytest.fail)
+
+
+async def stays_open(**_: object) -> None:
+    pytest.fail("the WebSocket was closed")
 
 
 async def exchange(count: int) -> tuple[LeaderNotes, FollowerNotes]:
@@ -140,10 +148,27 @@ async def test_a_flood_leaves_the_loop_its_turns() -> None:
             turns += 1
 
     counting = asyncio.create_task(count_turns())
-    assert await _rest(receive, {"frames": taken.append}) is last
+    assert await _rest(receive, stays_open, open_gate(), {"frames": taken.append}) is last
     await counting
     assert taken == [b"x"] * 1000
     assert turns >= 10
+
+
+async def test_what_does_not_pass_the_gate_is_thrown_away_until_it_shuts() -> None:
+    message = WSMessage(WSMsgType.BINARY, encode_event("frames", b"x"), None)
+    taken: list[bytes] = []
+    closed: list[object] = []
+
+    async def receive() -> WSMessage:
+        return message
+
+    async def close(**reason: object) -> None:
+        closed.append(reason["code"])
+
+    last = await _rest(receive, close, StrangersGate(), {"frames": taken.append})
+    assert last.type is WSMsgType.CLOSED
+    assert closed == [WSCloseCode.POLICY_VIOLATION]
+    assert taken == [b"x"] * STRANGERS_MESSAGES
 
 
 def test_a_websocket_that_cannot_be_changed_is_left_as_it_is() -> None:
@@ -165,7 +190,7 @@ async def test_what_is_not_binary_is_the_librarys(kind: WSMsgType) -> None:
     async def receive() -> WSMessage:
         return message
 
-    assert await _rest(receive, {"frames": pytest.fail}) is message
+    assert await _rest(receive, stays_open, open_gate(), {"frames": pytest.fail}) is message
 
 
 @pytest.mark.parametrize(
@@ -177,7 +202,7 @@ async def test_other_events_and_those_too_long_are_the_librarys(data: bytes) -> 
     async def receive() -> WSMessage:
         return message
 
-    assert await _rest(receive, {"frames": pytest.fail}) is message
+    assert await _rest(receive, stays_open, open_gate(), {"frames": pytest.fail}) is message
 
 
 @given(st.text(max_size=10), st.binary(max_size=300))

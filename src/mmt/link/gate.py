@@ -1,11 +1,7 @@
 """Bound what a peer may send in messages and bytes, before anything is decoded."""
 
-import asyncio
-import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from typing import Final
-
-from aiohttp import WSCloseCode, WSMessage, WSMsgType
 
 from mmt.errors import MmtError
 
@@ -19,12 +15,6 @@ PATIENCE_S: Final = 2.0
 """A peer that is over its bound for so long is cut off."""
 STRANGERS_MESSAGES: Final = 50
 """Who has not been let in needs two or three."""
-
-_TURN: Final = 64
-"""Messages that may be thrown away before the rest of the loop has its turn."""
-_CLOSED: Final = WSMessage(WSMsgType.CLOSED, None, None)
-
-Receive = Callable[[], Awaitable[WSMessage]]
 
 
 class Gate:
@@ -100,31 +90,3 @@ class StrangersGate:
         self._left -= 1
         self.shut = self._left < 0
         return not self.shut
-
-
-async def through(
-    receive: Receive, close: Callable[..., Awaitable[object]], gate: Gate | StrangersGate
-) -> WSMessage:
-    """Return the next message that passes the gate, or that the connection was closed.
-
-    Parameters
-    ----------
-    receive, close
-        Of the WebSocket.
-    gate
-        What bounds it.
-    """
-    thrown = 0
-    while True:
-        message = await receive()
-        kind = message.type
-        if kind is not WSMsgType.BINARY and kind is not WSMsgType.TEXT:
-            return message
-        if gate.passes(len(message.data), time.monotonic_ns()):
-            return message
-        if gate.shut:
-            await close(code=WSCloseCode.POLICY_VIOLATION, message=b"too many messages")
-            return _CLOSED
-        thrown += 1
-        if thrown % _TURN == 0:
-            await asyncio.sleep(0)
