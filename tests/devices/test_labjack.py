@@ -205,10 +205,15 @@ def test_a_box_is_lost_when_unplugged_and_back_when_plugged(closing) -> None:
 
 def test_a_stream_that_a_program_left_behind_is_ended(closing) -> None:
     box = EmulatedU6(level)
-    left = U6Voltages([Channel(0)], backend=box)
-    left.connect()
-    left._link._ending.set()  # as if it had died: nothing stops the stream
+    left = usb_link.U6Link(None, box)
+    left.open()
+    left.send(packets.stream_config(plan([Channel(0)], 1000.0)), packets.STREAM_CONFIG)
+    left.start()
     source = closing(U6Voltages([Channel(5)], backend=box))
+    with pytest.raises(MmtError, match="another program has the LabJack U6 open"):
+        source.connect()
+    left._ending.set()
+    box.orphan()  # nothing stops the stream
     source.connect()
     for _, volts in scans(source, 20):
         assert volts == pytest.approx([0.5], abs=0.0025)
@@ -216,7 +221,7 @@ def test_a_stream_that_a_program_left_behind_is_ended(closing) -> None:
 
 def test_what_keeps_a_box_from_being_opened_is_told(monkeypatch) -> None:
     box = EmulatedU6(level)
-    with pytest.raises(MmtError, match="no LabJack U6 with serial number 7 on USB; there is 3600"):
+    with pytest.raises(MmtError, match="with serial number 7 on USB: plug it in; there is 36000"):
         U6Voltages([Channel(0)], box=7, backend=box).connect()
     box.forbid()
     with pytest.raises(MmtError, match="udev rule"):
@@ -242,6 +247,7 @@ def test_what_keeps_a_box_from_being_opened_is_told(monkeypatch) -> None:
         ([Channel(0, 5)], 1000.0, "gain 5"),
         ([Channel(1, 1, differential=True)], 1000.0, "even half"),
         ([Channel(0)], 50.0, "rate_hz 50"),
+        ([Channel(n) for n in range(14)], 4000.0, "50000 samples a second, which is 3571 Hz"),
     ],
 )
 def test_what_a_box_cannot_do_is_refused(channels, rate_hz, message) -> None:

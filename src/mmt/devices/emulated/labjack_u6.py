@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import usb.core
 
-from mmt.devices.emulated.usb_backend import OneDeviceBackend
+from mmt.devices.emulated.usb_backend import Handle, OneDeviceBackend
 from mmt.devices.labjack.gains import Line, nominal_lines, write_lines
 from mmt.devices.labjack.packets import (
     BAD_CHECKSUM,
@@ -105,19 +105,19 @@ class EmulatedU6(OneDeviceBackend):
         """Throw scans away as after a full buffer, and report it."""
         self._overflow = scans
 
-    def bulk_write(self, dev_handle: object, ep: int, intf: int, data: Any, timeout: int) -> int:  # noqa: ARG002
+    def bulk_write(self, dev_handle: Handle, ep: int, intf: int, data: Any, timeout: int) -> int:  # noqa: ARG002
         """Take a command and prepare its reply."""
-        self.check()
+        self.check(dev_handle)
         packet = bytes(data)
         with self._lock:
             self._replies.append(self._answer(packet))
         return len(packet)
 
-    def bulk_read(self, dev_handle: object, ep: int, intf: int, buff: Any, timeout: int) -> int:  # noqa: ARG002
+    def bulk_read(self, dev_handle: Handle, ep: int, intf: int, buff: Any, timeout: int) -> int:  # noqa: ARG002
         """Give a reply, or the stream's next packet, when it is due."""
         end = time.monotonic() + timeout / 1000.0
         while True:
-            self.check()
+            self.check(dev_handle)
             with self._lock:
                 packet = self._next(ep)
             if packet:

@@ -60,6 +60,14 @@ _ENDPOINT: Final = {
 }
 
 
+class Handle:
+    """What a program that has the device open holds."""
+
+    def __init__(self) -> None:
+        self.valid = True
+        """Until the device is unplugged; it stays invalid when that is plugged in again."""
+
+
 class OneDeviceBackend(usb.backend.IBackend):  # type: ignore[misc]  # pyusb has no types
     """Give it to pyusb as its `backend`; a subclass moves the bytes.
 
@@ -77,10 +85,16 @@ class OneDeviceBackend(usb.backend.IBackend):  # type: ignore[misc]  # pyusb has
         self._endpoints = endpoints
         self._plugged = True
         self._permitted = True
+        self._handles: list[Handle] = []
+        self._claimed_by: Handle | None = None
 
     def unplug(self) -> None:
         """Take the device away, under whoever has it open."""
         self._plugged = False
+        for handle in self._handles:
+            handle.valid = False
+        self._handles.clear()
+        self._claimed_by = None
 
     def plug(self) -> None:
         """Bring it back."""
@@ -89,6 +103,10 @@ class OneDeviceBackend(usb.backend.IBackend):  # type: ignore[misc]  # pyusb has
     def forbid(self, *, forbidden: bool = True) -> None:
         """Refuse to be opened, as without a udev rule."""
         self._permitted = not forbidden
+
+    def orphan(self) -> None:
+        """Let the program that has it die: it may be opened by another one, and goes on."""
+        self._claimed_by = None
 
     def enumerate_devices(self) -> list[object]:
         """Return the device where it is plugged in."""
@@ -114,28 +132,43 @@ class OneDeviceBackend(usb.backend.IBackend):  # type: ignore[misc]  # pyusb has
         """Describe one of its endpoints."""
         return SimpleNamespace(**_ENDPOINT, bEndpointAddress=self._endpoints[ep])
 
-    def open_device(self, dev: object) -> object:
+    def open_device(self, dev: object) -> Handle:  # noqa: ARG002 - there is one
         """Open it."""
         if not self._permitted:
             raise usb.core.USBError("Access denied", errno=errno.EACCES)
-        self.check()
-        return dev
+        if not self._plugged:
+            raise _gone()
+        handle = Handle()
+        self._handles.append(handle)
+        return handle
 
-    def close_device(self, *_: Any) -> None:
+    def close_device(self, dev_handle: Handle) -> None:
         """Close it."""
+        self.release_interface(dev_handle, 0)
+        dev_handle.valid = False
 
-    def get_configuration(self, *_: Any) -> int:
+    def get_configuration(self, dev_handle: Handle) -> int:
         """Return the active configuration."""
-        self.check()
+        self.check(dev_handle)
         return 1
 
-    def claim_interface(self, *_: Any) -> None:
-        """Let anybody have it."""
+    def claim_interface(self, dev_handle: Handle, intf: int) -> None:  # noqa: ARG002
+        """Let one program have it."""
+        self.check(dev_handle)
+        if self._claimed_by not in {None, dev_handle}:
+            raise usb.core.USBError("Resource busy", errno=errno.EBUSY)
+        self._claimed_by = dev_handle
 
-    def release_interface(self, *_: Any) -> None:
+    def release_interface(self, dev_handle: Handle, intf: int) -> None:  # noqa: ARG002
         """Let it go."""
+        if self._claimed_by is dev_handle:
+            self._claimed_by = None
 
-    def check(self) -> None:
+    def check(self, dev_handle: Handle) -> None:
         """Raise what libusb raises where the device is gone."""
-        if not self._plugged:
-            raise usb.core.USBError("No such device", errno=errno.ENODEV)
+        if not dev_handle.valid:
+            raise _gone()
+
+
+def _gone() -> usb.core.USBError:
+    return usb.core.USBError("No such device", errno=errno.ENODEV)

@@ -3,7 +3,9 @@
 import contextlib
 import errno
 import threading
+import time
 from collections import deque
+from collections.abc import Sequence
 from typing import Any, Final
 
 import usb.core
@@ -30,6 +32,7 @@ _REPLY_MS: Final = 1000
 _DRAIN_MS: Final = 20
 _STREAM_MS: Final = 100
 _PACKET: Final = 64
+_SILENT_NS: Final = 200_000_000
 _MOST_WAITING: Final = 8192
 """Packets; the oldest are dropped, and their numbers tell that they are missing."""
 
@@ -53,6 +56,7 @@ class U6Link:
         self._ending = threading.Event()
         self._lost = threading.Event()
         self._packets: deque[bytes] = deque(maxlen=_MOST_WAITING)
+        self._heard_ns = 0
         self.serial = 0
         """Of the one that is open."""
 
@@ -65,31 +69,25 @@ class U6Link:
             There is none, several, or it may not be opened.
         """
         self.close()
-        try:
-            found = list(
-                usb.core.find(
-                    find_all=True, idVendor=VENDOR, idProduct=PRODUCT, backend=self._backend
-                )
-            )
-        except usb.core.NoBackendError as error:
-            raise MmtError(
-                "the LabJack U6 cannot be reached: install libusb 1.0 (Debian: libusb-1.0-0)"
-            ) from error
-        serials = []
+        found = find_boxes(self._backend)
+        if self._wanted is None:
+            check_alone(found)
+        told = []
         for device in found:
             self._device = device
-            self.serial = self._greet()
+            try:
+                self.serial = self._greet()
+            except MmtError as error:  # another program may have it, and another one be wanted
+                if self._wanted is None:
+                    raise
+                told.append(f"one does not tell its number: {error}")
+                continue
             if self._wanted in {None, self.serial}:
-                break
-            serials.append(str(self.serial))
+                return
+            told.append(f"there is {self.serial}")
             self._release()
-        if self._device is None:
-            others = f"; there is {', '.join(serials)}" if serials else ""
-            which = "" if self._wanted is None else f" with serial number {self._wanted}"
-            raise MmtError(f"there is no LabJack U6{which} on USB{others}: plug it in")
-        if self._wanted is None and len(found) > 1:
-            self._release()
-            raise MmtError(f"there are {len(found)} LabJack U6: say which one by the option 'box'")
+        which = "" if self._wanted is None else f" with serial number {self._wanted}"
+        raise MmtError("; ".join([f"there is no LabJack U6{which} on USB: plug it in", *told]))
 
     def ask(self, number: int, payload: bytes) -> bytes:
         """Return the reply to an extended command, without its error.
@@ -119,10 +117,17 @@ class U6Link:
         self._packets.clear()
         self._ending.clear()
         self._lost.clear()
+        self._heard_ns = time.monotonic_ns()
         self._thread = threading.Thread(
             target=self._run, args=(self._device,), name="LabJack U6", daemon=True
         )
         self._thread.start()
+
+    @property
+    def flows(self) -> bool:
+        """Whether the stream's packets have been coming until now."""
+        silent_ns = time.monotonic_ns() - self._heard_ns
+        return self._thread is not None and not self._lost.is_set() and silent_ns < _SILENT_NS
 
     def packets(self) -> list[bytes]:
         """Return the stream's packets that have come.
@@ -153,6 +158,7 @@ class U6Link:
         while not self._ending.is_set():
             try:
                 self._packets.append(device.read(_STREAM, _PACKET, _STREAM_MS).tobytes())
+                self._heard_ns = time.monotonic_ns()
             except usb.core.USBTimeoutError:
                 continue
             except usb.core.USBError:
@@ -204,6 +210,36 @@ class U6Link:
         if device is not None:
             with contextlib.suppress(usb.core.USBError):
                 usb.util.dispose_resources(device)
+
+
+def find_boxes(backend: Any) -> list[Any]:
+    """Return every U6 on USB, as pyusb's devices; none is opened.
+
+    Raises
+    ------
+    MmtError
+        USB cannot be looked at.
+    """
+    try:
+        return list(
+            usb.core.find(find_all=True, idVendor=VENDOR, idProduct=PRODUCT, backend=backend)
+        )
+    except usb.core.NoBackendError as error:
+        raise MmtError(
+            "the LabJack U6 cannot be reached: install libusb 1.0 (Debian: libusb-1.0-0)"
+        ) from error
+
+
+def check_alone(found: Sequence[Any]) -> None:
+    """See to it that who names no U6 can mean one alone.
+
+    Raises
+    ------
+    MmtError
+        There are several.
+    """
+    if len(found) > 1:
+        raise MmtError(f"there are {len(found)} LabJack U6: say which one by the option 'box'")
 
 
 def _reason(error: usb.core.USBError) -> str:

@@ -1,32 +1,26 @@
 """Voltages that a LabJack U6 streams: what sensors behind it read."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
-from typing import Any, Final
+from collections.abc import Sequence
+from typing import Any
 
-from mmt.devices.labjack.gains import BLOCKS, read_lines
-from mmt.devices.labjack.packets import (
-    DUMMY,
-    GAINS,
-    READ_CALIBRATION,
-    RECOVERED,
-    RECOVERING,
-    STREAM_CONFIG,
-    Channel,
-    StreamPacket,
-    decode_stream,
-    plan,
-    stream_config,
+from mmt.devices.labjack.packets import GAINS, Channel
+from mmt.devices.labjack.sharing import (
+    INPUTS,
+    MOST_SAMPLES_HZ,
+    Reader,
+    SharedU6,
+    connect,
+    disconnect,
 )
-from mmt.devices.labjack.usb_link import U6Link
 from mmt.devices.voltages import VoltageReading
-from mmt.errors import InputError, MmtError
-
-_MOST_CHANNELS: Final = 14
+from mmt.errors import DeviceLost, InputError
 
 
 class U6Voltages:
     """A `VoltageBoard` that streams inputs at an even rate.
+
+    Several may read one U6 at the same time, each its own inputs.
 
     Parameters
     ----------
@@ -53,51 +47,37 @@ class U6Voltages:
         backend: Any = None,
     ) -> None:
         _check(channels, rate_hz)
-        self.faults: Counter[str] = Counter()
-        """``bad packets``, ``lost scans``, ``overflows`` and, by their number, errors."""
         self.inputs = len(channels)
         """How many voltages a reading has."""
         self.limit_v = min(10.0 / channel.gain for channel in channels)
         """Largest magnitude that every input measures."""
         self.latency_ns = 0
         """A scan is stamped when it begins; its inputs follow each other within it."""
-        self._scanning = plan(channels, rate_hz)
-        self._link = U6Link(box, backend)
-        self._lines: list[Callable[[int], float]] = []
-        self._scan = 0
-        self._counter: int | None = None
-        self._missed = 0
+        self._reader = Reader(channels, rate_hz, box, backend)
+        self._board: SharedU6 | None = None
 
     @property
     def serial(self) -> int:
         """Of the U6 that is connected."""
-        return self._link.serial
+        return 0 if self._board is None else self._board.serial
+
+    @property
+    def faults(self) -> Counter[str]:
+        """``bad packets``, ``lost scans``, ``overflows`` and, by their number, errors."""
+        return Counter(self._reader.faults)  # which another driver's thread may be adding to
 
     def connect(self) -> None:
-        """Open the U6, read its calibration, start the stream.
+        """Open the U6, read its calibration, start the stream; or join one that runs.
 
         Raises
         ------
+        InputError
+            Another driver reads the same U6 with settings that do not go with these.
         MmtError
             It is not there, may not be opened, or refuses.
         """
-        link = self._link
-        link.open()
-        try:
-            blocks = [link.ask(READ_CALIBRATION, bytes((0, n))) for n in range(BLOCKS)]
-            lines = read_lines(blocks)
-            self._lines = [
-                lines[GAINS.index(channel.gain)].volts for channel in self._scanning.channels
-            ]
-            self._scan, self._counter, self._missed = 0, None, 0
-            link.send(stream_config(self._scanning), STREAM_CONFIG)
-            link.start()
-        except ValueError as error:
-            link.close()
-            raise MmtError(f"the LabJack U6 is not calibrated: {error}") from error
-        except Exception:
-            link.close()
-            raise
+        self.close()
+        self._board = connect(self._reader)
 
     def read(self) -> list[VoltageReading]:
         """Return what has come, oldest first, by the U6's clock; never blocks.
@@ -105,60 +85,33 @@ class U6Voltages:
         Raises
         ------
         DeviceLost
-            It was unplugged.
+            It was unplugged, or is not open.
         """
-        scans: list[VoltageReading] = []
-        for raw in self._link.packets():
-            packet = decode_stream(raw, self._scanning.samples_per_packet)
-            if packet is None:
-                self.faults["bad packets"] += 1
-            else:
-                self._follow(packet)
-                self._take(packet, scans)
-        return scans
+        if self._board is None:
+            raise DeviceLost("the LabJack U6 is not open: connect it again")
+        return self._board.take(self._reader)
 
     def close(self) -> None:
-        """End the stream; calling it twice is harmless."""
-        self._link.close()
-
-    def _follow(self, packet: StreamPacket) -> None:
-        """Count the packets that are missing before this one, and what it says is wrong."""
-        expected = packet.counter if self._counter is None else (self._counter + 1) & 0xFF
-        missing = (packet.counter - expected) & 0xFF
-        if missing:
-            lost = missing * self._scanning.scans_per_packet
-            self.faults["lost scans"] += lost
-            self._scan += lost
-        self._counter = packet.counter
-        if packet.error == RECOVERED:
-            self.faults["overflows"] += 1
-            self.faults["lost scans"] += packet.missed
-            self._missed = packet.missed
-        elif packet.error not in {0, RECOVERING}:
-            self.faults[f"error {packet.error}"] += 1
-
-    def _take(self, packet: StreamPacket, scans: list[VoltageReading]) -> None:
-        number = len(self._lines)
-        for at in range(0, len(packet.samples), number):
-            counts = packet.samples[at : at + number]
-            if self._missed and all(count == DUMMY for count in counts):
-                self._scan += self._missed  # the dummy is one of those that were thrown away
-                self._missed = 0
-                continue
-            volts = tuple(line(count) for line, count in zip(self._lines, counts, strict=True))
-            scans.append(VoltageReading(self._scanning.time_ns(self._scan), volts))
-            self._scan += 1
+        """Let the U6 go, whose stream ends with its last reader; calling it twice is harmless."""
+        board, self._board = self._board, None
+        if board is not None:
+            disconnect(board, self._reader)
 
 
 def _check(channels: Sequence[Channel], rate_hz: float) -> None:
-    if not 1 <= len(channels) <= _MOST_CHANNELS:
-        raise InputError(f"a LabJack U6 has 14 inputs, not {len(channels)}")
+    if not 1 <= len(channels) <= INPUTS:
+        raise InputError(f"a LabJack U6 has {INPUTS} inputs, not {len(channels)}")
     if not 100.0 <= rate_hz <= 4000.0:
         raise InputError(f"rate_hz {rate_hz:g}: a LabJack U6 is read at 100 to 4000 Hz here")
+    if rate_hz * len(channels) > MOST_SAMPLES_HZ:
+        raise InputError(
+            f"rate_hz {rate_hz:g}: a LabJack U6 takes {MOST_SAMPLES_HZ} samples a second, which "
+            f"is {MOST_SAMPLES_HZ / len(channels):.0f} Hz for {len(channels)} inputs"
+        )
     for channel in channels:
         if channel.gain not in GAINS:
             raise InputError(f"gain {channel.gain}: a LabJack U6 has 1, 10, 100 and 1000")
-        if not 0 <= channel.number < _MOST_CHANNELS:
+        if not 0 <= channel.number < INPUTS:
             raise InputError(f"input {channel.number}: a LabJack U6 has 0 to 13")
         if channel.differential and channel.number % 2:
             raise InputError(

@@ -1,0 +1,360 @@
+"""Two drivers on one LabJack U6: one stream, each its own inputs, lost and found together."""
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import usb.backend
+from sensor_reading import read_some, read_until
+
+from mmt.arrays import RecordArray
+from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
+from mmt.devices.emulated.labjack_u6 import EmulatedU6
+from mmt.devices.labjack import sharing
+from mmt.devices.labjack.packets import Channel
+from mmt.devices.labjack.voltages import U6Voltages
+from mmt.devices.loading import load_device
+from mmt.devices.protocols import Vector
+from mmt.devices.source import DeviceSource
+from mmt.errors import DeviceLost, InputError, MmtError
+
+WAVE_HZ = 5.0
+
+
+@pytest.fixture(autouse=True)
+def own_calibrations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+
+
+@pytest.fixture
+def closing() -> Iterator[Callable]:
+    opened: list[Any] = []
+
+    def keep(device: Any) -> Any:
+        opened.append(device)
+        return device
+
+    yield keep
+    for device in opened:
+        device.close()
+    assert not sharing._OPEN  # the last reader has ended the stream
+
+
+def level(time_ns: int) -> list[float]:
+    """Return an input of 0.1 V a number, which never quite stands still."""
+    return [0.1 * n + 0.001 * (time_ns // 1_000_000 % 3) for n in range(14)]
+
+
+def inputs(*numbers: int, backend: Any, **options: Any) -> U6Voltages:
+    return U6Voltages([Channel(number) for number in numbers], backend=backend, **options)
+
+
+def test_two_readers_have_one_stream_and_each_its_own_inputs(closing) -> None:
+    box = EmulatedU6(level)
+    first = closing(inputs(5, 3, backend=box))
+    second = closing(inputs(0, 7, 1, backend=box))
+    first.connect()
+    before = read_some(first, 20)
+    second.connect()
+    assert first.serial == second.serial == 360_000_001
+    assert len(box._table) == 5
+    here, there = read_some(first, 40), read_some(second, 40)
+    stamps = [t for t, _ in before + here]
+    assert stamps == [1_000_000 * k for k in range(len(stamps))]  # it was not interrupted
+    assert {t for t, _ in here} & {t for t, _ in there}
+    for readings, numbers in ((here, (5, 3)), (there, (0, 7, 1))):
+        for _, volts in readings:
+            assert volts == pytest.approx([0.1 * n for n in numbers], abs=0.0025)
+
+
+def test_a_reader_that_leaves_does_not_disturb_the_other(closing) -> None:
+    box = EmulatedU6(level)
+    first, second = closing(inputs(1, backend=box)), closing(inputs(2, backend=box))
+    first.connect()
+    second.connect()
+    read_some(second, 10)
+    first.close()
+    with pytest.raises(DeviceLost, match="is not open"):
+        first.read()
+    readings = read_some(second, 30)
+    assert all(b.time_ns - a.time_ns == 1_000_000 for a, b in pairwise(readings))
+    first.connect()
+    assert read_some(first, 5)[0].time_ns > readings[-1].time_ns
+    second.close()
+    assert box._streaming
+    first.close()
+    assert not box._streaming
+
+
+def test_a_reader_that_is_made_late_has_its_inputs_added(closing) -> None:
+    box = EmulatedU6(level)
+    first = closing(inputs(1, backend=box))
+    first.connect()
+    read_some(first, 10)
+    second = closing(inputs(2, backend=box))
+    second.connect()
+    assert read_some(second, 10)[0].volts == pytest.approx([0.2], abs=0.0025)
+    assert read_some(first, 10)[-1].volts == pytest.approx([0.1], abs=0.0025)
+
+
+def test_what_one_stream_cannot_do_is_refused_and_the_other_goes_on(closing) -> None:
+    box = EmulatedU6(level)
+    gauges = closing(
+        U6Voltages([Channel(n, 1, differential=True) for n in range(0, 12, 2)], backend=box)
+    )
+    gauges.connect()
+    for wrong, words in (
+        (inputs(12, 13, 0, backend=box), "the others take 12 of its 14 inputs .* 3 more do not"),
+        (inputs(11, backend=box), "input 11 belongs to another driver already: choose from 12, 13"),
+        (inputs(12, backend=box, rate_hz=2000.0), "2000 scans a second, another for 1000"),
+    ):
+        with pytest.raises(InputError, match=f"shared by 2 drivers: .*{words}"):
+            wrong.connect()
+        wrong.close()
+    read_some(gauges, 20)
+    gauges.close()
+    fast = closing(inputs(*range(9), backend=box, rate_hz=4000.0))
+    fast.connect()
+    with pytest.raises(InputError, match="56000 samples a second are more than its 50000"):
+        inputs(*range(9, 14), backend=box, rate_hz=4000.0).connect()
+
+
+def test_faults_of_the_board_are_told_to_both(closing) -> None:
+    box = EmulatedU6(level)
+    first, second = closing(inputs(0, backend=box)), closing(inputs(1, backend=box))
+    first.connect()
+    second.connect()
+    read_some(first, 5)
+    read_some(second, 5)
+    box.garble(2)
+    read_until(first, lambda _: first.faults["bad packets"] == 2)
+    read_some(second, 5)
+    assert first.faults == second.faults
+    box.unplug()
+    for reader in (first, second):
+        with pytest.raises(DeviceLost, match="plug it in again"):
+            read_until(reader, lambda _: False)
+        with pytest.raises(MmtError, match="there is no LabJack U6 on USB"):
+            reader.connect()
+    box.plug()
+    for reader in (first, second):
+        reader.connect()
+        assert read_some(reader, 5)
+    assert len(box._table) == 2
+
+
+def test_a_stream_that_has_stopped_is_begun_anew_by_the_first_to_connect(closing) -> None:
+    box = EmulatedU6(level)
+    first, second = closing(inputs(0, backend=box)), closing(inputs(1, backend=box))
+    first.connect()
+    second.connect()
+    box.stall()
+    deadline = time.monotonic() + 10.0
+    while first._board._link.flows:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    first.connect()
+    assert read_some(first, 5)
+    assert read_some(second, 5)
+
+
+def test_a_driver_that_lets_its_readings_lie_holds_up_nobody(closing, monkeypatch) -> None:
+    monkeypatch.setattr(sharing, "_MOST_WAITING", 50)
+    box = EmulatedU6(level)
+    first, lazy = closing(inputs(0, backend=box)), closing(inputs(1, backend=box))
+    first.connect()
+    lazy.connect()
+    read_some(first, 120)
+    assert len(lazy.read()) <= 51
+    assert lazy.faults["lost scans"] >= 60
+    assert not first.faults
+
+
+class TwoBoxes(usb.backend.IBackend):
+    """Two U6 on one bus: passes on to theirs what each is asked."""
+
+    def __init__(self, *boxes: EmulatedU6) -> None:
+        super().__init__()
+        self._boxes = boxes
+        self._owner: dict[object, EmulatedU6] = {}
+
+    def enumerate_devices(self):
+        return list(self._boxes)
+
+    def open_device(self, dev):
+        handle = dev.open_device(dev)
+        self._owner[handle] = dev
+        return handle
+
+
+def passed_on(name: str) -> Callable:
+    def method(self: TwoBoxes, which: Any, *rest: Any) -> Any:
+        return getattr(self._owner.get(which, which), name)(which, *rest)
+
+    return method
+
+
+for each in (
+    *("get_device_descriptor", "get_configuration_descriptor", "get_interface_descriptor"),
+    *("get_endpoint_descriptor", "get_configuration", "claim_interface", "release_interface"),
+    *("close_device", "bulk_read", "bulk_write"),
+):
+    setattr(TwoBoxes, each, passed_on(each))
+
+
+def test_two_boxes_are_told_apart_by_their_numbers(closing) -> None:
+    bus = TwoBoxes(EmulatedU6(level, serial=7), EmulatedU6(lambda _: [3.0] * 14, serial=8))
+    with pytest.raises(MmtError, match="there are 2 LabJack U6: say which one"):
+        inputs(0, backend=bus).connect()
+    with pytest.raises(MmtError, match=r"serial number 9 on USB: .*there is 7; there is 8"):
+        inputs(0, backend=bus, box=9).connect()
+    first = closing(inputs(1, backend=bus, box=7))
+    second = closing(inputs(1, backend=bus, box=8, rate_hz=2000.0))
+    first.connect()
+    second.connect()
+    assert read_some(first, 10)[-1].volts == pytest.approx([0.1], abs=0.0025)
+    assert read_some(second, 10)[-1].volts == pytest.approx([3.0], abs=0.0025)
+    with pytest.raises(MmtError, match="say which one by the option 'box'"):
+        inputs(3, backend=bus).connect()
+    assert read_some(first, 10)
+
+
+# --- the whole follower: gauges and accelerometer in one run
+
+
+class Arm:
+    """A robot that stands still."""
+
+    def connect(self) -> None:
+        """Stand."""
+
+    calibrate = close = connect
+
+    def read(self) -> Vector:
+        return (0.0, 0.0, 0.0)
+
+    def write(self, position_mm: Vector) -> None:
+        """Stay."""
+
+
+class Bench:
+    """An emulated U6 that carries six gauges and an accelerometer, and a source on both."""
+
+    def __init__(self, tmp_path: Path) -> None:
+        self.pressed = False
+        self.box = EmulatedU6(self._volts, clock_ppm=60.0)
+        axes = "".join(
+            f'<UserAxis Name="{name}" values="{" ".join("2" if i == k else "0" for k in range(6))}"'
+            f' max="{20 if i < 3 else 120}"/>'
+            for i, name in enumerate(("Fx", "Fy", "Fz", "Tx", "Ty", "Tz"))
+        )
+        file = tmp_path / "FT7.cal"
+        file.write_text(
+            '<FTSensor Serial="FT7" BodyStyle="Nano17" Family="DAQ" NumGages="6" '
+            'CalFileVersion="1.1"><Calibration PartNumber="SI-12-0.12" CalDate="1/2/2024" '
+            'ForceUnits="N" TorqueUnits="N-mm" DistUnits="mm" OutputRange="20" '
+            f'GainMultiplier="1" OutputBipolar="True">{axes}</Calibration></FTSensor>'
+        )
+        board = {"driver": "labjack-u6", "inputs": [0, 1, 2, 3, 4, 5], "backend": self.box}
+        self.gauges = load_device("ati-gauges", {"calibration_file": file, "board": board})
+        options = {"inputs": [6, 7, 8], "bandwidth_hz": 1600.0, "backend": self.box}
+        self.accelerometer = load_device("adxl335-u6", options)
+        self.told: list[tuple[bool, str]] = []
+        self.source = DeviceSource(
+            Arm(),
+            self.gauges,
+            self.accelerometer,
+            ("position", "force", "acceleration"),
+            on_lost="hold",
+        )
+        self.source.watch(lambda lost, sentence: self.told.append((lost, sentence)))
+        self._last_ns = 0
+
+    def force_n(self, time_ns: Any) -> Any:
+        return 2.0 + np.sin(2e-9 * math.pi * WAVE_HZ * time_ns)
+
+    def acceleration_m_s2(self, time_ns: Any) -> Any:
+        return GRAVITY_M_S2 + 3.0 * np.cos(2e-9 * math.pi * WAVE_HZ * time_ns)
+
+    def _volts(self, time_ns: int) -> list[float]:
+        tremor = 2e-3 * (time_ns // 1_000_000 % 2)  # no gauge and no sensor is quite still
+        data = nominal(3.3)
+        force = self.force_n(time_ns) if self.pressed else 0.0
+        felt = (0.0, 0.0, self.acceleration_m_s2(time_ns) if self.pressed else GRAVITY_M_S2)
+        return [
+            *(0.2 + tremor + (0.5 * force if k == 2 else 0.0) for k in range(6)),
+            *(data.zero_v[k] + data.gain_v_per_m_s2[k] * felt[k] + tremor for k in range(3)),
+            *[0.0] * 5,
+        ]
+
+    def start(self) -> None:
+        self.source.start(0)
+        self._last_ns = time.monotonic_ns()
+
+    def run(self, done: Callable[[int], Any]) -> RecordArray:
+        """Tick until it is done, which is told how many frames there are."""
+        blocks: list[RecordArray] = []
+        deadline = time.monotonic() + 20.0
+        number = 0
+        while not done(number):
+            assert time.monotonic() < deadline, (number, self.told, self.source.summary)
+            time.sleep(0.0005)
+            now_ns = time.monotonic_ns()
+            elapsed = (now_ns - self._last_ns) // 1_000_000
+            if elapsed:
+                self._last_ns += elapsed * 1_000_000
+                blocks.append(self.source.step(elapsed, now_ns, None))
+                number += len(blocks[-1])
+        return np.concatenate(blocks)
+
+
+def test_one_box_carries_the_gauges_and_the_accelerometer_into_frames_of_1_khz(tmp_path) -> None:
+    bench = Bench(tmp_path)
+    try:
+        bench.start()
+        bench.pressed = True
+        bench.run(lambda number: number >= 50)  # some are still from before
+        frames = bench.run(lambda number: number >= 600)
+        assert len(bench.box._table) == 9
+        assert set(np.diff(frames["time_ns"])) <= {k * 1_000_000 for k in range(1, 50)}
+        t = frames["time_ns"]
+        force = frames["force_n"][:, 2] - bench.force_n(t)
+        felt = frames["acceleration_m_s2"][:, 2] - bench.acceleration_m_s2(t)
+        # A millisecond is 0.03 N and 0.1 m/s2 here; counts and tremor are 0.005 N, 0.06 m/s2.
+        assert np.sqrt(np.mean(force**2)) < 0.05
+        assert np.sqrt(np.mean(felt**2)) < 0.25
+        assert abs(frames["force_n"][:, :2]).max() < 0.02
+        assert bench.told == []
+        summary = bench.source.summary
+        assert summary["force_sensor"]["drift_ppm"] == pytest.approx(
+            summary["accelerometer"]["drift_ppm"], abs=500.0
+        )
+    finally:
+        bench.source.close()
+    assert not sharing._OPEN
+
+
+def test_an_unplugged_box_is_two_lost_sensors_which_both_come_back(tmp_path) -> None:
+    bench = Bench(tmp_path)
+    try:
+        bench.start()
+        bench.pressed = True
+        bench.run(lambda number: number >= 50)
+        bench.box.unplug()
+        bench.run(lambda _: len(bench.told) >= 2)
+        lost = [sentence for _, sentence in bench.told[:2]]
+        assert [who.split(" (")[0] for who in lost] == ["the force sensor", "the accelerometer"]
+        assert all("the LabJack U6 is gone: plug it in again" in sentence for sentence in lost)
+        bench.box.plug()
+        bench.run(lambda _: not bench.told[-1][0])
+        assert [lost for lost, _ in bench.told] == [True, True, True, False]
+        frames = bench.run(lambda number: number >= 200)
+        assert np.median(abs(frames["force_n"][:, 2] - bench.force_n(frames["time_ns"]))) < 0.1
+        assert bench.gauges.loaded.calibration.serial == "FT7"
+    finally:
+        bench.source.close()
