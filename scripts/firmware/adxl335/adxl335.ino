@@ -12,7 +12,7 @@
 #include "framing.h"
 
 const uint32_t kBaudRate = 500000;      // boards with USB of their own ignore it
-const uint32_t kPeriodMicros = 1000;    // 1 kHz
+const uint32_t kPeriodMicros = 500;     // 2 kHz
 const size_t kSamplesPerFrame = 1;      // more of them save bytes and cost delay
 const uint8_t kPins[3] = {A0, A1, A2};
 

@@ -1,7 +1,8 @@
 """Form frames at the session's rate from sensors that run on clocks of their own.
 
 Each lane holds what one device has measured; a frame takes all of them at one physical
-instant, by linear interpolation between two readings. Where there are none, there is no frame.
+instant: from the line between two readings, or from more of them (`vibration_lane`). Where there
+are none, there is no frame.
 """
 
 from collections import deque
@@ -96,17 +97,7 @@ class Lane:
             return WAITING
         while len(kept) > 1 and kept[1].time_ns <= time_ns:
             kept.popleft()
-        start_ns, first = kept[0]
-        if start_ns >= time_ns:
-            return first if start_ns == time_ns else None
-        end_ns, last = kept[1]
-        span = end_ns - start_ns
-        if span > longest_ns:
-            return None
-        share = (time_ns - start_ns) / span
-        x, y, z = first
-        u, v, w = last
-        return (x + share * (u - x), y + share * (v - y), z + share * (w - z))
+        return on_line(kept[0], kept[min(1, len(kept) - 1)], time_ns, longest_ns)
 
 
 class PolledLane(Lane):
@@ -128,6 +119,26 @@ class PolledLane(Lane):
     def at(self, host_ns: int) -> "Vector | Waiting | None":
         """Return the value of an instant; see `Lane`."""
         return self._interpolate(host_ns, self._longest_gap_ns)
+
+
+def on_line(
+    start: SensorReading, end: SensorReading, time_ns: int, longest_ns: float
+) -> Vector | None:
+    """Return the value on the straight line from one reading to another, or to itself.
+
+    None before the first one, and where the second comes longer than `longest_ns` after it.
+    """
+    start_ns, first = start
+    end_ns, last = end
+    if start_ns >= time_ns:
+        return first if start_ns == time_ns else None
+    span = end_ns - start_ns
+    if span > longest_ns:
+        return None
+    share = (time_ns - start_ns) / span
+    x, y, z = first
+    u, v, w = last
+    return (x + share * (u - x), y + share * (v - y), z + share * (w - z))
 
 
 class Waiting:

@@ -15,6 +15,7 @@ from mmt.devices.protocols import (
     SampledSensor,
     Vector,
 )
+from mmt.devices.vibration_lane import VibrationLane
 from mmt.errors import DeviceLost, MmtError
 
 SILENT_NS: Final = 15_000_000
@@ -189,8 +190,8 @@ class SampledPort(Port):
 
     device: SampledSensor
 
-    def __init__(self, role: str, device: SampledSensor) -> None:
-        super().__init__(role, device, Lane(device.latency_ns))
+    def __init__(self, role: str, device: SampledSensor, kind: type[Lane] = Lane) -> None:
+        super().__init__(role, device, kind(device.latency_ns))
         self._last_ns = 0
         self._empty = 0
         self._settles = False
@@ -259,10 +260,13 @@ class SampledPort(Port):
         }
 
 
-def port_of(role: str, device: Any) -> Port:
-    """Return a sensor's port: one that says its latency runs on a clock of its own."""
+def port_of(role: str, device: Any, *, vibration: bool = False) -> Port:
+    """Return a sensor's port: one that says its latency runs on a clock of its own.
+
+    `vibration` says that frames are to keep what is fast.
+    """
     if hasattr(device, "latency_ns"):
-        return SampledPort(role, device)
+        return SampledPort(role, device, VibrationLane if vibration else Lane)
     return PolledPort(role, device)
 
 

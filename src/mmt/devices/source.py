@@ -69,7 +69,7 @@ class DeviceSource:
         if force_sensor is not None:
             self._all["force_sensor"] = port_of("force sensor", force_sensor)
         if accelerometer is not None:
-            self._all["accelerometer"] = port_of("accelerometer", accelerometer)
+            self._all["accelerometer"] = port_of("accelerometer", accelerometer, vibration=True)
         of_channel = dict(
             zip(("force", "acceleration"), ("force_sensor", "accelerometer"), strict=True)
         )

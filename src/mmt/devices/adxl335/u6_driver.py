@@ -22,8 +22,8 @@ class U6Options(Adxl335Options):
     """Serial number of the U6; None takes the only one."""
     inputs: tuple[int, int, int] = (0, 1, 2)
     """To which the sensor's X, Y, Z go; 0 to 13."""
-    rate_hz: float = Field(1000.0, ge=100.0, le=4000.0)
-    """Samples a second."""
+    rate_hz: float = Field(2000.0, ge=100.0, le=4000.0)
+    """Samples a second; twice the session's rate keeps vibration up to half of it."""
 
     @field_validator("inputs")
     @classmethod

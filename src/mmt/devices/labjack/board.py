@@ -22,7 +22,7 @@ class BoardOptions(BaseModel):
     """Each against the next input of its pair; the inputs are then even."""
     gain: Literal[1, 10, 100, 1000] = 1
     """Of every input: +-10 V, +-1 V, +-0.1 V, +-0.01 V."""
-    rate_hz: float = Field(1000.0, ge=100.0, le=4000.0)
+    rate_hz: float = Field(2000.0, ge=100.0, le=4000.0)
     """Readings a second."""
     box: int | None = Field(None, ge=1)
     """Serial number of the U6; None takes the only one."""

@@ -1,0 +1,178 @@
+"""Vibration between readings: against sines that are known, on any spacing, around gaps."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mmt.devices.merging import WAITING, Lane
+from mmt.devices.protocols import SensorReading
+from mmt.devices.reconstruction import BEFORE, PHASES, band_of, weights
+from mmt.devices.vibration_lane import VibrationLane
+
+
+def readings_of(
+    rate_hz: float, frequency_hz: float, count: int, phase: float = 0.3
+) -> list[SensorReading]:
+    """A sine along x and its quadrature along y, on top of a line along z."""
+    readings = []
+    for k in range(count):
+        time_ns = round(k * 1e9 / rate_hz)
+        angle = 2 * math.pi * frequency_hz * time_ns * 1e-9 + phase
+        readings.append(
+            SensorReading(time_ns, (math.cos(angle), math.sin(angle), 9.81 + 2e-9 * time_ns))
+        )
+    return readings
+
+
+def lane_of(readings: list[SensorReading], kind: type[Lane] = VibrationLane) -> Lane:
+    lane = kind()
+    for reading in readings:
+        lane.take([reading], reading.time_ns)
+    return lane
+
+
+def responses(rate_hz: float, frequency_hz: float, kind: type[Lane] = VibrationLane) -> np.ndarray:
+    """The complex gain at instants that lie anywhere between two readings."""
+    readings = readings_of(rate_hz, frequency_hz, 500)
+    lane = lane_of(readings, kind)
+    found = []
+    for k in range(97):
+        time_ns = readings[10].time_ns + k * round(2.61803e9 / rate_hz)
+        x, y, _ = lane.at(time_ns)  # type: ignore[misc]
+        angle = 2 * math.pi * frequency_hz * time_ns * 1e-9 + 0.3
+        found.append(complex(x, y) / complex(math.cos(angle), math.sin(angle)))
+    return np.array(found)
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "frequency_hz", "least", "most", "error"),
+    [
+        (4000, 450, 0.99, 1.01, 0.015),
+        (4000, 500, 0.99, 1.02, 0.03),
+        (2000, 100, 0.99, 1.01, 0.01),
+        (2000, 300, 0.98, 1.01, 0.025),
+        (2000, 450, 0.98, 1.01, 0.025),
+        (2000, 500, 1.0, 1.05, 0.06),
+        (1000, 100, 0.95, 1.01, 0.1),
+        (1000, 300, 0.94, 1.01, 0.06),
+        (1000, 400, 0.97, 1.1, 0.15),
+    ],
+)
+def test_a_sine_comes_out_with_the_stated_gain_and_error(
+    rate_hz: float, frequency_hz: float, least: float, most: float, error: float
+) -> None:
+    """The figures of docs/explanation/sensor-clocks.md, with little room."""
+    gains = responses(rate_hz, frequency_hz)
+    print(
+        f"{rate_hz} Hz, {frequency_hz} Hz: gain {abs(gains).min():.3f} to {abs(gains).max():.3f}, "
+        f"error {abs(gains - 1).max():.3f}"
+    )
+    assert least <= abs(gains).min()
+    assert abs(gains).max() <= most
+    assert abs(gains - 1).max() <= error
+
+
+def test_a_straight_line_would_lose_what_is_fast() -> None:
+    assert abs(responses(1000, 400, Lane)).min() == pytest.approx(math.cos(0.4 * math.pi), abs=0.01)
+    assert abs(responses(2000, 400, Lane)).min() == pytest.approx(math.cos(0.2 * math.pi), abs=0.01)
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    rate_hz=st.floats(500.0, 8000.0),
+    start=st.floats(-50.0, 50.0),
+    slope=st.floats(-1e4, 1e4),
+    instant=st.floats(0.0, 1.0),
+)
+def test_what_stands_or_moves_evenly_comes_out_as_it_is(
+    rate_hz: float, start: float, slope: float, instant: float
+) -> None:
+    times_ns = [round(k * 1e9 / rate_hz) for k in range(30)]
+    lane = lane_of([SensorReading(t, (start, start + slope * t * 1e-9, -start)) for t in times_ns])
+    time_ns = times_ns[12] + round(instant * 1e9 / rate_hz)
+    x, y, z = lane.at(time_ns)  # type: ignore[misc]
+    step = abs(slope) / rate_hz
+    assert x == pytest.approx(start, abs=1e-9 * (1 + abs(start)))
+    assert z == pytest.approx(-start, abs=1e-9 * (1 + abs(start)))
+    assert y == pytest.approx(start + slope * time_ns * 1e-9, abs=1e-6 + 0.51 * step / PHASES)
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.lists(st.integers(100_000, 4_000_000), min_size=1, max_size=40),
+    st.lists(st.integers(0, 2_000_000), min_size=1, max_size=30),
+)
+def test_a_value_is_there_exactly_when_that_of_a_straight_line_is(
+    steps_ns: list[int], moves_ns: list[int]
+) -> None:
+    """So that what is fast costs no time, and no frame more is left out."""
+    times_ns = np.cumsum(steps_ns).tolist()
+    readings = [SensorReading(t, (1.0, 2.0, 3.0)) for t in times_ns]
+    straight, shaped = lane_of(readings, Lane), lane_of(readings)
+    for time_ns in np.cumsum(moves_ns).tolist():
+        expected, found = straight.at(time_ns), shaped.at(time_ns)
+        if expected is None or expected is WAITING:
+            assert found is expected
+        else:
+            assert found == pytest.approx((1.0, 2.0, 3.0))
+
+
+def test_a_lost_reading_costs_the_values_around_it_their_shape_and_no_more() -> None:
+    readings = readings_of(2000, 300, 60)
+    del readings[30]
+    shaped, straight = lane_of(readings), lane_of(readings, Lane)
+    by_shape = []
+    for k in range(20, 50):
+        time_ns = readings_of(2000, 300, 60)[k].time_ns + 250_000
+        found, line = shaped.at(time_ns), straight.at(time_ns)
+        angle = 2 * math.pi * 300 * time_ns * 1e-9 + 0.3
+        assert isinstance(found, tuple)
+        if found == line:
+            by_shape.append(False)
+        else:
+            by_shape.append(True)
+            assert math.dist(found[:2], (math.cos(angle), math.sin(angle))) < 0.03
+    assert by_shape.count(False) == BEFORE + 1
+    assert by_shape[0]
+    assert by_shape[-1]
+
+
+def test_the_first_values_lie_on_a_straight_line() -> None:
+    readings = readings_of(2000, 300, 20)
+    shaped, straight = lane_of(readings), lane_of(readings, Lane)
+    for k in range(BEFORE - 1):
+        time_ns = readings[k].time_ns + 200_000
+        assert shaped.at(time_ns) == straight.at(time_ns)
+    assert shaped.at(readings[BEFORE].time_ns + 200_000) != straight.at(
+        readings[BEFORE].time_ns + 200_000
+    )
+    assert lane_of(readings).at(-1) is None
+
+
+def test_a_sensor_that_comes_back_at_another_rate_has_other_weights() -> None:
+    lane = lane_of(readings_of(1000, 300, 400))
+    assert isinstance(lane.at(300_000_000), tuple)
+    lane.reset()
+    readings = readings_of(4000, 300, 2000)
+    for reading in readings:
+        lane.take([reading], reading.time_ns)
+    time_ns = readings[1900].time_ns + 120_000
+    x, y, _ = lane.at(time_ns)  # type: ignore[misc]
+    angle = 2 * math.pi * 300 * time_ns * 1e-9 + 0.3
+    assert math.dist((x, y), (math.cos(angle), math.sin(angle))) < 0.02
+
+
+def test_noise_is_not_amplified() -> None:
+    for rate_hz in (1000, 2000, 4000, 8000):
+        table = np.array(weights(band_of(rate_hz)))
+        assert np.sqrt((table**2).sum(axis=1)).max() < 1.15
+        assert table.sum(axis=1) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("band", [0.0, -0.1, 0.5, math.nan])
+def test_a_band_that_is_none_is_refused(band: float) -> None:
+    with pytest.raises(ValueError, match="must lie within"):
+        weights(band)
