@@ -29,6 +29,8 @@ class Driver(BaseModel):
 class Handle(Driver):
     """``[handle]``: the operator holds a real handle."""
 
+    on_lost: Literal["hold", "stop"] = "hold"
+
 
 class Actuator(BaseModel):
     """``[actuator]``: what the vibration is written to; without a driver a simulated one."""

@@ -182,19 +182,24 @@ def test_a_lost_actuator_comes_back_while_the_leader_goes_on() -> None:
     assert isinstance(parts.mended, MendedActuator)
     device = parts.mended.device
     assert isinstance(device, EmulatedHaptuator)
+    told: list[str] = []
+    parts.watch(lambda sentence, **details: told.append(sentence))
     parts.connect()
     parts.mended.write([1.0, -1.0])
     device.card.unplug()
     parts.mended.write([1.0])
     parts.mended.write([1.0, 2.0])
-    assert parts.mended.losses_summary == {"losses": 1, "lost_samples": 3}
-    assert "until it is back" in parts.mended.take_news()[0]
+    summary = parts.mended.losses_summary
+    assert (summary["losses"], summary["lost_samples"]) == (1, 3)
+    assert "until it is back" in told[0]
+    assert "the actuator (EmulatedHaptuator) is lost" in str(parts.mended.problem)
     device.card.plug()
     give_up = time.monotonic() + 30.0
-    while not parts.mended.take_news():
+    while parts.mended.lost:
         assert time.monotonic() < give_up
         parts.mended.write([1.0])
         time.sleep(0.005)
+    assert told[-1].startswith("the actuator is back after ")
     samples = parts.mended.statistics.samples
     parts.mended.write([1.0])
     assert parts.mended.statistics.samples == samples + 1

@@ -65,11 +65,12 @@ def test_handle_and_actuator_are_made_by_their_drivers_with_their_options(driver
     parts = build_parts(scene(drivers, arm="left"), lambda _update, _time: None)
     mended = parts.mended
     assert mended is not None
-    assert parts.hand.options == {"arm": "left"}  # type: ignore[union-attr]
+    assert parts.handle is parts.hand is not None
+    assert parts.handle.device.options == {"arm": "left"}  # type: ignore[attr-defined]
     assert mended.device.options == {"volts": 2.0}  # type: ignore[union-attr]
     parts.connect()
     assert parts.close() == []
-    for device in (parts.hand, mended.device):
+    for device in (parts.handle.device, mended.device):
         assert device.calls == ["connect", "calibrate", "close"]  # type: ignore[union-attr]
 
 

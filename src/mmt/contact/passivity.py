@@ -167,6 +167,11 @@ class ForcePort:
         self._withheld_n += self._force_n - force_n
         self._force_n = force_n
 
+    def rest(self) -> None:
+        """Note that nothing is displayed, and that the next step is the first at its place."""
+        self._position_m = None
+        self._force_n = self._withheld_n = 0.0
+
     def _count(self, travel: float) -> None:
         """Count the last tick's work."""
         self._observer.add(-self._force_n * travel)

@@ -85,6 +85,10 @@ class LocalContact:
         if model is not None:
             self._target = self._no_stiffer(model)
 
+    def rest(self) -> None:
+        """Forget where the hand was; the model stays."""
+        self._depth_m = None
+
     def step(self, depth_m: float, ticks: int = 1) -> float:
         """Return the force (N) against the axis into the surface, never negative.
 

@@ -1,32 +1,63 @@
-"""An actuator that may be lost: the session goes on without it until it is there again."""
+"""A device of the leader that may be lost: the session goes on without it until it is back."""
 
+import time
 from collections.abc import Sequence
+from typing import Any, Generic, Protocol, TypeVar
 
 from mmt.arrays import FloatArray
 from mmt.devices.ports import Reconnection
-from mmt.devices.protocols import ActuatorStatistics, VibrationActuator
+from mmt.devices.protocols import (
+    ActuatorStatistics,
+    Device,
+    InterfaceState,
+    LeaderInterface,
+    Vector,
+    VibrationActuator,
+)
 from mmt.errors import DeviceLost
 
+AnyDevice = TypeVar("AnyDevice", bound=Device)
 
-class MendedActuator:
-    """A `VibrationActuator` that connects its device again when that is lost.
 
-    Meanwhile nothing is played, and what would have been is counted.
+class LossCallback(Protocol):
+    """Is told when a device is lost, why it is not back, and when it is."""
+
+    def __call__(self, sentence: str, **details: object) -> None:
+        """Take a sentence for the person, and what a program wants to know."""
+
+
+def _tell_nobody(sentence: str, **details: object) -> None:
+    """Do nothing."""
+
+
+class Mended(Generic[AnyDevice]):
+    """The life of a device that is connected again when it is lost.
 
     Parameters
     ----------
+    what
+        The person's word for it.
+    meanwhile
+        What happens without it.
     device
         The driver's; it raises `DeviceLost` where it may come back.
     """
 
-    def __init__(self, device: VibrationActuator) -> None:
+    def __init__(self, what: str, meanwhile: str, device: AnyDevice) -> None:
+        self.what = what
         self.device = device
         self.losses = 0
         """How often it was lost."""
-        self.lost_samples = 0
-        """Samples that were not played, since it was not there."""
+        self._meanwhile = meanwhile
+        self._tell: LossCallback = _tell_nobody
         self._reconnection: Reconnection | None = None
-        self._news: list[str] = []
+        self._reason = ""
+        self._lost_ns = 0
+        self._away_ns = 0
+
+    def watch(self, callback: LossCallback) -> None:
+        """Have a function told of losses and returns."""
+        self._tell = callback
 
     def connect(self) -> None:
         """Open the device."""
@@ -40,24 +71,116 @@ class MendedActuator:
         """Release the device; calling it twice is harmless."""
         if self._reconnection is not None:
             self._reconnection.give_up()
+            self._away_ns += time.monotonic_ns() - self._lost_ns
             self._reconnection = None
         self.device.close()
 
+    @property
+    def lost(self) -> bool:
+        """Whether it was not there when it was last used."""
+        return self._reconnection is not None
+
+    @property
+    def problem(self) -> str | None:
+        """A sentence while it is lost, None while it is there."""
+        if self._reconnection is None:
+            return None
+        return f"the {self.what} ({self.name}) is lost{f': {self._reason}' if self._reason else ''}"
+
+    @property
+    def name(self) -> str:
+        """Of the driver's class."""
+        return type(self.device).__name__
+
+    @property
+    def losses_summary(self) -> dict[str, Any]:
+        """How often and for how long it was lost, for a program."""
+        away_ns = self._away_ns
+        if self._reconnection is not None:
+            away_ns += time.monotonic_ns() - self._lost_ns
+        return {"losses": self.losses, "lost_s": round(away_ns / 1e9, 3)}
+
+    def _there(self) -> bool:
+        """Return whether it may be used now, and tell of its return."""
+        connecting = self._reconnection
+        if connecting is None:
+            return True
+        if not connecting.done.is_set():
+            if connecting.reason != self._reason:
+                self._reason = connecting.reason
+                self._tell(
+                    f"the {self.what} is not back yet: {self._reason}",
+                    device=self.what,
+                    state="lost",
+                )
+            return False
+        self._reconnection = None
+        away_ns = time.monotonic_ns() - self._lost_ns
+        self._away_ns += away_ns
+        self._tell(
+            f"the {self.what} is back after {away_ns / 1e9:.1f} s",
+            device=self.what,
+            state="back",
+            lost_s=round(away_ns / 1e9, 3),
+        )
+        return True
+
+    def _lose(self, error: DeviceLost) -> None:
+        """Take it as lost and connect it again, in a thread."""
+        self.losses += 1
+        self._lost_ns = time.monotonic_ns()
+        self._reason = str(error)
+        self._tell(
+            f"the {self.what} ({self.name}) is lost: {error}; {self._meanwhile} until it is back",
+            device=self.what,
+            state="lost",
+        )
+        self._reconnection = Reconnection(self.device, self._reason)
+
+
+class MendedHandle(Mended[LeaderInterface]):
+    """The operator's handle: while it is lost it has no state, and shows no force."""
+
+    def __init__(self, device: LeaderInterface) -> None:
+        super().__init__("handle", "the robot stays where it is, force and vibration rest", device)
+
+    def read(self, elapsed_ticks: int) -> InterfaceState | None:
+        """Return the state now, None while the handle is lost."""
+        if not self._there():
+            return None
+        try:
+            return self.device.read(elapsed_ticks)
+        except DeviceLost as error:
+            self._lose(error)
+            return None
+
+    def write(self, force_n: Vector) -> None:
+        """Display a force (N), where there is a handle."""
+        if self._there():
+            try:
+                self.device.write(force_n)
+            except DeviceLost as error:
+                self._lose(error)
+
+
+class MendedActuator(Mended[VibrationActuator]):
+    """The actuator: while it is lost nothing is played, and what would have been is counted."""
+
+    def __init__(self, device: VibrationActuator) -> None:
+        super().__init__("actuator", "there is no vibration", device)
+        self.lost_samples = 0
+        """Samples that were not played, since it was not there."""
+
     def write(self, samples_m_s2: Sequence[float] | FloatArray) -> None:
         """Play samples (n,), m/s2, or count them where the device is not there."""
-        if self._reconnection is not None:
-            if not self._reconnection.done.is_set():
-                self.lost_samples += len(samples_m_s2)
+        if self._there():
+            try:
+                self.device.write(samples_m_s2)
+            except DeviceLost as error:
+                self._lose(error)
+            else:
                 return
-            self._reconnection = None
-            self._news.append("the actuator is back")
-        try:
-            self.device.write(samples_m_s2)
-        except DeviceLost as error:
-            self.losses += 1
-            self.lost_samples += len(samples_m_s2)
-            self._news.append(f"actuator lost: {error}; it is silent until it is back")
-            self._reconnection = Reconnection(self.device)
+        self.lost_samples += len(samples_m_s2)
 
     @property
     def statistics(self) -> ActuatorStatistics:
@@ -65,11 +188,6 @@ class MendedActuator:
         return self.device.statistics
 
     @property
-    def losses_summary(self) -> dict[str, int]:
+    def losses_summary(self) -> dict[str, Any]:
         """How often it was lost and what was not played, for a program."""
-        return {"losses": self.losses, "lost_samples": self.lost_samples}
-
-    def take_news(self) -> list[str]:
-        """Return what has happened since the last call, a sentence each."""
-        news, self._news = self._news, []
-        return news
+        return {**super().losses_summary, "lost_samples": self.lost_samples}

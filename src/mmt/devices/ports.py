@@ -29,6 +29,10 @@ _SETTLE_NS: Final = 100_000_000
 """A sensor that was connected again is heard for so long before frames are formed of it, so that
 its clock is known."""
 _RETRY_S: Final = 0.5
+_LONGEST_RETRY_S: Final = 3.0
+_BACK_OFF: Final = 1.5
+"""Each pause before the next try is so much longer: a device that is away for an hour is not asked
+twice a second, and one that was plugged in again is there within three seconds."""
 _ROBOT_GAP_NS: Final = 10_000_000
 """An arm moves on nearly a straight line for so long: at 5 m/s2 it leaves it by 0.06 mm."""
 
@@ -36,24 +40,26 @@ _ROBOT_GAP_NS: Final = 10_000_000
 class Reconnection(threading.Thread):
     """Close and connect a device until that works, beside the ticks, since it may take long."""
 
-    def __init__(self, device: Device) -> None:
+    def __init__(self, device: Device, reason: str = "") -> None:
         super().__init__(name=f"connect {type(device).__name__}", daemon=True)
         self._device = device
         self._given_up = threading.Event()
         self.done = threading.Event()
-        self.reason = ""
-        """Why it did not work the last time."""
+        self.reason = reason
+        """Why it did not work the last time, before the first why it was lost."""
         self.start()
 
     def run(self) -> None:
         """Try until it works or is given up."""
+        pause_s = _RETRY_S
         while not self._given_up.is_set():
             try:
                 self._device.close()
                 self._device.connect()
             except Exception as error:  # noqa: BLE001 - whatever a driver raises, try again
                 self.reason = str(error) or type(error).__name__
-                self._given_up.wait(_RETRY_S)
+                self._given_up.wait(pause_s)
+                pause_s = min(_BACK_OFF * pause_s, _LONGEST_RETRY_S)
             else:
                 self.done.set()
                 return

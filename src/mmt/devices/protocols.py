@@ -10,10 +10,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
+from mmt import vectors
 from mmt.arrays import FloatArray, RecordArray
 
-Vector = tuple[float, float, float]
-"""x, y, z as plain floats; per-tick code is several times slower on NumPy scalars."""
+Vector = vectors.Vector
+"""x, y, z as plain floats."""
 
 
 class Device(Protocol):

@@ -1,6 +1,5 @@
 """Keep a robot safe from a leader that falls silent, speaks too late, or jumps."""
 
-import math
 import struct
 from collections.abc import Callable
 from typing import Any, Final, Literal
@@ -9,6 +8,7 @@ from mmt.arrays import RecordArray
 from mmt.devices.protocols import Vector
 from mmt.link.log import RateLimit
 from mmt.scene import Link
+from mmt.vectors import difference, towards
 
 _COMMAND: Final = struct.Struct("<Iqqq3f")
 """The layout of `mmt.frames.COMMAND_DTYPE`; NumPy takes over twice as long to read it."""
@@ -139,7 +139,7 @@ class CommandGuard:
             return None
         if self._silent:
             self._silent_ticks += 0 if self._halted else elapsed
-            self._position = _towards(self._position, self._target, self._recovery_mm * elapsed)
+            self._position = towards(self._position, self._target, self._recovery_mm * elapsed)
         else:
             self._advance(self._position, elapsed)
         return self._position
@@ -149,9 +149,9 @@ class CommandGuard:
             self._position = measured() if self._measures_position else command
             if self._position is None:
                 return
-            self._offset = _difference(self._position, command)
+            self._offset = difference(self._position, command)
         elif self._silent:
-            self._offset = _difference(self._position, command)
+            self._offset = difference(self._position, command)
             self._silent = False
             if self._age_ticks and self._told.allow("heard"):
                 silent_s = self._age_ticks / self._rate_hz
@@ -183,26 +183,12 @@ class CommandGuard:
         """Move to the target and its offset, which shrinks."""
         wanted = self._target
         if self._offset is not None:
-            x, y, z = self._offset = _towards(
+            x, y, z = self._offset = towards(
                 self._offset, (0.0, 0.0, 0.0), self._recovery_mm * elapsed
             )
             if x == y == z == 0.0:
                 self._offset = None
             wanted = (wanted[0] + x, wanted[1] + y, wanted[2] + z)
-        self._position = _towards(position, wanted, self._limit_mm * elapsed)
+        self._position = towards(position, wanted, self._limit_mm * elapsed)
         if self._position is not wanted:
             self._slowed += elapsed
-
-
-def _difference(first: Vector, second: Vector) -> Vector:
-    return (first[0] - second[0], first[1] - second[1], first[2] - second[2])
-
-
-def _towards(start: Vector, goal: Vector, most_mm: float) -> Vector:
-    """Return the goal where it is near enough, else the point `most_mm` towards it."""
-    x, y, z = goal[0] - start[0], goal[1] - start[1], goal[2] - start[2]
-    distance = math.sqrt(x * x + y * y + z * z)
-    if distance <= most_mm:
-        return goal
-    share = most_mm / distance
-    return (start[0] + share * x, start[1] + share * y, start[2] + share * z)

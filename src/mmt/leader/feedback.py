@@ -6,7 +6,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from mmt.arrays import RecordArray
-from mmt.devices.protocols import InterfaceState, LeaderInterface, Vector
+from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.silence import SILENCE_TICKS, SilenceRamp
 
 
@@ -43,9 +43,22 @@ class Feedback(Protocol):
             Shape (1,), to be sent to the follower under the same event; None for none.
         """
 
+    def rest(self, elapsed: int) -> None:
+        """Display nothing for the elapsed ticks, in the place of `tick`: the handle is lost.
+
+        Afterwards the force comes back from zero, wherever the handle then is.
+        """
+
     @property
     def summary(self) -> Mapping[str, Any]:
         """What was counted and estimated, for a program."""
+
+
+class ForceDisplay(Protocol):
+    """What shows a force to the hand; every `LeaderInterface` does."""
+
+    def write(self, force_n: Vector) -> None:
+        """Display a force (N)."""
 
 
 class StreamedForce:
@@ -66,7 +79,7 @@ class StreamedForce:
     dtype: "np.dtype[np.void] | None" = None
 
     def __init__(
-        self, interface: LeaderInterface, *, limit_n: float, silence_ticks: int = SILENCE_TICKS
+        self, interface: ForceDisplay, *, limit_n: float, silence_ticks: int = SILENCE_TICKS
     ) -> None:
         self._interface = interface
         self._limit_n = limit_n
@@ -93,6 +106,11 @@ class StreamedForce:
         """Display the force for the elapsed ticks; nothing is sent."""
         self._show(self._streamed(elapsed))
         return None
+
+    def rest(self, elapsed: int) -> None:
+        """Display nothing; see `Feedback`."""
+        self._ramp.rest(elapsed)
+        self._show((0.0, 0.0, 0.0))
 
     @property
     def summary(self) -> Mapping[str, Any]:

@@ -2,9 +2,8 @@
 
 from typing import TYPE_CHECKING, Literal
 
-from mmt.devices.protocols import LeaderInterface
 from mmt.feedback_table import ForceFeedback
-from mmt.leader.feedback import Feedback, StreamedForce
+from mmt.leader.feedback import Feedback, ForceDisplay, StreamedForce
 
 if TYPE_CHECKING:
     from mmt.contact.passivity import PassivitySettings
@@ -12,7 +11,7 @@ if TYPE_CHECKING:
 
 def build_feedback(
     table: ForceFeedback,
-    interface: LeaderInterface,
+    interface: ForceDisplay,
     *,
     rate_hz: float,
     normal: Literal["x", "y", "z"],
@@ -43,7 +42,7 @@ def build_feedback(
 
 def _model(
     table: ForceFeedback,
-    interface: LeaderInterface,
+    interface: ForceDisplay,
     tick_s: float,
     normal: Literal["x", "y", "z"],
 ) -> Feedback:

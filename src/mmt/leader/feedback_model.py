@@ -12,9 +12,9 @@ from mmt.contact.estimation import ContactEstimator, ContactModel, EstimationSet
 from mmt.contact.memory import ForceMemory, SmoothSpeed
 from mmt.contact.passivity import PassivitySettings
 from mmt.contact.rendering import LocalContact, RenderingSettings
-from mmt.devices.protocols import InterfaceState, LeaderInterface, Vector
+from mmt.devices.protocols import InterfaceState, Vector
 from mmt.feedback_records import CONTACT, CONTACT_DTYPE
-from mmt.leader.feedback import StreamedForce, limited
+from mmt.leader.feedback import ForceDisplay, StreamedForce, limited
 from mmt.leader.ports import GuardedPorts
 from mmt.leader.silence import SILENCE_TICKS
 
@@ -66,7 +66,7 @@ class ModelForce(StreamedForce):
 
     def __init__(
         self,
-        interface: LeaderInterface,
+        interface: ForceDisplay,
         *,
         limit_n: float,
         settings: ModelSettings | None = None,
@@ -113,6 +113,13 @@ class ModelForce(StreamedForce):
         wanted: Vector = self._ramp.shape((x, y, z), elapsed)
         self._show(self._ports.step(wanted, state, elapsed))
         return None
+
+    def rest(self, elapsed: int) -> None:
+        """Display nothing; see `Feedback`. The models stay."""
+        self._ports.rest()
+        self._contact.rest()
+        self._hand_speed = SmoothSpeed()
+        super().rest(elapsed)
 
     def _modelled_n(self, state: InterfaceState, elapsed: int) -> float:
         """Return the force along the normal: streamed, modelled and remembered."""

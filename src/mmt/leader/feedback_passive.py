@@ -8,9 +8,9 @@ import numpy as np
 from mmt.arrays import RecordArray
 from mmt.contact.energies import EnergyCounts, EnergyReport
 from mmt.contact.passivity import PassivitySettings
-from mmt.devices.protocols import InterfaceState, LeaderInterface
+from mmt.devices.protocols import InterfaceState
 from mmt.feedback_records import ENERGY, ENERGY_DTYPE
-from mmt.leader.feedback import StreamedForce
+from mmt.leader.feedback import ForceDisplay, StreamedForce
 from mmt.leader.ports import GuardedPorts
 from mmt.leader.silence import SILENCE_TICKS
 
@@ -36,7 +36,7 @@ class PassiveForce(StreamedForce):
 
     def __init__(
         self,
-        interface: LeaderInterface,
+        interface: ForceDisplay,
         *,
         limit_n: float,
         settings: PassivitySettings,
@@ -61,6 +61,11 @@ class PassiveForce(StreamedForce):
         wanted = self._streamed(elapsed)
         self._show(self._ports.step(wanted, state, elapsed, self._given.energy_j))
         return self._report.make(self._ports.in_j, elapsed)
+
+    def rest(self, elapsed: int) -> None:
+        """Display nothing; see `Feedback`."""
+        self._ports.rest()
+        super().rest(elapsed)
 
     @property
     def summary(self) -> Mapping[str, Any]:

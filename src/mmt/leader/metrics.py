@@ -66,6 +66,9 @@ def collect(service: "LeaderService") -> Iterator["Metric"]:
         yield gauge(
             "playout_delay_seconds", "Delay of the playout buffer.", status.playout_delay_ms / 1e3
         )
+    for device in service.parts.may_be_lost:
+        yield gauge(f"{device.what}_lost", f"Whether the {device.what} is lost.", device.lost)
+        yield counter(f"{device.what}_losses", f"Losses of the {device.what}.", device.losses)
     recorder = service.parts.recorder
     if recorder is not None:
         yield counter("recorded_frames", "Frames in the recording.", recorder.frames)

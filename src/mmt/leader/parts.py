@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mmt.arrays import RecordArray
-from mmt.device_tables import Actuator
+from mmt.device_tables import Actuator, Handle
 from mmt.devices.protocols import LeaderInterface, VibrationActuator
 from mmt.errors import MmtError
 from mmt.leader.concealment import build_concealment
@@ -15,10 +15,11 @@ from mmt.leader.feedback_choice import build_feedback
 from mmt.leader.playout import PlayoutBuffer
 from mmt.leader.rendering import VibrationSwitch
 from mmt.leader.stream import StreamedMotion, StreamedVibration
-from mmt.scene import Scene, Simulated, Texture
+from mmt.scene import Link, Scene, Simulated, Texture
 
 if TYPE_CHECKING:
-    from mmt.devices.mending import MendedActuator
+    from mmt.devices.mending import LossCallback, Mended, MendedActuator
+    from mmt.leader.handle import OperatorHandle
     from mmt.leader.modelling import ModellingTask
     from mmt.session.recording import McapRecorder
     from mmt.texture.modelling import ModelUpdate
@@ -29,7 +30,9 @@ if TYPE_CHECKING:
 class LeaderParts:
     """The leader's parts; None where the scene leaves one out."""
 
-    hand: LeaderInterface | None = None
+    hand: "LeaderInterface | OperatorHandle | None" = None
+    handle: "OperatorHandle | None" = None
+    """The hand, where it is a driver's handle that may be lost and come back."""
     actuator: VibrationActuator | None = None
     mended: "MendedActuator | None" = None
     """The actuator, where it is a driver's, which may be lost and come back."""
@@ -108,9 +111,21 @@ class LeaderParts:
             self.recorder.close()
         return problems
 
-    def _name(self, device: LeaderInterface | VibrationActuator | None) -> str:
-        mended = self.mended
-        return type(mended.device if mended is not None and device is mended else device).__name__
+    @property
+    def may_be_lost(self) -> "list[Mended[Any]]":
+        """The devices without which the session goes on."""
+        return [device for device in (self.handle, self.mended) if device is not None]
+
+    def watch(self, callback: "LossCallback") -> None:
+        """Have a function told of devices that are lost and of their return."""
+        for device in self.may_be_lost:
+            device.watch(callback)
+
+    def _name(self, device: object) -> str:
+        return next(
+            (mended.name for mended in self.may_be_lost if mended is device),
+            type(device).__name__,
+        )
 
 
 def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None]) -> LeaderParts:
@@ -136,9 +151,7 @@ def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None])
             compliance_mm_n=nominal_compliance_mm_n(scene.simulated or Simulated()),
         )
     elif scene.handle is not None:
-        from mmt.devices.loading import load_device
-
-        parts.hand = load_device(scene.handle.driver, scene.handle.options, role="handle")
+        _build_handle(scene, scene.handle, parts)
     if scene.texture is not None:
         from mmt.leader.modelling import ModellingTask
 
@@ -162,6 +175,19 @@ def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None])
             McapRecorder, scene.recording.file, channels=scene.channels(), scene=scene.dump()
         )
     return parts
+
+
+def _build_handle(scene: Scene, table: Handle, parts: LeaderParts) -> None:
+    from mmt.devices.loading import load_device
+
+    device: LeaderInterface = load_device(table.driver, table.options, role="handle")
+    if table.on_lost == "stop":
+        parts.hand = device
+        return
+    from mmt.leader.handle import OperatorHandle
+
+    link = scene.link or Link()
+    parts.hand = parts.handle = OperatorHandle(device, link.recovery_mm_s / scene.session.rate_hz)
 
 
 def _make_actuator(table: Actuator, parts: LeaderParts) -> VibrationActuator:

@@ -40,6 +40,12 @@ class GuardedPorts:
         x, y, z = self._ports
         return (x.in_j, y.in_j, z.in_j)
 
+    def rest(self) -> None:
+        """Note that nothing is displayed; travel until the next step is nobody's work."""
+        self._position = None
+        for port in self._ports:
+            port.rest()
+
     def step(
         self,
         wanted_n: Vector,

@@ -56,6 +56,7 @@ class LeaderService:
         self.parts: LeaderParts = build_parts(scene, self._on_update)
         self.log = RunLog()
         self._journal = Journal(self.parts, on_event or (lambda _: None), lambda: self.time_s)
+        self.parts.watch(self._journal.event)
         self._models = ModelUse(self.parts, self.log, self._journal.event)
         self.remote: RemoteFollower | None = None
         if scene.link is not None:
@@ -124,7 +125,8 @@ class LeaderService:
             "the follower was lost": self.ending.patient,
             f"recording: {recorder.error if recorder else None}": recorder and recorder.error,
         }
-        return [sentence for sentence, holds in found.items() if holds]
+        lost = [device.problem for device in self.parts.may_be_lost if device.problem]
+        return [sentence for sentence, holds in found.items() if holds] + lost
 
     def reset_model(self) -> None:
         """Forget the model and return to streamed vibration, for a new surface."""
@@ -201,9 +203,6 @@ class LeaderService:
                 LOG.debug("status", extra=logs.details(status=status.as_dict()))
             if self.remote is not None:
                 self.remote.look()
-            mended = self.parts.mended
-            for sentence in mended.take_news() if mended is not None else ():
-                self._journal.event(sentence)
             recorder = self.parts.recorder
             if recorder is not None and recorder.error is not None:
                 self.ending.fail(MmtError(f"recording {recorder.path}: {recorder.error}"))

@@ -45,6 +45,12 @@ class SilenceRamp:
             self._share = 0.0
         self._age_ticks = 0
 
+    def rest(self, elapsed: int) -> None:
+        """Note that nothing is displayed for these ticks; the force then returns from zero."""
+        self._age_ticks += elapsed
+        self._shown = self._start = (0.0, 0.0, 0.0)
+        self._share = 0.0
+
     def shape(self, force_n: Vector, elapsed: int) -> Vector:
         """Return the force (N) to display now, `elapsed` ticks after the last call."""
         self._age_ticks += elapsed

@@ -72,6 +72,7 @@ class LeaderSummary:
     recording: dict[str, Any]
     backfill: dict[str, Any] = field(default_factory=dict)
     feedback: dict[str, Any] = field(default_factory=dict)
+    handle: dict[str, Any] = field(default_factory=dict)
 
     @property
     def problem(self) -> str | None:
@@ -118,6 +119,7 @@ def summarise(
         recording=_recording(parts),
         backfill=backfill,
         feedback=dict(parts.feedback.summary) if parts.feedback is not None else {},
+        handle=_handle(parts),
     )
 
 
@@ -150,6 +152,11 @@ def _vibration(log: RunLog, parts: LeaderParts, clock_offset_ns: int | None) -> 
         age_ms = parts.playout.age_ms(clock_offset_ns)
         table["playout"] = {**asdict(parts.playout.statistics()), "age_ms": age_ms}
     return table
+
+
+def _handle(parts: LeaderParts) -> dict[str, Any]:
+    handle = parts.handle
+    return {"device": handle.name, **handle.losses_summary} if handle is not None else {}
 
 
 def _recording(parts: LeaderParts) -> dict[str, Any]:

@@ -1,14 +1,20 @@
 """What the leader does every millisecond."""
 
 import time
+from typing import Final
 
 import numpy as np
 
+from mmt.arrays import FloatArray
 from mmt.devices.protocols import InterfaceState
+from mmt.leader.feedback import Feedback
 from mmt.leader.journal import Journal
 from mmt.leader.parts import LeaderParts
 from mmt.leader.remote import RemoteFollower
 from mmt.leader.summary import RunLog
+
+_FADE: Final = 0.1
+"""Of the vibration, in a tick: 10 ms out when the handle is lost, and in when it is back."""
 
 
 class LeaderTick:
@@ -42,6 +48,7 @@ class LeaderTick:
         self._remote = remote
         self._period_ns = period_ns
         self._last_ns = 0
+        self._loudness = 1.0
         self.ticks = 0
         """Ticks so far, missed ones counted."""
         self.mode = parts.switch.mode if parts.switch is not None else "silent"
@@ -58,9 +65,7 @@ class LeaderTick:
         if streaming and remote is not None:
             remote.backfill.tick(elapsed)
         if parts.feedback is not None:
-            news = parts.feedback.tick(elapsed, state)  # without a stream the force must fade
-            if news is not None and remote is not None:
-                remote.send_extra(news)
+            self._display(parts.feedback, elapsed, state)
         if remote is None or remote.has_begun:
             self._render(elapsed, now_ns, state)
 
@@ -74,10 +79,24 @@ class LeaderTick:
     def _read_hand(self, elapsed: int, now_ns: int) -> InterfaceState | None:
         if self._parts.hand is None:
             return None
+        handle = self._parts.handle
         state = self._parts.hand.read(elapsed)
-        if self._remote is not None:
-            self._remote.command(now_ns, state.position_mm)
+        if handle is not None:
+            position = handle.command_mm
+        else:
+            position = state.position_mm if state is not None else None
+        if self._remote is not None and position is not None:
+            self._remote.command(now_ns, position)
         return state
+
+    def _display(self, feedback: Feedback, elapsed: int, state: InterfaceState | None) -> None:
+        """Show the hand its force: none where the handle is lost; it fades without a stream."""
+        if self._handle_is_lost:
+            feedback.rest(elapsed)
+            return
+        news = feedback.tick(elapsed, state)
+        if news is not None and self._remote is not None:
+            self._remote.send_extra(news)
 
     def _render(self, elapsed: int, now_ns: int, state: InterfaceState | None) -> None:
         """Let the actuator play the elapsed ticks."""
@@ -88,6 +107,7 @@ class LeaderTick:
         vibration = parts.switch.render(
             now_ns, np.full(elapsed, speed_mm_s), np.full(elapsed, force_n)
         )
+        self._rest_without_handle(vibration)
         parts.actuator.write(vibration)
         mode = parts.switch.mode
         if parts.recorder is not None:
@@ -97,6 +117,20 @@ class LeaderTick:
             self.mode = mode
             self._log.switches.append({"time_s": self._journal.time_s, "mode": mode})
             self._journal.event(f"vibration {mode}", mode=mode)
+
+    @property
+    def _handle_is_lost(self) -> bool:
+        handle = self._parts.handle
+        return handle is not None and handle.lost
+
+    def _rest_without_handle(self, vibration: FloatArray) -> None:
+        """Fade the vibration (n,) in place: out while the handle is lost, and in again."""
+        goal = 0.0 if self._handle_is_lost else 1.0
+        if self._loudness == goal == 1.0:
+            return
+        for index in range(len(vibration)):
+            self._loudness += min(max(goal - self._loudness, -_FADE), _FADE)
+            vibration[index] *= self._loudness
 
     def _drive(self, state: InterfaceState | None, elapsed: int) -> tuple[float, float]:
         """Return the speed and force that drive the model: the hand's own where there is one."""

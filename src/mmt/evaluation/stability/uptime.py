@@ -135,7 +135,7 @@ class LeaderInProcess:
         self.playout = PlayoutBuffer()
         self.vibration = StreamedVibration(self.playout, "z", "z", 1000.0)
         self.display = _Display()
-        self.feedback = StreamedForce(self.display, limit_n=2.0)  # type: ignore[arg-type]
+        self.feedback = StreamedForce(self.display, limit_n=2.0)
         self.modeller: OnlineModeller | None = OnlineModeller()
         self.queue = FrameQueue(10_000, least_drop=1000)
         self.dropped = 0

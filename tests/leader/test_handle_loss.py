@@ -1,0 +1,221 @@
+"""A handle that is lost and comes back somewhere else: commands, force and vibration."""
+
+import math
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mmt.contact.passivity import PassivitySettings
+from mmt.devices.protocols import InterfaceState, Vector
+from mmt.errors import DeviceLost, MmtError
+from mmt.feedback_records import ENERGY_DTYPE
+from mmt.frames import frame_dtype
+from mmt.leader.feedback import StreamedForce
+from mmt.leader.feedback_model import ModelForce
+from mmt.leader.feedback_passive import PassiveForce
+from mmt.leader.handle import OperatorHandle
+
+RECOVERY_MM = 0.05
+
+
+class Handle:
+    """A handle that can be unplugged."""
+
+    def __init__(self) -> None:
+        self.place: Vector = (0.0, 0.0, 0.0)
+        self.unplugged: str | None = None
+        self.shown: Vector = (0.0, 0.0, 0.0)
+        self.connections = 0
+
+    def connect(self) -> None:
+        if self.unplugged is not None:
+            raise MmtError(self.unplugged)
+        self.connections += 1
+
+    def calibrate(self) -> None:
+        pass
+
+    def close(self) -> None:
+        self.shown = (0.0, 0.0, 0.0)
+
+    def read(self, elapsed_ticks: int) -> InterfaceState:
+        if self.unplugged is not None:
+            raise DeviceLost(self.unplugged)
+        return InterfaceState(self.place, (0.0, 0.0, 0.0), 0.0, False)
+
+    def write(self, force_n: Vector) -> None:
+        if self.unplugged is not None:
+            raise DeviceLost(self.unplugged)
+        self.shown = force_n
+
+
+def made() -> tuple[Handle, OperatorHandle, list[tuple[str, dict[str, Any]]]]:
+    device, told = Handle(), []
+    handle = OperatorHandle(device, RECOVERY_MM)
+    handle.watch(lambda sentence, **details: told.append((sentence, details)))
+    handle.connect()
+    return device, handle, told
+
+
+def until_back(handle: OperatorHandle, act: Callable[[], object]) -> None:
+    deadline = time.monotonic() + 30.0
+    while handle.lost:
+        assert time.monotonic() < deadline
+        act()
+        time.sleep(1e-3)
+
+
+def test_the_robot_is_held_while_the_handle_is_lost_and_then_moved_without_a_jump() -> None:
+    device, handle, told = made()
+    device.place = (1.0, 2.0, 3.0)
+    handle.read(1)
+    device.unplugged = "the cable is out"
+    assert handle.read(1) is None
+    assert handle.command_mm == (1.0, 2.0, 3.0)
+    device.place, device.unplugged = (1.0, -1.0, 7.0), None
+    until_back(handle, lambda: handle.read(1))
+    commands = [handle.command_mm]
+    for _ in range(120):
+        state = handle.read(1)
+        assert state is not None
+        assert state.position_mm == device.place  # what the hand feels is where the hand is
+        commands.append(handle.command_mm)
+    steps = np.linalg.norm(np.diff(np.array([(1.0, 2.0, 3.0), *commands]), axis=0), axis=1)
+    assert steps.max() == pytest.approx(RECOVERY_MM)
+    assert commands[-1] == device.place  # 5 mm at 0.05 mm a tick
+    assert [details.get("state") for _, details in told] == ["lost", "back"]
+    assert "the handle (Handle) is lost: the cable is out" in told[0][0]
+    assert handle.losses_summary["losses"] == 1
+    assert handle.losses_summary["lost_s"] > 0.0
+
+
+def test_the_hands_own_motion_comes_on_top_of_the_recovery() -> None:
+    device, handle, _ = made()
+    handle.read(1)
+    device.unplugged = "gone"
+    handle.read(1)
+    device.place, device.unplugged = (50.0, 0.0, 0.0), None
+    until_back(handle, lambda: handle.read(1))
+    before = handle.command_mm
+    device.place = (50.0, 0.0, -2.0)
+    handle.read(1)
+    assert before is not None
+    assert handle.command_mm == pytest.approx((before[0] + RECOVERY_MM, 0.0, -2.0))
+
+
+def test_why_it_is_not_back_is_told_once() -> None:
+    device, handle, told = made()
+    handle.read(1)
+    device.unplugged = "the cable is out"
+    handle.read(1)
+    device.unplugged = "put the stylus into the inkwell"
+    deadline = time.monotonic() + 30.0
+    while len(told) < 2:
+        assert time.monotonic() < deadline
+        handle.read(1)
+        time.sleep(1e-3)
+    assert told[1][0] == "the handle is not back yet: put the stylus into the inkwell"
+    assert handle.problem == "the handle (Handle) is lost: put the stylus into the inkwell"
+    handle.close()
+
+
+def test_a_handle_that_was_never_read_commands_nothing() -> None:
+    device, handle, _ = made()
+    device.unplugged = "gone"
+    assert handle.read(1) is None
+    assert handle.command_mm is None
+    device.place, device.unplugged = (5.0, 0.0, 0.0), None
+    until_back(handle, lambda: handle.read(1))
+    assert handle.command_mm == (5.0, 0.0, 0.0)
+
+
+def test_a_loss_that_only_writing_saw_moves_no_command_either() -> None:
+    device, handle, _ = made()
+    handle.read(1)
+    device.unplugged = "gone"
+    handle.write((0.0, 0.0, 1.0))
+    assert handle.lost
+    device.place, device.unplugged = (5.0, 0.0, 0.0), None
+    until_back(handle, lambda: handle.write((0.0, 0.0, 0.0)))
+    handle.read(1)
+    assert handle.command_mm == pytest.approx((RECOVERY_MM, 0.0, 0.0))
+
+
+@given(
+    st.lists(st.tuples(*[st.floats(-200.0, 200.0)] * 3), min_size=2, max_size=6),
+    st.integers(1, 40),
+)
+def test_no_command_jumps_wherever_the_handle_comes_back(places, elapsed) -> None:
+    """Each loss is seen at once by a connection that is done at once."""
+    device = Handle()
+    handle = OperatorHandle(device, RECOVERY_MM)
+    device.place = places[0]
+    handle.read(elapsed)
+    for place in places[1:]:
+        last = handle.command_mm
+        device.place = place
+        handle.losses += 1  # lost and found between two ticks
+        handle.read(elapsed)
+        assert math.dist(handle.command_mm, last) <= RECOVERY_MM * elapsed + 1e-9
+
+
+def streamed(display: Handle) -> StreamedForce:
+    return StreamedForce(display, limit_n=5.0)
+
+
+def passive(display: Handle) -> PassiveForce:
+    feedback = PassiveForce(display, limit_n=5.0, settings=PassivitySettings(), opening_j=1.0)
+    record = np.zeros(1, dtype=ENERGY_DTYPE)
+    record["energy_j"] = 1.0
+    feedback.take_records(record)
+    return feedback
+
+
+def model(display: Handle) -> ModelForce:
+    return ModelForce(display, limit_n=5.0, opening_j=1.0)
+
+
+@pytest.mark.parametrize("make", [streamed, passive, model])
+def test_the_force_is_gone_at_once_and_comes_back_from_zero(make) -> None:
+    display = Handle()
+    feedback = make(display)
+    frame = np.zeros(1, dtype=frame_dtype())
+    frame["force_n"] = (0.0, 0.0, 2.0)
+    feedback.take(frame)
+    at = InterfaceState((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, False)
+    for _ in range(200):
+        feedback.take(frame)
+        feedback.tick(1, at)
+    assert display.shown == pytest.approx((0.0, 0.0, 2.0))
+    feedback.rest(1)
+    assert display.shown == (0.0, 0.0, 0.0)
+    elsewhere = at._replace(position_mm=(0.0, 0.0, 80.0))
+    course = []
+    for _ in range(200):
+        feedback.take(frame)
+        feedback.tick(1, elsewhere)
+        course.append(display.shown[2])
+    assert course[0] <= 0.04 + 1e-9  # a fiftieth of it
+    assert np.abs(np.diff(course)).max() <= 0.08 + 1e-9  # a passive port begins a tick later
+    assert course[-1] == pytest.approx(2.0)
+
+
+def test_where_the_handle_comes_back_is_nobodys_work() -> None:
+    display = Handle()
+    feedback = passive(display)
+    frame = np.zeros(1, dtype=frame_dtype())
+    frame["force_n"] = (0.0, 0.0, 2.0)
+    feedback.take(frame)
+    at = InterfaceState((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, False)
+    for _ in range(100):
+        feedback.tick(1, at)
+    before = feedback.summary["energy_in_mj"], feedback.summary["energy_out_mj"]
+    feedback.rest(1)
+    feedback.tick(1, at._replace(position_mm=(0.0, 0.0, -80.0)))
+    feedback.tick(1, at._replace(position_mm=(0.0, 0.0, -80.0)))
+    assert (feedback.summary["energy_in_mj"], feedback.summary["energy_out_mj"]) == before

@@ -1,0 +1,175 @@
+"""The leader goes on without its handle and its actuator, and with them again."""
+
+import asyncio
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from service_runs import Together, small_scene
+
+from mmt.devices.emulated.haptuator import EmulatedHaptuator
+from mmt.devices.emulated.haptuator_board import EmulatedHaptuatorBoard
+from mmt.devices.emulated.hd import EmulatedHd
+from mmt.errors import MmtError
+from mmt.scene import Scene
+from mmt.session import read_session
+
+RECOVERY_MM_S = 50.0
+
+
+@pytest.fixture
+def emulated() -> Iterator[EmulatedHd]:
+    try:
+        device = EmulatedHd()
+    except MmtError as error:
+        pytest.skip(str(error))
+    device.start()
+    yield device
+    device.stop()
+
+
+def with_handle(directory: Path, emulated: EmulatedHd, **handle: Any) -> Scene:
+    return small_scene(
+        directory,
+        session={"duration_s": 600.0},
+        link={"port": 0, "recovery_mm_s": RECOVERY_MM_S},
+        hand=None,
+        handle={"driver": "openhaptics", "library": emulated.address, **handle},
+        force_feedback={},
+    )
+
+
+def commands_of(together: Together) -> list[tuple[int, tuple[float, float, float]]]:
+    """Collect what the leader asks of the follower, from now on, with its tick."""
+    remote, sent = together.leader.remote, []
+    assert remote is not None
+    send = remote.command
+
+    def note(now_ns: int, position_mm: tuple[float, float, float]) -> None:
+        sent.append((together.leader._work.ticks, position_mm))
+        send(now_ns, position_mm)
+
+    remote.command = note  # type: ignore[method-assign] - the test listens
+    return sent
+
+
+@pytest.mark.parametrize("fault", ["comm_lost", "fault"])
+async def test_a_handle_is_lost_and_comes_back_elsewhere(
+    tmp_path: Path, emulated: EmulatedHd, fault: Any
+) -> None:
+    together = Together.of(with_handle(tmp_path, emulated))
+    sent = commands_of(together)
+    await together.listen()
+    following = asyncio.create_task(together.follow())
+    await together.until(lambda: together.leader.time_s > 0.2)
+    handle = together.leader.parts.handle
+    assert handle is not None
+    emulated.fail(fault)
+    await together.until(lambda: handle.lost)
+    held, since = sent[-1][1], len(sent)
+    assert any(sentence.startswith("the handle (OpenHapticsHandle) is lost")
+               for sentence in together.leader.faults())  # fmt: skip
+    await together.until(lambda: len(sent) > since + 100)
+    assert {position for _, position in sent[since:]} == {held}
+    await together.until(lambda: emulated.look().motor_n == (0.0, 0.0, 0.0))
+    emulated.fail(fault, on=False)
+    emulated.place((12.0, 6.0, 0.0))
+    emulated.hold((12.0, 6.0, 0.0), 1.0)
+    await together.until(lambda: not handle.lost)
+    await together.until(lambda: math.dist(sent[-1][1], (12.0, 0.0, 6.0)) < 0.2)
+    together.leader.stop()
+    leader, follower = await together.end(), await following
+    assert (leader.problem, follower.problem) == (None, None)
+    for (before, start), (after, end) in pairwise(sent[since:]):
+        # the tip itself, pushed by the force that returns, moves a little
+        assert math.dist(start, end) < (RECOVERY_MM_S / 1000 + 0.02) * (after - before)
+    assert leader.handle["losses"] == 1
+    assert follower.commands["silences"] == 0  # the robot was never without a command
+    told = [event for event in read_session(tmp_path / "session.mcap").events
+            if event.get("device") == "handle"]  # fmt: skip
+    assert [event["state"] for event in told if event["state"] == "back"] == ["back"]
+    assert told[0]["state"] == "lost"
+    assert told[0]["time_s"] < told[-1]["time_s"]
+
+
+async def test_a_scene_may_stop_without_its_handle(tmp_path: Path, emulated: EmulatedHd) -> None:
+    together = Together.of(with_handle(tmp_path, emulated, on_lost="stop"))
+    await together.listen()
+    following = asyncio.create_task(together.follow())
+    await together.until(lambda: together.leader.time_s > 0.1)
+    emulated.unplug()
+    leader = await together.end()
+    assert "does not answer" in str(leader.problem)
+    await following
+    assert len(read_session(tmp_path / "session.mcap").frames) > 50
+
+
+async def lose_actuator(together: Together, unplug: Any, plug: Any) -> None:
+    """Run a session whose actuator is unplugged and plugged in again."""
+    actuator = together.leader.parts.mended
+    assert actuator is not None
+    await together.listen()
+    following = asyncio.create_task(together.follow())
+    await together.until(lambda: actuator.statistics.samples > 100)
+    unplug()
+    await together.until(lambda: actuator.lost)
+    time_s = together.leader.time_s
+    await together.until(lambda: together.leader.time_s > time_s + 0.1)
+    plug()
+    await together.until(lambda: not actuator.lost)
+    samples = actuator.statistics.samples
+    await together.until(lambda: actuator.statistics.samples > samples + 100)
+    together.leader.stop()
+    leader, follower = await together.end(), await following
+    assert (leader.problem, follower.problem) == (None, None)
+    table = leader.vibration["actuator"]
+    assert table["losses"] == 1
+    assert table["lost_samples"] >= 50
+    assert table["lost_s"] > 0.0
+    told = [event["state"] for event in read_session(together.leader.scene.recording.file).events
+            if event.get("device") == "actuator"]  # fmt: skip
+    assert (told[0], told[-1]) == ("lost", "back")
+
+
+async def test_a_sound_card_is_lost_and_comes_back(tmp_path: Path) -> None:
+    together = Together.of(
+        small_scene(
+            tmp_path,
+            session={"duration_s": 600.0},
+            actuator={
+                "driver": "mmt.devices.emulated.haptuator:emulated_haptuator",
+                "volts_per_m_s2": 0.05,
+                "full_scale_v": 3.0,
+            },
+        )
+    )
+    mended = together.leader.parts.mended
+    assert mended is not None
+    device = mended.device
+    assert isinstance(device, EmulatedHaptuator)
+    await lose_actuator(together, device.card.unplug, device.card.plug)
+
+
+async def test_a_board_on_a_serial_port_is_lost_and_comes_back(tmp_path: Path) -> None:
+    pytest.importorskip("pty", reason="there are no pseudo-terminals")
+    board = EmulatedHaptuatorBoard()
+    board.start()
+    try:
+        together = Together.of(
+            small_scene(
+                tmp_path,
+                session={"duration_s": 600.0},
+                actuator={
+                    "driver": "haptuator-serial",
+                    "port": board.path,
+                    "volts_per_m_s2": 0.05,
+                    "full_scale_v": 3.0,
+                },
+            )
+        )
+        await lose_actuator(together, board.unplug, board.plug)
+    finally:
+        board.stop()
