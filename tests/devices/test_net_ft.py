@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from sensor_reading import read_some, read_until, read_until_fault
 
+from mmt.devices.ati import net_ft as net_ft_module
+from mmt.devices.ati import sensor as sensor_module
 from mmt.devices.ati.net_ft import NetFt, NetFtOptions, net_ft
 from mmt.devices.ati.net_records import (
     START,
@@ -164,6 +166,32 @@ def test_a_lost_start_request_is_repeated(box):
     sensor = net_ft(**box.options)
     sensor.connect()
     assert sensor.faults["start request repeated"] >= 2
+    sensor.close()
+
+
+def test_a_healthy_box_is_asked_once_and_at_once(box, monkeypatch):
+    monkeypatch.setattr(net_ft_module, "_REPEAT_START_NS", 10_000_000_000)
+    sensor = net_ft(**box.options)
+    sensor.connect()  # which has less patience than that
+    monkeypatch.setattr(net_ft_module, "_REPEAT_START_NS", 400_000_000)
+    monkeypatch.setattr(sensor_module, "_BIAS_S", 0.8)
+    sensor.calibrate()
+    read_some(sensor, 100)
+    sensor.close()
+    assert box.requests.count(START) == 1
+    assert "start request repeated" not in sensor.faults
+
+
+def test_a_box_that_sends_unusable_records_is_not_asked_again(box, monkeypatch):
+    sensor = net_ft(**box.options, silence_ms=5000)
+    sensor.connect()
+    monkeypatch.setattr(net_ft_module, "_REPEAT_START_NS", 400_000_000)
+    monkeypatch.setattr(net_ft_module, "_BROKEN_NS", 800_000_000)
+    before = box.requests.count(START)
+    box.status = 0x80000400
+    with pytest.raises(DeviceLost, match="status 0x80000400"):
+        read_until(sensor, lambda _: False)
+    assert box.requests.count(START) == before
     sensor.close()
 
 

@@ -72,7 +72,8 @@ class NetFt(AtiSensor):
         self._socket: socket.socket | None = None
         self._clock: SequenceClock | None = None
         self._bias_in_box: str | None = None
-        self._started_ns = 0
+        self._started_ns = 0  # when records were asked for, 0 before
+        self._heard_ns = 0  # when a record came, usable or not
         self._usable_ns = 0
         self._broken_status = 0  # of the newest record that was not usable
         self._buffer = bytearray(2048)
@@ -178,8 +179,7 @@ class NetFt(AtiSensor):
         while time.monotonic() - start < _START_PATIENCE_S:
             now_ns = time.monotonic_ns()
             self._usable_ns = now_ns
-            if self._receive(now_ns):
-                self._arrival_ns = now_ns
+            if self._take(now_ns):
                 return
             time.sleep(0.001)
         self.close()
@@ -200,6 +200,8 @@ class NetFt(AtiSensor):
         udp, clock = self._socket, self._clock
         if udp is None or clock is None:
             raise DeviceLost(f"{self.name} is closed: connect it again")
+        if not self._started_ns:
+            self._ask(udp, now_ns)
         buffer = self._buffer
         records: list[Stamped] = []
         receive_into, unpack, stamp = udp.recv_into, RECORD.unpack_from, clock.stamp
@@ -208,6 +210,7 @@ class NetFt(AtiSensor):
                 if receive_into(buffer) != RECORD.size:
                     self._count("packet that is no record")
                     continue
+                self._heard_ns = now_ns
                 sequence, _measurement, status, a, b, c, d, e, f = unpack(buffer)
                 time_ns = stamp(sequence & 0xFFFFFFFF, now_ns)
                 if time_ns is None or (status and not self._is_usable(status & 0xFFFFFFFF, now_ns)):
@@ -221,15 +224,14 @@ class NetFt(AtiSensor):
             ) from error
         if records:
             self._usable_ns = now_ns
-        elif now_ns - max(self._arrival_ns, self._started_ns) > _REPEAT_START_NS:
+        elif now_ns - max(self._heard_ns, self._started_ns) > _REPEAT_START_NS:
+            self._count("start request repeated")
             clock.interrupt()
             self._ask(udp, now_ns)
         return records
 
     def _ask(self, udp: socket.socket, now_ns: int) -> None:
-        """Ask for records, again where the last request or the box's answer was lost."""
-        if self._started_ns:
-            self._count("start request repeated")
+        """Ask for records; a request can be lost, as can the box's answer."""
         self._started_ns = now_ns
         with contextlib.suppress(OSError):  # the silence that follows is reported
             udp.send(request(START))

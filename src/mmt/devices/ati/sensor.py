@@ -60,7 +60,7 @@ class AtiSensor(ABC):
             It is not connected, the force moves meanwhile, or too few records come.
         """
         converter = self._connected()
-        self._receive(time.monotonic_ns())  # what came before is not at rest for certain
+        self._take(time.monotonic_ns())  # what came before is not at rest for certain
         start = time.monotonic()
         records: list[Six] = []
         while (passed := time.monotonic() - start) < _BIAS_PATIENCE_S:
@@ -68,7 +68,7 @@ class AtiSensor(ABC):
                 converter.take_bias(records, self.name)
                 self._arrival_ns = time.monotonic_ns()
                 return
-            records += [raw for _, raw in self._receive(time.monotonic_ns())]
+            records += [raw for _, raw in self._take(time.monotonic_ns())]
             time.sleep(0.001)
         raise MmtError(
             f"{self.name}: {len(records)} records came in {_BIAS_PATIENCE_S:g} s while the bias "
@@ -79,11 +79,10 @@ class AtiSensor(ABC):
         """Return what has come since the last call; see `SampledSensor`."""
         converter = self._connected()
         now_ns = time.monotonic_ns()
-        records = self._receive(now_ns)
+        records = self._take(now_ns)
         if not records:
             self._check_silence(now_ns)
             return ()
-        self._arrival_ns = now_ns
         readings = []
         force = converter.force
         for time_ns, raw in records:
@@ -105,6 +104,13 @@ class AtiSensor(ABC):
             counts["overload"] = self._overloads + self._converter.overloads
             counts["impossible value"] = self._impossible + self._converter.impossible
         return {reason: count for reason, count in counts.items() if count}
+
+    def _take(self, now_ns: int) -> list[Stamped]:
+        """Receive, and note when something came."""
+        records = self._receive(now_ns)
+        if records:
+            self._arrival_ns = now_ns
+        return records
 
     def _count(self, reason: str, number: int = 1) -> None:
         self._counts[reason] = self._counts.get(reason, 0) + number
