@@ -17,6 +17,7 @@ def segment(start: int, stop: int, vibration: np.ndarray | None = None) -> Segme
         start=start,
         stop=stop,
         speed_mm_s=100.0,
+        velocity_mm_s=(100.0, 0.0),
         force_n=1.0,
         vibration_m_s2=values,
         time_ns=stop * 1_000_000,
@@ -32,7 +33,9 @@ def even_model(vibration: np.ndarray, order: int, power: float = 1.0) -> Texture
     axes = np.meshgrid(np.linspace(25.0, 275.0, 6), np.linspace(0.25, 2.75, 6))
     speed, force = (axis.ravel() for axis in axes)
     level = np.full(36, power)
-    return TextureModel(TextureSamples(speed, force, np.tile(lsf, (36, 1)), level * gain, level))
+    return TextureModel(
+        TextureSamples.isotropic(speed, force, np.tile(lsf, (36, 1)), level * gain, level)
+    )
 
 
 @pytest.mark.parametrize(("available", "taken"), [(0, 0), (1, 0), (3, 1), (9, 4), (10, 5), (80, 5)])

@@ -30,7 +30,7 @@ def exact_filters(
     lags = np.abs(np.subtract.outer(np.arange(order), np.arange(order)))
     ar = np.array([np.linalg.solve(r[lags], -r[1:]) for r in correlation])
     variance = correlation[:, 0] + np.einsum("no,no->n", ar, correlation[:, 1:])
-    return TextureSamples(speed_mm_s, force_n, ar_to_lsf(ar), variance, correlation[:, 0])
+    return TextureSamples.isotropic(speed_mm_s, force_n, ar_to_lsf(ar), variance, correlation[:, 0])
 
 
 def model_of(
@@ -43,7 +43,7 @@ def model_of(
 ) -> TextureModel:
     speed, force = np.meshgrid(speeds, forces)
     samples = exact_filters(surface, speed.ravel(), force.ravel(), order)
-    scaled = TextureSamples(
+    scaled = TextureSamples.isotropic(
         samples.speed_mm_s,
         samples.force_n,
         samples.lsf,

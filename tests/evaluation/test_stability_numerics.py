@@ -114,7 +114,7 @@ def test_a_plane_with_a_hole_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> N
 
     def with_a_hole(points: np.ndarray) -> object:
         model = build(points)
-        model._triangulation.triangles[0] = model._triangulation.triangles[1]
+        model.triangulation.triangles[0] = model.triangulation.triangles[1]
         return model
 
     cases = models.cases(many=100, queries=100)

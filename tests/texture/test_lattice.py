@@ -40,7 +40,7 @@ def one_filter(lsf, power):
     reflection = lsf_to_reflection(lsf)
     variance = power / output_power(1.0, reflection)
     return TextureModel(
-        TextureSamples(
+        TextureSamples.isotropic(
             np.array([150.0]),
             np.array([1.5]),
             lsf[np.newaxis],
@@ -90,7 +90,7 @@ def test_stages_of_frequencies_against_many_digits(order, shape):
 
 def test_frequencies_that_meet_in_an_average_are_moved_apart():
     first = np.array([0.5, np.nextafter(0.5, 1), np.nextafter(0.5 + 2e-16, 1), 2.0])
-    samples = TextureSamples(
+    samples = TextureSamples.isotropic(
         np.array([100.0, 200.0]),
         np.array([1.5, 1.5]),
         np.array([first, first + 1.1e-16 * np.arange(4)]),
@@ -110,7 +110,7 @@ def test_the_power_is_the_models_while_the_filter_changes_at_every_sample(spread
     generator = np.random.default_rng(4)
     reflection = np.tanh(generator.normal(0, spread, (30, 16)))
     power = generator.uniform(0.5, 2.0, 30)
-    samples = TextureSamples(
+    samples = TextureSamples.isotropic(
         generator.uniform(0, 300, 30),
         generator.uniform(0, 3, 30),
         reflection_to_lsf(reflection),

@@ -23,7 +23,7 @@ def make_samples(speed: list[float], force: list[float], order: int = 8) -> Text
     generator = np.random.default_rng(order)
     reflection = generator.uniform(-0.8, 0.8, (len(speed), order))
     variance = generator.uniform(0.5, 2.0, len(speed))
-    return TextureSamples(
+    return TextureSamples.isotropic(
         np.array(speed, dtype=float),
         np.array(force, dtype=float),
         reflection_to_lsf(reflection),
@@ -120,7 +120,7 @@ def test_spectrum_is_the_filters() -> None:
     ar = np.concatenate([[1.0], lsf_to_ar(lsf)[0]])
     response = np.abs(np.exp(-2j * np.pi * np.outer(FREQUENCIES_HZ / 1000, np.arange(9))) @ ar)
     np.testing.assert_allclose(
-        model.spectrum(130.0, 1.1, FREQUENCIES_HZ)[0],
+        model.spectrum(130.0, 1.1, frequencies_hz=FREQUENCIES_HZ)[0],
         2 * variance[0] / 1000 / response**2,
         rtol=1e-9,
     )
@@ -169,14 +169,16 @@ def test_bad_samples_are_explained() -> None:
     bad_lsf = good.lsf.copy()
     bad_lsf[0, 1] = bad_lsf[0, 0]
     cases = {
-        "ascend": TextureSamples(good.speed_mm_s, good.force_n, bad_lsf, good.variance, good.power),
-        "speed_mm_s": TextureSamples(
+        "ascend": TextureSamples.isotropic(
+            good.speed_mm_s, good.force_n, bad_lsf, good.variance, good.power
+        ),
+        "speed_mm_s": TextureSamples.isotropic(
             np.array([1.0, np.nan, 2.0]), good.force_n, good.lsf, good.variance, good.power
         ),
-        "variance": TextureSamples(
+        "variance": TextureSamples.isotropic(
             good.speed_mm_s, good.force_n, good.lsf, -good.variance, good.power
         ),
-        "at least one": TextureSamples(
+        "at least one": TextureSamples.isotropic(
             np.empty(0), np.empty(0), np.empty((0, 4)), np.empty(0), np.empty(0)
         ),
     }
@@ -247,7 +249,7 @@ def test_the_rendered_spectrum_is_the_models() -> None:
     )
     frequencies, measured = welch(output, 1000.0, nperseg=512)
     inside = (frequencies > 15) & (frequencies < 485)
-    expected = model.spectrum(140.0, 1.3, frequencies[inside])[0]
+    expected = model.spectrum(140.0, 1.3, frequencies_hz=frequencies[inside])[0]
     error_db = 10 * np.log10(measured[inside] / expected)
     assert np.sqrt(np.mean(error_db**2)) < 0.6
 
@@ -276,7 +278,7 @@ def test_bounded_while_filters_and_models_are_swapped() -> None:
     generator = np.random.default_rng(9)
     reflection = np.array([generator.permutation(stiff) for _ in range(40)])
     variance = generator.uniform(0, 5, 40)
-    samples = TextureSamples(
+    samples = TextureSamples.isotropic(
         generator.uniform(10, 300, 40),
         generator.uniform(0.1, 3, 40),
         reflection_to_lsf(reflection),

@@ -37,6 +37,7 @@ def make_block(
         index=index,
         time_ns=index * 1_000_000 + 77,
         position_mm=np.cumsum(speed_mm_s[:, None] * direction, axis=0) / RATE_HZ,
+        velocity_mm_s=np.asarray(speed_mm_s, dtype=float)[:, None] * direction[:, :2],
         speed_mm_s=np.asarray(speed_mm_s, dtype=float),
         normal_force_n=np.broadcast_to(np.asarray(force_n, dtype=float), count).copy(),
         vibration_m_s2=np.random.default_rng(first).normal(size=(count, axes)),

@@ -91,8 +91,8 @@ def describe(model: "TextureModel") -> dict[str, Any]:
         "speed_mm_s": _range(samples.speed_mm_s, 1),
         "force_n": _range(samples.force_n, 3),
         "rms_m_s2": _range(samples.power**0.5, 4),
-        "maximum_speed_mm_s": model.maximum_speed_mm_s,
-        "maximum_force_n": model.maximum_force_n,
+        "maximum_speed_mm_s": model.space.maximum_speed_mm_s,
+        "maximum_force_n": model.space.maximum_force_n,
     }
 
 

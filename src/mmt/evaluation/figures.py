@@ -226,7 +226,7 @@ def _draw_cells(axis: Axes, model: TextureModel | None, limit: float) -> PatchCo
 
 
 def _draw_model(axis: Axes, model: TextureModel) -> None:
-    vertices = model.vertices[:, :2] * (model.maximum_speed_mm_s, model.maximum_force_n)
+    vertices = model.vertices[:, :2] * model.space.scale
     corners = model.triangles[:, :3]
     axis.triplot(vertices[:, 0], vertices[:, 1], corners, color="#6b7280", lw=0.5, zorder=1)
     axis.scatter(
@@ -239,9 +239,10 @@ def _draw_model(axis: Axes, model: TextureModel) -> None:
         zorder=2,
         clip_on=False,
     )
+    samples = model.points * model.space.scale
     axis.scatter(
-        model.points[:, 0] * model.maximum_speed_mm_s,
-        model.points[:, 1] * model.maximum_force_n,
+        samples[:, 0],
+        samples[:, 1],
         s=17,
         c=_RED,
         edgecolors="w",

@@ -117,7 +117,7 @@ class KnownTexture:
         self, model: TextureModel, errors: GridErrors, index: int, *, shape: bool
     ) -> Worst:
         speed_mm_s, force_n = self._speed_mm_s[index], self._force_n[index]
-        point = np.array([speed_mm_s / model.maximum_speed_mm_s, force_n / model.maximum_force_n])
+        point = model.space.normalise(np.array([[speed_mm_s, force_n]]))[0]
         distances = np.hypot(*(model.points - point).T)
         nearest = int(distances.argmin())
         boundary = _boundary_share(model, point)

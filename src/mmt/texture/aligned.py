@@ -15,7 +15,8 @@ class AlignedBlock:
 
     ``index`` (n,) is the frame's sequence number, strictly ascending, with jumps where
     frames are missing; ``time_ns`` (n,) its time. ``position_mm`` (n, 3) is low-passed.
-    ``speed_mm_s`` (n,) is the speed in the plane orthogonal to the normal axis.
+    ``velocity_mm_s`` (n, 2) is the velocity in the plane orthogonal to the normal axis,
+    along its two axes in their order, ``speed_mm_s`` (n,) its magnitude.
     ``normal_force_n`` (n,) is positive when pressing, else 0. ``vibration_m_s2`` is high-
     passed, (n, 1) for an axis and (n, 3) for DFT321, which is applied to whole segments.
     ``valid`` (n,) is False while the filters settle after a gap.
@@ -24,6 +25,7 @@ class AlignedBlock:
     index: IntArray
     time_ns: IntArray
     position_mm: FloatArray
+    velocity_mm_s: FloatArray
     speed_mm_s: FloatArray
     normal_force_n: FloatArray
     vibration_m_s2: FloatArray
@@ -44,6 +46,7 @@ class AlignedBlock:
             index=sample_number,
             time_ns=sample_number,
             position_mm=np.zeros((0, 3)),
+            velocity_mm_s=np.zeros((0, 2)),
             speed_mm_s=number,
             normal_force_n=number,
             vibration_m_s2=np.zeros((0, 1)),

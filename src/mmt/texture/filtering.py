@@ -135,7 +135,8 @@ class StreamFilter:
         _filter_channels(motion, restart, self._low_taps, self._low_state)
         _filter_channels(vibration, restart, self._high_taps, self._high_state)
         position_mm = np.ascontiguousarray(motion[:, :3])
-        speed_mm_s = self._speed(position_mm, restart)
+        step_mm = self._steps(position_mm, restart)
+        speed_mm_s = np.hypot(step_mm[:, 0], step_mm[:, 1]) * self._rate_hz
         force_n = np.maximum(motion[:, 3], 0.0)
 
         waiting = self._pending
@@ -157,6 +158,7 @@ class StreamFilter:
             index=ready.index[unbroken],
             time_ns=ready.time_ns[unbroken],
             position_mm=position_mm[later][unbroken],
+            velocity_mm_s=step_mm[later][unbroken] * self._rate_hz,
             speed_mm_s=speed_mm_s[later][unbroken],
             normal_force_n=force_n[later][unbroken],
             vibration_m_s2=ready.vibration_m_s2[unbroken],
@@ -193,14 +195,13 @@ class StreamFilter:
         self._last_index, self._run_start = int(before[-1]), int(starts[-1])
         return restart, index - starts[1:] >= self.warm_up_samples
 
-    def _speed(self, position_mm: FloatArray, restart: BoolArray) -> FloatArray:
-        """Return the tangential speed (n,) by backward differences."""
+    def _steps(self, position_mm: FloatArray, restart: BoolArray) -> FloatArray:
+        """Return the tangential motion from sample to sample (n, 2)."""
         before = np.concatenate([self._last_position_mm[None], position_mm])
         self._last_position_mm = before[-1].copy()
         step_mm = np.diff(before, axis=0)
         step_mm[restart] = 0.0
-        first, second = self._tangential
-        return np.hypot(step_mm[:, first], step_mm[:, second]) * self._rate_hz
+        return step_mm[:, self._tangential]
 
 
 @dataclass(frozen=True, eq=False)

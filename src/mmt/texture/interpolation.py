@@ -1,10 +1,11 @@
-"""Piecewise linear interpolation over a Delaunay triangulation of the unit square.
+"""Piecewise linear interpolation over a Delaunay triangulation, in two and three dimensions.
 
-The square is the speed-force plane normalised by its maxima. A point is located by a walk
+The points are normalised inputs, see `mmt.texture.inputs`. A point is located by a walk
 from the triangle of the last one (Devillers et al., Walking in a Triangulation, 2002): a hand
 moves continuously, so that a step or two suffices; a scan over all triangles follows where
 the walk does not settle. Weights are barycentric, clipped to be non-negative and to sum to
-one, so that an interpolated value never leaves the range of its three corners.
+one, so that an interpolated value never leaves the range of its corners. The kernels for
+tetrahedra are in `mmt.texture.tetrahedra`.
 
 Building costs O(n log n) (Qhull); locating costs O(1) for a continuous motion.
 """
@@ -16,8 +17,10 @@ from scipy.spatial import Delaunay
 
 from mmt.arrays import FloatArray, IntArray
 from mmt.compiled import kernel
+from mmt.texture.tetrahedra import locate_many_3d
 
 _TOLERANCE = 1e-12
+_FLAT = 1e-12
 
 
 @dataclass(frozen=True)
@@ -27,45 +30,61 @@ class Triangulation:
     Attributes
     ----------
     points
-        Normalised coordinates, shape (n, 2).
+        Normalised coordinates, shape (n, d), d 2 or 3.
     triangles
-        Shape (t, 6): the three corners of each triangle, then the triangle opposite each
-        corner (-1 where there is none).
+        Shape (t, 2 (d + 1)): the corners of each triangle or tetrahedron, then the one
+        opposite each corner (-1 where there is none).
     """
 
     points: FloatArray
     triangles: IntArray
 
     def weights(self, queries: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Locate points; return corners (k, 3) and barycentric weights (k, 3).
+        """Locate points; return corners (k, d + 1) and barycentric weights (k, d + 1).
 
         Parameters
         ----------
         queries
-            Normalised coordinates, shape (k, 2); clipped to the unit square.
+            Normalised coordinates, shape (k, d); clipped to the box around the points.
         """
-        located = np.ascontiguousarray(np.clip(queries, 0.0, 1.0), dtype=np.float64)
-        corners = np.empty((len(located), 3), dtype=np.int64)
-        weights = np.empty((len(located), 3))
-        locate_many(self.points, self.triangles, located, corners, weights)
+        low, high = self.points.min(axis=0), self.points.max(axis=0)
+        located = np.ascontiguousarray(np.clip(queries, low, high), dtype=np.float64)
+        corners = np.empty((len(located), located.shape[1] + 1), dtype=np.int64)
+        weights = np.empty(corners.shape)
+        locate_each = locate_many if located.shape[1] == 2 else locate_many_3d
+        locate_each(self.points, self.triangles, located, corners, weights)
         return corners, weights
 
 
 def triangulate(points: FloatArray) -> Triangulation:
-    """Triangulate distinct points that span the plane.
+    """Triangulate distinct points that span the plane, or space.
+
+    Tetrahedra without volume, which Qhull makes of points on one circle, are left out.
 
     Parameters
     ----------
     points
-        Shape (n, 2), finite, at least three not on one line.
+        Shape (n, d), finite, d 2 or 3, not all on one line or plane.
     """
     delaunay = Delaunay(points)
     corners = delaunay.simplices.astype(np.int64)
     opposite = delaunay.neighbors.astype(np.int64)
+    if points.shape[1] == 3:
+        corners, opposite = _without_flat(points, corners, opposite)
     return Triangulation(
         points=np.ascontiguousarray(points, dtype=np.float64),
         triangles=np.ascontiguousarray(np.hstack([corners, opposite])),
     )
+
+
+def _without_flat(
+    points: FloatArray, corners: IntArray, opposite: IntArray
+) -> tuple[IntArray, IntArray]:
+    """Return corners and opposites without flat tetrahedra, whose place becomes the outside."""
+    edges = points[corners[:, 1:]] - points[corners[:, :1]]
+    kept = np.abs(np.linalg.det(edges)) > _FLAT
+    number = np.where(kept, np.cumsum(kept) - 1, -1)
+    return corners[kept], np.where(opposite >= 0, number[opposite], -1)[kept]
 
 
 @kernel("b1(f8[:, ::1], i8[:, ::1], i8, f8, f8, f8[::1])")

@@ -22,10 +22,11 @@ from mmt.texture.autoregression import reflection_to_lsf
 from mmt.texture.burg import burg_batch
 from mmt.texture.completion import CompletionMonitor
 from mmt.texture.filtering import StreamFilter
+from mmt.texture.inputs import InputSpace
 from mmt.texture.model import TextureModel, TextureSamples
 from mmt.texture.ordering import choose_order
 from mmt.texture.segmentation import OnlineSegmenter, Segment, SegmentationSettings
-from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, ModellingSettings
+from mmt.texture.settings import ModellingSettings
 
 HIGHEST_AUTOMATIC_ORDER: Final = 24
 """What "auto" may choose at most; a segment has at least four times as many samples."""
@@ -88,6 +89,7 @@ class OnlineModeller:
     ) -> None:
         self.settings = settings or ModellingSettings()
         self._accept = accept
+        self.space = InputSpace(self.settings.inputs)
         self._filter = StreamFilter(
             normal=self.settings.normal,
             axis=self.settings.axis,
@@ -225,24 +227,31 @@ class OnlineModeller:
         self.model = TextureModel(
             self._samples(),
             interpolate=self.settings.interpolate,
+            interpolator=self.settings.interpolator,
+            previous=self.model,
             rate_hz=self.settings.rate_hz,
         )
 
     def _samples(self) -> TextureSamples:
         fits = list(self.fits.values())
         return TextureSamples(
-            speed_mm_s=np.array([fit.segment.speed_mm_s for fit in fits]),
-            force_n=np.array([fit.segment.force_n for fit in fits]),
+            inputs=np.array([self._inputs(fit.segment) for fit in fits]),
             lsf=np.array([fit.lsf for fit in fits]),
             variance=np.array([fit.variance for fit in fits]),
             power=np.array([fit.power for fit in fits]),
+            space=self.space,
         )
 
+    def _inputs(self, segment: Segment) -> tuple[float, ...]:
+        if self.space.directed:
+            return (*segment.velocity_mm_s, segment.force_n)
+        return segment.speed_mm_s, segment.force_n
+
     def _points(self) -> FloatArray:
-        """Return the samples' points in the unit square, shape (n, 2)."""
+        """Return the samples' normalised points, shape (n, d)."""
         if not self.fits:
-            return np.empty((0, 2))
-        return self._samples().normalised(MAXIMUM_SPEED_MM_S, MAXIMUM_FORCE_N)
+            return np.empty((0, self.space.dimensions))
+        return self._samples().points
 
 
 def _is_filter(fit: Fit) -> bool:

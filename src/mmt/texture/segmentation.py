@@ -73,8 +73,9 @@ class SampleRange(NamedTuple):
 class Segment:
     """One stationary stretch.
 
-    ``start`` and ``stop`` are absolute sample numbers, half-open. ``speed_mm_s`` and
-    ``force_n`` are means. ``vibration_m_s2`` (stop - start,) is a copy, one axis or DFT321.
+    ``start`` and ``stop`` are absolute sample numbers, half-open. ``speed_mm_s``,
+    ``velocity_mm_s`` (x, y in the plane of the surface) and ``force_n`` are means.
+    ``vibration_m_s2`` (stop - start,) is a copy, one axis or DFT321.
     ``time_ns`` is the time of the last sample. ``final`` is False where a later update may
     still replace the segment.
     """
@@ -82,6 +83,7 @@ class Segment:
     start: int
     stop: int
     speed_mm_s: float
+    velocity_mm_s: tuple[float, float]
     force_n: float
     vibration_m_s2: FloatArray
     time_ns: int
@@ -275,6 +277,10 @@ def _make_segment(part: AlignedBlock, span: SampleRange, *, final: bool) -> Segm
         start=span.start,
         stop=span.stop,
         speed_mm_s=float(part.speed_mm_s.mean()),
+        velocity_mm_s=(
+            float(part.velocity_mm_s[:, 0].mean()),
+            float(part.velocity_mm_s[:, 1].mean()),
+        ),
         force_n=float(part.normal_force_n.mean()),
         vibration_m_s2=dft321(vibration) if vibration.shape[1] == 3 else vibration[:, 0].copy(),
         time_ns=int(part.time_ns[-1]),

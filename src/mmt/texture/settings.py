@@ -6,6 +6,8 @@ from typing import Literal
 Axis = Literal["x", "y", "z"]
 VibrationAxis = Literal["x", "y", "z", "dft321"]
 Interpolated = Literal["variance", "power", "amplitude"]
+Inputs = Literal["isotropic", "anisotropic"]
+Interpolation = Literal["delaunay", "nearest"]
 
 MAXIMUM_SPEED_MM_S = 300.0
 """Paper A, section V.B: the plane ends here; faster strokes count as this fast."""
@@ -24,7 +26,8 @@ class ModellingSettings:
     ``axis`` (what becomes the vibration), ``normal`` (the surface's normal axis), ``order``
     ("auto" or 1 to 64), ``overlap_samples``, ``straightness_mm`` (tau_1), ``stationarity``
     (tau_2), ``shortest_samples``, ``longest_samples``, ``least_speed_mm_s``,
-    ``least_force_n``, ``start_distance``, ``stop_distance``, ``interpolate``, ``rate_hz``.
+    ``least_force_n``, ``start_distance``, ``stop_distance``, ``interpolate``, ``inputs``,
+    ``interpolator``, ``rate_hz``.
     """
 
     axis: VibrationAxis = "z"
@@ -40,4 +43,6 @@ class ModellingSettings:
     start_distance: float = 7.5
     stop_distance: float = 4.243
     interpolate: Interpolated = "power"
+    inputs: Inputs = "isotropic"
+    interpolator: Interpolation = "delaunay"
     rate_hz: float = 1000.0

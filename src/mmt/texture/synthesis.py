@@ -19,9 +19,11 @@ import numpy as np
 
 from mmt.arrays import FloatArray, IntArray
 from mmt.compiled import kernel
-from mmt.texture.interpolation import locate
+from mmt.errors import InputError
+from mmt.texture.inputs import normalise_into
+from mmt.texture.interpolators import LARGEST_SCRATCH, evaluate_into
 from mmt.texture.lattice import lattice_step, lsf_to_lattice_into
-from mmt.texture.model import LEVELS, TextureModel, interpolate_lsf
+from mmt.texture.model import LEVELS, TextureModel
 from mmt.texture.settings import LARGEST_ORDER
 
 _RELEASE_S: Final = 0.004
@@ -29,11 +31,15 @@ _NOISE_BLOCK: Final = 2048
 _SILENCE: Final = 1e-9  # m/s2, a millionth of what can be felt
 _LARGEST_AMPLITUDE: Final = 1e150
 
-_COUNTER, _TRIANGLE, _ORDER, _WANTED, _AMPLITUDE = 0, 1, 2, 3, 4
+_COUNTER, _PLACE, _ORDER, _WANTED, _AMPLITUDE = 0, 1, 2, 3, 4
 _REFLECTION = 5
 _COMPLEMENT = _REFLECTION + LARGEST_ORDER
 _PAST = _COMPLEMENT + LARGEST_ORDER
 _STATE_SIZE = _PAST + LARGEST_ORDER
+
+_POINT = LARGEST_SCRATCH  # scratch: that of the interpolator, point, level and LSF, work
+_VALUES = _POINT + 3
+_WORK = _VALUES + 1 + LARGEST_ORDER
 
 
 class Synthesizer:
@@ -69,32 +75,49 @@ class Synthesizer:
         self._state[_PAST:] = self._generator.standard_normal(LARGEST_ORDER)
         self._noise = self._generator.standard_normal(_NOISE_BLOCK)
         self._used = 0
-        self._scratch = np.zeros(6 * LARGEST_ORDER)
+        self._scratch = np.zeros(_WORK + 5 * LARGEST_ORDER)
 
-    def render(self, speed_mm_s: FloatArray, force_n: FloatArray) -> FloatArray:
+    def render(self, *inputs: FloatArray) -> FloatArray:
         """Return the next n samples of vibration in m/s2.
 
         Parameters
         ----------
-        speed_mm_s, force_n
-            The hand's speed and normal force at each sample, shape (n,), float64. Clipped to
-            the plane; what is negative or not finite counts as zero.
+        *inputs
+            What the hand does at each sample, in the model's input space: its speed and
+            normal force, or its velocity x, y and normal force; each of shape (n,), float64.
+            Brought to the end of the space where beyond; a speed or force that is negative,
+            and what is no number, count as zero.
+
+        Raises
+        ------
+        InputError
+            There are not as many inputs as the model's space has.
         """
-        count = len(speed_mm_s)
+        count = len(inputs[0])
         output = np.empty(count)
         noise = self._draw(count)
         model = self.model
         if model is None:
             _fade(noise, self._state, self._release(1000.0), self._limit, output)
             return output
+        space, by = model.space, model.interpolant
+        if len(inputs) != space.dimensions:
+            raise InputError(
+                f"{len(inputs)} inputs were given: the model takes {', '.join(space.channels)}"
+            )
         _render(
-            model.vertices,
-            model.triangles,
+            by.kind,
+            by.rows,
+            by.links,
+            by.tail,
             LEVELS[model.interpolate],
-            speed_mm_s,
-            force_n,
-            1.0 / model.maximum_speed_mm_s,
-            1.0 / model.maximum_force_n,
+            model.order,
+            len(inputs),
+            inputs[0],
+            inputs[1],
+            inputs[-1],
+            1.0 / space.maximum_speed_mm_s,
+            1.0 / space.maximum_force_n,
             self._renewal,
             self._limit,
             self._release(model.rate_hz),
@@ -161,15 +184,20 @@ def _fade(
 
 
 @kernel(
-    "void(f8[:, ::1], i8[:, ::1], i8, f8[::1], f8[::1], f8, f8, i8, f8, f8, f8[::1], f8[::1],"
-    " f8[::1], f8[::1])"
+    "void(i8, f8[:, ::1], i8[:, ::1], f8[:, ::1], i8, i8, i8, f8[::1], f8[::1], f8[::1], f8, f8,"
+    " i8, f8, f8, f8[::1], f8[::1], f8[::1], f8[::1])"
 )
 def _render(
-    vertices: FloatArray,
-    triangles: IntArray,
+    kind: int,
+    rows: FloatArray,
+    links: IntArray,
+    tail: FloatArray,
     level_kind: int,
-    speed_mm_s: FloatArray,
-    force_n: FloatArray,
+    order: int,
+    dimensions: int,
+    first: FloatArray,
+    second: FloatArray,
+    third: FloatArray,
     per_speed: float,
     per_force: float,
     renewal: int,
@@ -180,23 +208,20 @@ def _render(
     scratch: FloatArray,
     output: FloatArray,
 ) -> None:
-    order = vertices.shape[1] - 3
-    weights, lsf, work = scratch[:3], scratch[3 : 3 + order], scratch[3 + LARGEST_ORDER :]
+    point = scratch[_POINT : _POINT + dimensions]
+    values, work = scratch[_VALUES : _VALUES + 1 + order], scratch[_WORK:]
+    lsf = values[1:]
     reflection = state[_REFLECTION : _REFLECTION + order]
     complement = state[_COMPLEMENT : _COMPLEMENT + order]
     past = state[_PAST:]
     for index in range(len(output)):
         if int(state[_COUNTER]) % renewal == 0:
-            x = speed_mm_s[index] * per_speed
-            y = force_n[index] * per_force
-            x = min(x, 1.0) if x > 0.0 else 0.0
-            y = min(y, 1.0) if y > 0.0 else 0.0
-            triangle = locate(vertices, triangles, int(state[_TRIANGLE]), x, y, weights)
-            level = interpolate_lsf(vertices, triangles, triangle, weights, lsf)
+            normalise_into(first[index], second[index], third[index], per_speed, per_force, point)
+            place = int(state[_PLACE])
+            state[_PLACE] = evaluate_into(kind, rows, links, tail, place, point, values, scratch)
             lsf_to_lattice_into(lsf, reflection, complement, work)
-            state[_TRIANGLE] = triangle
             state[_ORDER] = order
-            state[_WANTED] = _amplitude(level, level_kind, complement)
+            state[_WANTED] = _amplitude(values[0], level_kind, complement)
         state[_COUNTER] += 1.0
         value = lattice_step(reflection, complement, past, int(state[_ORDER]), noise[index])
         output[index] = _scale(state, value, release, limit)

@@ -49,7 +49,7 @@ def exact_samples(
     correlation = np.fft.irfft(density, axis=1)[:, : order + 1] * RATE_HZ
     reflection = _levinson(correlation)
     variance = correlation[:, 0] * np.prod(1.0 - reflection**2, axis=1)
-    return TextureSamples(
+    return TextureSamples.isotropic(
         speed_mm_s=speed_mm_s,
         force_n=force_n,
         lsf=reflection_to_lsf(reflection),

@@ -123,6 +123,7 @@ def _fits(count: int, plan: Plan) -> dict[tuple[int, int], Fit]:
             start=start,
             stop=start + 200,
             speed_mm_s=float(samples.speed_mm_s[index]),
+            velocity_mm_s=(float(samples.speed_mm_s[index]), 0.0),
             force_n=float(samples.force_n[index]),
             vibration_m_s2=np.zeros(200),
             time_ns=0,

@@ -133,7 +133,7 @@ def _averages(pairs: int) -> Outcome:
         order = int(generator.integers(1, 65))
         k = np.array([_extreme(order, generator) for _ in range(2)])
         model = TextureModel(
-            TextureSamples(
+            TextureSamples.isotropic(
                 np.array([100.0, 200.0]),
                 np.array([1.5, 1.5]),
                 reflection_to_lsf(k),
@@ -167,7 +167,7 @@ def many_filters(spread: float, count: int = 50, order: int = 16) -> TextureMode
     generator = np.random.default_rng(7)
     k = np.clip(np.tanh(generator.normal(0.0, spread, (count, order))), -0.9999, 0.9999)
     return TextureModel(
-        TextureSamples(
+        TextureSamples.isotropic(
             generator.uniform(0.0, _SPEED_MM_S, count),
             generator.uniform(0.0, _FORCE_N, count),
             reflection_to_lsf(k),
@@ -237,7 +237,7 @@ def _stiff_power(radius: float, order: int, renders: int) -> Outcome:
     segment = autoregression.poles(radius, autoregression.CLUSTERED_RAD)
     fit = burg(segment / np.sqrt(np.mean(segment**2)), order)
     model = TextureModel(
-        TextureSamples(
+        TextureSamples.isotropic(
             np.array([150.0]),
             np.array([1.5]),
             reflection_to_lsf(fit.reflection)[np.newaxis],

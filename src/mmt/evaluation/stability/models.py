@@ -94,7 +94,7 @@ def build(points: FloatArray) -> TextureModel:
     k = generator.uniform(-0.9, 0.9, (len(points), _ORDER))
     power = generator.uniform(0.5, 2.0, len(points))
     return TextureModel(
-        TextureSamples(
+        TextureSamples.isotropic(
             points[:, 0] * _SPEED_MM_S,
             points[:, 1] * _FORCE_N,
             reflection_to_lsf(k),

@@ -1,0 +1,200 @@
+"""How a model's samples become values everywhere: one protocol, a table of interpolators.
+
+An interpolator is built from points and values, and leaves an `Interpolant`: a number and
+three arrays. From these, `evaluate_into` computes the values at a point in compiled code,
+without the interpreter lock and without allocation, and so serves the rendering and whole
+arrays alike. A new interpolator is a module with a builder and a kernel, a line in `BUILDERS`
+and a branch in `evaluate_into`.
+
+Values are a level, not negative, and line spectral frequencies, strictly ascending in
+(0, pi); what an interpolator returns is to be the same. Those here return convex
+combinations, which are.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final, Protocol
+
+import numpy as np
+
+from mmt.arrays import FloatArray, IntArray
+from mmt.compiled import kernel
+from mmt.texture.interpolation import locate, triangulate
+from mmt.texture.settings import Interpolation
+from mmt.texture.split import separate
+from mmt.texture.tetrahedra import locate_3d
+
+NEAREST: Final = 0
+DELAUNAY: Final = 1
+
+LARGEST_SCRATCH: Final = 8
+"""Numbers of scratch that `evaluate_into` may need."""
+
+_NO_LINKS: Final[IntArray] = np.zeros((0, 0), dtype=np.int64)
+_NO_TAIL: Final[FloatArray] = np.zeros((0, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class Interpolant:
+    """What `evaluate_into` takes; an interpolator may derive from it to remember more.
+
+    Attributes
+    ----------
+    kind
+        Which interpolator it is.
+    rows
+        Shape (n, d + w): d coordinates, then w values or weights.
+    links
+        Integers, such as simplices; shape (t, columns), (0, 0) where there are none.
+    tail
+        Further numbers, shape (l, columns), (0, 0) where there are none.
+    """
+
+    kind: int
+    rows: FloatArray
+    links: IntArray
+    tail: FloatArray
+
+
+class Builder(Protocol):
+    """Build an interpolant."""
+
+    def __call__(
+        self, points: FloatArray, values: FloatArray, previous: Interpolant | None
+    ) -> Interpolant:
+        """Build it from distinct points that span the space.
+
+        Parameters
+        ----------
+        points
+            Normalised, shape (n, d), d 2 or 3.
+        values
+            Level and line spectral frequencies, shape (n, 1 + order).
+        previous
+            What the same builder returned for an earlier state of the model, None at first:
+            most of its points are still there, and boundary points have kept their place,
+            but not their values.
+        """
+        ...
+
+
+def _build_delaunay(
+    points: FloatArray, values: FloatArray, previous: Interpolant | None
+) -> Interpolant:
+    """Triangulate anew, which costs O(n log n)."""
+    del previous
+    return Interpolant(DELAUNAY, _joined(points, values), triangulate(points).triangles, _NO_TAIL)
+
+
+def _build_nearest(
+    points: FloatArray, values: FloatArray, previous: Interpolant | None
+) -> Interpolant:
+    del previous
+    return Interpolant(NEAREST, _joined(points, values), _NO_LINKS, _NO_TAIL)
+
+
+def _joined(points: FloatArray, values: FloatArray) -> FloatArray:
+    return np.ascontiguousarray(np.hstack([points, values]))
+
+
+BUILDERS: Final[Mapping[Interpolation, Builder]] = MappingProxyType(
+    {"delaunay": _build_delaunay, "nearest": _build_nearest}
+)
+"""Every interpolator by its name in the scene."""
+
+
+@kernel("i8(f8[:, ::1], f8[::1], f8[::1])")
+def _nearest_into(rows: FloatArray, point: FloatArray, values: FloatArray) -> int:
+    """Copy the values of the row nearest to a point; return its number. O(n)."""
+    dimensions = len(point)
+    nearest, least = 0, np.inf
+    for row in range(rows.shape[0]):
+        square = 0.0
+        for k in range(dimensions):
+            square += (rows[row, k] - point[k]) ** 2
+        if square < least:
+            nearest, least = row, square
+    for k in range(len(values)):
+        values[k] = rows[nearest, dimensions + k]
+    return nearest
+
+
+@kernel("void(f8[:, ::1], i8[:, ::1], i8, i8, f8[::1], f8[::1])")
+def _mix_into(
+    rows: FloatArray,
+    links: IntArray,
+    simplex: int,
+    dimensions: int,
+    weights: FloatArray,
+    values: FloatArray,
+) -> None:
+    """Write the mean of the corners' values.
+
+    Frequencies that rounding has let meet are moved apart by a rounding.
+    """
+    values[:] = 0.0
+    for corner in range(dimensions + 1):
+        vertex = links[simplex, corner]
+        weight = weights[corner]
+        for k in range(len(values)):
+            values[k] += weight * rows[vertex, dimensions + k]
+    before = 0.0
+    for k in range(1, len(values)):
+        if not before < values[k] < np.pi:
+            separate(values[1:])
+            break
+        before = values[k]
+
+
+@kernel("i8(i8, f8[:, ::1], i8[:, ::1], f8[:, ::1], i8, f8[::1], f8[::1], f8[::1])")
+def evaluate_into(
+    kind: int,
+    rows: FloatArray,
+    links: IntArray,
+    tail: FloatArray,  # noqa: ARG001 - read by kinds that have more than rows
+    hint: int,
+    point: FloatArray,
+    values: FloatArray,
+    scratch: FloatArray,
+) -> int:
+    """Write level and line spectral frequencies at a point; return where it was found.
+
+    Parameters
+    ----------
+    kind, rows, links, tail
+        See `Interpolant`.
+    hint
+        What the last call returned, from which a search begins; any integer.
+    point
+        Normalised, shape (d,), finite.
+    values
+        Shape (1 + order,), written.
+    scratch
+        Shape (`LARGEST_SCRATCH`,) or longer.
+    """
+    if kind == NEAREST:
+        return _nearest_into(rows, point, values)
+    if len(point) == 2:
+        found = locate(rows, links, hint, point[0], point[1], scratch)
+        _mix_into(rows, links, found, 2, scratch, values)
+    else:
+        found = locate_3d(rows, links, hint, point, scratch)
+        _mix_into(rows, links, found, 3, scratch, values)
+    return found
+
+
+@kernel("void(i8, f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:, ::1])")
+def evaluate_each_into(
+    kind: int,
+    rows: FloatArray,
+    links: IntArray,
+    tail: FloatArray,
+    points: FloatArray,
+    values: FloatArray,
+) -> None:
+    """Do `evaluate_into` for every point (k, d) and row of values (k, 1 + order)."""
+    scratch = np.empty(LARGEST_SCRATCH)
+    hint = 0
+    for row in range(len(points)):
+        hint = evaluate_into(kind, rows, links, tail, hint, points[row], values[row], scratch)
