@@ -10,9 +10,10 @@ import pytest
 from service_runs import Together, small_scene
 
 from mmt.devices.loading import load_device
-from mmt.devices.protocols import SensorReading, Vector
+from mmt.devices.protocols import DeviceBackedSource, SensorReading, Vector
 from mmt.devices.source import DeviceSource
 from mmt.errors import DeviceLost, InputError, MmtError
+from mmt.follower.sources import build_source
 from mmt.frames import CHANNELS
 from mmt.scene import Scene
 from mmt.scene_files import load_scene
@@ -312,3 +313,9 @@ async def test_the_virtual_lab_carries_the_main_job_over_its_devices(tmp_path: P
     )
     assert frames["force_n"][:, 2].max() > 0.1  # the hand has pressed on the surface
     assert np.ptp(frames["position_mm"][:, 2]) > 4.0
+
+
+def test_a_source_of_devices_is_known_by_its_protocol(tmp_path: Path) -> None:
+    source, _ = made()
+    assert isinstance(source, DeviceBackedSource)
+    assert not isinstance(build_source(small_scene(tmp_path)), DeviceBackedSource)

@@ -6,9 +6,9 @@ and the force of the surface on the tool has z above zero under contact. All cal
 from one thread, and none may block for longer than a small part of a 1 ms tick.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from mmt import vectors
 from mmt.arrays import FloatArray, RecordArray
@@ -182,3 +182,19 @@ class FollowerSource(Protocol):
 
     def close(self) -> None:
         """Release what the source holds; calling it twice is harmless."""
+
+
+LossWatcher = Callable[[bool, str], None]
+"""Called with whether a device is lost now, and a sentence."""
+
+
+@runtime_checkable
+class DeviceBackedSource(FollowerSource, Protocol):
+    """A source of devices, which may be lost and come back while it streams."""
+
+    def watch(self, callback: LossWatcher) -> None:
+        """Have a function called when a device is lost and when it is back."""
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """What each device gave, for a program."""

@@ -1,7 +1,7 @@
 """Stream what real devices measure: a robot, a force sensor, an accelerometer."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -10,7 +10,14 @@ from mmt.arrays import RecordArray
 from mmt.devices.merging import FrameMerger, PolledLane
 from mmt.devices.ports import Port, RobotPort, SampledPort, failure, port_of, summaries
 from mmt.devices.probing import Prober
-from mmt.devices.protocols import Accelerometer, ForceSensor, Robot, SampledSensor, Vector
+from mmt.devices.protocols import (
+    Accelerometer,
+    ForceSensor,
+    LossWatcher,
+    Robot,
+    SampledSensor,
+    Vector,
+)
 from mmt.errors import DeviceLost, InputError, MmtError
 from mmt.frames import FIELD_OF_CHANNEL, Channel, frame_dtype, ordered_channels
 
@@ -19,12 +26,9 @@ PERIOD_NS: Final = 1_000_000
 _WARM_UP_NS: Final = 60_000_000
 _FIRST_READING_NS: Final = 1_500_000_000
 
-FaultCallback = Callable[[bool, str], None]
-"""Called with whether a device is lost now, and a sentence."""
-
 
 class DeviceSource:
-    """A `FollowerSource` that reads devices at each tick.
+    """A `DeviceBackedSource` that reads devices at each tick.
 
     Devices that are polled give a frame at each tick; where one has a clock of its own, all are
     merged by their time stamps (`mmt.devices.merging`). A tick without a measurement has no
@@ -63,7 +67,7 @@ class DeviceSource:
                 key = "force_sensor" if channel == "force" else "accelerometer"
                 raise InputError(f"[devices] has no {key}, but the scene needs {channel}")
         self._on_lost = on_lost
-        self._watcher: FaultCallback = lambda _lost, _sentence: None
+        self._watcher: LossWatcher = lambda _lost, _sentence: None
         robot_port = RobotPort("robot", robot, measures="position" in self._channels)
         self._all: dict[str, Port] = {"robot": robot_port}
         if force_sensor is not None:
@@ -92,7 +96,7 @@ class DeviceSource:
         lanes = {field: port.lane for field, port in self._measuring.items()}
         return FrameMerger(lanes, self._dtype, PERIOD_NS)
 
-    def watch(self, callback: FaultCallback) -> None:
+    def watch(self, callback: LossWatcher) -> None:
         """Have a function called when a device is lost and when it is back."""
         self._watcher = callback
 

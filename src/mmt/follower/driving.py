@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from mmt.arrays import RecordArray
-from mmt.devices.protocols import FollowerSource, Vector
+from mmt.devices.protocols import DeviceBackedSource, FollowerSource, Vector
 from mmt.follower.guarding import CommandGuard
 from mmt.scene import Link, Scene, Texture
 
@@ -43,16 +43,16 @@ class DrivenSource:
         self._newest: RecordArray | None = None
         self.guard = None if scene.replay is not None else _guard(scene, say)
         """None where a recording is replayed, which follows no commands."""
-        watch = getattr(source, "watch", None)
-        if watch is not None:  # a source of devices
-            watch(self._on_device)
+        self._of_devices = source if isinstance(source, DeviceBackedSource) else None
+        if self._of_devices is not None:
+            self._of_devices.watch(self._on_device)
 
     @property
     def summary(self) -> dict[str, dict[str, Any]]:
         """What was counted, a table for each part of the follower's summary."""
         return {
             "commands": self.guard.summary if self.guard is not None else {},
-            "devices": getattr(self._source, "summary", {}),
+            "devices": dict(self._of_devices.summary) if self._of_devices is not None else {},
             "feedback": dict(self._feedback.summary) if self._feedback is not None else {},
         }
 
