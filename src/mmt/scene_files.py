@@ -175,6 +175,8 @@ def explain_problems(error: ValidationError, model: type[BaseModel] | None = Non
         if problem["type"] == "extra_forbidden":
             allowed = "" if model is None else f"; allowed are {_allowed(problem['loc'], model)}"
             sentences.append(f"{place} is not a key{allowed}")
+        elif problem["type"] == "missing":
+            sentences.append(f"{place} is missing: it must be given")
         elif problem["type"] == "value_error":
             where = f"{place}: " if place else ""
             sentences.append(where + problem["msg"].removeprefix("Value error, "))

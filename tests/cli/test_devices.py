@@ -1,6 +1,8 @@
 """`mmt device`: what there is, what it measures, and what is wrong with it."""
 
 import json
+import time
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,6 +20,7 @@ import math
 import time
 
 from mmt.devices.protocols import InterfaceState, SensorReading
+from mmt.devices.voltages import VoltageReading
 from mmt.errors import DeviceLost, MmtError
 
 
@@ -73,7 +76,37 @@ class Handle(Polled):
         return InterfaceState((1.0, 2.0, 3.0), (0.0, 0.0, 0.0), 0.0, False)
 
 
+class Board(Polled):
+    latency_ns = 0
+    faults = {}
+
+    def read(self):
+        return [VoltageReading(time.monotonic_ns(), (0.1, 0.2, 0.3, 0.4))]
+
+
+class Bare:
+    pass
+
+
+class Sensor:
+    def connect(self):
+        pass
+
+    def read(self):
+        return (0.0, 0.0, 9.81)
+
+    def close(self):
+        pass
+
+
+def made_sensor() -> Sensor:
+    return Sensor()
+
+
 class Actuator:
+    def write(self, samples):
+        assert not any(samples)
+
     def connect(self):
         pass
 
@@ -171,7 +204,7 @@ def test_all_devices_of_a_scene_are_tested(drivers: str, tmp_path: Path) -> None
     result = run("test", scene, "--duration", 0.1, "--json", tmp_path / "s.json")
     assert result.exit_code == 0, result.output
     seen = json.loads((tmp_path / "s.json").read_text())["devices"]
-    assert [one["role"] for one in seen] == ["robot", "accelerometer", "handle", "device"]
+    assert [one["role"] for one in seen] == ["robot", "accelerometer", "handle", "actuator"]
     assert seen[2]["mean"] == [1.0, 2.0, 3.0]
     assert seen[3]["readings"] == 0
 
@@ -197,8 +230,8 @@ def test_the_list_has_drivers_ports_and_what_is_missing(
     import serial.tools.list_ports as ports
     import usb.core
 
-    monkeypatch.setitem(table.DRIVERS, "good", f"{drivers}:Polled")
-    monkeypatch.setitem(table.DRIVERS, "bad", "nowhere.at_all:Polled")
+    monkeypatch.setitem(table.DRIVERS, "good", {"robot": f"{drivers}:Polled"})
+    monkeypatch.setitem(table.DRIVERS, "bad", {"robot": "nowhere.at_all:Polled"})
     port = SimpleNamespace(
         device="/dev/none", vid=0x16C0, pid=0x0483, product="Teensy", description="", hwid="USB"
     )
@@ -224,7 +257,7 @@ def test_without_libusb_the_list_says_what_to_install(monkeypatch: pytest.Monkey
         raise usb.core.NoBackendError("none")
 
     monkeypatch.setattr(usb.core, "find", find)
-    with pytest.raises(MmtError, match=r"install libusb 1\.0"):
+    with pytest.raises(MmtError, match=r"libusb 1\.0 is not there: install it"):
         discovery.find_usb_devices()
 
 
@@ -237,6 +270,91 @@ def test_a_port_without_permission_is_explained(
     assert discovery._access_problem(str(tmp_path / "ttyACM1")) == ""
 
 
-def test_a_library_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(discovery.importlib.util, "find_spec", lambda name: None)
-    assert discovery.missing_libraries()["serial ports"] == "pip install pyserial"
+def test_a_usb_device_without_permission_gets_its_udev_rule(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(discovery.os, "access", lambda path, mode: False)
+    sentence = discovery._access_problem(str(tmp_path), 0x0CD5)
+    assert 'ATTR{idVendor}=="0cd5"' in sentence
+    assert "/etc/udev/rules.d" in sentence
+
+
+def test_a_library_that_is_missing_is_named_with_the_drivers_that_want_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def none() -> None:
+        raise MmtError("the sound card needs PortAudio")
+
+    monkeypatch.setattr("mmt.devices.haptuator.library.load_sounddevice", none)
+    monkeypatch.setattr(discovery, "find_library", lambda name: None)
+    result = run("list", "--json", tmp_path / "l.json")
+    assert result.exit_code == 0
+    problems = json.loads((tmp_path / "l.json").read_text())["problems"]
+    assert "haptuator-sound, sound outputs: the sound card needs PortAudio" in problems
+    assert any(text.startswith("openhaptics: the vendor's library") for text in problems)
+
+
+def test_the_list_shows_each_role_that_a_driver_can_take(
+    drivers: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = {"lab-arm": "Polled", "lab-handle": "Handle", "lab-coil": "Actuator", "lab-?": "Bare"}
+    names |= {"lab-line": "made_sensor"}
+    entries = [EntryPoint(name, f"{drivers}:{made}", table.GROUP) for name, made in names.items()]
+    monkeypatch.setattr(table, "entry_points", lambda group: entries)
+    assert run("list", "--json", tmp_path / "l.json").exit_code == 0
+    found = json.loads((tmp_path / "l.json").read_text())["drivers"]
+    roles = {driver["name"]: driver["roles"] for driver in found}
+    assert roles["openhaptics"] == ["robot", "handle"]
+    assert roles["labjack-u6"] == ["board"]
+    assert roles["lab-arm"] == ["robot"]
+    assert roles["lab-handle"] == ["handle"]
+    assert roles["lab-coil"] == ["actuator"]
+    assert roles["lab-line"] == ["force_sensor", "accelerometer"]
+    assert roles["lab-?"] == []
+
+
+def test_a_driver_is_tested_in_the_role_that_is_asked_for(drivers: str, tmp_path: Path) -> None:
+    file = tmp_path / "r.json"
+    arguments = ["--role", "accelerometer", "--duration", 0.1, "--json", file]
+    run("test", f"{drivers}:made_sensor", *arguments)
+    seen = json.loads(file.read_text())["devices"][0]
+    assert seen["role"] == "accelerometer"
+
+
+@pytest.mark.parametrize(
+    ("what", "role", "sentence"),
+    [
+        ("ati-net-ft", "handle", "cannot be that; allowed are force_sensor"),
+        ("virtual-lab", "handle", "has no handle; it has robot, force_sensor, accelerometer"),
+    ],
+)
+def test_a_role_that_a_driver_cannot_take_is_bad_input(what: str, role: str, sentence: str) -> None:
+    result = run("test", what, "--role", role)
+    assert isinstance(result.exception, InputError)
+    assert sentence in str(result.exception)
+
+
+def test_an_actuator_plays_silence_and_shows_what_it_counted(tmp_path: Path) -> None:
+    file = tmp_path / "a.json"
+    options = ["--set", "full_scale_v=3", "--set", "volts_per_m_s2=0.1", "--set", "buffer_ms=100"]
+    driver = "mmt.devices.emulated.haptuator:emulated_haptuator"
+    run("test", driver, *options, "--duration", 0.4, "--json", file)
+    seen = json.loads(file.read_text())["devices"][0]
+    assert seen["role"] == "actuator"
+    assert seen["played"]["samples"] >= 100
+    assert seen["played"]["peak_m_s2"] == 0.0
+
+
+def test_a_board_shows_the_voltages_of_its_inputs(drivers: str) -> None:
+    seen = observe("board", "a", __import__(drivers).Board(), duration_s=0.05)
+    assert seen.mean == pytest.approx((0.1, 0.2, 0.3, 0.4))
+    assert seen.unit == "V"
+
+
+def test_a_busy_machine_is_told_from_a_fault(drivers: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    sensor = __import__(drivers).Sampled()
+    sleep = time.sleep
+    monkeypatch.setattr("mmt.devices.observing.time.sleep", lambda _: sleep(0.03))
+    problems = observe("force_sensor", "a", sensor, duration_s=0.5).problems
+    assert len(problems) == 1
+    assert "this machine is busy, the test itself had to wait up to" in problems[0]

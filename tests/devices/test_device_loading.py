@@ -40,7 +40,7 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 @pytest.fixture
 def names(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A name in the table, and one that another package offers."""
-    monkeypatch.setitem(table.DRIVERS, "inside", f"{module}:Sensor")
+    monkeypatch.setitem(table.DRIVERS, "inside", {"force_sensor": f"{module}:Sensor"})
     entry = EntryPoint("outside", f"{module}:Plain", table.GROUP)
     monkeypatch.setattr(table, "entry_points", lambda group: [entry])
 
@@ -60,10 +60,13 @@ def test_an_unknown_driver_is_answered_with_those_there_are(names: None) -> None
 
 
 def test_every_driver_of_the_table_has_a_factory() -> None:
-    for driver, location in table.DRIVERS.items():
-        module_name, _, factory = location.partition(":")
-        assert module_name.startswith("mmt.devices.")
-        assert factory.isidentifier(), driver
+    for driver, targets in table.DRIVERS.items():
+        assert targets
+        for role, location in targets.items():
+            module_name, _, factory = location.partition(":")
+            assert role in table.ROLE_NAMES
+            assert module_name.startswith("mmt.devices.")
+            assert factory.isidentifier(), driver
 
 
 @pytest.mark.parametrize(

@@ -58,7 +58,8 @@ def calibrate_by_gravity(device: Any, driver: str, duration_s: float, files: Fil
     """
     if not isinstance(device, Adxl335):
         raise InputError(
-            f"{driver} is not calibrated by gravity; that is for the drivers of an ADXL335"
+            f"{driver} is not calibrated by gravity: that is for a real ADXL335, by the drivers "
+            "adxl335-serial and adxl335-u6"
         )
     if files.rests is not None:
         serial, rests = _read(files.rests, device.named)

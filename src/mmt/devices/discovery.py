@@ -1,13 +1,15 @@
 """What hardware and which drivers this machine has; nothing is opened or moved."""
 
-import importlib.util
 import os
+from collections.abc import Mapping
+from ctypes.util import find_library
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from mmt.devices.loading import load_factory
-from mmt.devices.table import DRIVERS, offered
+from mmt.devices.roles import roles_of
+from mmt.devices.table import DRIVERS, Role, offered
 from mmt.errors import MmtError
 
 KNOWN_USB: Final[dict[tuple[int, int], str]] = {
@@ -17,7 +19,7 @@ KNOWN_USB: Final[dict[tuple[int, int], str]] = {
 }
 """Vendor and product of devices for which there may be a driver."""
 
-NO_LIBUSB: Final = "USB devices cannot be listed: install libusb 1.0 (Debian: libusb-1.0-0)"
+NO_LIBUSB: Final = "the library libusb 1.0 is not there: install it (Debian, Ubuntu: libusb-1.0-0)"
 
 
 @dataclass(frozen=True)
@@ -25,8 +27,10 @@ class FoundDriver:
     """A driver that a scene can name."""
 
     name: str
-    origin: str
-    """``module:factory``."""
+    roles: tuple[Role, ...]
+    """What it can be in a scene; empty where it does not tell."""
+    factories: tuple[str, ...]
+    """``module:factory`` for each role; one alone where it does not tell."""
     package: str
     """What brought it: "mmt" or the package that offers it."""
     problem: str
@@ -46,21 +50,79 @@ class FoundPort:
 
 def find_drivers() -> list[FoundDriver]:
     """Return the drivers of the table and of other packages; each is imported."""
-    found = [_driver(name, origin, "mmt") for name, origin in DRIVERS.items()]
+    found = [_own(name, targets) for name, targets in DRIVERS.items()]
     found += [
-        _driver(name, entry.value, entry.dist.name if entry.dist is not None else "?")
+        _offered(name, entry.value, entry.dist.name if entry.dist is not None else "?")
         for name, entry in offered().items()
         if name not in DRIVERS
     ]
     return sorted(found, key=lambda driver: driver.name)
 
 
-def _driver(name: str, origin: str, package: str) -> FoundDriver:
+def _own(name: str, targets: Mapping[Role, str]) -> FoundDriver:
+    problem = ""
     try:
-        load_factory(name)
+        for role in targets:
+            load_factory(name, role)
     except MmtError as error:
-        return FoundDriver(name, origin, package, str(error))
-    return FoundDriver(name, origin, package, "")
+        problem = str(error)
+    else:
+        problem = missing_for(name)
+    return FoundDriver(name, tuple(targets), tuple(targets.values()), "mmt", problem)
+
+
+def _offered(name: str, origin: str, package: str) -> FoundDriver:
+    try:
+        return FoundDriver(name, roles_of(name), (origin,), package, "")
+    except MmtError as error:
+        return FoundDriver(name, (), (origin,), package, str(error))
+
+
+def missing_for(driver: str) -> str:
+    """Return what one of mmt's own drivers lacks on this machine, with what to do."""
+    if driver == "haptuator-sound":
+        return _missing_sound()
+    if driver == "openhaptics" and find_library("HD") is None:
+        return (
+            "the vendor's library (libHD) is not where the system looks: install the vendor's "
+            "OpenHaptics package, or give its path by the option 'library'"
+        )
+    if driver in {"labjack-u6", "adxl335-u6"} and not _has_libusb():
+        return NO_LIBUSB
+    return ""
+
+
+def _missing_sound() -> str:
+    from mmt.devices.haptuator.library import load_sounddevice
+
+    try:
+        load_sounddevice()
+    except MmtError as error:
+        return str(error)
+    return ""
+
+
+def _has_libusb() -> bool:
+    import usb.backend.libusb1
+
+    return usb.backend.libusb1.get_backend() is not None
+
+
+def find_sound_outputs() -> list[FoundPort]:
+    """Return the sound cards' outputs, by the number and name that a scene can give.
+
+    Raises
+    ------
+    MmtError
+        There is no library to ask.
+    """
+    from mmt.devices.haptuator.library import load_sounddevice
+
+    return [
+        FoundPort(str(entry["index"]), f"{entry['name']}, {channels} channels", "", "")
+        for entry in load_sounddevice().query_devices()
+        if (channels := entry["max_output_channels"]) > 0
+    ]
 
 
 def find_serial_ports() -> list[FoundPort]:
@@ -99,7 +161,9 @@ def find_usb_devices() -> list[FoundPort]:
         if ids in KNOWN_USB:
             node = f"/dev/bus/usb/{device.bus:03}/{device.address:03}"
             found.append(
-                FoundPort(f"{ids[0]:04x}:{ids[1]:04x}", KNOWN_USB[ids], "", _access_problem(node))
+                FoundPort(
+                    f"{ids[0]:04x}:{ids[1]:04x}", KNOWN_USB[ids], "", _access_problem(node, ids[0])
+                )
             )
     return found
 
@@ -110,30 +174,18 @@ def _usb_name(vendor: int | None, product: int | None, said: str) -> str:
     return f"{KNOWN_USB.get((vendor, product), said)} ({vendor:04x}:{product:04x})"
 
 
-def _access_problem(path: str) -> str:
-    """Return what keeps the person from opening a device file."""
+def _access_problem(path: str, vendor: int | None = None) -> str:
+    """Return what keeps the person from opening a device file, of a USB device's vendor."""
     if not Path(path).exists() or os.access(path, os.R_OK | os.W_OK):
         return ""
-    if path.startswith("/dev/bus/usb"):
-        return f"no permission for {path}: add a udev rule that gives your group access"
+    if vendor is not None:
+        return (
+            f'no permission for {path}: write the line SUBSYSTEM=="usb", '
+            f'ATTR{{idVendor}}=="{vendor:04x}", MODE="0666" into /etc/udev/rules.d/60-mmt.rules '
+            "as root, and plug it in again"
+        )
     try:
         group = Path(path).group()
     except (NotImplementedError, KeyError, OSError):
         return f"no permission for {path}"
     return f"no permission for {path}: sudo usermod -a -G {group} $USER, then log in again"
-
-
-OPTIONAL_LIBRARIES: Final = {
-    "serial": ("serial ports", "pip install pyserial"),
-    "usb": ("USB devices", "pip install pyusb"),
-    "sounddevice": ("sound cards", "pip install sounddevice"),
-}
-
-
-def missing_libraries() -> dict[str, str]:
-    """Return what cannot be reached without a library, and how to get it."""
-    return {
-        what: how
-        for module, (what, how) in OPTIONAL_LIBRARIES.items()
-        if importlib.util.find_spec(module) is None
-    }

@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from mmt.devices.table import locate
+from mmt.devices.table import Role, locate
 from mmt.errors import InputError, MmtError
 from mmt.scene_files import explain_problems
 
@@ -14,7 +14,7 @@ Options = TypeVar("Options", bound=BaseModel)
 
 
 def load_device(
-    driver: str, options: Mapping[str, Any] | None = None, *, role: str = "device"
+    driver: str, options: Mapping[str, Any] | None = None, *, role: Role | None = None
 ) -> Any:
     """Import the driver's module and call its factory with the options.
 
@@ -46,7 +46,7 @@ def load_device(
         raise kind(f"device {driver!r} cannot be made: {reason}") from error
 
 
-def load_factory(driver: str, role: str = "device") -> Any:
+def load_factory(driver: str, role: Role | None = None) -> Any:
     """Import the driver's module and return its factory; see `load_device`."""
     module_name, _, factory_name = locate(driver, role).partition(":")
     try:

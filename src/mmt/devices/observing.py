@@ -5,12 +5,12 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
 import numpy as np
 
-from mmt.devices.protocols import SensorReading, Vector
+from mmt.devices.protocols import SensorReading
 from mmt.errors import MmtError
 
 UNITS: Final = {
@@ -18,14 +18,22 @@ UNITS: Final = {
     "handle": "mm",
     "force_sensor": "N",
     "accelerometer": "m/s2",
+    "board": "V",
+    "actuator": "",
     "device": "",
 }
-"""What a device measures in its role; a driver that is tested by itself has none."""
+"""What a device measures in its role; "device" is one whose driver does not tell its role."""
+
+Values = tuple[float, ...]
+"""Three, but of a board as many as it has inputs."""
 
 _LONGEST_WAIT_S: Final = 1.5
 _STUCK_S: Final = 1.0
 _STANDARD_GRAVITY: Final = 9.80665
 _KEPT: Final = 1_000_000
+_BUSY_MS: Final = 5.0
+_BURST_MS: Final = 10.0
+_RATE_HZ: Final = 1000
 
 
 @dataclass
@@ -36,11 +44,11 @@ class Observation:
     driver: str
     readings: int = 0
     duration_s: float = 0.0
-    newest: Vector | None = None
-    mean: Vector | None = None
-    deviation: Vector | None = None
-    least: Vector | None = None
-    most: Vector | None = None
+    newest: Values | None = None
+    mean: Values | None = None
+    deviation: Values | None = None
+    least: Values | None = None
+    most: Values | None = None
     rate_hz: float | None = None
     """Of a sensor on a clock of its own: by this machine's clock."""
     spacing_p50_ms: float | None = None
@@ -49,6 +57,10 @@ class Observation:
     arrival_p99_ms: float | None = None
     """Longest wait for something new from it, but for one in a hundred."""
     latency_ms: float | None = None
+    waited_p99_ms: float | None = None
+    """How long this program itself waited for its turn, but for one time in a hundred."""
+    played: dict[str, float | int | None] = field(default_factory=dict)
+    """What an actuator counted while it played silence."""
     faults: dict[str, int] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
     """Sentences: what is wrong, and what to do."""
@@ -68,7 +80,7 @@ def observe(
     calibrate: bool = False,
     show: Callable[[Observation], None] = lambda _: None,
 ) -> Observation:
-    """Connect a device, read it once a millisecond, close it; it is never commanded.
+    """Connect a device, read it once a millisecond, close it; nothing moves or sounds.
 
     Parameters
     ----------
@@ -77,7 +89,8 @@ def observe(
     driver
         Its name.
     device
-        Any device of `mmt.devices.protocols`; an actuator is connected and closed.
+        Any device of `mmt.devices.protocols`, or a board of `mmt.devices.voltages`; an
+        actuator plays silence.
     duration_s
         How long to read it.
     calibrate
@@ -94,9 +107,9 @@ def observe(
     watching = _Watching(seen, device)
     try:
         device.connect()
-        if calibrate:
+        if calibrate and hasattr(device, "calibrate"):
             device.calibrate()
-        if hasattr(device, "read"):
+        if hasattr(device, "read") or hasattr(device, "write"):
             watching.run(duration_s, show)
     except Exception as error:  # noqa: BLE001 - whatever a driver raises is what is wrong
         seen.problems.append(str(error) or type(error).__name__)
@@ -116,19 +129,25 @@ class _Watching:
     def __init__(self, seen: Observation, device: Any) -> None:
         self.seen = seen
         self.sampled = hasattr(device, "latency_ns")
-        self.values: deque[Vector] = deque(maxlen=_KEPT)
+        self.values: deque[Values] = deque(maxlen=_KEPT)
         self.stamps_ns: deque[int] = deque(maxlen=_KEPT)
         self.arrivals_ns: deque[int] = deque(maxlen=_KEPT)
         self._device = device
         self._read = _reader(device) if hasattr(device, "read") else None
+        self._waits_ms: deque[float] = deque(maxlen=_KEPT)
+        self._written = 0
 
     def run(self, duration_s: float, show: Callable[[Observation], None]) -> None:
         begun = time.monotonic()
         next_s = 1.0
+        looked = begun
         while (passed_s := time.monotonic() - begun) < duration_s:
-            self._look()
+            now = time.monotonic()
+            self._waits_ms.append(1e3 * (now - looked))
+            looked = now
+            self._look(passed_s)
             self.seen.duration_s = passed_s
-            if not self.values and passed_s > _LONGEST_WAIT_S:
+            if self._read is not None and not self.values and passed_s > _LONGEST_WAIT_S:
                 raise MmtError(
                     "it is connected but gives no reading: check its cable, its power and the "
                     "rate or baud rate that is set"
@@ -139,14 +158,17 @@ class _Watching:
                 show(self.seen)
             time.sleep(0.001)
 
-    def _look(self) -> None:
+    def _look(self, passed_s: float) -> None:
         if self._read is None:
+            due = int(passed_s * _RATE_HZ) - self._written
+            if due > 0:
+                self._device.write([0.0] * due)
+                self._written += due
             return
         readings = self._read()
         now_ns = time.monotonic_ns()
         for time_ns, value in readings:
-            x, y, z = value
-            self.values.append((float(x), float(y), float(z)))
+            self.values.append(tuple(float(each) for each in value))
             self.stamps_ns.append(time_ns)
         if readings:
             self.seen.readings += len(readings)
@@ -156,6 +178,8 @@ class _Watching:
         """Work out what is cheap."""
         if self.values:
             self.seen.newest = self.values[-1]
+        if self._read is None and hasattr(self._device, "statistics"):
+            self.seen.played = asdict(self._device.statistics)
         if self.sampled and len(self.arrivals_ns) >= 3:
             span_s = (self.arrivals_ns[-1] - self.arrivals_ns[0]) / 1e9
             self.seen.rate_hz = self.seen.readings / span_s if span_s > 0 else None
@@ -164,9 +188,11 @@ class _Watching:
         """Work out the figures."""
         seen = self.seen
         seen.faults = dict(getattr(self._device, "faults", {}))
+        if self._waits_ms:
+            seen.waited_p99_ms = float(np.percentile(np.array(self._waits_ms), 99))
+        self._glance()
         if not self.values:
             return
-        self._glance()
         values = np.array(self.values)
         with np.errstate(invalid="ignore", over="ignore"):
             seen.mean, seen.deviation, seen.least, seen.most = (
@@ -184,7 +210,7 @@ class _Watching:
 def _reader(device: Any) -> Callable[[], list[SensorReading]]:
     """Return a function that reads any device as if it had a clock."""
     if hasattr(device, "latency_ns"):
-        return lambda: list(device.read())
+        return lambda: [SensorReading(*reading) for reading in device.read()]
     if inspect.signature(device.read).parameters:  # a leader's interface, told the ticks
 
         def read() -> list[SensorReading]:
@@ -194,23 +220,45 @@ def _reader(device: Any) -> Callable[[], list[SensorReading]]:
     return lambda: [SensorReading(time.monotonic_ns(), device.read())]
 
 
-def _vector(values: Any) -> Vector:
-    x, y, z = values.tolist()
-    return (x, y, z)
+def _vector(values: Any) -> Values:
+    return tuple(values.tolist())
 
 
 def _judge(seen: Observation, watching: _Watching) -> list[str]:
-    """Return what is wrong with what was read."""
+    """Return what is wrong with what was read or played."""
+    busy = seen.waited_p99_ms is not None and seen.waited_p99_ms > _BUSY_MS
+    problems = _judge_played(seen) + _judge_values(seen, watching)
+    if seen.rate_hz is not None and seen.rate_hz < 800:
+        problems.append(
+            f"it gives {seen.rate_hz:.0f} readings a second, less than the session's thousand: "
+            "raise its rate or its baud rate"
+        )
+    if seen.arrival_p99_ms is not None and seen.arrival_p99_ms > _BURST_MS and not busy:
+        problems.append(
+            f"its readings come in bursts, up to {seen.arrival_p99_ms:.0f} ms apart: lower the "
+            "latency timer of a serial adapter, connect a network's box without a switch between"
+        )
+    problems += [f"{count} times: {what}" for what, count in seen.faults.items() if count]
+    if busy and (problems or (seen.arrival_p99_ms or 0.0) > _BURST_MS):
+        problems.append(
+            f"this machine is busy, the test itself had to wait up to {seen.waited_p99_ms:.0f} ms "
+            "for its turn: end other programs and test again before you look for a fault"
+        )
+    return problems
+
+
+def _judge_values(seen: Observation, watching: _Watching) -> list[str]:
     if seen.mean is None:
         return []
+    finite = all(map(math.isfinite, seen.mean))
     problems = []
-    if not all(map(math.isfinite, seen.mean)):
+    if not finite:
         problems.append("it gives values that are no numbers: check its calibration and range")
     elif seen.duration_s >= _STUCK_S and watching.sampled and seen.least == seen.most:
         problems.append(
             "its value never changes, as no real sensor's does: check that it is wired and powered"
         )
-    if seen.role == "accelerometer" and all(map(math.isfinite, seen.mean)):
+    if seen.role == "accelerometer" and finite:
         gravity = math.hypot(*seen.mean)
         if not 0.7 * _STANDARD_GRAVITY < gravity < 1.3 * _STANDARD_GRAVITY:
             unit = " (it may be in g)" if 0.7 < gravity < 1.3 else ""
@@ -218,14 +266,14 @@ def _judge(seen: Observation, watching: _Watching) -> list[str]:
                 f"at rest it must feel 9.8 m/s2 and feels {gravity:.3g}{unit}: keep it still, "
                 "calibrate it, check its supply and its unit"
             )
-    if seen.rate_hz is not None and seen.rate_hz < 800:
-        problems.append(
-            f"it gives {seen.rate_hz:.0f} readings a second, less than the session's thousand: "
-            "raise its rate or its baud rate"
-        )
-    if seen.arrival_p99_ms is not None and seen.arrival_p99_ms > 10:
-        problems.append(
-            f"its readings come in bursts, up to {seen.arrival_p99_ms:.0f} ms apart: lower the "
-            "latency timer of its serial adapter, or the load of this machine"
-        )
-    return problems + [f"{count} times: {what}" for what, count in seen.faults.items() if count]
+    return problems
+
+
+def _judge_played(seen: Observation) -> list[str]:
+    underruns = seen.played.get("underruns")
+    if not underruns:
+        return []
+    return [
+        f"it ran out of samples {underruns} times in {seen.duration_s:.0f} s: raise 'buffer_ms', "
+        "or take load off this machine"
+    ]

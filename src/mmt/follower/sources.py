@@ -1,11 +1,14 @@
 """Build the source that a scene names; the other two are not even imported."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mmt.device_tables import Devices, Driver
 from mmt.devices.protocols import FollowerSource
 from mmt.errors import InputError
 from mmt.scene import Replay, Scene, Simulated
+
+if TYPE_CHECKING:
+    from mmt.devices.table import Role
 
 
 def build_source(scene: Scene) -> FollowerSource:
@@ -50,13 +53,13 @@ def _devices(scene: Scene, table: Devices) -> FollowerSource:
     from mmt.devices.loading import load_device
     from mmt.devices.source import DeviceSource
 
-    def made(device: Driver | None) -> Any:
-        return load_device(device.driver, device.options) if device is not None else None
+    def made(device: Driver | None, role: "Role") -> Any:
+        return load_device(device.driver, device.options, role=role) if device is not None else None
 
     return DeviceSource(
-        made(table.robot),
-        made(table.force_sensor),
-        made(table.accelerometer),
+        made(table.robot, "robot"),
+        made(table.force_sensor, "force_sensor"),
+        made(table.accelerometer, "accelerometer"),
         scene.channels(),
         on_lost=table.on_lost,
     )

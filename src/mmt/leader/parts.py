@@ -198,7 +198,7 @@ def _make_actuator(table: Actuator, parts: LeaderParts) -> VibrationActuator:
     from mmt.devices.loading import load_device
     from mmt.devices.mending import MendedActuator
 
-    parts.mended = MendedActuator(load_device(table.driver, table.options))
+    parts.mended = MendedActuator(load_device(table.driver, table.options, role="actuator"))
     return parts.mended
 
 

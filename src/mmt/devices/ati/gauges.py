@@ -40,7 +40,7 @@ def gauges(**options: Any) -> "Gauges":
         An option is not allowed.
     """
     checked = read_options(GaugesOptions, DRIVER, options)
-    return Gauges(checked, load_device(checked.board.driver, checked.board.options))
+    return Gauges(checked, load_device(checked.board.driver, checked.board.options, role="board"))
 
 
 class Gauges(AtiSensor):

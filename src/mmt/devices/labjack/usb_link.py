@@ -226,7 +226,8 @@ def find_boxes(backend: Any) -> list[Any]:
         )
     except usb.core.NoBackendError as error:
         raise MmtError(
-            "the LabJack U6 cannot be reached: install libusb 1.0 (Debian: libusb-1.0-0)"
+            "the LabJack U6 cannot be reached: the library libusb 1.0 is not there: install it "
+            "(Debian, Ubuntu: libusb-1.0-0)"
         ) from error
 
 

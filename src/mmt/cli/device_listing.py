@@ -1,0 +1,86 @@
+"""``mmt device list``: drivers, ports and cards, and what is missing."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.table import Table
+
+from mmt.cli.common import output, write_json
+from mmt.devices import discovery
+from mmt.devices.table import ROLE_NAMES
+from mmt.errors import MmtError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+def list_all(json_file: Path | None) -> None:
+    """Show what there is and what is wrong with it."""
+    drivers = discovery.find_drivers()
+    wanting: dict[str, list[str]] = {}
+    for driver in drivers:
+        if driver.problem:
+            wanting.setdefault(driver.problem, []).append(driver.name)
+    output.print(_driver_table(drivers))
+    finders: dict[str, Callable[[], list[discovery.FoundPort]]] = {
+        "serial ports": discovery.find_serial_ports,
+        "USB devices": discovery.find_usb_devices,
+        "sound outputs": discovery.find_sound_outputs,
+    }
+    found: dict[str, list[discovery.FoundPort]] = {}
+    for title, find in finders.items():
+        try:
+            found[title] = find()
+        except MmtError as error:
+            found[title] = []
+            wanting.setdefault(str(error), []).append(title)
+            output.print(f"{title}: not known, see below", highlight=False)
+        else:
+            _print_ports(title, found[title])
+            for port in found[title]:
+                if port.problem:
+                    wanting.setdefault(port.problem, []).append(port.address)
+    problems = [f"{', '.join(names)}: {problem}" for problem, names in wanting.items()]
+    if problems:
+        output.print("what is missing; mend what you need:", highlight=False)
+    for problem in problems:
+        output.print(f"- {problem}", highlight=False)
+    write_json(
+        json_file,
+        {
+            "drivers": [asdict(driver) for driver in drivers],
+            **{
+                title.lower().replace(" ", "_"): [asdict(each) for each in ports]
+                for title, ports in found.items()
+            },
+            "problems": problems,
+        },
+    )
+
+
+def _driver_table(drivers: "list[discovery.FoundDriver]") -> Table:
+    table = _table("drivers", "name", "is", "package", "state")
+    for driver in drivers:
+        roles = " or ".join(ROLE_NAMES[role] for role in driver.roles) or "does not tell"
+        state = "see below" if driver.problem else "ready"
+        table.add_row(driver.name, roles, driver.package, state)
+    return table
+
+
+def _print_ports(title: str, ports: "list[discovery.FoundPort]") -> None:
+    if not ports:
+        output.print(f"{title}: none found")
+        return
+    table = _table(title, "address", "what", "serial number", "state")
+    for port in ports:
+        state = "see below" if port.problem else "accessible"
+        table.add_row(port.address, port.what, port.serial or "-", state)
+    output.print(table)
+
+
+def _table(title: str, *columns: str) -> Table:
+    table = Table(title=title, title_justify="left", pad_edge=False)
+    for column in columns:
+        table.add_column(column, overflow="fold")
+    return table

@@ -1,0 +1,163 @@
+"""``mmt device test``: what the devices of a scene, or one driver, give."""
+
+import tomllib
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mmt.cli.common import messages, output, write_json
+from mmt.devices.loading import load_device
+from mmt.devices.observing import Observation, Values, observe
+from mmt.devices.roles import role_for
+from mmt.devices.table import ROLE_NAMES, Role
+from mmt.errors import InputError
+from mmt.scene import Scene
+from mmt.scene_files import example_scenes, load_scene
+
+
+class NamedDevice(NamedTuple):
+    """A device that a scene or a person names."""
+
+    role: Role | None
+    driver: str
+    options: dict[str, Any]
+
+    @property
+    def title(self) -> str:
+        """As a person calls it."""
+        return f"{ROLE_NAMES[self.role] if self.role else 'device'} ({self.driver})"
+
+
+def try_all(
+    devices: list[NamedDevice], duration_s: float, *, calibrate: bool, json_file: Path | None
+) -> bool:
+    """Observe the devices one after the other, show it, and return whether all is well."""
+    seen = []
+    for named in devices:
+        device = load_device(named.driver, named.options, role=named.role)
+        messages.print(f"{named.title}: reading for {duration_s:g} s", highlight=False)
+        one = observe(
+            named.role or "device",
+            named.driver,
+            device,
+            duration_s=duration_s,
+            calibrate=calibrate,
+            show=_show,
+        )
+        seen.append(one)
+        output.print(f"{named.title}: {_state(one)}", highlight=False)
+        for name, text in _figures(one):
+            output.print(f"  {name:<10} {text}", highlight=False)
+        for problem in one.problems:
+            output.print(f"  - {problem}", highlight=False)
+    write_json(json_file, {"devices": [asdict(one) for one in seen]})
+    return not any(one.problems for one in seen)
+
+
+def devices_named(what: str, role: str | None, settings: list[str]) -> list[NamedDevice]:
+    """Return what a scene's name, its file, or a driver's name stands for.
+
+    Raises
+    ------
+    InputError
+        There is no such scene or driver, or the scene has no such device.
+    """
+    options = options_from(settings)
+    if not (what.endswith(".toml") or what in example_scenes()):
+        return [NamedDevice(role_for(what, role), what, options)]
+    if options:
+        raise InputError("--set gives options to a driver: a scene has its own")
+    found = list(of_scene(load_scene(Path(what))))
+    if not found:
+        raise InputError(f"scene {what} names no device: add [devices], [handle] or an actuator")
+    if role is None:
+        return found
+    chosen = [named for named in found if named.role == role.replace("-", "_")]
+    if not chosen:
+        roles = ", ".join(str(named.role) for named in found)
+        raise InputError(f"scene {what} has no {role}; it has {roles}")
+    return chosen
+
+
+def accelerometer_named(what: str, settings: list[str]) -> NamedDevice:
+    """Return the accelerometer of a scene, or the driver of that name.
+
+    Raises
+    ------
+    InputError
+        The scene has none, or there is no such driver.
+    """
+    found = devices_named(what, None, settings)
+    return next((each for each in found if each.role == "accelerometer"), found[0])
+
+
+def of_scene(scene: Scene) -> Iterator[NamedDevice]:
+    """Yield the devices of a scene that are made by drivers."""
+    roles: tuple[Role, ...] = ("robot", "force_sensor", "accelerometer")
+    for role in roles if scene.devices is not None else ():
+        device = getattr(scene.devices, role)
+        if device is not None:
+            yield NamedDevice(role, device.driver, device.options)
+    if scene.handle is not None:
+        yield NamedDevice("handle", scene.handle.driver, scene.handle.options)
+    if scene.actuator is not None and scene.actuator.driver is not None:
+        yield NamedDevice("actuator", scene.actuator.driver, scene.actuator.options)
+
+
+def options_from(settings: list[str]) -> dict[str, Any]:
+    """Return KEY=VALUE as TOML has them; what is no TOML value is a text."""
+    options: dict[str, Any] = {}
+    for setting in settings:
+        key, equals, text = setting.partition("=")
+        if not equals or not key.strip():
+            raise InputError(f"--set {setting}: write KEY=VALUE")
+        try:
+            options[key.strip()] = tomllib.loads(f"value = {text}")["value"]
+        except tomllib.TOMLDecodeError:
+            options[key.strip()] = text
+    return options
+
+
+def _state(seen: Observation) -> str:
+    if not seen.problems:
+        return "good"
+    return f"{len(seen.problems)} problem{'s' if len(seen.problems) > 1 else ''}"
+
+
+def _show(seen: Observation) -> None:
+    rate = "" if seen.rate_hz is None else f", {seen.rate_hz:.0f} readings/s"
+    values = "playing silence" if seen.newest is None else _numbers(seen.newest, seen.unit)
+    messages.print(f"  {seen.duration_s:4.0f} s  {values}{rate}", highlight=False)
+
+
+def _figures(seen: Observation) -> Iterator[tuple[str, str]]:
+    """Yield name and text of each figure that is known."""
+    if seen.mean is not None:
+        yield "mean", _numbers(seen.mean, seen.unit)
+        yield "deviation", _numbers(seen.deviation or (), seen.unit)
+    if seen.rate_hz is not None:
+        yield "rate", f"{seen.rate_hz:.0f} readings/s on a clock of its own"
+    elif seen.readings:
+        yield "rate", f"answered {seen.readings} times, whenever it was asked"
+    if seen.spacing_p50_ms is not None and seen.spacing_p99_ms is not None:
+        yield "stamps", f"{seen.spacing_p50_ms:.3f} ms apart, 99 % within {seen.spacing_p99_ms:.3f}"
+    if seen.arrival_p99_ms is not None:
+        yield "arrivals", f"99 % within {seen.arrival_p99_ms:.1f} ms of each other"
+    if seen.latency_ms is not None:
+        yield "latency", f"{seen.latency_ms:.2f} ms from the instant to its stamp, as it says"
+    if seen.played:
+        known = {name: value for name, value in seen.played.items() if value is not None}
+        yield "played", ", ".join(_counted(name, value) for name, value in known.items())
+
+
+def _counted(name: str, value: float) -> str:
+    """Return a figure whose name ends in its unit, as a person writes it."""
+    for ending, unit in (("_m_s2", "m/s2"), ("_ppm", "ppm"), ("_ms", "ms")):
+        if name.endswith(ending):
+            return f"{name.removesuffix(ending).replace('_', ' ')} {value:.4g} {unit}"
+    return f"{name.replace('_', ' ')} {value:.4g}"
+
+
+def _numbers(values: Values, unit: str) -> str:
+    return f"{'  '.join(f'{value + 0.0:.4g}' for value in values)} {unit}".rstrip()
