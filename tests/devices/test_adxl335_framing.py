@@ -1,13 +1,15 @@
 """The accelerometer's frames: there and back, spoilt ones, the time axis, and the sketch in C++."""
 
 import itertools
-import shutil
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sensor_reading import read_some
+from sketches import FIRMWARE, check_whole, compiled, needs_compiler, running
 
 from mmt.devices.adxl335.framing import (
     MOST_SAMPLES,
@@ -18,9 +20,11 @@ from mmt.devices.adxl335.framing import (
     stuff,
     unstuff,
 )
+from mmt.devices.adxl335.gravity import GRAVITY_M_S2
+from mmt.devices.adxl335.serial_driver import SerialAdxl335
 from mmt.devices.adxl335.timeline import Timeline
 
-FIRMWARE = Path(__file__).resolve().parents[2] / "scripts" / "firmware" / "adxl335"
+SKETCH = FIRMWARE / "adxl335" / "adxl335.ino"
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "accelerometer-framing.md"
 
 u16 = st.integers(0, 2**16 - 1)
@@ -175,34 +179,10 @@ int main() {
 }
 """
 
-ARDUINO = """
-#pragma once
-#include <stddef.h>
-#include <stdint.h>
-const uint8_t A0 = 14, A1 = 15, A2 = 16;
-uint32_t micros();
-int analogRead(uint8_t pin);
-void analogReadResolution(int bits);
-void analogReadAveraging(unsigned samples);
-struct Port {
-  void begin(uint32_t baud);
-  int availableForWrite();
-  size_t write(const uint8_t *bytes, size_t count);
-};
-extern Port Serial;
-"""
-
-needs_compiler = pytest.mark.skipif(shutil.which("g++") is None, reason="there is no g++")
-
 
 @needs_compiler
 def test_the_sketch_sends_what_python_reads(tmp_path: Path) -> None:
-    (tmp_path / "harness.cpp").write_text(HARNESS)
-    program = tmp_path / "harness"
-    strict = ["-std=c++11", "-Wall", "-Wextra", "-Werror"]
-    subprocess.run(
-        ["g++", *strict, "-I", FIRMWARE, tmp_path / "harness.cpp", "-o", program], check=True
-    )
+    program = compiled(HARNESS, tmp_path, "-I", str(SKETCH.parent))
     sent = [
         Frame(0, 0, ((0, 0, 0),)),
         Frame(2**32 - 1, 2**32 - 1, ((65535, 65535, 65535),) * MOST_SAMPLES),
@@ -227,7 +207,22 @@ def test_the_sketch_sends_what_python_reads(tmp_path: Path) -> None:
 @needs_compiler
 @pytest.mark.parametrize("board", ["TEENSYDUINO", "ARDUINO_SAMD_ZERO"])
 def test_the_whole_sketch_is_valid(tmp_path: Path, board: str) -> None:
-    (tmp_path / "Arduino.h").write_text(ARDUINO)
-    strict = ["-std=c++11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", f"-D{board}"]
-    paths = ["-I", tmp_path, "-x", "c++", FIRMWARE / "adxl335.ino"]
-    subprocess.run(["g++", *strict, *paths], check=True)
+    check_whole(SKETCH, tmp_path, board)
+
+
+@needs_compiler
+def test_the_driver_reads_the_sketch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("pty", reason="the sketch runs on a pseudo-terminal")
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    reading = "2048 + (pin == A2 ? 410 : 0) + (micros() >> 9) % 2"  # 1 g along z, and a tremor
+    with running(SKETCH, tmp_path, "TEENSYDUINO", reading) as sketch:
+        sensor = SerialAdxl335(port=sketch.path, bandwidth_hz=500)
+        sensor.connect()
+        readings = read_some(sensor, 400)
+        sensor.close()
+    x, y, z = np.median([reading.value for reading in readings], axis=0)
+    assert (x, y, z) == pytest.approx((0.0, 0.0, GRAVITY_M_S2), abs=0.05)
+    periods = len(readings) - 1 + sensor.faults.get("lost samples", 0)  # which it was too late for
+    span_ns = readings[-1].time_ns - readings[0].time_ns
+    assert span_ns / periods == pytest.approx(500_000, rel=0.1)
+    assert not {"bad checksums", "bad frames", "other versions"} & set(sensor.faults)

@@ -51,7 +51,7 @@ class Report(NamedTuple):
     fill: int
     """Samples in the buffer that are still to be played."""
     sequence: int
-    """Number of the newest frame in the buffer; 0 after a reset."""
+    """Number of the newest frame that came, also where it did not fit; 0 after a reset."""
     underruns: int
     """How often the buffer ran dry since the reset, modulo 2^16."""
     lost: int
