@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from mmt.device_tables import Actuator, Devices, Handle
 from mmt.feedback_table import ForceFeedback
 from mmt.frames import Channel, ordered_channels
+from mmt.hand_table import Hand
 from mmt.network_table import Network
 from mmt.texture.settings import ModellingSettings
 
@@ -82,24 +83,6 @@ class Replay(_Table):
     speed: float = Field(1.0, gt=0, le=LARGEST_SPEED)
     loop: bool = False
     gaps: Literal["keep", "skip"] = "keep"
-
-
-class Hand(_Table):
-    """``[hand]``: a simulated hand holds the leader's interface and strokes."""
-
-    slowest_mm_s: float = Field(20.0, ge=5, le=300)
-    fastest_mm_s: float = Field(290.0, ge=5, le=500)
-    lightest_n: float = Field(0.2, ge=0.05, le=3)
-    strongest_n: float = Field(2.9, ge=0.05, le=5)
-    rest_share: float = Field(0.04, ge=0, le=0.9)
-
-    @model_validator(mode="after")
-    def _ranges(self) -> Self:
-        if self.fastest_mm_s <= self.slowest_mm_s:
-            raise ValueError("fastest_mm_s must exceed slowest_mm_s")
-        if self.strongest_n <= self.lightest_n:
-            raise ValueError("strongest_n must exceed lightest_n")
-        return self
 
 
 class Texture(_Table):

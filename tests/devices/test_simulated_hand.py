@@ -5,7 +5,8 @@ import pytest
 
 from mmt.devices.simulated.hand import SimulatedHand
 from mmt.devices.simulated.robot import SimulatedRobot, nominal_compliance_mm_n
-from mmt.scene import Hand, Simulated
+from mmt.hand_table import Hand
+from mmt.scene import Simulated
 
 TICKS = 18_000
 CENTRES = [((2 * i + 1) / 6, (2 * j + 1) / 6) for i in range(3) for j in range(3)]
@@ -177,3 +178,16 @@ def test_narrow_ranges_are_respected():
     assert speed.max() < 60.0 * 1.15
     assert force.max() < 1.1 * 1.15
     assert 45.0 < np.median(speed[speed > 40.0]) < 65.0
+
+
+@pytest.mark.parametrize("seed", [1, 4, 9, 77])
+def test_a_hand_for_all_headings_covers_them_evenly_and_stays_in_reach(seed):
+    counts = {}
+    for headings in ("opposite", "all"):
+        position, velocity, _, _ = _states(seed, ticks=20_000, settings=Hand(headings=headings))
+        assert np.abs(position[:, :2]).max() < 100.0
+        moving = np.hypot(velocity[:, 0], velocity[:, 1]) > 10.0
+        heading = np.arctan2(velocity[moving, 1], velocity[moving, 0]) % (2.0 * np.pi)
+        counts[headings] = np.bincount((heading * 6.0 / np.pi).astype(int) % 12, minlength=12)
+    assert counts["all"].min() > 0.025 * counts["all"].sum()
+    assert counts["all"].std() < 0.7 * counts["opposite"].std()

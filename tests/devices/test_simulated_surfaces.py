@@ -14,7 +14,7 @@ from mmt.devices.simulated.textures import SURFACES, get_surface
 from mmt.devices.simulated.vibration import Vibration
 from mmt.errors import InputError
 
-NAMES = sorted(SURFACES)
+NAMES = sorted(name for name, surface in SURFACES.items() if surface.isotropic)
 
 
 def _realisation(surface, speed, force, count, seed=3):

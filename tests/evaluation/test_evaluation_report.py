@@ -29,7 +29,8 @@ from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.report import environment, write_report
 from mmt.evaluation.table import evaluation_table, step_table
 from mmt.frames import empty_frames
-from mmt.scene import Hand, Scene
+from mmt.hand_table import Hand
+from mmt.scene import Scene
 from mmt.session import RecordedSession
 from mmt.texture.settings import ModellingSettings
 

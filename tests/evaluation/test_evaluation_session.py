@@ -14,7 +14,8 @@ from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.held_out import choose_held_out, outside
 from mmt.evaluation.results import evaluations_as_dict
 from mmt.frames import empty_frames
-from mmt.scene import Hand, Scene
+from mmt.hand_table import Hand
+from mmt.scene import Scene
 from mmt.session import RecordedSession
 from mmt.texture.completion import FARTHEST
 from mmt.texture.settings import ModellingSettings

@@ -8,7 +8,7 @@ from mmt.cli.common import messages, output, write_json
 from mmt.cli.reporting import evaluate, scene_of
 from mmt.evaluation.report import write_report
 from mmt.evaluation.results import evaluations_as_dict
-from mmt.evaluation.table import evaluation_table, step_table
+from mmt.evaluation.table import evaluation_table, heading_tables, step_table
 from mmt.session import read_session
 
 
@@ -30,6 +30,8 @@ def evaluate_files(
     if len(evaluations) == 1:
         output.print(step_table(evaluations[0]))
     output.print(evaluation_table(evaluations))
+    for by_heading in heading_tables(evaluations):
+        output.print(by_heading)
     for evaluation in evaluations:
         output.print(
             f"{evaluation.name}: {evaluation.coverage.remark} Evaluated "

@@ -35,6 +35,10 @@ def simulate(
     ] = None,
     motion_scale: Annotated[float, typer.Option(help="Factor on the stroke's motion.")] = 1.0,
     force_scale: Annotated[float, typer.Option(help="Factor on the stroke's force.")] = 1.0,
+    trials: Annotated[
+        int,
+        typer.Option(min=1, max=999, help="So many sessions, OUT-1 and so on, of seeds in a row."),
+    ] = 1,
     scene_file: Annotated[
         Path | None, typer.Option("--scene", help="Simulate this scene's follower and hand.")
     ] = None,
@@ -43,18 +47,29 @@ def simulate(
     from mmt.devices.simulated.offline import simulate_session
 
     scene = load_scene(scene_file) if scene_file is not None else Scene()
-    frames, annotations = simulate_session(
-        scene,
-        surface,
-        duration,
-        seed,
-        path=path,
-        motion_scale=motion_scale,
-        force_scale=force_scale,
-    )
     recorded_scene = scene.dump() if scene_file is not None else None
-    write_session(target, frames, scene=recorded_scene, annotations=annotations)
-    messages.print(f"{len(frames)} frames written to {target}", highlight=False)
+    first = scene.session.seed if seed is None else seed
+    for trial, file in enumerate(_trial_files(target, trials)):
+        frames, annotations = simulate_session(
+            scene,
+            surface,
+            duration,
+            first + trial,
+            path=path,
+            motion_scale=motion_scale,
+            force_scale=force_scale,
+        )
+        write_session(file, frames, scene=recorded_scene, annotations=annotations)
+        messages.print(f"{len(frames)} frames written to {file}", highlight=False)
+
+
+def _trial_files(target: Path, trials: int) -> list[Path]:
+    """Return the file of each trial, numbered with as many digits as the last one has."""
+    if trials == 1:
+        return [target]
+    digits = len(str(trials))
+    numbers = (f"{number:0{digits}}" for number in range(1, trials + 1))
+    return [target.with_name(f"{target.stem}-{number}{target.suffix}") for number in numbers]
 
 
 @app.command("import")

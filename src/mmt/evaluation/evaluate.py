@@ -99,6 +99,7 @@ def evaluate_session(
         at_stop=None if leader.stop_s is None else scorer.score(leader.stop_s),
         at_end=scorer.score(duration_s),
         worst=worst,
+        by_heading=scorer.by_heading(final_s),
         coverage=coverage(
             session.frames,
             np.empty((0, 2)) if model is None else model.points,

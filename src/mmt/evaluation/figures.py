@@ -170,7 +170,8 @@ def power_error_map(evaluation: Evaluation) -> Figure:
         shading="nearest",
     )
     figure.colorbar(power, ax=level, extend="both")
-    level.set_title("power error (dB)", fontsize=10)
+    over = " rms over headings" if evaluation.by_heading else ""
+    level.set_title(f"power error (dB{over})", fontsize=10)
     fit = shape.pcolormesh(
         errors.speed_mm_s,
         errors.force_n,

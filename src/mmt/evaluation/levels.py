@@ -23,8 +23,12 @@ def level_error_db(
     model: TextureModel, speed_mm_s: FloatArray, force_n: FloatArray, power: FloatArray
 ) -> FloatArray:
     """Return the error of a model's power at points (k,) against `power` (k,), bounded, in dB."""
-    errors_db = power_error_db(output_power_at(model, speed_mm_s, force_n), power)
-    return np.clip(errors_db, -LARGEST_ERROR_DB, LARGEST_ERROR_DB)
+    return bounded_error_db(output_power_at(model, speed_mm_s, force_n), power)
+
+
+def bounded_error_db(values: FloatArray, reference: FloatArray) -> FloatArray:
+    """Return 10 log10 of powers or densities over their reference, of any shape, bounded."""
+    return np.clip(power_error_db(values, reference), -LARGEST_ERROR_DB, LARGEST_ERROR_DB)
 
 
 def root_mean_square(values: FloatArray) -> float:

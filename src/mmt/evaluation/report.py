@@ -118,6 +118,7 @@ def _overview(evaluations: Sequence[Evaluation]) -> list[Block]:
 
 def _session(evaluation: Evaluation, prefix: str) -> list[Block]:
     from mmt.evaluation import figures
+    from mmt.evaluation.heading_report import heading_blocks
 
     blocks: list[Block] = [
         Heading(f"Session {evaluation.name}"),
@@ -151,6 +152,7 @@ def _session(evaluation: Evaluation, prefix: str) -> list[Block]:
             ),
             tables.worst(evaluation),
         ]
+    blocks += heading_blocks(evaluation, prefix)
     return [*blocks, Heading("Every step", 3), tables.steps(evaluation)]
 
 

@@ -6,11 +6,15 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Final, Literal
 
 from mmt.arrays import FloatArray
+from mmt.evaluation.grid_errors import HeadingErrors
 from mmt.texture.model import TextureModel
 from mmt.texture.settings import ModellingSettings
 
 Basis = Literal["truth", "held-out"]
 """What the power error and the share within one JND are measured against."""
+
+Limit = Literal["beyond the samples", "heading", "sparse", "fit", "interpolation"]
+"""What limits a model where it is worst."""
 
 DEFINITIONS: Final[Mapping[str, str]] = {
     "gfc": (
@@ -40,6 +44,14 @@ DEFINITIONS: Final[Mapping[str, str]] = {
     "within_jnd": (
         "Share of the same points whose power error is at most 1.36 dB, the just noticeable "
         "difference of 17 % in amplitude."
+    ),
+    "by_heading": (
+        "GFC as truth_gfc, log-spectral distance (root mean square over 10 to 500 Hz of the "
+        "densities' ratio in dB, mean over the strokes), power error and share within one JND "
+        "in sectors of 30 degrees of the stroke's heading, on textures that depend on it: "
+        "6 x 6 points of the plane at 24 headings, over all of which the other scores against "
+        "the known texture are then taken as well. 'mean over headings' is the texture's own "
+        "mean, which a model that does not know the heading reaches at best."
     ),
     "distance": (
         "Sum over the nine cells of the speed-force plane of the distances from a cell's "
@@ -83,18 +95,20 @@ class Worst:
     """The point of the grid where the model is farthest from the known texture.
 
     ``measure`` is "power" or "gfc". ``nearest_sample`` is the distance to the nearest sample
-    in the normalised plane, ``boundary_share`` the weight of boundary points there.
+    in the normalised plane, ``heading_deg`` None where the texture is the same in all
+    directions, ``boundary_share`` the weight of boundary points there.
     ``limit`` names what limits the model, ``reason`` says it in a sentence.
     """
 
     measure: Literal["power", "gfc"]
     speed_mm_s: float
     force_n: float
+    heading_deg: float | None
     power_error_db: float
     gfc: float
     nearest_sample: float
     boundary_share: float
-    limit: Literal["beyond the samples", "sparse", "fit", "interpolation"]
+    limit: Limit
     reason: str
 
 
@@ -163,7 +177,8 @@ class Evaluation:
     ``start_s`` and ``stop_s`` are the session times at which the criteria were met, None
     where they were not. ``at_start``, ``at_stop`` and ``at_end`` are the figures at exactly
     these moments. ``models`` holds the leader's model after each update with its time;
-    ``distances`` (k, 2) time and distance of every update.
+    ``distances`` (k, 2) time and distance of every update; ``by_heading`` is empty but on a
+    texture that depends on the heading.
     """
 
     name: str
@@ -186,6 +201,7 @@ class Evaluation:
     at_stop: Score | None
     at_end: Score
     worst: tuple[Worst, ...]
+    by_heading: tuple[HeadingErrors, ...]
     coverage: Coverage
     held_out: tuple[HeldOutSegment, ...]
     processing_s: float
@@ -230,6 +246,7 @@ class Evaluation:
             "at_stop": _plain(asdict(self.at_stop)) if self.at_stop else None,
             "at_end": _plain(asdict(self.at_end)),
             "worst": [_plain(asdict(worst)) for worst in self.worst],
+            "by_heading": [_plain(asdict(errors)) for errors in self.by_heading],
             "coverage": _plain(asdict(self.coverage)),
             "held_out": [_held_out(segment) for segment in self.held_out],
             "period_s": self.period_s,

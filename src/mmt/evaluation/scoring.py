@@ -6,10 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from mmt.evaluation.building import ModelHistory
+from mmt.evaluation.grid_errors import GridErrors, HeadingErrors
 from mmt.evaluation.held_out import Approximation, HeldOutRecording
 from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.results import HeldOutSegment, PowerMap, Score, Worst
-from mmt.evaluation.truth import DENSITY_HZ, GridErrors, KnownTexture
+from mmt.evaluation.strokes import Strokes
+from mmt.evaluation.truth import DENSITY_HZ, KnownTexture
 from mmt.texture.completion import CELL_CENTRES, FARTHEST, NEIGHBOURS
 from mmt.texture.metrics import within_jnd
 from mmt.texture.segmentation import Segment
@@ -72,6 +74,13 @@ class Scorer:
         if self._truth is None or model is None or grid is None:
             return (), None
         return self._truth.worst(model, grid), self._truth.power_map(grid)
+
+    def by_heading(self, time_s: float) -> tuple[HeadingErrors, ...]:
+        """Return the leader's errors by heading at a session time, where the texture has one."""
+        grid = self._grid(self._leader.number(time_s))
+        if self._truth is None or grid is None:
+            return ()
+        return self._truth.by_heading({"speed and force": grid})
 
     def segments(self, time_s: float, first_sample: int) -> tuple[HeldOutSegment, ...]:
         """Return the held-out segments as they are approximated at a session time."""
@@ -139,11 +148,9 @@ class Scorer:
     ) -> HeldOutSegment:
         segment = recording.segment
         truth = None
-        if self._truth is not None:
-            density = self._truth.spectrum(
-                np.array([segment.speed_mm_s]), np.array([segment.force_n]), DENSITY_HZ
-            )
-            truth = np.sqrt(density[0])
+        if self._truth is not None and self._truth.surface.isotropic:
+            stroke = Strokes(*(np.array([v]) for v in (segment.speed_mm_s, segment.force_n, 0.0)))
+            truth = np.sqrt(self._truth.spectrum(stroke, DENSITY_HZ)[0])
         return HeldOutSegment(
             start_s=(segment.start - first_sample) / self._rate_hz,
             stop_s=(segment.stop - first_sample) / self._rate_hz,

@@ -20,6 +20,11 @@ def step_table(evaluation: Evaluation) -> rich.console.Group:
     return as_rich(tables.steps(evaluation))
 
 
+def heading_tables(evaluations: Sequence[Evaluation]) -> list[rich.console.Group]:
+    """Return a table by heading for each session on a texture that depends on it."""
+    return [as_rich(tables.by_heading(each)) for each in evaluations if each.by_heading]
+
+
 def as_rich(table: document.Table) -> rich.console.Group:
     """Return a report's table for the terminal, narrow enough for 80 columns.
 

@@ -4,7 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mmt.evaluation.document import Block, Heading, Table
+from mmt.evaluation.grid_errors import SectorErrors
 from mmt.evaluation.results import Evaluation, Score
+from mmt.evaluation.strokes import SECTOR_DEG
 from mmt.evaluation.texts import label, number, plain, seconds, share
 
 
@@ -142,11 +144,21 @@ def held_out(evaluation: Evaluation) -> Table:
 
 def worst(evaluation: Evaluation) -> Table:
     """Return where the model is farthest from the known texture, and why."""
-    columns = ("worst in", "speed (mm/s)", "force (N)", "power error (dB)", "GFC", "limit", "why")
+    columns = (
+        "worst in",
+        "speed (mm/s)",
+        "heading",
+        "force (N)",
+        "power error (dB)",
+        "GFC",
+        "limit",
+        "why",
+    )
     rows = [
         (
             point.measure,
             number(point.speed_mm_s, 0),
+            number(point.heading_deg, 0),
             number(point.force_n, 2),
             number(point.power_error_db, 2),
             number(point.gfc, 3),
@@ -156,6 +168,36 @@ def worst(evaluation: Evaluation) -> Table:
         for point in evaluation.worst
     ]
     return Table(columns, rows, "Where the model is farthest from the known texture")
+
+
+_BY_HEADING = (
+    f"Against the known texture by heading, in sectors of {SECTOR_DEG:g} degrees about the "
+    "heading given: GFC, log-spectral distance (dB) and power error (dB rms) of the model, and of "
+    "the texture's own mean over all headings, which a model that does not know the heading "
+    "reaches at best."
+)
+
+
+def by_heading(evaluation: Evaluation) -> Table:
+    """Return one row for each sector and one over all, three columns for each model."""
+    columns = ["heading"]
+    for errors in evaluation.by_heading:
+        columns += [f"{errors.model}: {what}" for what in ("GFC", "distance", "power")]
+    whole = [errors.overall for errors in evaluation.by_heading]
+    sectors = zip(*(errors.sectors for errors in evaluation.by_heading), strict=True)
+    rows = [_errors(f"{row[0].heading_deg:.0f}", row) for row in sectors]
+    return Table(columns, [*rows, _errors("all", whole)], _BY_HEADING)
+
+
+def _errors(heading: str, models: Sequence[SectorErrors]) -> list[str]:
+    cells = [heading]
+    for errors in models:
+        cells += [
+            number(errors.gfc, 3),
+            number(errors.log_spectral_db, 1),
+            number(errors.power_error_db, 1),
+        ]
+    return cells
 
 
 def run_blocks(run: Mapping[str, object]) -> list[Block]:

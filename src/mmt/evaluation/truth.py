@@ -5,7 +5,7 @@ interpolated filter, so that no score here carries the scatter of a realisation.
 sensors add and what the modelling's 10 Hz high-pass takes away count as errors of the model.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -13,39 +13,27 @@ import numpy as np
 from mmt.arrays import FloatArray
 from mmt.devices.simulated.surfaces import Surface, surface_from_annotations
 from mmt.errors import InputError
-from mmt.evaluation.levels import level_error_db
+from mmt.evaluation.grid_errors import GridErrors, HeadingErrors, by_heading
+from mmt.evaluation.levels import bounded_error_db
 from mmt.evaluation.results import PowerMap, Worst
-from mmt.texture.autoregression import ar_spectrum, lsf_to_ar
+from mmt.evaluation.strokes import Strokes, all_headings, over_plane
+from mmt.evaluation.worst import Error, explain
+from mmt.texture.autoregression import ar_spectrum, lsf_to_ar, lsf_to_reflection, output_power
 from mmt.texture.metrics import expected_amplitude, gfc_of_rows
 from mmt.texture.model import TextureModel
 from mmt.texture.settings import ModellingSettings
 
-GRID_SPEED_MM_S: Final[FloatArray] = np.linspace(40.0, 260.0, 12)
-GRID_FORCE_N: Final[FloatArray] = np.linspace(0.4, 2.6, 12)
 DENSITY_HZ: Final[FloatArray] = np.arange(501.0)
 """Where spectra are computed; lines are at least 3 Hz wide."""
 
 _FINE: Final = slice(10, None, 2)  # of DENSITY_HZ: 10 to 500 Hz in steps of 2 Hz
 _BINS: Final = slice(1, None)  # of Welch's estimate: 15.6 to 500 Hz
-_SPARSE: Final = 0.2  # of the normalised plane
-_MUCH: Final = 0.5
 
 
-@dataclass(frozen=True)
-class GridErrors:
-    """GFC and power error (dB) at points of the plane, each of shape (k,).
+class _Spectra(NamedTuple):
+    """Densities (k, f), fine, amplitudes (k, b) as by Welch, and powers (k,)."""
 
-    ``gfc`` compares the spectra at the resolution of every measured GFC (Welch, 64 samples),
-    ``gfc_fine`` at 2 Hz.
-    """
-
-    gfc: FloatArray
-    gfc_fine: FloatArray
-    power_error_db: FloatArray
-
-
-class _Truth(NamedTuple):
-    fine_amplitude: FloatArray
+    fine: FloatArray
     amplitude: FloatArray
     power: FloatArray
 
@@ -59,101 +47,124 @@ class KnownTexture:
         The texture.
     share
         Power of the vibration that the modelling sees over that along the normal.
+
+    Attributes
+    ----------
+    strokes
+        The grid at which models are compared: over the plane, and at all headings where the
+        texture depends on them.
     """
 
     def __init__(self, surface: Surface, share: float = 1.0) -> None:
         self.surface = surface
         self._share = share
-        speed, force = np.meshgrid(GRID_SPEED_MM_S, GRID_FORCE_N)
-        self._speed_mm_s, self._force_n = speed.ravel(), force.ravel()
-        self._reference = self._truth_at(self._speed_mm_s, self._force_n)
+        self.strokes = over_plane() if surface.isotropic else all_headings()
+        self._reference = self._truth_at(self.strokes)
 
-    def spectrum(
-        self, speed_mm_s: FloatArray, force_n: FloatArray, frequencies_hz: FloatArray
-    ) -> FloatArray:
+    def spectrum(self, strokes: Strokes, frequencies_hz: FloatArray) -> FloatArray:
         """Return the one-sided power spectral density (k, f) that a model should have."""
-        return self._share * self.surface.spectrum(speed_mm_s, force_n, frequencies_hz)
+        return self._share * self.surface.spectrum(
+            strokes.speed_mm_s, strokes.force_n, frequencies_hz, strokes.heading_rad
+        )
 
     def compare(self, model: TextureModel) -> GridErrors:
-        """Compare a model over the grid, 12 x 12 points, forces outermost."""
-        return _errors(model, self._speed_mm_s, self._force_n, self._reference)
+        """Compare a model over the grid."""
+        return _errors(_spectra_of(model, self.strokes), self._reference)
 
-    def compare_at(
-        self, model: TextureModel, speed_mm_s: FloatArray, force_n: FloatArray
-    ) -> GridErrors:
-        """Compare a model at points (k,) of the plane."""
-        return _errors(model, speed_mm_s, force_n, self._truth_at(speed_mm_s, force_n))
+    def compare_at(self, model: TextureModel, strokes: Strokes) -> GridErrors:
+        """Compare a model at other strokes."""
+        return _errors(_spectra_of(model, strokes), self._truth_at(strokes))
 
-    def _truth_at(self, speed_mm_s: FloatArray, force_n: FloatArray) -> "_Truth":
-        """Return amplitude spectra (k, f), fine and as by Welch, and powers (k,) of the truth.
+    def by_heading(self, models: Mapping[str, GridErrors]) -> tuple[HeadingErrors, ...]:
+        """Gather the errors of models over the grid by heading, each under its name.
+
+        The texture's own mean over all headings comes last. Empty where the texture does
+        not depend on the heading.
+        """
+        if self.surface.isotropic:
+            return ()
+        named = {**models, "mean over headings": self.without_heading()}
+        return tuple(by_heading(name, self.strokes, errors) for name, errors in named.items())
+
+    def without_heading(self) -> GridErrors:
+        """Return the errors of the texture's own mean over all headings, on the grid.
+
+        So far a model that does not know the heading gets at best.
+        """
+        count = len(np.unique(self.strokes.heading_rad))
+        means = (
+            np.repeat(values.reshape(-1, count, *values.shape[1:]).mean(axis=1), count, axis=0)
+            for values in (
+                self._reference.fine,
+                np.square(self._reference.amplitude),
+                self._reference.power,
+            )
+        )
+        fine, density, power = means
+        return _errors(_Spectra(fine, np.sqrt(density), power), self._reference)
+
+    def power_map(self, errors: GridErrors) -> PowerMap:
+        """Lay errors over the grid out as a map of the plane.
+
+        Where a grid has several headings, the level's error is its root mean square over
+        them, and GFC the mean.
+        """
+        speed_mm_s = np.unique(self.strokes.speed_mm_s)
+        force_n = np.unique(self.strokes.force_n)
+        shape = len(force_n), len(speed_mm_s), -1
+        level_db = errors.power_error_db.reshape(shape)
+        return PowerMap(
+            speed_mm_s=speed_mm_s,
+            force_n=force_n,
+            power_error_db=(
+                level_db[..., 0]
+                if self.surface.isotropic
+                else np.sqrt(np.square(level_db).mean(axis=2))
+            ),
+            gfc=errors.gfc.reshape(shape).mean(axis=2),
+        )
+
+    def worst(self, model: TextureModel, errors: GridErrors) -> tuple[Worst, Worst]:
+        """Return where the model errs most in power and in shape, and what limits it there."""
+        best = None if self.surface.isotropic else self.without_heading()
+        level = int(np.abs(errors.power_error_db).argmax())
+        shape = int(errors.gfc.argmin())
+        return (
+            self._explain(model, errors, best, level, shape=False),
+            self._explain(model, errors, best, shape, shape=True),
+        )
+
+    def _explain(
+        self,
+        model: TextureModel,
+        errors: GridErrors,
+        best: GridErrors | None,
+        index: int,
+        *,
+        shape: bool,
+    ) -> Worst:
+        def own(stroke: Strokes) -> Error:
+            return _at(self.compare_at(model, stroke), 0)
+
+        return explain(
+            model,
+            self.strokes.at(index),
+            _at(errors, index),
+            own,
+            _at(best, index) if best is not None else None,
+            shape=shape,
+        )
+
+    def _truth_at(self, strokes: Strokes) -> _Spectra:
+        """Return the spectra and powers of the truth.
 
         The power is the trapezoidal sum of the spectrum from 0 to 500 Hz in steps of 1 Hz.
         The spectrum being even and periodic, the error falls exponentially with a line's
         width over the step: 2e-4 for the narrowest lines, of 3 Hz.
         """
-        density = self.spectrum(speed_mm_s, force_n, DENSITY_HZ)
+        density = self.spectrum(strokes, DENSITY_HZ)
         power = density.sum(axis=1) - 0.5 * (density[:, 0] + density[:, -1])
-        return _Truth(np.sqrt(density[:, _FINE]), expected_amplitude(density)[:, _BINS], power)
-
-    @staticmethod
-    def power_map(errors: GridErrors) -> PowerMap:
-        """Lay errors over the grid out as a map."""
-        shape = len(GRID_FORCE_N), len(GRID_SPEED_MM_S)
-        return PowerMap(
-            speed_mm_s=GRID_SPEED_MM_S,
-            force_n=GRID_FORCE_N,
-            power_error_db=errors.power_error_db.reshape(shape),
-            gfc=errors.gfc.reshape(shape),
-        )
-
-    def worst(self, model: TextureModel, errors: GridErrors) -> tuple[Worst, Worst]:
-        """Return where the model errs most in power and in shape, and what limits it there."""
-        return (
-            self._explain(model, errors, int(np.abs(errors.power_error_db).argmax()), shape=False),
-            self._explain(model, errors, int(errors.gfc.argmin()), shape=True),
-        )
-
-    def _explain(
-        self, model: TextureModel, errors: GridErrors, index: int, *, shape: bool
-    ) -> Worst:
-        speed_mm_s, force_n = self._speed_mm_s[index], self._force_n[index]
-        point = model.space.normalise(np.array([[speed_mm_s, force_n]]))[0]
-        distances = np.hypot(*(model.points - point).T)
-        nearest = int(distances.argmin())
-        boundary = _boundary_share(model, point)
-        sample_mm_s, sample_n = model.samples.speed_mm_s[nearest], model.samples.force_n[nearest]
-        there = self.compare_at(model, np.array([sample_mm_s]), np.array([sample_n]))
-        if shape:
-            own = 1.0 - there.gfc[0] >= _MUCH * (1.0 - errors.gfc[index])
-            what, value = "shape", f"GFC {there.gfc[0]:.3f}"
-        else:
-            own = there.power_error_db[0] / errors.power_error_db[index] >= _MUCH
-            what, value = "level", f"{there.power_error_db[0]:+.1f} dB"
-        place = f"the nearest sample ({sample_mm_s:.0f} mm/s, {sample_n:.2f} N)"
-        far = f"{distances[nearest]:.2f} of the plane away"
-        if boundary >= _MUCH:
-            limit = "beyond the samples"
-            reason = f"boundary points weigh {boundary:.0%} here; {place} is {far}"
-        elif own:
-            limit = "fit"
-            reason = f"the model's {what} at {place} itself has {value}"
-        elif distances[nearest] > _SPARSE:
-            limit = "sparse"
-            reason = f"{place} is {far}, and the {what} changes in between"
-        else:
-            limit = "interpolation"
-            reason = f"the {what} changes between samples; {place}, {far}, has {value}"
-        return Worst(
-            measure="gfc" if shape else "power",
-            speed_mm_s=float(speed_mm_s),
-            force_n=float(force_n),
-            power_error_db=float(errors.power_error_db[index]),
-            gfc=float(errors.gfc[index]),
-            nearest_sample=float(distances[nearest]),
-            boundary_share=boundary,
-            limit=limit,  # type: ignore[arg-type]
-            reason=reason,
-        )
+        return _Spectra(density[:, _FINE], expected_amplitude(density)[:, _BINS], power)
 
 
 def known_texture(
@@ -175,24 +186,23 @@ def known_texture(
     return KnownTexture(surface, share), f"the known texture {surface.name}"
 
 
-def _errors(
-    model: TextureModel,
-    speed_mm_s: FloatArray,
-    force_n: FloatArray,
-    truth: "_Truth",
-) -> GridErrors:
-    lsf, variance = model.at(speed_mm_s, force_n)
+def _spectra_of(model: TextureModel, strokes: Strokes) -> _Spectra:
+    lsf, variance = model.at(*strokes.inputs(model.space).T)
     # By the coefficients: several times faster than by LSF.
     density = ar_spectrum(lsf_to_ar(lsf), variance, DENSITY_HZ, model.rate_hz)
+    power = output_power(variance, lsf_to_reflection(lsf))
+    return _Spectra(density[:, _FINE], expected_amplitude(density)[:, _BINS], power)
+
+
+def _errors(own: _Spectra, truth: _Spectra) -> GridErrors:
+    ratio_db = bounded_error_db(own.fine, truth.fine)
     return GridErrors(
-        gfc=gfc_of_rows(expected_amplitude(density)[:, _BINS], truth.amplitude),
-        gfc_fine=gfc_of_rows(np.sqrt(density[:, _FINE]), truth.fine_amplitude),
-        power_error_db=level_error_db(model, speed_mm_s, force_n, truth.power),
+        gfc=gfc_of_rows(own.amplitude, truth.amplitude),
+        gfc_fine=gfc_of_rows(np.sqrt(own.fine), np.sqrt(truth.fine)),
+        power_error_db=bounded_error_db(own.power, truth.power),
+        log_spectral_db=np.sqrt(np.mean(np.square(ratio_db), axis=1)),
     )
 
 
-def _boundary_share(model: TextureModel, point: FloatArray) -> float:
-    corners, weights = model.triangulation.weights(point[None, :])
-    places = model.vertices[corners[0], :2]
-    on_edge = ((places == 0.0) | (places == 1.0)).any(axis=1)
-    return float(weights[0][on_edge].sum())
+def _at(errors: GridErrors, index: int) -> Error:
+    return Error(float(errors.power_error_db[index]), float(errors.gfc[index]))

@@ -11,7 +11,8 @@ from mmt.devices.simulated import PERIOD_S, RATE_HZ
 from mmt.devices.simulated.noise import NoiseRows
 from mmt.devices.simulated.robot import START_MM, nominal_compliance_mm_n
 from mmt.devices.simulated.strokes import Phase, StrokePlanner
-from mmt.scene import Hand, Simulated
+from mmt.hand_table import Hand
+from mmt.scene import Simulated
 
 LEAST_FORCE_N: Final = 0.01
 """Below this the hand does not press."""

@@ -2,17 +2,16 @@
 
 Every part is one resonator driven by white noise of its own: a damped rotation, whose
 spectrum is a Lorentzian peak. What sets a texture apart is how its parts' power, frequency
-and bandwidth follow speed and force.
+and bandwidth follow speed and force; a part with a grain (`mmt.devices.simulated.grain`) also
+follows the heading of the stroke.
 Each map is written with arithmetic alone, so that the same line of code serves one tick
 (floats) and the whole plane (arrays).
 """
 
 from dataclasses import dataclass
-from typing import Final, TypeVar
+from typing import Final
 
-from mmt.arrays import FloatArray
-
-Number = TypeVar("Number", float, FloatArray)
+from mmt.devices.simulated.grain import Grain, Number
 
 REFERENCE_SPEED_MM_S: Final = 100.0
 """Speed at which a part's `power` is given; the reference force is 1 N."""
@@ -41,6 +40,7 @@ class Resonance:
     speed_shift_hz: float = 0.0
     force_shift_hz: float = 0.0
     force_damping: float = 0.0
+    grain: Grain | None = None
 
     def maps(self, speed_mm_s: Number, force_n: Number) -> tuple[Number, Number, Number]:
         """Return power (m/s2)^2, frequency (Hz) and bandwidth (Hz) at speeds and forces."""
@@ -66,6 +66,7 @@ class Line:
     period_mm: float
     relative_width: float
     least_width_hz: float = 3.0
+    grain: Grain | None = None
 
     def maps(self, speed_mm_s: Number, force_n: Number) -> tuple[Number, Number, Number]:
         """Return power (m/s2)^2, frequency (Hz) and bandwidth (Hz) at speeds and forces."""
@@ -78,3 +79,24 @@ class Line:
 
 
 Mode = Resonance | Line
+
+
+def maps_at(
+    mode: Mode, speed_mm_s: Number, force_n: Number, cosine: Number, sine: Number
+) -> tuple[Number, Number, Number]:
+    """Return a part's power, frequency and bandwidth for strokes of a heading.
+
+    Parameters
+    ----------
+    mode
+        The part.
+    speed_mm_s, force_n
+        Of the stroke.
+    cosine, sine
+        Of its heading; without a grain they do not matter.
+    """
+    if mode.grain is None:
+        return mode.maps(speed_mm_s, force_n)
+    heard, factor = mode.grain.heard(speed_mm_s, cosine, sine)
+    power, frequency, bandwidth = mode.maps(heard, force_n)
+    return power * factor, frequency, bandwidth

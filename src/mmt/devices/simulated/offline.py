@@ -18,7 +18,8 @@ from mmt.devices.simulated.surfaces import Surface
 from mmt.devices.simulated.textures import get_surface
 from mmt.errors import InputError
 from mmt.frames import CHANNELS
-from mmt.scene import Hand, Scene, Simulated
+from mmt.hand_table import Hand
+from mmt.scene import Scene, Simulated
 
 _BLOCK_TICKS: Final = 1000
 _STILL_MM_S: Final = 4.0

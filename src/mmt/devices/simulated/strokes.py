@@ -4,21 +4,26 @@ Back and forth, within one stroke one to three stretches of steady speed and for
 smooth changes between them; the heading turns from stroke to stroke, the centre wanders,
 the hand rests now and then and lifts off now and then. Speeds and forces to try come from
 a low-discrepancy sequence over the range asked for (Roberts' R2, shifted by the seed):
-a person who was told to try everything does not try the same twice in a row.
+a person who was told to try everything does not try the same twice in a row. Who was told
+to try all headings as well takes them from such a sequence too, in the order in which the
+workspace has room for them.
 """
 
 import math
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from mmt.scene import Hand
+from mmt.hand_table import Hand
 
 REACH_MM: Final = 85.0
 """Strokes are aimed to end within this distance of the centre of the workspace."""
 
+_GOLDEN: Final = 0.6180339887498949
+_TRIES: Final = 16
 _R2: Final = (0.7548776662466927, 0.5698402909980532)
 _ACCELERATION_MM_S2: Final = 3000.0
 _FORCE_RATE_N_S: Final = 20.0
@@ -59,7 +64,7 @@ class StrokePlanner:
     Parameters
     ----------
     settings
-        Range of speeds and forces, and the share of time at rest.
+        Range of speeds and forces, how headings are chosen, and the share of time at rest.
     generator
         Source of every random number.
     """
@@ -72,6 +77,7 @@ class StrokePlanner:
         self._heading = float(generator.uniform(0.0, 2.0 * math.pi))
         self._rest_due_s = 0.0
         self._until_lift = self._next_lift()
+        self._waiting: deque[float] = deque(maxlen=_TRIES)
 
     def stroke(self, x_mm: float, y_mm: float) -> Iterator[Phase]:
         """Yield the phases of the next stroke, which starts here and at rest.
@@ -131,7 +137,8 @@ class StrokePlanner:
 
     def _moves(self, stretches: list[_Steady], x_mm: float, y_mm: float) -> Iterator[Phase]:
         length_mm = _length_mm(stretches)
-        heading: float | None = self._aim(x_mm, y_mm, length_mm)
+        aim = self._aim if self._settings.headings == "opposite" else self._aim_anywhere
+        heading: float | None = aim(x_mm, y_mm, length_mm)
         # A wrist's stroke bows by a fraction of a millimetre.
         turn = self._between(-0.04, 0.04) / length_mm
         before = _Steady(0.0, 0.0, 0.0)
@@ -158,11 +165,29 @@ class StrokePlanner:
         wish = self._heading + math.pi + self._between(-0.35, 0.35)
         if self._random.random() < 0.15:
             wish = self._between(0.0, 2.0 * math.pi)
-        end = math.hypot(x_mm + length_mm * math.cos(wish), y_mm + length_mm * math.sin(wish))
-        if end > REACH_MM:
+        if not _within_reach(x_mm, y_mm, length_mm, wish):
             wish = math.atan2(-y_mm, -x_mm) + self._between(-0.2, 0.2)
         self._heading = wish
         return wish
+
+    def _aim_anywhere(self, x_mm: float, y_mm: float, length_mm: float) -> float:
+        """Take the next heading of a sequence over all of them that the workspace has room for.
+
+        Those that it has no room for now wait for a stroke that starts elsewhere.
+        """
+        for _ in range(_TRIES - len(self._waiting)):
+            self._heading = (self._heading + 2.0 * math.pi * _GOLDEN) % (2.0 * math.pi)
+            self._waiting.append(self._heading)
+        for heading in self._waiting:
+            if _within_reach(x_mm, y_mm, length_mm, heading):
+                self._waiting.remove(heading)
+                return heading
+        return math.atan2(-y_mm, -x_mm) + self._between(-0.2, 0.2)
+
+
+def _within_reach(x_mm: float, y_mm: float, length_mm: float, heading_rad: float) -> bool:
+    end_x_mm = x_mm + length_mm * math.cos(heading_rad)
+    return math.hypot(end_x_mm, y_mm + length_mm * math.sin(heading_rad)) <= REACH_MM
 
 
 def _ramp_s(before: _Steady, after: _Steady) -> float:

@@ -9,19 +9,10 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from mmt.devices.simulated.modes import Line, Mode, Resonance
+from mmt.devices.simulated.grained_textures import GRAINED, ridges
+from mmt.devices.simulated.modes import Resonance
 from mmt.devices.simulated.surfaces import Surface
 from mmt.errors import InputError
-
-
-def _lines(
-    period_mm: float, powers: tuple[float, ...], width: float, speed: float, force: float
-) -> tuple[Mode, ...]:
-    return tuple(
-        Line(power, speed, force, period_mm / harmonic, width)
-        for harmonic, power in enumerate(powers, start=1)
-    )
-
 
 _PLASTIC = Surface(
     "plastic",
@@ -37,7 +28,7 @@ _PLASTIC = Surface(
 _MESH = Surface(
     "mesh",
     (
-        *_lines(1.6, (5.0, 2.0, 0.8), 0.06, 1.0, 0.7),
+        *ridges(1.6, (5.0, 2.0, 0.8), 0.06),
         Resonance(0.7, 1.1, 0.7, 180.0, 350.0),
     ),
     friction_coefficient=0.35,
@@ -75,7 +66,7 @@ _WOOD = Surface(
 _RIBBED = Surface(
     "ribbed",
     (
-        *_lines(2.4, (5.4, 2.4, 1.0, 0.4), 0.04, 0.9, 0.8),
+        *ridges(2.4, (5.4, 2.4, 1.0, 0.4), 0.04, speed=0.9, force=0.8),
         Resonance(0.3, 1.0, 0.8, 230.0, 300.0),
     ),
     friction_coefficient=0.3,
@@ -102,12 +93,16 @@ _GLASS = Surface(
 SURFACES: Final[Mapping[str, Surface]] = MappingProxyType(
     {
         surface.name: surface
-        for surface in (_PLASTIC, _MESH, _FABRIC, _SANDPAPER, _WOOD, _RIBBED, _RUBBER, _GLASS)
+        for surface in (
+            *(_PLASTIC, _MESH, _FABRIC, _SANDPAPER, _WOOD, _RIBBED, _RUBBER, _GLASS),
+            *GRAINED,
+        )
     }
 )
 """Every known texture by name. Plastic and wood: smooth resonances; mesh and ribbed: lines
 that follow the speed; fabric: soft and low; sandpaper: loud and broad; rubber: power as
-speed squared; glass: little above the accelerometer's noise."""
+speed squared; glass: little above the accelerometer's noise. What sets the other nine
+apart is said with `GRAINED`."""
 
 
 def get_surface(name: str) -> Surface:

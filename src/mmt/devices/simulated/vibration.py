@@ -1,10 +1,11 @@
-"""Vibration of a known surface under a hand whose speed and force change, tick by tick."""
+"""Vibration of a known surface under a hand whose motion and force change, tick by tick."""
 
 from math import cos, exp, pi, sin, sqrt
 
 import numpy as np
 
 from mmt.devices.simulated import RATE_HZ
+from mmt.devices.simulated.modes import maps_at
 from mmt.devices.simulated.noise import NoiseRows
 from mmt.devices.simulated.surfaces import HIGH_PASS_POLE, Surface
 
@@ -17,8 +18,8 @@ class Vibration:
 
     Each mode is a rotation of a pair of numbers that shrinks by a factor below 1 at every
     tick and is fed two white noises; one of the pair is heard. Frequency, bandwidth and
-    gain follow speed and force at every tick. Stability: whatever the course of speed and
-    force, a state only shrinks but for the noise added, which a filter in direct form
+    gain follow speed, force and heading at every tick. Stability: whatever their course, a
+    state only shrinks but for the noise added, which a filter in direct form
     does not guarantee. Cost: about 1 us a mode and tick.
 
     Parameters
@@ -31,18 +32,29 @@ class Vibration:
 
     def __init__(self, surface: Surface, generator: np.random.Generator) -> None:
         self._share = surface.tangential_share
-        self._maps = [mode.maps for mode in surface.modes]
+        self._modes = surface.modes
         self._states = [(0.0, 0.0, 0.0, 0.0) for _ in surface.modes]
         self._noise = NoiseRows(generator, 4 * len(surface.modes))
         self._sums = (0.0, 0.0)
         self._passed = (0.0, 0.0)
 
-    def step(self, speed_mm_s: float, force_n: float) -> tuple[float, float]:
-        """Return the acceleration (m/s2) along the normal and along the heading."""
+    def step(
+        self, speed_mm_s: float, force_n: float, heading: tuple[float, float] = (1.0, 0.0)
+    ) -> tuple[float, float]:
+        """Return the acceleration (m/s2) along the normal and along the heading.
+
+        Parameters
+        ----------
+        speed_mm_s, force_n
+            Of the stroke.
+        heading
+            The unit vector of its velocity in the plane.
+        """
+        cosine, sine = heading
         noise = self._noise.take()
         normal = along = 0.0
-        for index, maps in enumerate(self._maps):
-            power, frequency, bandwidth = maps(speed_mm_s, force_n)
+        for index, mode in enumerate(self._modes):
+            power, frequency, bandwidth = maps_at(mode, speed_mm_s, force_n, cosine, sine)
             radius = exp(-_WIDTH * bandwidth)
             c = radius * cos(_ANGLE * frequency)
             s = radius * sin(_ANGLE * frequency)

@@ -10,7 +10,7 @@ from mmt.devices.simulated.offline import simulate_session
 from mmt.devices.simulated.surfaces import Surface
 from mmt.devices.simulated.textures import get_surface
 from mmt.evaluation.levels import root_mean_square
-from mmt.evaluation.truth import GRID_FORCE_N, GRID_SPEED_MM_S
+from mmt.evaluation.strokes import GRID_FORCE_N, GRID_SPEED_MM_S
 from mmt.scene import Scene
 from mmt.session.recorded import RecordedSession
 from mmt.texture.autoregression import (

@@ -17,8 +17,9 @@ from mmt.evaluation.stability.cases import Case, Outcome
 from mmt.evaluation.stability.delay import LIGHT_GRIP, Loop
 from mmt.evaluation.stability.feedback_methods import method_cases
 from mmt.frames import empty_frames
+from mmt.hand_table import Hand
 from mmt.leader.feedback import StreamedForce
-from mmt.scene import Hand, Simulated
+from mmt.scene import Simulated
 
 WALLS_N_MM: Final = (0.1, 0.2, 0.3, 0.4, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 DELAYS_MS: Final = (0, 1, 2, 5, 10, 20, 50, 100, 200)

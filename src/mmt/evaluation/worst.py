@@ -1,0 +1,130 @@
+"""What limits a model at the point where it is farthest from the known texture."""
+
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from mmt.arrays import FloatArray
+from mmt.evaluation.results import Limit, Worst
+from mmt.evaluation.strokes import Strokes
+from mmt.texture.model import TextureModel
+from mmt.texture.vertices import COINCIDENT
+
+_SPARSE: Final = 0.2  # of the normalised plane
+_MUCH: Final = 0.5
+
+
+class Error(NamedTuple):
+    """Level (dB) and shape of one stroke against the truth."""
+
+    power_error_db: float
+    gfc: float
+
+    def much_of(self, other: "Error", *, shape: bool) -> bool:
+        """Say whether this error is at least half of another one, and of the same sign."""
+        if shape:
+            return 1.0 - self.gfc >= _MUCH * (1.0 - other.gfc)
+        if other.power_error_db == 0.0:
+            return True
+        return self.power_error_db / other.power_error_db >= _MUCH
+
+    def text(self, *, shape: bool) -> str:
+        """Return the level or the shape as text."""
+        return f"GFC {self.gfc:.3f}" if shape else f"{self.power_error_db:+.1f} dB"
+
+
+def explain(
+    model: TextureModel,
+    stroke: Strokes,
+    error: Error,
+    own: Callable[[Strokes], Error],
+    without_heading: Error | None,
+    *,
+    shape: bool,
+) -> Worst:
+    """Say what limits a model at one stroke.
+
+    Parameters
+    ----------
+    model
+        The model.
+    stroke
+        Where it errs, shape (1,).
+    error
+        How much.
+    own
+        Returns the model's error at another stroke.
+    without_heading
+        The error that the texture's mean over all headings has there; None where the
+        texture has no heading.
+    shape
+        Whether the shape is in question, else the level.
+    """
+    speed_mm_s, force_n, heading_rad = (float(values[0]) for values in stroke)
+    point = model.space.normalise(stroke.inputs(model.space))[0]
+    distances = np.linalg.norm(model.points - point, axis=1)
+    nearest = int(distances.argmin())
+    boundary = _boundary_share(model, point)
+    sample = _stroke_of(model, nearest, stroke)
+    there = own(sample)
+    what = "shape" if shape else "level"
+    value = there.text(shape=shape)
+    place = f"the nearest sample ({_text(sample, directed=model.space.directed)})"
+    far = f"{distances[nearest]:.2f} of the {'space' if model.space.directed else 'plane'} away"
+    limit: Limit
+    unaware = None if model.space.directed else without_heading
+    if unaware is not None and unaware.much_of(error, shape=shape):
+        limit = "heading"
+        reason = (
+            f"the {what} depends on the heading, which the model does not know: the mean over "
+            f"all headings itself has {unaware.text(shape=shape)} here"
+        )
+    elif boundary >= _MUCH:
+        limit = "beyond the samples"
+        reason = f"boundary points weigh {boundary:.0%} here; {place} is {far}"
+    elif there.much_of(error, shape=shape):
+        limit = "fit"
+        reason = f"the model's {what} at {place} itself has {value}"
+    elif distances[nearest] > _SPARSE:
+        limit = "sparse"
+        reason = f"{place} is {far}, and the {what} changes in between"
+    else:
+        limit = "interpolation"
+        reason = f"the {what} changes between samples; {place}, {far}, has {value}"
+    return Worst(
+        measure="gfc" if shape else "power",
+        speed_mm_s=speed_mm_s,
+        force_n=force_n,
+        heading_deg=None if without_heading is None else float(np.degrees(heading_rad)),
+        power_error_db=error.power_error_db,
+        gfc=error.gfc,
+        nearest_sample=float(distances[nearest]),
+        boundary_share=boundary,
+        limit=limit,
+        reason=reason,
+    )
+
+
+def _stroke_of(model: TextureModel, sample: int, stroke: Strokes) -> Strokes:
+    """Return the stroke of a sample; of the given heading where the model knows none."""
+    velocity_x, velocity_y = model.samples.inputs[sample, :2]
+    heading = np.arctan2(velocity_y, velocity_x) if model.space.directed else stroke.heading_rad[0]
+    speed_mm_s, force_n = model.samples.speed_mm_s[sample], model.samples.force_n[sample]
+    return Strokes(*(np.array([value]) for value in (speed_mm_s, force_n, heading)))
+
+
+def _text(stroke: Strokes, *, directed: bool) -> str:
+    speed_mm_s, force_n, heading_rad = (float(values[0]) for values in stroke)
+    towards = f" to {np.degrees(heading_rad) % 360.0:.0f} degrees" if directed else ""
+    return f"{speed_mm_s:.0f} mm/s{towards}, {force_n:.2f} N"
+
+
+def _boundary_share(model: TextureModel, point: FloatArray) -> float:
+    """Return the weight of vertices at which there is no sample."""
+    corners, weights = model.triangulation.weights(point[None, :])
+    dimensions = model.space.dimensions
+    places = model.vertices[corners[0], :dimensions]
+    offsets = model.points[None, :, :] - places[:, None, :]
+    boundary = np.linalg.norm(offsets, axis=2).min(axis=1) > COINCIDENT
+    return float(weights[0][boundary].sum())

@@ -1,0 +1,26 @@
+"""``mmt session``: several trials at once."""
+
+import numpy as np
+from typer.testing import CliRunner
+
+from mmt.cli.main import app
+from mmt.devices.simulated.surfaces import surface_from_annotations
+from mmt.session import read_session
+
+
+def simulate(*options):
+    arguments = ["session", "simulate", *map(str, options), "--duration", "0.5"]
+    result = CliRunner().invoke(app, [*arguments, "--surface", "oak"])
+    assert result.exit_code == 0, result.output
+
+
+def test_trials_are_numbered_sessions_of_seeds_in_a_row(tmp_path):
+    simulate(tmp_path / "oak.mcap", "--trials", 10, "--seed", 5)
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == [f"oak-{number:02}.mcap" for number in range(1, 11)]
+    simulate(tmp_path / "single.mcap", "--seed", 7)
+    single = read_session(tmp_path / "single.mcap")
+    trials = [read_session(tmp_path / name) for name in names[1:3]]
+    np.testing.assert_array_equal(trials[1].frames, single.frames)
+    assert (trials[0].frames["acceleration_m_s2"] != single.frames["acceleration_m_s2"]).any()
+    assert surface_from_annotations(single.annotations).name == "oak"
