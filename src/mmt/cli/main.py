@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from mmt.cli import devices, models, scenes, sessions
+from mmt.cli import devices, model_exchange, models, scenes, sessions
 from mmt.cli.common import messages, run_app, version, write_json
 from mmt.errors import InputError
 
@@ -17,6 +17,8 @@ app = typer.Typer(
 )
 app.add_typer(sessions.app, name="session")
 app.add_typer(models.app, name="model")
+models.app.command("import")(model_exchange.import_model)
+models.app.command("export")(model_exchange.export_model)
 app.add_typer(scenes.app, name="scene")
 app.add_typer(devices.app, name="device")
 

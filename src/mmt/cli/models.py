@@ -51,7 +51,7 @@ def build_model(
     model = _chosen(history, whole=whole)
     if model is None:
         raise MmtError(f"session {source}: too few steady strokes. {_remark(session, settings)}")
-    _save(model, target)
+    save(model, target)
     figures = {
         "session": str(source),
         "start_s": history.start_s,
@@ -118,7 +118,8 @@ def _remark(session: RecordedSession, settings: "ModellingSettings") -> str:
     return coverage(session.frames, np.empty((0, 2)), settings, stopped=False).remark
 
 
-def _save(model: "TextureModel", path: Path) -> None:
+def save(model: "TextureModel", path: Path) -> None:
+    """Write a model file; raises `InputError` where that is not possible."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         model.save(path)

@@ -8,34 +8,32 @@ every sample, also while speed and force change.
 
 Stability: an interpolated filter is a convex combination of ordered LSF and hence stable, and
 the lattice stays bounded for every course of stable filters, also one that changes at every
-sample. The amplitude falls no faster than by a time constant of 4 ms, so that nothing clicks
-where a hand stops, and ends at exactly zero. The memory is never near zero: nothing becomes
-denormal. Cost: O(order^2) for a renewal of the filter, O(order) for a sample.
+sample; see `mmt.texture.generation`. Cost: O(order^2) for a renewal of the filter, O(order) for
+a sample.
 """
-
-from typing import Final
 
 import numpy as np
 
 from mmt.arrays import FloatArray, IntArray
 from mmt.compiled import kernel
 from mmt.errors import InputError
+from mmt.texture.generation import (
+    COMPLEMENT,
+    LARGEST_AMPLITUDE,
+    ORDER,
+    PAST,
+    REFLECTION,
+    WANTED,
+    Generator,
+    scaled,
+)
 from mmt.texture.inputs import normalise_into
 from mmt.texture.interpolators import LARGEST_SCRATCH, evaluate_into
 from mmt.texture.lattice import lattice_step, lsf_to_lattice_into
 from mmt.texture.model import LEVELS, TextureModel
 from mmt.texture.settings import LARGEST_ORDER
 
-_RELEASE_S: Final = 0.004
-_NOISE_BLOCK: Final = 2048
-_SILENCE: Final = 1e-9  # m/s2, a millionth of what can be felt
-_LARGEST_AMPLITUDE: Final = 1e150
-
-_COUNTER, _PLACE, _ORDER, _WANTED, _AMPLITUDE = 0, 1, 2, 3, 4
-_REFLECTION = 5
-_COMPLEMENT = _REFLECTION + LARGEST_ORDER
-_PAST = _COMPLEMENT + LARGEST_ORDER
-_STATE_SIZE = _PAST + LARGEST_ORDER
+_COUNTER, _PLACE = 0, 1
 
 _POINT = LARGEST_SCRATCH  # scratch: that of the interpolator, point, level and LSF, work
 _VALUES = _POINT + 3
@@ -67,14 +65,8 @@ class Synthesizer:
     ) -> None:
         self.model = model
         self._renewal = renewal_samples
-        self._limit = limit_m_s2
-        self._generator = np.random.default_rng(seed)
-        self._state = np.zeros(_STATE_SIZE)
-        self._state[_ORDER] = 1.0
-        self._state[_COMPLEMENT] = 1.0
-        self._state[_PAST:] = self._generator.standard_normal(LARGEST_ORDER)
-        self._noise = self._generator.standard_normal(_NOISE_BLOCK)
-        self._used = 0
+        self._generator = Generator(seed=seed, limit_m_s2=limit_m_s2)
+        self._search = np.zeros(2)
         self._scratch = np.zeros(_WORK + 5 * LARGEST_ORDER)
 
     def render(self, *inputs: FloatArray) -> FloatArray:
@@ -94,17 +86,17 @@ class Synthesizer:
             There are not as many inputs as the model's space has.
         """
         count = len(inputs[0])
-        output = np.empty(count)
-        noise = self._draw(count)
-        model = self.model
+        model, generator = self.model, self._generator
         if model is None:
-            _fade(noise, self._state, self._release(1000.0), self._limit, output)
-            return output
+            generator.use(None)
+            return generator.generate(count)
         space, by = model.space, model.interpolant
         if len(inputs) != space.dimensions:
             raise InputError(
                 f"{len(inputs)} inputs were given: the model takes {', '.join(space.channels)}"
             )
+        generator.rate_hz = model.rate_hz
+        output = np.empty(count)
         _render(
             by.kind,
             by.rows,
@@ -119,10 +111,11 @@ class Synthesizer:
             1.0 / space.maximum_speed_mm_s,
             1.0 / space.maximum_force_n,
             self._renewal,
-            self._limit,
-            self._release(model.rate_hz),
-            noise,
-            self._state,
+            generator.limit_m_s2,
+            generator.release,
+            generator.draw(count),
+            generator.state,
+            self._search,
             self._scratch,
             output,
         )
@@ -130,22 +123,7 @@ class Synthesizer:
 
     def reset(self) -> None:
         """Be silent at once; the excitation goes on."""
-        self._state[_AMPLITUDE] = 0.0
-
-    @staticmethod
-    def _release(rate_hz: float) -> float:
-        return float(np.exp(-1.0 / (_RELEASE_S * rate_hz)))
-
-    def _draw(self, count: int) -> FloatArray:
-        """Return the next `count` numbers of one endless sequence, whatever the block sizes."""
-        left = len(self._noise) - self._used
-        if count > left:
-            more = self._generator.standard_normal(max(_NOISE_BLOCK, count - left))
-            self._noise = np.concatenate([self._noise[self._used :], more])
-            self._used = 0
-        start = self._used
-        self._used += count
-        return self._noise[start : self._used]
+        self._generator.reset()
 
 
 @kernel("f8(f8, i8, f8[::1])")
@@ -157,35 +135,12 @@ def _amplitude(level: float, level_kind: int, complement: FloatArray) -> float:
     if level_kind == 0:
         for cosine in complement:
             amplitude /= cosine
-    return float(min(amplitude, _LARGEST_AMPLITUDE))
-
-
-@kernel("f8(f8[::1], f8, f8, f8)")
-def _scale(state: FloatArray, value: float, release: float, limit: float) -> float:
-    """Return a sample of unit variance at the wanted amplitude, which falls by `release`."""
-    amplitude = state[_AMPLITUDE] * release
-    if amplitude < _SILENCE:
-        amplitude = 0.0
-    amplitude = max(amplitude, state[_WANTED])
-    state[_AMPLITUDE] = amplitude
-    return float(min(max(amplitude * value, -limit), limit))
-
-
-@kernel("void(f8[::1], f8[::1], f8, f8, f8[::1])")
-def _fade(
-    noise: FloatArray, state: FloatArray, release: float, limit: float, output: FloatArray
-) -> None:
-    """Let the vibration of the last filter fall silent."""
-    reflection, complement, past = state[_REFLECTION:], state[_COMPLEMENT:], state[_PAST:]
-    state[_WANTED] = 0.0
-    for index in range(len(output)):
-        value = lattice_step(reflection, complement, past, int(state[_ORDER]), noise[index])
-        output[index] = _scale(state, value, release, limit)
+    return float(min(amplitude, LARGEST_AMPLITUDE))
 
 
 @kernel(
     "void(i8, f8[:, ::1], i8[:, ::1], f8[:, ::1], i8, i8, i8, f8[::1], f8[::1], f8[::1], f8, f8,"
-    " i8, f8, f8, f8[::1], f8[::1], f8[::1], f8[::1])"
+    " i8, f8, f8, f8[::1], f8[::1], f8[::1], f8[::1], f8[::1])"
 )
 def _render(
     kind: int,
@@ -205,23 +160,24 @@ def _render(
     release: float,
     noise: FloatArray,
     state: FloatArray,
+    search: FloatArray,
     scratch: FloatArray,
     output: FloatArray,
 ) -> None:
     point = scratch[_POINT : _POINT + dimensions]
     values, work = scratch[_VALUES : _VALUES + 1 + order], scratch[_WORK:]
     lsf = values[1:]
-    reflection = state[_REFLECTION : _REFLECTION + order]
-    complement = state[_COMPLEMENT : _COMPLEMENT + order]
-    past = state[_PAST:]
+    reflection = state[REFLECTION : REFLECTION + order]
+    complement = state[COMPLEMENT : COMPLEMENT + order]
+    past = state[PAST:]
     for index in range(len(output)):
-        if int(state[_COUNTER]) % renewal == 0:
+        if int(search[_COUNTER]) % renewal == 0:
             normalise_into(first[index], second[index], third[index], per_speed, per_force, point)
-            place = int(state[_PLACE])
-            state[_PLACE] = evaluate_into(kind, rows, links, tail, place, point, values, scratch)
+            place = int(search[_PLACE])
+            search[_PLACE] = evaluate_into(kind, rows, links, tail, place, point, values, scratch)
             lsf_to_lattice_into(lsf, reflection, complement, work)
-            state[_ORDER] = order
-            state[_WANTED] = _amplitude(values[0], level_kind, complement)
-        state[_COUNTER] += 1.0
-        value = lattice_step(reflection, complement, past, int(state[_ORDER]), noise[index])
-        output[index] = _scale(state, value, release, limit)
+            state[ORDER] = order
+            state[WANTED] = _amplitude(values[0], level_kind, complement)
+        search[_COUNTER] += 1.0
+        value = lattice_step(reflection, complement, past, int(state[ORDER]), noise[index])
+        output[index] = scaled(state, value, release, limit)

@@ -1,0 +1,146 @@
+"""``mmt model import`` and ``export``: models of other programs, and vibration as sound."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mmt.cli.common import messages, output, write_json
+from mmt.cli.models import SUFFIX, describe, save
+from mmt.cli.tables import summary_table
+from mmt.errors import InputError
+
+if TYPE_CHECKING:
+    from mmt.arrays import FloatArray
+    from mmt.texture.model import TextureModel
+
+_LONGEST_S = 3600.0
+
+
+def import_model(
+    source: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A model of the Penn toolkit (HaTT), .xml.")
+    ],
+    target: Annotated[Path, typer.Argument(metavar="OUT", help="The model, a .npz file.")],
+    interpolate: Annotated[
+        str, typer.Option(help="What is linear between samples: variance, power, amplitude.")
+    ] = "variance",
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+) -> None:
+    """Make a model of one that the Penn Haptic Texture Toolkit stored as XML."""
+    from mmt.library.hatt import import_hatt
+
+    if target.suffix.lower() != SUFFIX:
+        raise InputError(f"model {target}: the name of a model file must end in {SUFFIX}")
+    imported = import_hatt(source, interpolate)  # type: ignore[arg-type]  # the model checks it
+    save(imported.model, target)
+    figures: dict[str, Any] = {
+        "material": imported.material,
+        "friction": imported.friction,
+        "zeros": imported.zeros,
+        "spectrum_error_db": round(imported.spectrum_error_db, 4),
+        "same_triangles": imported.same_triangles,
+        **describe(imported.model),
+    }
+    output.print(summary_table(target.name, {"model": figures}))
+    write_json(json_file, figures)
+    messages.print(f"model: {target}", highlight=False)
+
+
+def export_model(
+    source: Annotated[Path, typer.Argument(metavar="MODEL", help="A model, a .npz file.")],
+    target: Annotated[
+        Path,
+        typer.Argument(metavar="OUT", help="A .xml file (HaTT), or a .wav file of its vibration."),
+    ],
+    material: Annotated[
+        str | None, typer.Option(help="XML: the texture's name, by default the file's.")
+    ] = None,
+    friction: Annotated[
+        float | None, typer.Option(min=0.0, help="XML: coefficient of kinetic friction.")
+    ] = None,
+    motion: Annotated[
+        Path | None, typer.Option(help="WAV: move as in this recorded session.")
+    ] = None,
+    speed: Annotated[
+        float, typer.Option(min=0.0, help="WAV: move at so many mm/s, without --motion.")
+    ] = 100.0,
+    heading: Annotated[
+        float, typer.Option(help="WAV: in this direction, degrees from x towards y.")
+    ] = 0.0,
+    force: Annotated[float, typer.Option(min=0.0, help="WAV: press with so many N.")] = 1.0,
+    seconds: Annotated[
+        float, typer.Option(min=0.001, max=_LONGEST_S, help="WAV: for so long.")
+    ] = 5.0,
+    rate: Annotated[int, typer.Option(min=100, max=384_000, help="WAV: samples a second.")] = 44100,
+    full_scale: Annotated[
+        float | None,
+        typer.Option(help="WAV: m/s2 that the largest number stands for, else the loudest."),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="WAV: of the vibration.")] = 0,
+) -> None:
+    """Write a model for the Penn toolkit (.xml), or its vibration as sound (.wav)."""
+    from mmt.texture.model import TextureModel
+
+    model = TextureModel.load(source)
+    suffix = target.suffix.lower()
+    if suffix == ".xml":
+        _write_xml(model, target, material if material is not None else source.stem, friction)
+        return
+    if suffix != ".wav":
+        raise InputError(f"{target}: the name must end in .xml or .wav, which says what is written")
+    from mmt.library.effects import effect
+    from mmt.library.sound_file import write_wav
+
+    velocity_mm_s, force_n, motion_hz = (
+        _constant(speed, heading, force, seconds) if motion is None else _recorded(motion)
+    )
+    samples = effect(model, velocity_mm_s, force_n, motion_hz=motion_hz, output_hz=rate, seed=seed)
+    written = write_wav(target, samples, rate, full_scale)
+    messages.print(
+        f"sound: {target}, {written.seconds:.2f} s at {rate} Hz, full scale "
+        f"{written.full_scale_m_s2:.4g} m/s2",
+        highlight=False,
+    )
+
+
+def _write_xml(model: "TextureModel", target: Path, material: str, friction: float | None) -> None:
+    from mmt.library.hatt import export_hatt
+
+    content = export_hatt(model, material, friction)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(content)
+    except OSError as error:
+        raise InputError(f"model {target}: {error.strerror or error}") from error
+    messages.print(f"model: {target}", highlight=False)
+
+
+def _constant(
+    speed_mm_s: float, heading_deg: float, force_n: float, seconds: float
+) -> "tuple[FloatArray, FloatArray, float]":
+    import numpy as np
+
+    motion_hz = 100.0
+    count = max(1, int(np.ceil(seconds * motion_hz)))
+    angle = np.radians(heading_deg)
+    velocity = speed_mm_s * np.array([np.cos(angle), np.sin(angle)])
+    return np.tile(velocity, (count, 1)), np.full(count, force_n), count / seconds
+
+
+def _recorded(path: Path) -> "tuple[FloatArray, FloatArray, float]":
+    """Return velocity and force as the model of that session would be asked with."""
+    from mmt.cli.reporting import scene_of
+    from mmt.scene import Texture
+    from mmt.session import read_session
+    from mmt.texture.filtering import StreamFilter
+
+    session = read_session(path)
+    scene = scene_of(session, None)
+    settings = (scene.texture or Texture()).settings(float(scene.session.rate_hz))
+    aligned = StreamFilter(
+        normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz
+    ).process(session.frames)
+    if not len(aligned):
+        raise InputError(f"session {path}: it holds too few frames to tell a motion")
+    return aligned.velocity_mm_s, aligned.normal_force_n, settings.rate_hz

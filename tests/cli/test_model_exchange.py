@@ -1,0 +1,80 @@
+"""`mmt model import` and `export`: what they write, and what they say of mistakes."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import wavfile
+from typer.testing import CliRunner, Result
+
+from mmt.cli.main import app
+from mmt.devices.simulated.offline import simulate_session
+from mmt.errors import InputError
+from mmt.scene import Scene
+from mmt.session import write_session
+from mmt.texture.model import TextureModel
+
+MODEL = Path("configs/models/plastic.npz")
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, ["model", *map(str, arguments)])
+
+
+def test_a_model_goes_out_as_xml_and_comes_back(tmp_path: Path) -> None:
+    assert run("export", MODEL, tmp_path / "plastic.xml", "--friction", 0.3).exit_code == 0
+    figures_file = tmp_path / "figures.json"
+    result = run("import", tmp_path / "plastic.xml", tmp_path / "back.npz", "--json", figures_file)
+    assert result.exit_code == 0, result.output
+    figures = json.loads(figures_file.read_text())
+    assert (figures["material"], figures["friction"]) == ("plastic", 0.3)
+    assert figures["same_triangles"] == 1.0
+    before, after = TextureModel.load(MODEL), TextureModel.load(tmp_path / "back.npz")
+    at = before.samples.speed_mm_s, before.samples.force_n
+    np.testing.assert_allclose(after.at(*at)[0], before.at(*at)[0], rtol=1e-9)
+    np.testing.assert_allclose(after.at(*at)[1], before.at(*at)[1], rtol=1e-9)
+
+
+def test_a_steady_stroke_becomes_sound(tmp_path: Path) -> None:
+    path = tmp_path / "stroke.wav"
+    arguments = ("--speed", 150, "--seconds", 2, "--rate", 8000, "--full-scale", 20)
+    assert run("export", MODEL, path, *arguments).exit_code == 0
+    rate, samples = wavfile.read(path)
+    assert (rate, samples.dtype, len(samples)) == (8000, np.int16, 16_000)
+    model = TextureModel.load(MODEL)
+    power = np.trapezoid(
+        model.spectrum(150.0, 1.0, frequencies_hz=np.arange(1.0, 499.0))[0], dx=1.0
+    )
+    assert np.std(samples / 32767.0 * 20.0) == pytest.approx(np.sqrt(power), rel=0.1)
+
+
+def test_a_recorded_motion_becomes_sound(tmp_path: Path) -> None:
+    frames, annotations = simulate_session(Scene(), "wood", 2.0, 3)
+    write_session(tmp_path / "wood.npz", frames, annotations=annotations)
+    path = tmp_path / "motion.wav"
+    result = run("export", MODEL, path, "--motion", tmp_path / "wood.npz", "--rate", 2000)
+    assert result.exit_code == 0, result.output
+    assert len(wavfile.read(path)[1]) == pytest.approx(4000, abs=50)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("export", MODEL, "out.mp3"), "must end in .xml or .wav"),
+        (("export", MODEL, "out.wav", "--full-scale", "-1"), "full scale"),
+        (("export", "none.npz", "out.wav"), "No such file"),
+        (("import", MODEL, "out.npz"), "no XML"),
+        (("import", MODEL, "out.xml"), "must end in .npz"),
+        (("export", MODEL, "/proc/none/out.wav"), "sound /proc/none/out.wav"),
+    ],
+)
+def test_mistakes_are_explained(
+    arguments: tuple[object, ...],
+    message: str,
+    tmp_path: Path,
+) -> None:
+    given = [tmp_path / name if str(name).startswith("out.") else name for name in arguments]
+    result = run(*given)
+    assert isinstance(result.exception, InputError)
+    assert message in str(result.exception)

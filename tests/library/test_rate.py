@@ -1,0 +1,82 @@
+"""A stream changes its sampling rate without changing what is heard."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mmt.errors import InputError
+from mmt.library.rate import RateConverter
+
+
+@cache
+def whole(from_hz: int, to_hz: int) -> np.ndarray:
+    return RateConverter(from_hz, to_hz).convert(NOISE)
+
+
+NOISE = np.random.default_rng(1).standard_normal(41_000)
+PAIRS = [(1000, 2000), (1000, 44_100), (1000, 48_000), (10_000, 2000), (2000, 1000), (1000, 8192)]
+
+
+@given(
+    st.sampled_from(PAIRS),
+    st.lists(st.integers(0, 400), min_size=1, max_size=20),
+)
+@settings(max_examples=40, deadline=None)
+def test_the_size_of_blocks_does_not_matter(pair: tuple[int, int], counts: list[int]) -> None:
+    converter, position, parts = RateConverter(*pair), 0, []
+    for count in counts:
+        needed = converter.needed(count)
+        parts.append(converter.convert(NOISE[position : position + needed], count))
+        position += needed
+        assert len(parts[-1]) == count
+    joined = np.concatenate(parts)
+    np.testing.assert_allclose(joined, whole(*pair)[: len(joined)], atol=1e-12)
+
+
+@pytest.mark.parametrize(("from_hz", "to_hz"), PAIRS)
+@pytest.mark.parametrize("part", [0.02, 0.2, 0.39])
+def test_a_sine_comes_out_as_it_went_in(from_hz: int, to_hz: int, part: float) -> None:
+    frequency = part * min(from_hz, to_hz)
+    sine = np.sin(2 * np.pi * frequency * np.arange(from_hz) / from_hz)
+    converter = RateConverter(from_hz, to_hz)
+    found = converter.convert(sine)
+    assert len(found) == pytest.approx(to_hz, abs=2)
+    settled = slice(len(found) // 4, None)
+    time_s = np.arange(len(found)) / to_hz - converter.delay_s
+    wanted = np.sin(2 * np.pi * frequency * time_s)
+    np.testing.assert_allclose(found[settled], wanted[settled], atol=0.006)
+
+
+@pytest.mark.parametrize(("from_hz", "to_hz"), [(10_000, 2000), (2000, 1000)])
+def test_what_the_device_cannot_play_does_not_fold_back(from_hz: int, to_hz: int) -> None:
+    high = np.sin(2 * np.pi * 0.62 * to_hz * np.arange(from_hz) / from_hz)
+    found = RateConverter(from_hz, to_hz).convert(high)
+    assert np.abs(found[len(found) // 4 :]).max() < 10 ** (-50 / 20)
+
+
+def test_equal_rates_pass_samples_through() -> None:
+    samples = np.random.default_rng(2).standard_normal(100)
+    converter = RateConverter(1000, 1000)
+    assert converter.needed(7) == 7
+    np.testing.assert_array_equal(converter.convert(samples), samples)
+    assert converter.delay_s == 0
+
+
+def test_nothing_asked_needs_nothing() -> None:
+    converter = RateConverter(1000, 44_100)
+    assert converter.needed(0) == 0
+    assert len(converter.convert(np.zeros(0))) == 0
+
+
+@pytest.mark.parametrize("rate_hz", [0.0, -1.0, np.nan, np.inf])
+def test_a_rate_that_is_none_is_refused(rate_hz: float) -> None:
+    with pytest.raises(InputError, match="sampling rate"):
+        RateConverter(1000, rate_hz)
+
+
+def test_rates_without_a_simple_ratio_are_refused() -> None:
+    with pytest.raises(InputError, match="no simple fraction"):
+        RateConverter(1000.01, 44_100.07)
