@@ -235,7 +235,7 @@ def test_what_keeps_a_box_from_being_opened_is_told(monkeypatch) -> None:
         raise usb.core.NoBackendError("none")
 
     monkeypatch.setattr(usb_link.usb, "core", SimpleNamespace(**vars(usb.core) | {"find": absent}))
-    with pytest.raises(MmtError, match="libusb 1.0 is not there: install it"):
+    with pytest.raises(MmtError, match=r"libusb 1\.0 is not there: install it"):
         U6Voltages([Channel(0)]).connect()
 
 

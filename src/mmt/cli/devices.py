@@ -85,8 +85,42 @@ def calibrate_accelerometer(
 
 @app.command("equalise")
 def equalise_actuator(
-    recording: Annotated[Path, typer.Argument(help="A .npz file of a sweep, at 1 kHz.")],
-    serial: Annotated[str, typer.Option(help="Store it under this serial number.")],
+    what: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[RECORDING.npz|SCENE]",
+            help="A recorded sweep, or a scene whose actuator and accelerometer play and hear one.",
+        ),
+    ] = None,
+    serial: Annotated[
+        str | None,
+        typer.Option(help="Store it under this serial number; unless given, the scene's."),
+    ] = None,
+    actuator: Annotated[
+        str | None, typer.Option(metavar="DRIVER", help="Play a sweep now, by this driver.")
+    ] = None,
+    accelerometer: Annotated[
+        str | None, typer.Option(metavar="DRIVER", help="On the handle: it hears the sweep.")
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="ROLE.KEY=VALUE",
+            help="An option of a driver, as actuator.port=/dev/ttyACM0; repeatable.",
+        ),
+    ] = None,
+    duration: Annotated[float, typer.Option(help="Seconds of the sweep, 1 to 60.")] = 8.0,
+    level_v: Annotated[
+        float | None,
+        typer.Option(help="Peak of the sweep (V); unless given, found by listening."),
+    ] = None,
+    largest_m_s2: Annotated[
+        float, typer.Option(help="Shake the handle by no more than about this.")
+    ] = 15.0,
+    keep: Annotated[
+        Path | None, typer.Option(metavar="FILE.npz", help="Keep what was recorded.")
+    ] = None,
     low_hz: Annotated[float, typer.Option(help="Lower end of the band.")] = 90.0,
     high_hz: Annotated[float, typer.Option(help="Upper end of the band.")] = 450.0,
     largest_gain_db: Annotated[
@@ -94,7 +128,9 @@ def equalise_actuator(
     ] = 12.0,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
 ) -> None:
-    """Fit a Haptuator's level and equaliser to a recorded sweep and store both."""
-    from mmt.cli.equalising import equalise
+    """Fit a Haptuator's level and equaliser to a sweep, recorded or played now; store both."""
+    from mmt.cli.equalising import Fit, Live, equalise
 
-    equalise(recording, serial, (low_hz, high_hz), largest_gain_db, json_file)
+    fit = Fit(serial, low_hz, high_hz, largest_gain_db, json_file)
+    live = Live(actuator, accelerometer, settings or [], duration, level_v, largest_m_s2, keep)
+    equalise(what, fit, live)

@@ -1,48 +1,169 @@
-"""`mmt device equalise`: from a recorded sweep to a stored level and equaliser."""
+"""`mmt device equalise`: from a sweep, recorded or played now, to a stored level and equaliser."""
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from mmt.arrays import FloatArray
-from mmt.cli.common import output, write_json
+from mmt.cli.common import messages, output, write_json
+from mmt.cli.device_testing import devices_named, options_from
 from mmt.devices.haptuator.equalising import fit_equaliser
 from mmt.devices.haptuator.level import store_level
+from mmt.devices.haptuator.sweeping import SweepRecording, SweepSettings, record_sweep
+from mmt.devices.loading import load_device
 from mmt.errors import InputError
 
 _NAMES = ("drive_v", "acceleration_m_s2")
+_BUFFER_MS = 60.0
+"""Of the actuator while it is swept, unless told: nobody waits for it, and gaps do harm."""
+_MARGIN_HZ = (30.0, 40.0)
+"""By which the sweep goes beyond the band that is evened out, below and above."""
+_EDGES_HZ = (20.0, 495.0)
 
 
-def equalise(
-    recording: Path,
-    serial: str,
-    band_hz: tuple[float, float],
-    largest_gain_db: float,
-    json_file: Path | None,
-) -> None:
-    """Fit, show and store.
+@dataclass(frozen=True)
+class Fit:
+    """What is fitted, and where it goes."""
+
+    serial: str | None
+    low_hz: float
+    high_hz: float
+    largest_gain_db: float
+    json_file: Path | None
+
+
+@dataclass(frozen=True)
+class Live:
+    """What is played and heard."""
+
+    actuator: str | None
+    """Its driver; None takes the scene's."""
+    accelerometer: str | None
+    settings: list[str]
+    duration_s: float
+    level_v: float | None
+    largest_m_s2: float
+    keep: Path | None
+    """Where the recording is kept."""
+
+
+def equalise(what: str | None, fit: Fit, live: Live) -> None:
+    """Read a recording, or play and record a sweep; fit, show and store.
 
     Raises
     ------
     InputError
-        The recording cannot be read or used.
+        The recording, the scene or a driver cannot be used.
     MmtError
-        The calibration cannot be written.
+        A device fails, or the calibration cannot be written.
     """
-    volts, acceleration = _read(recording)
-    low_hz, high_hz = band_hz
+    if what is not None and not what.endswith(".toml") and Path(what).suffix:
+        _refuse_live(live)
+        serial = fit.serial
+        if serial is None:
+            raise InputError("--serial is missing: under which name is it to be stored?")
+        volts, acceleration = _read(Path(what))
+        played = {}
+    else:
+        serial, recording = _record(what, fit, live)
+        volts, acceleration = recording.volts, recording.acceleration_m_s2
+        played = {"level_v": recording.level_v, "peak_m_s2": recording.peak_m_s2}
     fitted = fit_equaliser(
-        volts, acceleration, low_hz=low_hz, high_hz=high_hz, largest_gain_db=largest_gain_db
+        volts,
+        acceleration,
+        low_hz=fit.low_hz,
+        high_hz=fit.high_hz,
+        largest_gain_db=fit.largest_gain_db,
     )
     path = store_level(fitted, serial)
     output.print(
         f"Haptuator {serial}: {fitted.volts_per_m_s2:.4g} V for 1 m/s2; uneven by "
-        f"{fitted.unevenness_db:.1f} dB from {low_hz:g} to {high_hz:g} Hz, evened out to "
+        f"{fitted.unevenness_db:.1f} dB from {fit.low_hz:g} to {fit.high_hz:g} Hz, evened out to "
         f"{fitted.remaining_db:.1f} dB; coherence {fitted.coherence:.3f}",
         highlight=False,
     )
     output.print(f"stored in {path}", highlight=False, soft_wrap=True)
-    write_json(json_file, {**fitted._asdict(), "serial": serial, "file": str(path)})
+    output.print(f'the drivers take it by: serial = "{serial}"', highlight=False)
+    write_json(fit.json_file, {**fitted._asdict(), "serial": serial, "file": str(path), **played})
+
+
+def _refuse_live(live: Live) -> None:
+    given = {
+        "--actuator": live.actuator,
+        "--accelerometer": live.accelerometer,
+        "--set": live.settings or None,
+        "--level-v": live.level_v,
+        "--keep": live.keep,
+    }
+    for option, value in given.items():
+        if value is not None:
+            raise InputError(f"{option} is for a sweep that is played now: a recording was given")
+
+
+def _record(scene: str | None, fit: Fit, live: Live) -> tuple[str, SweepRecording]:
+    """Play and record; return the serial number and the recording."""
+    options = _options_of(live.settings)
+    actuator, actuator_options = _chosen("actuator", scene, live.actuator, options)
+    accelerometer, sensor_options = _chosen("accelerometer", scene, live.accelerometer, options)
+    stored_as = actuator_options.pop("serial", None)
+    serial = fit.serial or stored_as
+    if serial is None:
+        raise InputError("--serial is missing: under which name is it to be stored?")
+    level = {"volts_per_m_s2": 1.0}  # not used: voltages are played
+    played = {"buffer_ms": _BUFFER_MS, **actuator_options, **level}
+    below, above = _MARGIN_HZ
+    recording = record_sweep(
+        load_device(actuator, played, role="actuator"),
+        load_device(accelerometer, sensor_options, role="accelerometer"),
+        SweepSettings(
+            low_hz=max(_EDGES_HZ[0], fit.low_hz - below),
+            high_hz=min(_EDGES_HZ[1], fit.high_hz + above),
+            duration_s=live.duration_s,
+            largest_m_s2=live.largest_m_s2,
+            level_v=live.level_v,
+        ),
+        lambda sentence: messages.print(sentence, highlight=False),
+    )
+    _keep(live.keep, recording)
+    return str(serial), recording
+
+
+def _options_of(settings: list[str]) -> dict[str, dict[str, Any]]:
+    """Return the options of each device from ``ROLE.KEY=VALUE``."""
+    found: dict[str, dict[str, Any]] = {"actuator": {}, "accelerometer": {}}
+    for name, value in options_from(settings).items():
+        role, _, key = name.partition(".")
+        if role not in found or not key:
+            raise InputError(
+                f"--set {name}: write actuator.KEY=VALUE or accelerometer.KEY=VALUE here"
+            )
+        found[role][key] = value
+    return found
+
+
+def _chosen(
+    role: str, scene: str | None, driver: str | None, options: dict[str, dict[str, Any]]
+) -> tuple[str, dict[str, Any]]:
+    """Return driver and options of one of the two devices."""
+    if driver is not None:
+        return driver, options[role]
+    if scene is None:
+        raise InputError(f"give a recording, a scene, or the driver by --{role}")
+    named = devices_named(scene, role, [])[0]
+    return named.driver, {**named.options, **options[role]}
+
+
+def _keep(path: Path | None, recording: SweepRecording) -> None:
+    if path is None:
+        return
+    arrays = dict(zip(_NAMES, (recording.volts, recording.acceleration_m_s2), strict=True))
+    try:
+        with path.open("wb") as file:
+            np.savez(file, allow_pickle=False, **arrays)
+    except OSError as error:
+        raise InputError(f"--keep {path}: {error.strerror or error}") from error
 
 
 def _read(recording: Path) -> tuple[FloatArray, FloatArray]:

@@ -140,6 +140,18 @@ class VibrationActuator(Device, Protocol):
         """Counts and levels so far."""
 
 
+@runtime_checkable
+class VoltageActuator(VibrationActuator, Protocol):
+    """An actuator that can be given voltages as well, to find out what it makes of them."""
+
+    @property
+    def largest_v(self) -> float:
+        """Largest voltage (V) that it may get."""
+
+    def write_volts(self, volts: Sequence[float] | FloatArray) -> None:
+        """Play voltages (n,), V, at the session's rate, cut to `largest_v` and else as they are."""
+
+
 class FollowerSource(Protocol):
     """What a follower streams: real devices, a simulation or a recorded session."""
 

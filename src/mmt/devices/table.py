@@ -37,6 +37,10 @@ DRIVERS: Final[dict[str, Mapping[Role, str]]] = {
         "handle": "mmt.devices.openhaptics.handle:OpenHapticsHandle",
     },
     "virtual-adxl335": {"accelerometer": "mmt.devices.emulated.drivers:virtual_adxl335"},
+    "virtual-handle-adxl335": {
+        "accelerometer": "mmt.devices.emulated.drivers:virtual_handle_adxl335"
+    },
+    "virtual-haptuator": {"actuator": "mmt.devices.emulated.drivers:VirtualHaptuator"},
     "virtual-net-ft": {"force_sensor": "mmt.devices.emulated.drivers:virtual_net_ft"},
     "virtual-robot": {"robot": "mmt.devices.emulated.drivers:VirtualRobot"},
 }

@@ -1,26 +1,22 @@
-"""Drivers of the virtual lab: the real ones, at the addresses of emulated devices.
+"""Drivers of the virtual lab: the real ones, at the addresses of emulated devices."""
 
-The lab runs in a process of its own that begins with the first of them that is connected and
-ends with the last that is closed, or with this process.
-"""
-
-import json
 import select
 import socket
-import subprocess
-import sys
-import threading
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from mmt.arrays import FloatArray
+from mmt.devices.emulated.lab_process import LabProcess
 from mmt.devices.emulated.robot_link import NO_COMMAND, PACKET
 from mmt.devices.loading import load_device, read_options
-from mmt.devices.protocols import SampledSensor, SensorReading, Vector
+from mmt.devices.protocols import ActuatorStatistics, SampledSensor, SensorReading, Vector
 from mmt.errors import DeviceLost, MmtError
 
-_START_S: Final = 20.0
+if TYPE_CHECKING:
+    from mmt.devices.haptuator.serial_driver import SerialHaptuator
+
 _ANSWER_S: Final = 2.0
 _SILENT_READS: Final = 100
 
@@ -35,64 +31,28 @@ class LabOptions(BaseModel):
     seed: int = Field(1, ge=0, lt=2**63)
     """Of texture and noise."""
 
-
-class _Lab:
-    """The lab's process, shared by the devices of this one."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._users: set[int] = set()
-        self._process: subprocess.Popen[str] | None = None
-        self._addresses: dict[str, dict[str, Any]] = {}
-
-    def enter(self, user: object, options: LabOptions) -> dict[str, dict[str, Any]]:
-        """Start it where it does not run; return the addresses."""
-        with self._lock:
-            if self._process is None or self._process.poll() is not None:
-                self._users.clear()
-                self._start(options)
-            self._users.add(id(user))
-            return self._addresses
-
-    def leave(self, user: object) -> None:
-        """End it after its last user."""
-        with self._lock:
-            self._users.discard(id(user))
-            if not self._users and self._process is not None:
-                self._end(self._process)
-                self._process = None
-
-    def _start(self, options: LabOptions) -> None:
-        words = [sys.executable, "-m", "mmt.devices.emulated.lab", options.surface]
-        self._process = subprocess.Popen(  # noqa: S603 - our own module
-            [*words, str(options.seed)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            start_new_session=True,  # Ctrl-C is for the service; schedulers share by session
-        )
-        said = self._process.stdout
-        assert said is not None  # noqa: S101 - a pipe was asked for
-        line = said.readline() if select.select([said], [], [], _START_S)[0] else ""
-        if not line:
-            reason = self._end(self._process)
-            self._process = None
-            raise MmtError(f"the virtual lab does not start: {reason or 'it says nothing'}")
-        self._addresses = json.loads(line)
-
-    def _end(self, process: "subprocess.Popen[str]") -> str:
-        """End it and return the last line of what it said went wrong."""
-        try:
-            _, said = process.communicate(timeout=5.0)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            _, said = process.communicate()
-        lines = said.strip().splitlines()
-        return lines[-1] if lines else ""
+    @property
+    def arguments(self) -> tuple[str, str]:
+        """Of the lab's process."""
+        return (self.surface, str(self.seed))
 
 
-_LAB: Final = _Lab()
+class HandleLabOptions(BaseModel):
+    """What the first device of the emulated handle that is connected makes of it."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    seed: int = Field(1, ge=0, lt=2**63)
+    """Of the noise."""
+
+    @property
+    def arguments(self) -> tuple[str]:
+        """Of the process."""
+        return (str(self.seed),)
+
+
+_LAB: Final = LabProcess("mmt.devices.emulated.lab")
+_HANDLE_LAB: Final = LabProcess("mmt.devices.emulated.handle_lab")
 
 
 class VirtualRobot:
@@ -107,7 +67,7 @@ class VirtualRobot:
     def connect(self) -> None:
         """Start the lab, and wait for the first position."""
         self.close()
-        port = _LAB.enter(self, self._options)["robot"]["port"]
+        port = _LAB.enter(self, *self._options.arguments)["robot"]["port"]
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.connect(("127.0.0.1", port))
         self._socket.setblocking(False)
@@ -172,13 +132,24 @@ class VirtualSensor:
     address
         Its device in the lab.
     options
-        Of the driver; `LabOptions` among them are the lab's.
+        Of the driver; those of the lab among them are taken out.
+    lab, lab_options
+        Its process, and what that takes.
     """
 
-    def __init__(self, name: str, driver: str, address: str, options: Mapping[str, Any]) -> None:
-        lab_keys = set(LabOptions.model_fields)
+    def __init__(
+        self,
+        name: str,
+        driver: str,
+        address: str,
+        options: Mapping[str, Any],
+        lab: LabProcess = _LAB,
+        lab_options: type[LabOptions | HandleLabOptions] = LabOptions,
+    ) -> None:
+        lab_keys = set(lab_options.model_fields)
         own = {key: value for key, value in options.items() if key in lab_keys}
-        self._lab_options = read_options(LabOptions, name, own)
+        self._lab = lab
+        self._lab_options = read_options(lab_options, name, own)
         self._options = {key: value for key, value in options.items() if key not in lab_keys}
         self._driver, self._address = driver, address
         self._device: SampledSensor | None = None
@@ -196,7 +167,7 @@ class VirtualSensor:
 
     def connect(self) -> None:
         """Start the lab, and connect the real driver to it."""
-        address = _LAB.enter(self, self._lab_options)[self._address]
+        address = self._lab.enter(self, *self._lab_options.arguments)[self._address]
         if self._device is None or address != self._connected_to:
             self._device = load_device(self._driver, {**address, **self._options})
             self._connected_to = address
@@ -214,7 +185,7 @@ class VirtualSensor:
         """Close the real driver and leave the lab; calling it twice is harmless."""
         if self._device is not None:
             self._device.close()
-        _LAB.leave(self)
+        self._lab.leave(self)
 
     def _connected(self) -> SampledSensor:
         if self._device is None:
@@ -230,3 +201,65 @@ def virtual_net_ft(**options: Any) -> VirtualSensor:
 def virtual_adxl335(**options: Any) -> VirtualSensor:
     """Make the accelerometer of the virtual lab; it takes those of ``adxl335-serial`` too."""
     return VirtualSensor("virtual-adxl335", "adxl335-serial", "adxl335", options)
+
+
+def virtual_handle_adxl335(**options: Any) -> VirtualSensor:
+    """Make the accelerometer on the emulated handle that the `VirtualHaptuator` shakes."""
+    name = "virtual-handle-adxl335"
+    return VirtualSensor(name, "adxl335-serial", "adxl335", options, _HANDLE_LAB, HandleLabOptions)
+
+
+class VirtualHaptuator:
+    """The driver of a Haptuator's board, at an emulated one on an emulated handle.
+
+    Parameters
+    ----------
+    **options
+        Those of ``haptuator-serial`` but `port` and `full_scale_v`, and of `HandleLabOptions`.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        own = {key: options.pop(key) for key in HandleLabOptions.model_fields if key in options}
+        self._lab_options = read_options(HandleLabOptions, "virtual-haptuator", own)
+        self._options = options
+        self._device: SerialHaptuator | None = None
+
+    def connect(self) -> None:
+        """Start the lab, and connect the real driver to it."""
+        address = _HANDLE_LAB.enter(self, *self._lab_options.arguments)["haptuator"]
+        if self._device is None or address["port"] != self._device.port:
+            self._device = load_device("haptuator-serial", {**address, **self._options})
+        self._connected().connect()
+
+    def calibrate(self) -> None:
+        """Calibrate the real driver."""
+        self._connected().calibrate()
+
+    def write(self, samples_m_s2: Sequence[float] | FloatArray) -> None:
+        """Play samples (n,), m/s2."""
+        self._connected().write(samples_m_s2)
+
+    def write_volts(self, volts: Sequence[float] | FloatArray) -> None:
+        """Play voltages (n,), V."""
+        self._connected().write_volts(volts)
+
+    @property
+    def largest_v(self) -> float:
+        """Of the real driver, 0 before it is connected."""
+        return 0.0 if self._device is None else self._device.largest_v
+
+    @property
+    def statistics(self) -> ActuatorStatistics:
+        """Of the real driver."""
+        return self._connected().statistics
+
+    def close(self) -> None:
+        """Close the real driver and leave the lab; calling it twice is harmless."""
+        if self._device is not None:
+            self._device.close()
+        _HANDLE_LAB.leave(self)
+
+    def _connected(self) -> "SerialHaptuator":
+        if self._device is None:
+            raise DeviceLost("the virtual Haptuator is not connected")
+        return self._device

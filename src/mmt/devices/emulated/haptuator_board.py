@@ -2,6 +2,7 @@
 
 import random
 from collections import deque
+from collections.abc import Callable
 from typing import Final
 
 from mmt.devices.emulated.serial_port import EmulatedPort
@@ -29,6 +30,8 @@ class EmulatedHaptuatorBoard:
         How much too fast its clock runs.
     seed
         Of the bytes that are garbled.
+    listener
+        Called with each sample that goes to the converter, in the board's thread.
     """
 
     def __init__(
@@ -38,11 +41,13 @@ class EmulatedHaptuatorBoard:
         *,
         clock_ppm: float = 0.0,
         seed: int = 1,
+        listener: Callable[[int], None] | None = None,
     ) -> None:
         self.garbled = 0.0
         """Share of the frames, either way, of which a bit is flipped."""
         self.stalled = False
         """Whether the firmware hangs: it plays nothing and says nothing."""
+        self._listener = listener
         self._rate_hz = rate_hz
         self._capacity = capacity
         self._per_ns = rate_hz * 1e-9 * (1.0 + 1e-6 * clock_ppm)
@@ -119,13 +124,15 @@ class EmulatedHaptuatorBoard:
         self._running = True
 
     def _play(self) -> None:
+        value = 0
         if self._buffer:
-            self._played.append(self._buffer.popleft())
-            return
-        self._played.append(0)
-        if self._running:
+            value = self._buffer.popleft()
+        elif self._running:
             self._running = False
             self._underruns = (self._underruns + 1) % _MODULUS
+        self._played.append(value)
+        if self._listener is not None:
+            self._listener(value)
 
     def _garble(self, content: bytes) -> bytes:
         if not content or self._random.random() >= self.garbled:

@@ -1,8 +1,12 @@
 """Options that a Haptuator takes whichever way it is driven."""
 
+import math
+from collections.abc import Sequence
 from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from mmt.arrays import FloatArray
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -44,3 +48,8 @@ class HaptuatorOptions(BaseModel):
     def largest_v(self) -> float:
         """What limits the voltage: the actuator or the amplifier."""
         return min(self.limit_v, self.full_scale_v)
+
+    def cut(self, volts: Sequence[float] | FloatArray) -> list[float]:
+        """Return voltages within the limit; what is not finite is 0."""
+        most = self.largest_v
+        return [min(max(float(v), -most), most) if math.isfinite(v) else 0.0 for v in volts]

@@ -83,6 +83,7 @@ class SerialHaptuator:
     def __init__(self, options: SerialOptions) -> None:
         self._options = options
         self._board = HaptuatorBoard(options.port, options.baud_rate)
+        self.port = options.port
         self.name = self._board.name
         self._drive = VoltageDrive(options, _RATE_HZ)
         self._target = round(options.buffer_ms * options.board_rate_hz / 1000.0)
@@ -134,6 +135,27 @@ class SerialHaptuator:
         DeviceLost
             The board was unplugged, or reports nothing any more.
         """
+        ahead = self._prepare()
+        self._play(self._drive.convert(samples_m_s2), ahead)
+
+    @property
+    def largest_v(self) -> float:
+        """Largest voltage (V) that the actuator may get."""
+        return self._options.largest_v
+
+    def write_volts(self, volts: Sequence[float] | FloatArray) -> None:
+        """Play voltages (n,), V, as they are; see `VoltageActuator`.
+
+        Raises
+        ------
+        DeviceLost
+            The board was unplugged, or reports nothing any more.
+        """
+        ahead = self._prepare()
+        self._play(self._options.cut(volts), ahead)
+
+    def _prepare(self) -> int:
+        """Hear the board, and return how many samples lie before its converter."""
         now_ns = time.monotonic_ns()
         for message in self._board.receive():
             if isinstance(message, Report):
@@ -144,9 +166,10 @@ class SerialHaptuator:
                 f"the {self.name} has reported nothing for {silent_ns / 1e6:.0f} ms: check its "
                 "cable and its power"
             )
-        ahead = self._ahead(silent_ns)
-        volts = self._pusher.push(self._drive.convert(samples_m_s2), ahead)
-        self._send(volts)
+        return self._ahead(silent_ns)
+
+    def _play(self, volts: list[float], ahead: int) -> None:
+        self._send(self._pusher.push(volts, ahead))
         self._note_latency(ahead)
 
     def close(self) -> None:

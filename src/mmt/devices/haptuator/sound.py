@@ -163,6 +163,27 @@ class SoundHaptuator:
         DeviceLost
             The card asks for nothing any more.
         """
+        self._check()
+        self._puller.write(self._drive.convert(samples_m_s2))
+
+    @property
+    def largest_v(self) -> float:
+        """Largest voltage (V) that the actuator may get."""
+        return self._options.largest_v
+
+    def write_volts(self, volts: Sequence[float] | FloatArray) -> None:
+        """Play voltages (n,), V, as they are; see `VoltageActuator`.
+
+        Raises
+        ------
+        DeviceLost
+            The card asks for nothing any more.
+        """
+        self._check()
+        self._puller.write(self._options.cut(volts))
+
+    def _check(self) -> None:
+        """Raise where the card takes nothing."""
         if self._stream is None:
             raise DeviceLost(f"{self.name} is closed: connect it again")
         if self._ended or self._clock_ns() - self._called_ns > _SILENCE_NS:
@@ -170,7 +191,6 @@ class SoundHaptuator:
                 f"{self.name} asks for no more sound: check its cable, and that the system has not "
                 "switched it off"
             )
-        self._puller.write(self._drive.convert(samples_m_s2))
 
     def close(self) -> None:
         """Fade out and release the card; calling it twice is harmless."""
