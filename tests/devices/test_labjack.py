@@ -11,6 +11,7 @@ import pytest
 import usb.core
 from hypothesis import given
 from hypothesis import strategies as st
+from nano17_files import write_calibration
 
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
 from mmt.devices.emulated.labjack_u6 import EmulatedU6
@@ -151,7 +152,7 @@ def test_nine_inputs_carry_a_force_sensors_gauges_and_an_accelerometer(closing) 
     source = closing(U6Voltages([Channel(n) for n in range(9)], 1000.0, backend=box))
     source.connect()
     assert source.serial == 360_000_001
-    got = scans(source, 200)
+    got = scans(source, 300)  # the packets' counter wraps at 256
     assert [t for t, _ in got] == [1_000_000 * k for k in range(len(got))]
     for _, volts in got:
         assert volts == pytest.approx([0.1 * n for n in range(9)], abs=0.0025)
@@ -305,17 +306,6 @@ def test_a_stuck_accelerometer_stays_lost_until_its_value_changes(closing) -> No
 
 
 def test_a_nano17s_gauges_are_read_by_a_box(tmp_path: Path, closing) -> None:
-    axes = "".join(
-        f'<UserAxis Name="{name}" values="{" ".join("2" if i == k else "0" for k in range(6))}" '
-        f'max="{20 if i < 3 else 120}"/>'
-        for i, name in enumerate(("Fx", "Fy", "Fz", "Tx", "Ty", "Tz"))
-    )
-    (tmp_path / "FT7.cal").write_text(
-        '<FTSensor Serial="FT7" BodyStyle="Nano17" Family="DAQ" NumGages="6" CalFileVersion="1.1">'
-        '<Calibration PartNumber="SI-12-0.12" CalDate="1/2/2024" ForceUnits="N" '
-        'TorqueUnits="N-mm" DistUnits="mm" OutputRange="20" GainMultiplier="1" '
-        f'OutputBipolar="True">{axes}</Calibration></FTSensor>'
-    )
     pressed = {"volts": 0.0}
 
     def volts(time_ns: int) -> list[float]:
@@ -324,7 +314,7 @@ def test_a_nano17s_gauges_are_read_by_a_box(tmp_path: Path, closing) -> None:
 
     board = {"driver": "labjack-u6", "inputs": [4, 6, 8, 10, 12, 13], "backend": EmulatedU6(volts)}
     sensor = closing(
-        load_device("ati-gauges", {"calibration_file": tmp_path / "FT7.cal", "board": board})
+        load_device("ati-gauges", {"calibration_file": write_calibration(tmp_path), "board": board})
     )
     sensor.connect()
     sensor.calibrate()

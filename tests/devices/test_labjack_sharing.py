@@ -10,17 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 import usb.backend
+from nano17_files import write_calibration
+from running_source import RunningSource
 from sensor_reading import read_some, read_until
 
-from mmt.arrays import RecordArray
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
 from mmt.devices.emulated.labjack_u6 import EmulatedU6
 from mmt.devices.labjack import sharing
 from mmt.devices.labjack.packets import Channel
 from mmt.devices.labjack.voltages import U6Voltages
 from mmt.devices.loading import load_device
-from mmt.devices.protocols import Vector
-from mmt.devices.source import DeviceSource
 from mmt.errors import DeviceLost, InputError, MmtError
 
 WAVE_HZ = 5.0
@@ -227,53 +226,18 @@ def test_two_boxes_are_told_apart_by_their_numbers(closing) -> None:
 # --- the whole follower: gauges and accelerometer in one run
 
 
-class Arm:
-    """A robot that stands still."""
-
-    def connect(self) -> None:
-        """Stand."""
-
-    calibrate = close = connect
-
-    def read(self) -> Vector:
-        return (0.0, 0.0, 0.0)
-
-    def write(self, position_mm: Vector) -> None:
-        """Stay."""
-
-
-class Bench:
+class Bench(RunningSource):
     """An emulated U6 that carries six gauges and an accelerometer, and a source on both."""
 
     def __init__(self, tmp_path: Path) -> None:
         self.pressed = False
         self.box = EmulatedU6(self._volts, clock_ppm=60.0)
-        axes = "".join(
-            f'<UserAxis Name="{name}" values="{" ".join("2" if i == k else "0" for k in range(6))}"'
-            f' max="{20 if i < 3 else 120}"/>'
-            for i, name in enumerate(("Fx", "Fy", "Fz", "Tx", "Ty", "Tz"))
-        )
-        file = tmp_path / "FT7.cal"
-        file.write_text(
-            '<FTSensor Serial="FT7" BodyStyle="Nano17" Family="DAQ" NumGages="6" '
-            'CalFileVersion="1.1"><Calibration PartNumber="SI-12-0.12" CalDate="1/2/2024" '
-            'ForceUnits="N" TorqueUnits="N-mm" DistUnits="mm" OutputRange="20" '
-            f'GainMultiplier="1" OutputBipolar="True">{axes}</Calibration></FTSensor>'
-        )
+        file = write_calibration(tmp_path)
         board = {"driver": "labjack-u6", "inputs": [0, 1, 2, 3, 4, 5], "backend": self.box}
         self.gauges = load_device("ati-gauges", {"calibration_file": file, "board": board})
         options = {"inputs": [6, 7, 8], "bandwidth_hz": 1600.0, "backend": self.box}
         self.accelerometer = load_device("adxl335-u6", options)
-        self.told: list[tuple[bool, str]] = []
-        self.source = DeviceSource(
-            Arm(),
-            self.gauges,
-            self.accelerometer,
-            ("position", "force", "acceleration"),
-            on_lost="hold",
-        )
-        self.source.watch(lambda lost, sentence: self.told.append((lost, sentence)))
-        self._last_ns = 0
+        super().__init__(self.gauges, self.accelerometer)
 
     def force_n(self, time_ns: Any) -> Any:
         return 2.0 + np.sin(2e-9 * math.pi * WAVE_HZ * time_ns)
@@ -291,26 +255,6 @@ class Bench:
             *(data.zero_v[k] + data.gain_v_per_m_s2[k] * felt[k] + tremor for k in range(3)),
             *[0.0] * 5,
         ]
-
-    def start(self) -> None:
-        self.source.start(0)
-        self._last_ns = time.monotonic_ns()
-
-    def run(self, done: Callable[[int], Any]) -> RecordArray:
-        """Tick until it is done, which is told how many frames there are."""
-        blocks: list[RecordArray] = []
-        deadline = time.monotonic() + 20.0
-        number = 0
-        while not done(number):
-            assert time.monotonic() < deadline, (number, self.told, self.source.summary)
-            time.sleep(0.0005)
-            now_ns = time.monotonic_ns()
-            elapsed = (now_ns - self._last_ns) // 1_000_000
-            if elapsed:
-                self._last_ns += elapsed * 1_000_000
-                blocks.append(self.source.step(elapsed, now_ns, None))
-                number += len(blocks[-1])
-        return np.concatenate(blocks)
 
 
 def test_one_box_carries_the_gauges_and_the_accelerometer_into_frames_of_1_khz(tmp_path) -> None:

@@ -162,12 +162,9 @@ class DigitalFt(AtiSensor):
         self._clock.interrupt()
         self._summed = 0
         self._sums = [0.0] * 6
-        start = time.monotonic()
-        while time.monotonic() - start < _START_PATIENCE_S:
-            now_ns = self._usable_ns = self._arrival_ns = time.monotonic_ns()
-            if self._receive(now_ns):
-                return
-            time.sleep(0.001)
+        self._usable_ns = time.monotonic_ns() + round(1e9 * _START_PATIENCE_S)  # no judgement yet
+        if self._await_record(_START_PATIENCE_S):
+            return
         if self._stream.errors or self._stream.bad:
             raise MmtError(self._explain_unusable(_START_PATIENCE_S))
         raise MmtError(f"{self.name}: it accepts to stream, but no record comes; {self._where()}")

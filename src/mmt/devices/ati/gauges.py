@@ -1,6 +1,5 @@
 """Force from bare gauge voltages on an acquisition board, by the sensor's ``.cal`` file."""
 
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -92,13 +91,9 @@ class Gauges(AtiSensor):
         )
         latency_ms = self._options.latency_ms
         self.latency_ns = self._board.latency_ns if latency_ms is None else round(latency_ms * 1e6)
-        start = time.monotonic()
-        while not self._receive(time.monotonic_ns()):
-            if time.monotonic() - start > _FIRST_S:
-                self.close()
-                raise MmtError(f"{self.name}: the board gives no voltages; {self._where()}")
-            time.sleep(0.001)
-        self._arrival_ns = time.monotonic_ns()
+        if not self._await_record(_FIRST_S):
+            self.close()
+            raise MmtError(f"{self.name}: the board gives no voltages; {self._where()}")
 
     def close(self) -> None:
         """Close the board; calling it twice is harmless."""

@@ -174,14 +174,10 @@ class NetFt(AtiSensor):
 
     def _await_first_record(self) -> None:
         """Ask for records until one comes, since a request can be lost."""
-        start = time.monotonic()
         self._started_ns = self._broken_status = 0
-        while time.monotonic() - start < _START_PATIENCE_S:
-            now_ns = time.monotonic_ns()
-            self._usable_ns = now_ns
-            if self._take(now_ns):
-                return
-            time.sleep(0.001)
+        self._usable_ns = time.monotonic_ns() + round(1e9 * _START_PATIENCE_S)  # no judgement yet
+        if self._await_record(_START_PATIENCE_S):
+            return
         self.close()
         if self._broken_status:
             raise MmtError(self._explain_broken())

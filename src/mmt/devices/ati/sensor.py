@@ -40,8 +40,13 @@ class AtiSensor(ABC):
         self._arrival_ns = 0
         self._last: Six | None = None
         self._same_since_ns = 0
+        self._is_stuck = False
         self._silence_ns = round(options.silence_ms * 1e6)
         self._stuck_ns = round(options.stuck_ms * 1e6)
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release the device; calling it twice is harmless."""
 
     @abstractmethod
     def _receive(self, now_ns: int) -> list[Stamped]:
@@ -87,10 +92,12 @@ class AtiSensor(ABC):
         force = converter.force
         for time_ns, raw in records:
             if raw != self._last:
-                self._last = raw
+                self._last, self._same_since_ns, self._is_stuck = raw, time_ns, False
+            elif self._is_stuck or 0 < self._stuck_ns <= time_ns - self._same_since_ns:
+                self._is_stuck = True  # also when it is connected anew, until the values change
+                raise DeviceLost(self._explain_stuck())
+            elif time_ns < self._same_since_ns:  # its clock began anew
                 self._same_since_ns = time_ns
-            elif 0 < self._stuck_ns <= time_ns - self._same_since_ns:
-                raise self._stuck(time_ns)
             value = force(raw)
             if value is not None:
                 readings.append(SensorReading(time_ns, value))
@@ -136,9 +143,34 @@ class AtiSensor(ABC):
                 f"{self.name}: no record for {silent_ns / 1e6:.0f} ms; {self._where()}"
             )
 
-    def _stuck(self, time_ns: int) -> DeviceLost:
-        stuck_ns = time_ns - self._same_since_ns
-        return DeviceLost(
-            f"{self.name}: the very same values for {stuck_ns / 1e6:.0f} ms, which no gauge gives: "
-            "check the transducer's cable, and switch the device off and on"
+    def _await_record(self, patience_s: float) -> bool:
+        """Wait for a record, where it was stuck for one with other values.
+
+        Returns
+        -------
+        came
+            False where none came in time.
+
+        Raises
+        ------
+        MmtError
+            It is still stuck; it is closed then.
+        """
+        came = False
+        start = time.monotonic()
+        while time.monotonic() - start < patience_s:
+            records = self._take(time.monotonic_ns())
+            if any(not self._is_stuck or raw != self._last for _, raw in records):
+                return True
+            came = came or bool(records)
+            time.sleep(0.001)
+        if came:
+            self.close()
+            raise MmtError(self._explain_stuck())
+        return False
+
+    def _explain_stuck(self) -> str:
+        return (
+            f"{self.name}: the very same values for {self._stuck_ns / 1e6:.0f} ms or more, which "
+            "no gauge gives: check the transducer's cable, and switch the device off and on"
         )

@@ -1,0 +1,78 @@
+"""Devices merged into frames in real time, however busy the machine is."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from mmt.arrays import RecordArray
+from mmt.devices.protocols import SampledSensor, Vector
+from mmt.devices.source import DeviceSource
+
+PATIENCE_S = 20.0
+
+
+class Arm:
+    """A robot that stands still."""
+
+    def connect(self) -> None:
+        """Stand."""
+
+    calibrate = close = connect
+
+    def read(self) -> Vector:
+        return (0.0, 0.0, 0.0)
+
+    def write(self, position_mm: Vector) -> None:
+        """Stay."""
+
+
+class RunningSource:
+    """A source that holds where a device is lost, ticked by hand.
+
+    Parameters
+    ----------
+    force_sensor, accelerometer
+        Either may be None.
+    """
+
+    def __init__(
+        self, force_sensor: SampledSensor | None, accelerometer: SampledSensor | None
+    ) -> None:
+        channels = [("force", force_sensor), ("acceleration", accelerometer)]
+        self.told: list[tuple[bool, str]] = []
+        """Whether a device is lost now, and a sentence."""
+        self.source = DeviceSource(
+            Arm(),
+            force_sensor,
+            accelerometer,
+            ("position", *(name for name, sensor in channels if sensor is not None)),
+            on_lost="hold",
+        )
+        self.source.watch(lambda lost, sentence: self.told.append((lost, sentence)))
+        self._last_ns = 0
+
+    @property
+    def is_lost(self) -> bool:
+        return bool(self.told) and self.told[-1][0]
+
+    def start(self) -> None:
+        self.source.start(0)
+        self._last_ns = time.monotonic_ns()
+
+    def run(self, done: Callable[[int], Any]) -> RecordArray:
+        """Tick until it is done, which is told how many frames there are."""
+        blocks: list[RecordArray] = []
+        deadline = time.monotonic() + PATIENCE_S
+        number = 0
+        while not done(number):
+            assert time.monotonic() < deadline, (number, self.told, self.source.summary)
+            time.sleep(0.0005)
+            now_ns = time.monotonic_ns()
+            elapsed = (now_ns - self._last_ns) // 1_000_000
+            if elapsed:
+                self._last_ns += elapsed * 1_000_000
+                blocks.append(self.source.step(elapsed, now_ns, None))
+                number += len(blocks[-1])
+        return np.concatenate(blocks)

@@ -1,0 +1,249 @@
+"""Faults of a real driver on its emulated device while frames are formed of it."""
+
+import functools
+import itertools
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+from nano17_files import write_calibration
+from running_source import RunningSource
+from sensor_reading import read_some, read_until, read_until_fault
+
+from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
+from mmt.devices.emulated.labjack_u6 import EmulatedU6
+from mmt.devices.emulated.net_ft import EmulatedNetFt
+from mmt.devices.loading import load_device
+from mmt.devices.protocols import SampledSensor, Vector
+from mmt.errors import DeviceLost, MmtError
+
+if sys.platform != "linux":
+    pytest.skip("the emulated ports are for Linux", allow_module_level=True)
+
+from mmt.devices.emulated.adxl335_board import EmulatedAdxl335Board
+from mmt.devices.emulated.digital_ft import EmulatedDigitalFt
+
+PRESSED = (0.0, 0.0, 2.0)
+
+
+class Felt:
+    """What the emulated device measures; it changes while the device is lost."""
+
+    value: Vector = (0.0, 0.0, 0.0)
+
+    def __call__(self, _time_ns: int) -> Vector:
+        return self.value
+
+
+class Bench(NamedTuple):
+    """An emulated device, its driver, and what it feels."""
+
+    device: Any
+    sensor: SampledSensor
+    felt: Felt
+    channel: str
+    at_rest: Vector
+    """What frames have before anything is felt."""
+
+
+def net_ft(felt: Felt) -> Bench:
+    box = EmulatedNetFt(felt, noise_n=0.001)
+    box.start()
+    return Bench(box, load_device("ati-net-ft", box.options), felt, "force_n", (0.0, 0.0, 0.0))
+
+
+def digital_ft(felt: Felt) -> Bench:
+    emulated = EmulatedDigitalFt(felt, 115_200)
+    emulated.start()
+    sensor = load_device("ati-digital-ft", emulated.options)
+    return Bench(emulated, sensor, felt, "force_n", (0.0, 0.0, 0.0))
+
+
+def adxl335(felt: Felt) -> Bench:
+    board = EmulatedAdxl335Board(
+        lambda t: tuple(a + b for a, b in zip(felt(t), (0, 0, GRAVITY_M_S2), strict=True)),
+        rate_hz=2000.0,
+    )
+    board.start()
+    options = {"port": board.address, "bandwidth_hz": 500.0}
+    sensor = load_device("adxl335-serial", options)
+    return Bench(board, sensor, felt, "acceleration_m_s2", (0.0, 0.0, GRAVITY_M_S2))
+
+
+@pytest.fixture(autouse=True)
+def own_calibrations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+
+
+@pytest.fixture(params=[net_ft, digital_ft, adxl335])
+def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
+    made = request.param(Felt())
+    yield made
+    made.device.stop()
+
+
+@pytest.fixture
+def running(bench: Bench) -> Iterator[RunningSource]:
+    force, acceleration = (
+        (bench.sensor, None) if bench.channel == "force_n" else (None, bench.sensor)
+    )
+    made = RunningSource(force, acceleration)
+    made.start()
+    yield made
+    made.source.close()
+
+
+def near(bench: Bench, felt: Vector) -> Any:
+    return pytest.approx([a + b for a, b in zip(bench.at_rest, felt, strict=True)], abs=0.15)
+
+
+def back_and_right(bench: Bench, running: RunningSource) -> None:
+    """Run until the device is back, and see that its frames are true and its zero still holds."""
+    running.run(lambda _: not running.is_lost)
+    frames = running.run(lambda number: number >= 150)
+    assert frames[bench.channel][100:].mean(axis=0) == near(bench, PRESSED)
+
+
+def test_what_is_unplugged_is_lost_and_comes_back_with_its_zero(bench, running) -> None:
+    frames = running.run(lambda number: number >= 100)
+    assert frames[bench.channel].mean(axis=0) == near(bench, (0.0, 0.0, 0.0))
+    bench.device.unplug()
+    running.run(lambda _: running.is_lost)
+    bench.felt.value = PRESSED  # a tool that presses now must not be taken for one at rest
+    turns = itertools.count()
+    assert len(running.run(lambda _: next(turns) > 100)) == 0
+    bench.device.plug()
+    back_and_right(bench, running)
+
+
+def faulty(bench: Bench, *, bad: bool) -> None:
+    """Have nothing but garbage come, or no longer."""
+    device = bench.device
+    if isinstance(device, EmulatedNetFt):
+        device.status = 0x80000400 if bad else 0
+    elif isinstance(device, EmulatedDigitalFt):
+        device.error = bad
+    else:
+        device.scramble(scrambled=bad)
+
+
+def test_a_device_that_gives_nothing_usable_is_lost_and_comes_back(bench, running) -> None:
+    running.run(lambda number: number >= 50)
+    faulty(bench, bad=True)
+    running.run(lambda _: running.is_lost)
+    bench.felt.value = PRESSED
+    faulty(bench, bad=False)
+    back_and_right(bench, running)
+    assert bench.sensor.faults
+
+
+def test_a_stuck_device_stays_lost_until_its_value_changes(bench, running) -> None:
+    running.run(lambda number: number >= 50)
+    if isinstance(bench.device, EmulatedAdxl335Board):
+        bench.device.stick()
+        release = functools.partial(bench.device.stick, stuck=False)
+    else:
+        bench.device.stuck = True
+        release = functools.partial(setattr, bench.device, "stuck", False)
+    running.run(lambda _: running.is_lost)
+    turns = itertools.count()
+    assert len(running.run(lambda _: next(turns) > 1500)) == 0
+    assert len(running.told) == 1  # it has not been back in between
+    assert re.search("very same values|has not changed", running.told[0][1])
+    bench.felt.value = PRESSED
+    release()
+    back_and_right(bench, running)
+
+
+def test_a_port_that_is_closed_is_a_lost_box_and_another_at_its_place_is_taken() -> None:
+    felt = Felt()
+    box = EmulatedNetFt(felt)
+    box.start()
+    options = box.options
+    bench = Bench(box, load_device("ati-net-ft", options), felt, "force_n", (0.0, 0.0, 0.0))
+    running = RunningSource(bench.sensor, None)
+    running.start()
+    try:
+        running.run(lambda number: number >= 50)
+        box.stop()  # so that this machine answers in its place
+        running.run(lambda _: running.is_lost)
+        felt.value = PRESSED
+        box = EmulatedNetFt(felt, rdt_port=options["rdt_port"], http_port=options["http_port"])
+        box.start()
+        back_and_right(bench, running)
+    finally:
+        running.source.close()
+        box.stop()
+
+
+# --- an accelerometer and gauges on a LabJack U6
+
+
+class Box:
+    """A U6 whose first six inputs are gauges, the next three an accelerometer."""
+
+    def __init__(self, tmp_path: Path) -> None:
+        self.volts = [0.2] * 6 + list(nominal(3.3).zero_v) + [0.0] * 5
+        self.still = False
+        self.u6 = EmulatedU6(self._now)
+        board = {"driver": "labjack-u6", "inputs": [0, 1, 2, 3, 4, 5], "backend": self.u6}
+        options = {"calibration_file": write_calibration(tmp_path), "board": board}
+        self.gauges = load_device("ati-gauges", options)
+        options = {"inputs": [6, 7, 8], "bandwidth_hz": 500.0, "backend": self.u6}
+        self.accelerometer = load_device("adxl335-u6", options)
+
+    def _now(self, time_ns: int) -> list[float]:
+        tremor = 0.0 if self.still else 2e-3 * (time_ns // 1_000_000 % 2)
+        return [volts + tremor for volts in self.volts]
+
+
+@pytest.fixture
+def box(tmp_path: Path) -> Iterator[Box]:
+    made = Box(tmp_path)
+    yield made
+    made.gauges.close()
+    made.accelerometer.close()
+
+
+def test_overload_and_saturation_on_a_box_are_counted_by_the_driver_that_it_befalls(box) -> None:
+    for sensor in (box.gauges, box.accelerometer):
+        sensor.connect()
+    box.volts[2] = 10.5  # an input beyond its range, and 21 N
+    box.volts[8] = 3.2  # 4.7 g
+    read_until_fault(box.gauges, "saturation", 5)
+    read_until_fault(box.gauges, "overload", 5)
+    read_until_fault(box.accelerometer, "saturated samples", 5)
+    assert not {"saturation", "overload"} & set(box.accelerometer.faults)
+
+
+def test_still_gauges_on_a_box_stay_lost_though_its_clock_begins_anew(box) -> None:
+    box.gauges.connect()
+    read_some(box.gauges, 50)
+    box.still = True
+    with pytest.raises(DeviceLost, match="very same values"):
+        read_until(box.gauges, lambda _: False)
+    with pytest.raises(MmtError, match="very same values"):
+        box.gauges.connect()
+    box.still = False
+    box.gauges.connect()
+    assert read_some(box.gauges, 50)
+
+
+def test_a_box_that_sends_garbage_alone_is_two_lost_sensors_which_both_come_back(box) -> None:
+    running = RunningSource(box.gauges, box.accelerometer)
+    running.start()
+    try:
+        running.run(lambda number: number >= 50)
+        box.u6.garble(10**9)
+        running.run(lambda _: len(running.told) >= 2)
+        assert all("no reading for" in sentence for _, sentence in running.told)
+        box.u6.garble(0)
+        running.run(lambda _: not running.is_lost)
+        assert len(running.run(lambda number: number >= 50)) >= 50
+        for sensor in (box.gauges, box.accelerometer):
+            assert any(kind.endswith("bad packets") for kind in sensor.faults)
+    finally:
+        running.source.close()
