@@ -133,7 +133,11 @@ def faulty(bench: Bench, *, bad: bool) -> None:
 def test_a_device_that_gives_nothing_usable_is_lost_and_comes_back(bench, running) -> None:
     running.run(lambda number: number >= 50)
     faulty(bench, bad=True)
-    running.run(lambda _: running.is_lost)
+    running.run(lambda _: len(running.told) >= 2)
+    assert re.search(
+        "is not back yet: .*(status 0x80000400|no record was usable|no good frames)",
+        running.told[1][1],
+    )
     bench.felt.value = PRESSED
     faulty(bench, bad=False)
     back_and_right(bench, running)

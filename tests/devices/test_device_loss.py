@@ -10,6 +10,7 @@ from mmt.arrays import RecordArray
 from mmt.devices import ports as ports_module
 from mmt.devices import source as source_module
 from mmt.devices.protocols import SensorReading, Vector
+from mmt.devices.reconnecting import Reasons
 from mmt.devices.source import DeviceSource
 from mmt.errors import DeviceLost, MmtError
 
@@ -161,7 +162,14 @@ def test_an_unplugged_sensor_comes_back_when_it_can_be_connected(
     bench.sensor.connect_error = MmtError("no such port")
     bench.sensor.error = DeviceLost("unplugged")
     assert len(bench.run(100)) <= 1
-    assert bench.told == [(True, "the force sensor (SyntheticSensor) is lost: unplugged")]
+    deadline = real_time.monotonic() + 10
+    while len(bench.told) < 2:  # connecting takes real time
+        assert real_time.monotonic() < deadline
+        bench.run(1)
+    assert bench.told == [
+        (True, "the force sensor (SyntheticSensor) is lost: unplugged"),
+        (True, "the force sensor (SyntheticSensor) is not back yet: no such port"),
+    ]
     bench.sensor.connect_error = None
     bench.run_until_back()
     assert bench.told[-1] == (False, "the force sensor (SyntheticSensor) is back")
@@ -250,3 +258,12 @@ def test_a_reading_that_comes_while_the_tick_is_held_up_did_not_come_before_it_w
     tick_ns = time.now_ns
     port.step(tick_ns, None)
     assert port.lane.clock.sensor_time(tick_ns + 5 * MS) <= 7_000_000_000
+
+
+def test_why_a_device_is_not_back_is_told_once_for_each_reason() -> None:
+    reasons = Reasons("no reading for 15 ms")
+    assert [reasons.new(f"no reading for {n} ms") for n in (16, 17.5)] == ["", ""]
+    assert [reasons.new(f"no port {n}") for n in (1, 2)] == ["no port 1", ""]
+    assert reasons.new("") == ""
+    told = [reasons.new(f"reason {'x' * n}") for n in range(100)]
+    assert len([reason for reason in told if reason]) < 6

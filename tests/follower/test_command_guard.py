@@ -221,6 +221,8 @@ def test_a_halt_retracts_along_the_normal_where_the_scene_says_so() -> None:
     robot = Guarded(normal="x", on_silence="hold", retract_mm=5.0, recovery_mm_s=100.0)
     robot.run(20, HOME)
     robot.guard.halt("retract")
+    robot.run(30, HOME)
+    robot.guard.halt("retract")  # a second device is lost on the way
     robot.run(100, HOME)
     assert robot.newest == pytest.approx((5.0, 0.0, 5.0))
     assert max(steps_mm(robot.positions)) <= 0.1 + 1e-9

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from typing import Any, Generic, Protocol, TypeVar
 
 from mmt.arrays import FloatArray
-from mmt.devices.ports import Reconnection
 from mmt.devices.protocols import (
     ActuatorStatistics,
     Device,
@@ -14,6 +13,7 @@ from mmt.devices.protocols import (
     Vector,
     VibrationActuator,
 )
+from mmt.devices.reconnecting import Reconnection
 from mmt.errors import DeviceLost
 
 AnyDevice = TypeVar("AnyDevice", bound=Device)

@@ -1,6 +1,5 @@
 """One device of a follower: read or write it, see that it is lost, and connect it again."""
 
-import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -15,6 +14,7 @@ from mmt.devices.protocols import (
     SampledSensor,
     Vector,
 )
+from mmt.devices.reconnecting import Reasons, Reconnection
 from mmt.devices.vibration_lane import VibrationLane
 from mmt.errors import DeviceLost, MmtError
 
@@ -28,46 +28,8 @@ _PATIENCE_NS: Final = 250_000_000
 _SETTLE_NS: Final = 100_000_000
 """A sensor that was connected again is heard for so long before frames are formed of it, so that
 its clock is known."""
-_RETRY_S: Final = 0.5
-_LONGEST_RETRY_S: Final = 3.0
-_BACK_OFF: Final = 1.5
-"""Each pause before the next try is so much longer: a device that is away for an hour is not asked
-twice a second, and one that was plugged in again is there within three seconds."""
 _ROBOT_GAP_NS: Final = 10_000_000
 """An arm moves on nearly a straight line for so long: at 5 m/s2 it leaves it by 0.06 mm."""
-
-
-class Reconnection(threading.Thread):
-    """Close and connect a device until that works, beside the ticks, since it may take long."""
-
-    def __init__(self, device: Device, reason: str = "") -> None:
-        super().__init__(name=f"connect {type(device).__name__}", daemon=True)
-        self._device = device
-        self._given_up = threading.Event()
-        self.done = threading.Event()
-        self.reason = reason
-        """Why it did not work the last time, before the first why it was lost."""
-        self.start()
-
-    def run(self) -> None:
-        """Try until it works or is given up."""
-        pause_s = _RETRY_S
-        while not self._given_up.is_set():
-            try:
-                self._device.close()
-                self._device.connect()
-            except Exception as error:  # noqa: BLE001 - whatever a driver raises, try again
-                self.reason = str(error) or type(error).__name__
-                self._given_up.wait(pause_s)
-                pause_s = min(_BACK_OFF * pause_s, _LONGEST_RETRY_S)
-            else:
-                self.done.set()
-                return
-
-    def give_up(self) -> None:
-        """Try no more; a call that is under way has a few seconds to end."""
-        self._given_up.set()
-        self.join(3.0)
 
 
 class Port(ABC):
@@ -92,6 +54,8 @@ class Port(ABC):
         self.lost_ns: int | None = None
         """Since when it is lost, by the host's clock; None where it is there."""
         self._reconnection: Reconnection | None = None
+        self._reason = ""  # why it is not back yet
+        self._reasons = Reasons("")
         self._listening_ns = 0
         self._heard_ns: int | None = None
 
@@ -109,11 +73,19 @@ class Port(ABC):
             Whatever its driver raises; `DeviceLost` where it may come back.
         """
 
-    def lose(self, now_ns: int) -> None:
-        """Take it as lost and connect it again."""
+    def lose(self, now_ns: int, reason: str) -> None:
+        """Take it as lost, for a reason that is told already, and connect it again."""
+        self._note_loss(now_ns, reason)
+        self._connect()
+
+    def _note_loss(self, now_ns: int, reason: str) -> None:
         self.losses += 1
         self.lost_ns = now_ns
-        self._connect()
+        self._reason, self._reasons = "", Reasons(reason)
+
+    def new_reason(self) -> str:
+        """Return why it is not back yet, empty where that is not known or was told already."""
+        return self._reasons.new(self._reason)
 
     def mend(self, now_ns: int) -> bool:
         """Go on with connecting it again; return whether it is there.
@@ -125,12 +97,14 @@ class Port(ABC):
         """
         if self._reconnection is not None:
             if not self._reconnection.done.is_set():
+                self._reason = self._reconnection.reason or self._reason
                 return False
             self._reconnection = None
             self._listen(now_ns)
         try:
             there = self._answers(now_ns)
-        except DeviceLost:
+        except DeviceLost as error:
+            self._reason = str(error)
             self._connect()
             return False
         if there:
@@ -231,10 +205,9 @@ class SampledPort(Port):
             self.lane.take(readings, time.monotonic_ns())
         return bool(readings)
 
-    def lose(self, now_ns: int) -> None:
+    def lose(self, now_ns: int, reason: str) -> None:
         """Listen for a while where it was merely silent, then connect it again."""
-        self.losses += 1
-        self.lost_ns = now_ns
+        self._note_loss(now_ns, reason)
         self._settles = False
         self._listen(now_ns)
 
@@ -251,7 +224,7 @@ class SampledPort(Port):
             return not self._settles or now_ns - self._heard_ns >= _SETTLE_NS
         since_ns = self._listening_ns if self._heard_ns is None else self._last_ns
         if now_ns - since_ns >= _PATIENCE_NS:
-            raise DeviceLost("no reading yet")
+            raise DeviceLost("")  # which is no news
         return False
 
     @property

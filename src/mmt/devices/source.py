@@ -167,6 +167,8 @@ class DeviceSource:
                     port.step(now_ns, command_position_mm)
                 elif port.mend(now_ns):
                     self._regain(port)
+                elif reason := port.new_reason():
+                    self._watcher(True, f"{_name(port)} is not back yet: {reason}")
             except DeviceLost as error:
                 self._lose(port, error, now_ns)
             except Exception as error:
@@ -196,12 +198,12 @@ class DeviceSource:
         if self._on_lost == "stop":
             raise failure(port, error) from error
         self._lost.append(port)
-        port.lose(now_ns)
-        self._watcher(True, f"the {port.role} ({type(port.device).__name__}) is lost: {error}")
+        port.lose(now_ns, str(error))
+        self._watcher(True, f"{_name(port)} is lost: {error}")
 
     def _regain(self, port: Port) -> None:
         self._lost.remove(port)
-        self._watcher(bool(self._lost), f"the {port.role} ({type(port.device).__name__}) is back")
+        self._watcher(bool(self._lost), f"{_name(port)} is back")
 
     @property
     def finished(self) -> bool:
@@ -239,3 +241,7 @@ class DeviceSource:
                 problems.append(str(failure(port, error)))
         if problems:
             raise MmtError("; ".join(problems))
+
+
+def _name(port: Port) -> str:
+    return f"the {port.role} ({type(port.device).__name__})"

@@ -90,7 +90,9 @@ class CommandGuard:
 
     def halt(self, does: Literal["hold", "retract"]) -> None:
         """Take no commands until `release`, since a device is lost: hold, or retract."""
-        self._halts += not self._halted
+        if self._halted:
+            return  # it is where it is to be, or on its way
+        self._halts += 1
         self._halted = True
         if self._position is not None:
             self._let_be(self._position, does)

@@ -161,6 +161,7 @@ class AtiSensor(ABC):
         while time.monotonic() - start < patience_s:
             records = self._take(time.monotonic_ns())
             if any(not self._is_stuck or raw != self._last for _, raw in records):
+                self._is_stuck, self._last = False, None
                 return True
             came = came or bool(records)
             time.sleep(0.001)
