@@ -6,8 +6,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
+from mmt import realtime
 from mmt.errors import MmtError
-from mmt.realtime import PRIORITY, be_real_time, require_real_time
+from mmt.realtime import PRIORITY, be_real_time, follow_real_time, require_real_time
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Linux's scheduler is asked")
 
@@ -43,6 +44,19 @@ def test_the_thread_that_asks_is_real_time_and_what_it_starts_is_not() -> None:
     )
     require_real_time()
     assert os.sched_getscheduler(0) == before
+
+
+@pytest.mark.skipif(not permitted(), reason="this user may not schedule in real time")
+def test_a_thread_may_follow_the_one_that_ticks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(realtime, "_TICKS", threading.Event())
+
+    def follow() -> int:
+        follow_real_time()
+        return os.sched_getscheduler(0)
+
+    assert in_a_thread(follow) == os.SCHED_OTHER
+    in_a_thread(be_real_time)
+    assert in_a_thread(follow) == os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
 
 
 def test_where_it_is_not_permitted_a_sentence_says_how_to(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,12 +1,14 @@
 """Real-time scheduling of the ticking thread, where the system permits it.
 
 A thread under ``SCHED_FIFO`` runs as soon as it wakes, before all ordinary work of the machine.
-Only the thread that ticks gets it: threads and processes that it starts are ordinary ones, and
-so are the threads that were there before.
+Only the thread that ticks gets it, and one that takes in what the tick waits for may follow it:
+other threads and processes that it starts are ordinary ones, and so are the threads that were
+there before.
 """
 
 import os
 import sys
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
@@ -22,6 +24,10 @@ _HOW_TO_PERMIT: Final = (
 )
 
 
+_TICKS: Final = threading.Event()
+"""Set where this process ticks in real time."""
+
+
 def be_real_time() -> None:
     """Schedule the calling thread in real time, ahead of all ordinary work.
 
@@ -30,6 +36,26 @@ def be_real_time() -> None:
     MmtError
         The system has no such scheduling, or does not permit it; the message says how to.
     """
+    _schedule()
+    _TICKS.set()
+
+
+def follow_real_time() -> None:
+    """Schedule the calling thread as the one that ticks, which waits for what it takes in.
+
+    Where no thread of this process has called `be_real_time`, or this one is scheduled in real
+    time already, nothing happens.
+
+    Raises
+    ------
+    MmtError
+        As `be_real_time`.
+    """
+    if _TICKS.is_set() and os.sched_getscheduler(0) == os.SCHED_OTHER:
+        _schedule()
+
+
+def _schedule() -> None:
     if sys.platform != "linux":
         raise MmtError("real-time scheduling is offered on Linux alone: leave --realtime out")
     this_thread = 0
@@ -51,4 +77,4 @@ def require_real_time() -> None:
         As `be_real_time`.
     """
     with ThreadPoolExecutor(1) as pool:
-        pool.submit(be_real_time).result()
+        pool.submit(_schedule).result()

@@ -21,6 +21,7 @@ from mmt.devices.labjack.packets import (
     read_short_reply,
 )
 from mmt.errors import DeviceLost, MmtError
+from mmt.realtime import follow_real_time
 
 VENDOR: Final = 0x0CD5
 PRODUCT: Final = 0x0006
@@ -155,6 +156,7 @@ class U6Link:
             self._release()
 
     def _run(self, device: Any) -> None:
+        follow_real_time()
         while not self._ending.is_set():
             try:
                 self._packets.append(device.read(_STREAM, _PACKET, _STREAM_MS).tobytes())

@@ -16,6 +16,7 @@ from mmt.devices.openhaptics.constants import (
 )
 from mmt.devices.openhaptics.library import Vector3
 from mmt.devices.openhaptics.sentences import HdError, name_of, only_force
+from mmt.realtime import follow_real_time
 
 _LONGEST_STEP_NS: Final = 10_000_000
 _COOLING_NS: Final = 1_000_000_000
@@ -82,6 +83,8 @@ class Servo:
         """Do one frame; the library calls it."""
         try:
             now_ns = self.clock()
+            if not self.ticks:  # the thread is the library's own
+                follow_real_time()
             self._begin(self._handle)
             self._get(CURRENT_POSITION, self.position)
             self._get(CURRENT_VELOCITY, self.velocity)
