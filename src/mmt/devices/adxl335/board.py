@@ -7,7 +7,7 @@ from typing import Final
 import serial
 from serial.tools import list_ports
 
-from mmt.devices.serial_ports import explain_refusal
+from mmt.devices.serial_ports import explain_refusal, read_waiting
 from mmt.errors import DeviceLost, MmtError
 
 _AT_ONCE: Final = 16384
@@ -59,13 +59,12 @@ class SerialBoard:
         if self._port is None:
             raise DeviceLost(f"the accelerometer's port {self.name} is not open")
         try:
-            received: bytes = self._port.read(_AT_ONCE)
+            return read_waiting(self._port, _AT_ONCE)
         except (serial.SerialException, OSError, TypeError) as error:
             raise DeviceLost(
                 f"the accelerometer's board on {self.name} is gone: plug it in again, and check "
                 "that no other program reads the port"
             ) from error
-        return received
 
     def close(self) -> None:
         """Close the port; calling it twice is harmless."""

@@ -17,7 +17,7 @@ from mmt.devices.ati.modbus import (
     registers_of,
     write_request,
 )
-from mmt.devices.serial_ports import explain_refusal
+from mmt.devices.serial_ports import explain_refusal, read_waiting
 from mmt.errors import DeviceLost, MmtError
 
 _ANSWER_S: Final = 0.15
@@ -69,12 +69,12 @@ class DigitalLine:
             The port is gone.
         """
         try:
-            received = self._serial.read(_LARGEST)
+            received = read_waiting(self._serial, _LARGEST)
         except (OSError, TypeError) as error:  # TypeError: pyserial, when it is closed meanwhile
             raise self._lost(error) from error
         if self._surplus:
             received, self._surplus = self._surplus + received, b""
-        return bytes(received)
+        return received
 
     def write(self, content: bytes) -> None:
         """Send bytes.
