@@ -15,15 +15,24 @@ from mmt.arrays import RecordArray
 from mmt.devices.clocks import SensorClock
 from mmt.devices.protocols import SensorReading, Vector
 
-HOLD_BACK_NS: Final = 1_500_000
+HOLD_BACK_NS: Final = 1_350_000
 """A frame is of the instant so long before its tick, so that the readings on both sides of it
-have arrived: more than the spacing of a sensor of 0.8 kHz."""
+have arrived: enough for a sensor of 1 kHz, or one whose readings come in a bundle each
+millisecond."""
+
+MARGIN_NS: Final = 350_000
+"""Of a slower sensor, beyond the spacing of its readings."""
+
+SPACING_NS: Final = 1_000_000
+"""Of a sensor that has not shown it yet."""
 
 LONGEST_GAP_NS: Final = 1_500_000
 """Between two readings with a value in between; one and a half of a slow sensor's periods."""
 
 POLLED_GAP_NS: Final = 5_000_000
 """Between two ticks at which a device was polled, with a value in between."""
+_FEW: Final = 10
+"""Fewer readings than this do not tell a sensor's rate."""
 _KEPT: Final = 4096
 """Readings that a lane holds at most: half a second at 8 kHz."""
 
@@ -75,6 +84,14 @@ class Lane:
             _, _, _ = newest.value  # else it is the sensor's fault, and found here
             self.clock.add(arrival_ns, newest.time_ns)
 
+    @property
+    def spacing_ns(self) -> int:
+        """Mean time between the readings that are kept."""
+        kept = self._kept
+        if len(kept) < _FEW:
+            return SPACING_NS
+        return (kept[-1].time_ns - kept[0].time_ns) // (len(kept) - 1)
+
     def at(self, host_ns: int) -> "Vector | Waiting | None":
         """Return the value of a physical instant by the host's clock.
 
@@ -108,6 +125,11 @@ class PolledLane(Lane):
         self.last: Vector = (0.0, 0.0, 0.0)
         """The newest measurement."""
         self._longest_gap_ns = longest_gap_ns
+
+    @property
+    def spacing_ns(self) -> int:
+        """Nothing is waited for: a tick has its measurement."""
+        return 0
 
     def note(self, value: Vector, now_ns: int) -> None:
         """Take one measurement."""
@@ -151,9 +173,10 @@ WAITING: Final = Waiting()
 class FrameMerger:
     """Put the lanes together, a frame for each tick.
 
-    Frame k is of the instant k periods after the first, held back by `HOLD_BACK_NS` and the
-    largest latency of the lanes. It is formed at its tick, or at a later one where a reading
-    is late. Where a lane has no value its number is left out.
+    Frame k is of the instant k periods after the first, held back by `HOLD_BACK_NS`, or what the
+    slowest sensor needs at the first tick, and the largest latency of the lanes. It is formed at
+    its tick, or at a later one where a reading is late. Where a lane has no value its number is
+    left out.
 
     Parameters
     ----------
@@ -171,7 +194,7 @@ class FrameMerger:
         self._lanes = list(lanes.values())
         self._dtype = dtype
         self._period_ns = period_ns
-        self._hold_back_ns = HOLD_BACK_NS + max(lane.latency_ns for lane in self._lanes)
+        self._hold_back_ns = 0
         self._origin_ns: int | None = None
         self._next = 0
         self._due = 0
@@ -183,6 +206,10 @@ class FrameMerger:
 
         The quickest tick sets the grid of the instants: a late one shifts none of them.
         """
+        if self._origin_ns is None:
+            spacing_ns = max(lane.spacing_ns for lane in self._lanes)
+            latency_ns = max(lane.latency_ns for lane in self._lanes)
+            self._hold_back_ns = max(HOLD_BACK_NS, spacing_ns + MARGIN_NS) + latency_ns
         self._due += elapsed
         origin_ns = now_ns - self._due * self._period_ns
         if self._origin_ns is None or origin_ns < self._origin_ns:
