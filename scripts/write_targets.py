@@ -12,7 +12,9 @@ BENCH: Final = ROOT / "docs" / "reference" / "bench.md"
 
 def main() -> None:
     """Replace what stands between the marks."""
-    stages = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
+    stages = {}
+    for file in sys.argv[1:]:
+        stages |= json.loads(Path(file).read_text(encoding="utf-8"))
     rows = []
     for name, stage in stages.items():
         for target in stage.get("targets", ()):

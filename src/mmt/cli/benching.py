@@ -52,7 +52,7 @@ def run_benches(
     report
         Where a report is written, None for none.
     realtime
-        Measure the link by real-time scheduling, and the services with and without it.
+        Measure link and devices by real-time scheduling, and the services with and without it.
 
     Returns
     -------
@@ -92,6 +92,7 @@ def _stages(duration_s: float, realtime: bool) -> dict[str, Callable[[], StageRe
         "link": lambda: _link(duration_s, realtime),
         "services": lambda: compare(duration_s) if realtime else _services(duration_s),
         "evaluate": _evaluate,
+        "devices": lambda: _devices(realtime),
     }
 
 
@@ -173,6 +174,13 @@ def _services(duration_s: float) -> StageResult:
         rows[f"{name}_mb"] = (f"{name}, memory (MB)", process["memory_mb"], "at most", megabytes)
     about = f"The demo's scene, leader and follower as two processes, {duration_s:g} s."
     return _figures("services", "Services", about, rows)
+
+
+def _devices(realtime: bool) -> StageResult:
+    """Read emulated devices by their drivers."""
+    from mmt.evaluation.bench.devices import Plan, run
+
+    return run(Plan(realtime=realtime))
 
 
 def _evaluate() -> StageResult:

@@ -15,8 +15,8 @@ from mmt.devices.adxl335.framing import Counts, Frame, encode_frame
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, Calibration, nominal
 from mmt.devices.protocols import Vector
 
-_NOISE_M_S2: Final = 150e-6 * GRAVITY_M_S2
-"""Per root hertz (data sheet, X and Y)."""
+NOISE_DENSITY: Final = 150e-6 * GRAVITY_M_S2
+"""m/s2 per root hertz (data sheet, X and Y)."""
 _WAIT_S: Final = 0.0005
 
 
@@ -41,6 +41,8 @@ class EmulatedAdxl335Board:
         Of the board.
     clock_ppm, start_us
         How much too fast the board's clock runs, and where it begins.
+    noise_density
+        Of the sensor, m/s2 per root hertz.
     seed
         Of the noise and the garbage.
     """
@@ -57,6 +59,7 @@ class EmulatedAdxl335Board:
         bandwidth_hz: float = 500.0,
         clock_ppm: float = 0.0,
         start_us: int = 0,
+        noise_density: float = NOISE_DENSITY,
         seed: int = 0,
     ) -> None:
         self._truth = truth
@@ -66,7 +69,7 @@ class EmulatedAdxl335Board:
         self._volts_per_count = supply_v / 2**resolution_bits
         self._calibration = nominal(supply_v) if calibration is None else calibration
         self._delay_ns = round(1e9 / (6.283185307179586 * bandwidth_hz))
-        self._noise = _NOISE_M_S2 * (1.57 * bandwidth_hz) ** 0.5
+        self._noise = noise_density * (1.57 * bandwidth_hz) ** 0.5
         self._speed = 1.0 + 1e-6 * clock_ppm
         self._start_us = start_us
         self._random = random.Random(seed)  # noqa: S311 - noise, no secret

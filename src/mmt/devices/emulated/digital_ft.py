@@ -21,7 +21,10 @@ from mmt.devices.emulated.truth import Truth
 
 _COUNTS: Final = 1_000_000
 _COUNTS_A_NEWTON: Final = 1000.0
-_PERIOD_NS: Final = 1_000_000
+_TIMER_NS: Final = 1_000_000
+_ADAPTER_BYTES: Final = 62
+"""A common adapter of USB to serial hands on so many bytes together, or what is there after a
+millisecond."""
 _JAM: Final = 14
 _GAINS = (500, 501, 502, 503, 504, 505)
 _OFFSETS = (2000, 2001, 2002, 2003, 2004, 2005)
@@ -76,7 +79,8 @@ class EmulatedDigitalFt:
         self._garbage = b""
         self._silent = False
         self._unlocked = False
-        self.port = EmulatedPort(_PERIOD_NS, self._step)
+        full_ns = round(_ADAPTER_BYTES / SIZE / self._rate)
+        self.port = EmulatedPort(min(full_ns, _TIMER_NS), self._step)
         self.store(_mixing_matrix())
 
     def store(

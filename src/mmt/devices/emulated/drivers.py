@@ -1,7 +1,5 @@
 """Drivers of the virtual lab: the real ones, at the addresses of emulated devices."""
 
-import select
-import socket
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
@@ -9,16 +7,13 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from mmt.arrays import FloatArray
 from mmt.devices.emulated.lab_process import LabProcess
-from mmt.devices.emulated.robot_link import NO_COMMAND, PACKET
+from mmt.devices.emulated.robot_driver import DatagramRobot
 from mmt.devices.loading import load_device, read_options
 from mmt.devices.protocols import ActuatorStatistics, SampledSensor, SensorReading, Vector
-from mmt.errors import DeviceLost, MmtError
+from mmt.errors import DeviceLost
 
 if TYPE_CHECKING:
     from mmt.devices.haptuator.serial_driver import SerialHaptuator
-
-_ANSWER_S: Final = 2.0
-_SILENT_READS: Final = 100
 
 
 class LabOptions(BaseModel):
@@ -60,64 +55,37 @@ class VirtualRobot:
 
     def __init__(self, **options: Any) -> None:
         self._options = read_options(LabOptions, "virtual-robot", options)
-        self._socket: socket.socket | None = None
-        self._position: Vector | None = None
-        self._empty = 0
+        self._robot: DatagramRobot | None = None
 
     def connect(self) -> None:
         """Start the lab, and wait for the first position."""
         self.close()
         port = _LAB.enter(self, *self._options.arguments)["robot"]["port"]
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.connect(("127.0.0.1", port))
-        self._socket.setblocking(False)
-        self._socket.send(NO_COMMAND)
-        select.select([self._socket], [], [], _ANSWER_S)
-        self._drain(self._socket)
-        if self._position is None:
-            raise MmtError("the virtual robot does not answer: end what loads this machine")
+        self._robot = DatagramRobot(port)
+        self._robot.connect()
 
     def calibrate(self) -> None:
         """Do nothing: it is calibrated."""
 
     def read(self) -> Vector:
         """Return the newest position (mm)."""
-        if self._socket is None or self._position is None:
-            raise DeviceLost("the virtual robot is not connected")
-        self._drain(self._socket)
-        if self._empty > _SILENT_READS:
-            raise DeviceLost("the virtual robot says nothing: its lab has ended")
-        return self._position
+        return self._connected().read()
 
     def write(self, position_mm: Vector) -> None:
         """Command a position (mm)."""
-        if self._socket is None:
-            raise DeviceLost("the virtual robot is not connected")
-        try:
-            self._socket.send(PACKET.pack(*position_mm))
-        except BlockingIOError:
-            return  # the next one is newer anyhow
-        except OSError as error:
-            raise DeviceLost(f"the virtual robot is gone: {error}") from error
+        self._connected().write(position_mm)
 
     def close(self) -> None:
         """Leave the lab; calling it twice is harmless."""
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = self._position = None
-            self._empty = 0
+        if self._robot is not None:
+            self._robot.close()
+            self._robot = None
             _LAB.leave(self)
 
-    def _drain(self, link: socket.socket) -> None:
-        self._empty += 1
-        try:
-            while len(packet := link.recv(64)) == PACKET.size:
-                self._position = PACKET.unpack(packet)
-                self._empty = 0
-        except BlockingIOError:
-            return
-        except OSError as error:
-            raise DeviceLost(f"the virtual robot is gone: {error}") from error
+    def _connected(self) -> DatagramRobot:
+        if self._robot is None:
+            raise DeviceLost("the virtual robot is not connected")
+        return self._robot
 
 
 class VirtualSensor:

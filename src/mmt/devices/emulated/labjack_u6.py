@@ -33,8 +33,8 @@ from mmt.devices.labjack.packets import (
 )
 from mmt.devices.labjack.usb_link import PRODUCT, VENDOR
 
-_ENDPOINTS: Final = (0x01, 0x82, 0x83)
-_SLICE_S: Final = 0.0005
+ENDPOINTS: Final = (0x01, 0x82, 0x83)
+_SLICE_S: Final = 0.0002
 
 
 class EmulatedU6(OneDeviceBackend):
@@ -60,7 +60,7 @@ class EmulatedU6(OneDeviceBackend):
         lines: Sequence[Line] | None = None,
         clock_ppm: float = 0.0,
     ) -> None:
-        super().__init__(VENDOR, PRODUCT, _ENDPOINTS)
+        super().__init__(VENDOR, PRODUCT, ENDPOINTS)
         self._volts = volts
         self._serial = serial
         self._lines = nominal_lines() if lines is None else tuple(lines)
@@ -165,11 +165,11 @@ class EmulatedU6(OneDeviceBackend):
         return 0
 
     def _next(self, endpoint: int) -> bytes:
-        if endpoint == _ENDPOINTS[1]:
+        if endpoint == ENDPOINTS[1]:
             return self._replies.pop(0) if self._replies else b""
         while self._streaming and not self._stalled:
             scans = self._per_packet // len(self._table)
-            due_s = (self._scan + scans) * self._period_s / self._speed
+            due_s = (self._scan + scans - 1) * self._period_s / self._speed  # of its last scan
             if (time.monotonic_ns() - self._begun_ns) * 1e-9 < due_s:
                 break
             wire = self._spoil(encode_stream(self._packet(scans)))

@@ -20,6 +20,7 @@ STAGES: Final = {
     "pipeline": "mmt.evaluation.bench.pipeline",
     "conceal": "mmt.evaluation.bench.conceal",
     "contact": "mmt.evaluation.bench.contact",
+    "devices": "mmt.evaluation.bench.devices",
 }
 """Modules by the name of their stage."""
 

@@ -1,0 +1,141 @@
+"""The device path: cost, latency and truth of frames, by the real drivers on emulated devices."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from mmt.errors import MmtError
+from mmt.evaluation.bench.results import Cell, LeftOut, Records, StageResult, Target
+from mmt.evaluation.device_bench.running import Measured, SetUp, measure
+from mmt.realtime import require_real_time
+
+SET_UPS: Final = (
+    SetUp("virtual lab: Net F/T, ADXL335 on serial", "net_ft", "adxl335"),
+    SetUp("Digital F/T, ADXL335 on serial", "digital_ft", "adxl335"),
+    SetUp("Net F/T, ADXL335 at a U6", "net_ft", "u6"),
+    SetUp("OpenHaptics arm, Net F/T, ADXL335 on serial", "net_ft", "adxl335", "openhaptics"),
+)
+
+CORE_SHARE: Final = 0.25
+LATENCY_MS: Final = 2.0
+JITTER_MS: Final = 0.1
+SEEN_MS: Final = 20.0
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is measured; the defaults are what ``mmt bench devices`` does."""
+
+    set_ups: tuple[SetUp, ...] = SET_UPS
+    duration_s: float = 20.0
+    stops: int = 10
+    """Of each sensor."""
+    realtime: bool = False
+    """Whether the follower's part and the emulated devices run by real-time scheduling."""
+
+
+def run(plan: Plan | None = None) -> StageResult:
+    """Measure each set-up; one that cannot run here is left out.
+
+    Raises
+    ------
+    MmtError
+        Real-time scheduling is not permitted.
+    """
+    plan = plan or Plan()
+    if plan.realtime:
+        require_real_time()
+    found: dict[str, Measured] = {}
+    left_out = []
+    for set_up in plan.set_ups:
+        try:
+            found[set_up.name] = measure(
+                set_up, plan.duration_s, plan.stops, realtime=plan.realtime
+            )
+        except MmtError as error:
+            left_out.append(LeftOut(set_up.name, str(error), "see docs/reference/bench.md"))
+    return StageResult(
+        name="devices",
+        title="Devices",
+        about=(
+            "The follower's real drivers on emulated devices in another process, arm, force and "
+            f"acceleration at 1 kHz, {plan.duration_s:g} s. The emulated values turn 20 times a "
+            "second, so that each tells when it was measured, by the clock that both processes "
+            "have; noise is switched off. Share: all processor time of the process that reads "
+            "and forms frames. Latency: from the instant of a frame's oldest value to the "
+            "frame, less what the slowest sensor states of itself. Jitter: how far the error of "
+            "a frame's time is from its median. Seen: from when a sensor stops to when the "
+            f"follower knows, the longest of {2 * plan.stops} times."
+            + (" By real-time scheduling." if plan.realtime else "")
+        ),
+        records=(
+            Records("frames", "Cost and frames", tuple(_frames(found))),
+            Records("clocks", "Clocks and stops", tuple(_clocks(found))),
+        ),
+        targets=_targets(found),
+        left_out=tuple(left_out),
+    )
+
+
+def _frames(found: Mapping[str, Measured]) -> list[dict[str, Cell]]:
+    return [
+        {
+            "set-up": name,
+            "share of a core": one.core_share,
+            "latency p50 (ms)": one.times.latency_p50_ms,
+            "p99 (ms)": one.times.latency_p99_ms,
+            "jitter p99, force (ms)": one.times.jitter_p99_ms["force"],
+            "acceleration (ms)": one.times.jitter_p99_ms["acceleration"],
+            "missing frames": one.missing,
+            "of": one.frames + one.missing,
+        }
+        for name, one in found.items()
+    ]
+
+
+def _clocks(found: Mapping[str, Measured]) -> list[dict[str, Cell]]:
+    return [
+        {
+            "set-up": name,
+            "drift's error, force (ppm)": one.drift_errors_ppm["force_sensor"],
+            "acceleration (ppm)": one.drift_errors_ppm["accelerometer"],
+            "time's offset, force (ms)": one.times.offset_ms["force"],
+            "acceleration (ms)": one.times.offset_ms["acceleration"],
+            "force and acceleration apart, p99 (ms)": one.times.apart_p99_ms,
+            "seen after, longest (ms)": max(one.seen_after_ms, default=None),
+            "ticks 1 ms late": one.late_share_1ms,
+        }
+        for name, one in found.items()
+    ]
+
+
+def _targets(found: Mapping[str, Measured]) -> tuple[Target, ...]:
+    """Return what the worst set-up reaches."""
+
+    def worst(values: Sequence[float]) -> float | None:
+        return max(values, default=None)
+
+    every = list(found.values())
+    jitters = [value for one in every for value in one.times.jitter_p99_ms.values()]
+    return (
+        Target("share of a core", worst([one.core_share for one in every]), "at most", CORE_SHARE),
+        Target(
+            "latency sensor to frame, p99 (ms)",
+            worst([one.times.latency_p99_ms for one in every]),
+            "at most",
+            LATENCY_MS,
+        ),
+        Target("jitter of a frame's time, p99 (ms)", worst(jitters), "at most", JITTER_MS),
+        Target(
+            "stopped sensor seen after, longest (ms)",
+            worst([value for one in every for value in one.seen_after_ms]),
+            "at most",
+            SEEN_MS,
+        ),
+        Target(
+            "set-ups that import scipy or numba",
+            float(sum(bool(one.imported) for one in every)) if every else None,
+            "at most",
+            0,
+        ),
+    )

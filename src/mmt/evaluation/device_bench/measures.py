@@ -1,0 +1,71 @@
+"""Times of frames against those of what they hold: arrays in, figures out."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mmt.arrays import FloatArray, IntArray
+from mmt.evaluation.device_bench.motion import PERIOD_NS
+
+_MS: Final = 1e6
+
+
+def time_errors_ms(values: FloatArray, times_ns: IntArray) -> FloatArray:
+    """Return how much later than a frame says its value was there, shape (n,).
+
+    Parameters
+    ----------
+    values
+        Vectors that turn as `Motion` does, (n, 3).
+    times_ns
+        What the frames say, (n,).
+    """
+    turned = np.arctan2(values[:, 1], values[:, 0]) / (2.0 * np.pi)
+    apart = turned - (times_ns % PERIOD_NS) / PERIOD_NS
+    return np.asarray((apart - np.round(apart)) * (PERIOD_NS / _MS), dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class FrameTimes:
+    """How late frames are and how true their times; all in ms."""
+
+    latency_p50_ms: float
+    """From the instant of a frame's oldest value to when the frame is there, less the latency
+    that the slowest sensor states of itself."""
+    latency_p99_ms: float
+    jitter_p99_ms: dict[str, float]
+    """By the channel: how far the error of the time is from its median."""
+    offset_ms: dict[str, float]
+    """By the channel: the median error of the time, which is the transport that nobody sees."""
+    apart_p99_ms: float
+    """Between the instants of two values of one frame."""
+
+
+def frame_times(
+    values: dict[str, FloatArray], times_ns: IntArray, formed_ns: IntArray, stated_ms: float
+) -> FrameTimes:
+    """Compare frames with the motion that they are of.
+
+    Parameters
+    ----------
+    values
+        Force and acceleration, (n, 3) each, by the channel.
+    times_ns, formed_ns
+        What the frames say, and when each of them was there, (n,).
+    stated_ms
+        The largest latency that a sensor states of itself.
+    """
+    errors = {name: time_errors_ms(value, times_ns) for name, value in values.items()}
+    stacked = np.stack(list(errors.values()))
+    added = (formed_ns - times_ns) / _MS - stacked.min(axis=0) - stated_ms
+    return FrameTimes(
+        latency_p50_ms=float(np.median(added)),
+        latency_p99_ms=float(np.percentile(added, 99)),
+        jitter_p99_ms={
+            name: float(np.percentile(np.abs(error - np.median(error)), 99))
+            for name, error in errors.items()
+        },
+        offset_ms={name: float(np.median(error)) for name, error in errors.items()},
+        apart_p99_ms=float(np.percentile(np.ptp(stacked, axis=0), 99)),
+    )

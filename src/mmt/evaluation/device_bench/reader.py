@@ -1,0 +1,121 @@
+"""The follower's part of it: the real drivers and the frames, in a process of its own.
+
+Its first line of input is the job, as JSON. It prints a line of JSON when it streams, and for
+each device that is lost or back. ``begin`` and ``end`` say between which moments to measure; with
+the end of its input it writes the frames and prints what it found.
+"""
+
+import asyncio
+import json
+import sys
+import time
+from typing import Any, Final
+
+import numpy as np
+
+from mmt.arrays import RecordArray
+from mmt.devices.emulated.remote_u6 import RemoteU6
+from mmt.devices.emulated.robot_driver import DatagramRobot
+from mmt.devices.loading import load_device
+from mmt.devices.source import PERIOD_NS, DeviceSource
+from mmt.evaluation.device_bench.children import say
+from mmt.frames import CHANNELS
+from mmt.process import prefer_even_ticks
+from mmt.realtime import be_real_time
+from mmt.ticking import Ticker
+
+_COMMAND_MM: Final = (0.0, 0.0, 5.0)
+
+
+class Reader:
+    """Read devices at 1 kHz and keep the frames.
+
+    Parameters
+    ----------
+    job
+        ``robot``, ``force_sensor`` and ``accelerometer``, each with ``driver`` and ``options``;
+        ``realtime``, whether it ticks by real-time scheduling.
+    """
+
+    def __init__(self, job: dict[str, Any]) -> None:
+        robot, force, acceleration = (
+            _load(job[key]) for key in ("robot", "force_sensor", "accelerometer")
+        )
+        self.sensors = {"force_sensor": force, "accelerometer": acceleration}
+        self.source = DeviceSource(robot, force, acceleration, CHANNELS, on_lost="hold")
+        self.source.watch(self._note)
+        self.ticker = Ticker(PERIOD_NS, self._tick)
+        self._frames: list[RecordArray] = []
+        self._formed: list[tuple[int, int]] = []
+        self._measured: dict[str, float] = {}
+        self._begun = (0, 0)
+        self._keeps = False
+        self._realtime: bool = job["realtime"]
+
+    async def run(self, file: str) -> None:
+        """Stream until standard input ends; then write the frames and say what was found."""
+        loop = asyncio.get_running_loop()
+        prefer_even_ticks()
+        if self._realtime:
+            be_real_time()
+        try:
+            self.source.start(time.monotonic_ns())
+            self.ticker.start()
+            loop.add_reader(sys.stdin.fileno(), self._hear)
+            say({"ready": True})
+            await self.ticker.wait()
+        finally:
+            self.ticker.stop()
+            loop.remove_reader(sys.stdin.fileno())
+            self.source.close()
+        self._write(file)
+        say(
+            {
+                **self._measured,
+                "devices": self.source.summary,
+                "latency_ns": {key: one.latency_ns for key, one in self.sensors.items()},
+                "late_share_1ms": self.ticker.statistics.late_share_1ms,
+                "imported": sorted({"numba", "scipy"} & set(sys.modules)),
+            }
+        )
+
+    def _hear(self) -> None:
+        word = sys.stdin.readline().strip()
+        now = (time.monotonic_ns(), time.process_time_ns())
+        if word == "begin":
+            self._begun, self._keeps = now, True
+        elif word == "end":
+            wall_ns, busy_ns = (now[i] - self._begun[i] for i in range(2))
+            self._measured = {"core_share": busy_ns / wall_ns}
+            self._keeps = False
+            say({"ended": True})
+        else:
+            self.ticker.stop()
+
+    def _tick(self, elapsed: int) -> None:
+        frames = self.source.step(elapsed, time.monotonic_ns(), _COMMAND_MM)
+        if self._keeps and len(frames):
+            self._frames.append(frames)
+            self._formed.append((time.monotonic_ns(), len(frames)))
+
+    def _note(self, lost: bool, sentence: str) -> None:
+        say({"lost": lost, "at_ns": time.monotonic_ns(), "sentence": sentence})
+
+    def _write(self, file: str) -> None:
+        formed = [at_ns for at_ns, count in self._formed for _ in range(count)]
+        frames = np.concatenate(self._frames) if self._frames else np.empty(0)
+        np.savez(file, frames=frames, formed_ns=np.array(formed, dtype=np.int64))
+
+
+def _load(device: dict[str, Any]) -> Any:
+    options = dict(device["options"])
+    if device["driver"] == "datagrams":
+        return DatagramRobot(**options)
+    if "socket" in options:
+        options["backend"] = RemoteU6(options.pop("socket"))
+    return load_device(device["driver"], options)
+
+
+if __name__ == "__main__":
+    job = json.loads(sys.stdin.readline())
+    asyncio.run(Reader(job).run(job["file"]))

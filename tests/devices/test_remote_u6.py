@@ -1,0 +1,69 @@
+"""An emulated LabJack U6 in another process, met over sockets."""
+
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+
+import pytest
+
+from mmt.devices.adxl335.u6_driver import U6Adxl335
+from mmt.devices.emulated.labjack_u6 import EmulatedU6
+from mmt.devices.emulated.remote_u6 import RemoteU6, U6Server
+from mmt.devices.protocols import SensorReading
+from mmt.errors import DeviceLost, MmtError
+
+
+@pytest.fixture
+def box() -> EmulatedU6:
+    return EmulatedU6(lambda _time_ns: [1.65, 1.65, 1.98] + [0.0] * 11)
+
+
+@pytest.fixture
+def server(box: EmulatedU6) -> Iterator[U6Server]:
+    server = U6Server(box)
+    server.start()
+    yield server
+    server.stop()
+
+
+def read_some(sensor: U6Adxl335, count: int) -> list[SensorReading]:
+    readings: list[SensorReading] = []
+    deadline = time.monotonic() + 20.0
+    while len(readings) < count:
+        assert time.monotonic() < deadline
+        readings += sensor.read()
+        time.sleep(0.001)
+    return readings
+
+
+def test_its_driver_reads_it_as_if_it_were_here(server: U6Server) -> None:
+    remote = RemoteU6(server.address)
+    sensor = U6Adxl335(backend=remote, bandwidth_hz=1000)
+    sensor.connect()
+    readings = read_some(sensor, 100)
+    sensor.close()
+    remote.close()
+    assert readings[-1].value[2] == pytest.approx(9.8, abs=0.3)
+    steps = {b.time_ns - a.time_ns for a, b in pairwise(readings)}
+    assert steps == {500_000}
+
+
+def test_one_that_is_unplugged_is_lost(box: EmulatedU6, server: U6Server) -> None:
+    remote = RemoteU6(server.address)
+    sensor = U6Adxl335(backend=remote, bandwidth_hz=1000)
+    sensor.connect()
+    box.unplug()
+    with pytest.raises(DeviceLost, match="plug it in again"):
+        read_some(sensor, 10**6)
+    sensor.close()
+    remote.close()
+
+
+def test_a_server_that_has_ended_is_a_device_that_is_gone(box: EmulatedU6) -> None:
+    server = U6Server(box)
+    server.start()
+    remote = RemoteU6(server.address)
+    remote.close()
+    server.stop()
+    with pytest.raises(MmtError, match="gone"):
+        U6Adxl335(backend=remote, bandwidth_hz=1000).connect()

@@ -1,0 +1,109 @@
+"""The bench of the device path: its arithmetic on frames that are known, and one run of it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mmt.errors import MmtError
+from mmt.evaluation.bench import devices
+from mmt.evaluation.device_bench.children import Child
+from mmt.evaluation.device_bench.measures import frame_times, time_errors_ms
+from mmt.evaluation.device_bench.motion import PERIOD_NS, Motion
+from mmt.evaluation.device_bench.running import Measured, SetUp
+
+START_NS = 7_000_000_000_123
+
+
+def turned(motion: Motion, times_ns: np.ndarray) -> np.ndarray:
+    return np.array([motion(int(time_ns)) for time_ns in times_ns])
+
+
+def moving(size: float) -> Motion:
+    motion = Motion(size)
+    motion.begin()
+    return motion
+
+
+def test_a_motion_rests_until_it_begins_and_then_tells_its_time() -> None:
+    motion = Motion(3.0, (1.0, 0.0, 9.8))
+    assert motion(START_NS) == (1.0, 0.0, 9.8)
+    motion.begin()
+    x, y, z = motion(START_NS)
+    assert math.hypot(x - 1.0, y) == pytest.approx(3.0)
+    assert z == 9.8
+    assert motion(START_NS + PERIOD_NS) == pytest.approx((x, y, z))
+
+
+@pytest.mark.parametrize("late_ns", [-3_000_000, -20_000, 0, 90_000, 20_000_000])
+def test_a_value_tells_how_much_later_it_was_there(late_ns: int) -> None:
+    times_ns = START_NS + 1_000_000 * np.arange(300)
+    values = 0.4 * turned(moving(5.0), times_ns + late_ns)  # a filter takes of its length
+    assert time_errors_ms(values, times_ns) == pytest.approx(late_ns / 1e6, abs=1e-6)
+
+
+def test_latency_jitter_and_offset_of_frames_that_are_known() -> None:
+    times_ns = START_NS + 1_000_000 * np.arange(1000)
+    wander_ns = np.where(np.arange(1000) % 10 == 0, 40_000, 0)
+    values = {
+        "force": turned(moving(5.0), times_ns - 100_000 + wander_ns),
+        "acceleration": turned(moving(20.0), times_ns - 300_000),
+    }
+    found = frame_times(values, times_ns, times_ns + 2_000_000, stated_ms=0.5)
+    assert found.latency_p50_ms == pytest.approx(2.0 + 0.3 - 0.5)
+    assert found.latency_p99_ms == pytest.approx(1.8)
+    assert found.offset_ms == pytest.approx({"force": -0.1, "acceleration": -0.3})
+    assert found.jitter_p99_ms == pytest.approx({"force": 0.04, "acceleration": 0.0}, abs=1e-6)
+    assert found.apart_p99_ms == pytest.approx(0.24)
+
+
+def test_a_child_that_fails_is_quoted() -> None:
+    child = Child("mmt.evaluation.device_bench.lab", "no_such_sensor", "adxl335", "ordinary")
+    try:
+        with pytest.raises(MmtError, match=r"lab has ended: KeyError.*no_such_sensor"):
+            child.hear(30.0)
+    finally:
+        child.close()
+
+
+def test_a_run_on_emulated_devices_finds_what_holds_on_any_machine() -> None:
+    plan = devices.Plan(set_ups=(SetUp("both", "net_ft", "u6"),), duration_s=1.0, stops=1)
+    result = devices.run(plan)
+    assert not result.left_out
+    (row,) = result.records[0].rows
+    (clocks,) = result.records[1].rows
+    assert 0.0 < row["share of a core"] < 1.0  # type: ignore[operator]
+    assert row["latency p50 (ms)"] > 1.0  # type: ignore[operator]
+    assert row["of"] > 300  # type: ignore[operator]
+    assert clocks["seen after, longest (ms)"] > 10.0  # type: ignore[operator]
+    imported = result.targets[-1]
+    assert imported.what == "set-ups that import scipy or numba"
+    assert imported.met
+    assert result.as_dict()["targets"][0]["bound"] == 0.25
+
+
+def test_targets_are_of_the_worst_set_up_and_what_cannot_run_is_left_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    times = frame_times(
+        {"force": np.array([[1.0, 0.0, 0.0]]), "acceleration": np.array([[1.0, 0.0, 0.0]])},
+        np.array([START_NS]),
+        np.array([START_NS + 1_500_000]),
+        0.0,
+    )
+
+    def measured(set_up: SetUp, *_: object, **__: object) -> Measured:
+        if set_up.name == "broken":
+            raise MmtError("no compiler")
+        share = 0.1 if set_up.name == "good" else 0.3
+        sensors = {"force_sensor": 1.0, "accelerometer": 2.0}
+        return Measured(share, 100, 0, times, sensors, [15.0, 16.0], 0.0, [])
+
+    monkeypatch.setattr(devices, "measure", measured)
+    names = ("good", "worse", "broken")
+    result = devices.run(devices.Plan(tuple(SetUp(name, "net_ft", "u6") for name in names)))
+    by_name = {target.what: target for target in result.targets}
+    assert by_name["share of a core"].measured == 0.3
+    assert not by_name["share of a core"].met
+    assert by_name["stopped sensor seen after, longest (ms)"].met
+    assert [(out.name, out.reason) for out in result.left_out] == [("broken", "no compiler")]
