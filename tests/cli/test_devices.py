@@ -1,7 +1,9 @@
 """`mmt device`: what there is, what it measures, and what is wrong with it."""
 
 import json
+import re
 import time
+import tomllib
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from types import SimpleNamespace
@@ -358,3 +360,37 @@ def test_a_busy_machine_is_told_from_a_fault(drivers: str, monkeypatch: pytest.M
     problems = observe("force_sensor", "a", sensor, duration_s=0.5).problems
     assert len(problems) == 1
     assert "this machine is busy, the test itself had to wait up to" in problems[0]
+
+
+def test_the_documented_driver_is_found_as_a_package_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = (Path(__file__).parents[2] / "docs/how-to/devices.md").read_text(encoding="utf-8")
+    driver = re.search(r"```python\n(.*?)```", text, re.DOTALL)
+    project = re.search(r"```toml\n(\[project\].*?)```", text, re.DOTALL)
+    assert driver is not None
+    assert project is not None
+    assert sum(bool(line.strip()) for line in driver[1].splitlines()) <= 30
+    entries = tomllib.loads(project[1])["project"]["entry-points"][table.GROUP]
+    (tmp_path / "lab").mkdir()
+    (tmp_path / "lab" / "sensors.py").write_text(driver[1])
+    information = tmp_path / "lab_devices-1.0.dist-info"
+    information.mkdir()
+    (information / "METADATA").write_text(
+        "Metadata-Version: 2.1\nName: lab-devices\nVersion: 1.0\n"
+    )
+    lines = [f"[{table.GROUP}]", *(f"{name} = {value}" for name, value in entries.items())]
+    (information / "entry_points.txt").write_text("\n".join(lines))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    run("list", "--json", tmp_path / "l.json")
+    found = json.loads((tmp_path / "l.json").read_text())["drivers"]
+    (line,) = [each for each in found if each["name"] == "lab-line"]
+    assert line["package"] == "lab-devices"
+    assert line["problem"] == ""
+    assert line["roles"] == ["force_sensor", "accelerometer"]
+    result = run("test", "lab-line", "--role", "accelerometer", "--set", "port=/dev/none")
+    assert result.exit_code == 1
+    assert "line sensor at /dev/none" in result.output
+    missing = run("test", "lab-line")
+    assert isinstance(missing.exception, InputError)
+    assert "'port'; its options are port, baud=1000000" in str(missing.exception)

@@ -85,7 +85,9 @@ def test_an_option_that_a_driver_does_not_take_is_named(
 
 
 def test_an_option_that_a_plain_factory_does_not_take_is_bad_input(names: None) -> None:
-    with pytest.raises(InputError, match=r"device 'outside' cannot be made: .*'speed'"):
+    with pytest.raises(
+        InputError, match=r"device 'outside': .*'speed'; its options are port='/dev/null'"
+    ):
         load_device("outside", {"speed": 1})
 
 

@@ -36,7 +36,7 @@ def try_all(
     seen = []
     for named in devices:
         device = load_device(named.driver, named.options, role=named.role)
-        messages.print(f"{named.title}: reading for {duration_s:g} s", highlight=False)
+        messages.print(f"{named.title}: {duration_s:g} s", highlight=False)
         one = observe(
             named.role or "device",
             named.driver,
@@ -127,7 +127,10 @@ def _state(seen: Observation) -> str:
 
 def _show(seen: Observation) -> None:
     rate = "" if seen.rate_hz is None else f", {seen.rate_hz:.0f} readings/s"
-    values = "playing silence" if seen.newest is None else _numbers(seen.newest, seen.unit)
+    if seen.newest is not None:
+        values = _numbers(seen.newest, seen.unit)
+    else:
+        values = "playing silence" if seen.played else "no reading yet"
     messages.print(f"  {seen.duration_s:4.0f} s  {values}{rate}", highlight=False)
 
 

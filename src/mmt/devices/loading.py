@@ -1,6 +1,7 @@
 """Make a device by its driver's name, only when a scene asks for it."""
 
 import importlib
+import inspect
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
@@ -34,6 +35,7 @@ def load_device(
         The device cannot be made.
     """
     factory = load_factory(driver, role)
+    _check_names(driver, factory, options or {})
     try:
         return factory(**(options or {}))
     except MmtError:
@@ -46,6 +48,21 @@ def load_device(
         raise kind(f"device {driver!r} cannot be made: {reason}") from error
 
 
+def _check_names(driver: str, factory: Any, options: Mapping[str, Any]) -> None:
+    """Raise where a factory's own parameters do not fit the options."""
+    try:
+        signature = inspect.signature(factory)
+    except (TypeError, ValueError):  # one in C may have none
+        return
+    try:
+        signature.bind(**options)
+    except TypeError as error:
+        names = [str(parameter) for parameter in signature.parameters.values()]
+        raise InputError(
+            f"device {driver!r}: {error}; its options are {', '.join(names) or 'none'}"
+        ) from error
+
+
 def load_factory(driver: str, role: Role | None = None) -> Any:
     """Import the driver's module and return its factory; see `load_device`."""
     module_name, _, factory_name = locate(driver, role).partition(":")
@@ -54,7 +71,8 @@ def load_factory(driver: str, role: Role | None = None) -> Any:
     except Exception as error:  # a driver may want a library, a file, a version of Python
         raise InputError(
             f"device {driver!r}: module {module_name} cannot be imported ({error}); "
-            "install the package that holds it, and what it needs"
+            "install the package that holds it, and what it needs (pip install -e DIRECTORY), or "
+            "name the directory in PYTHONPATH"
         ) from error
     factory = getattr(module, factory_name, None)
     if not callable(factory):
