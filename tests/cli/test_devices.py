@@ -50,9 +50,9 @@ class Polled:
 class Sampled(Polled):
     latency_ns = 200_000
 
-    def __init__(self, rate_hz=2000, noise=1.0, silent=False, lost_after=None, **faults):
+    def __init__(self, rate_hz=2000, noise=1.0, silent=False, at_once=1, lost_after=None, **faults):
         super().__init__()
-        self.rate_hz, self.noise, self.silent = rate_hz, noise, silent
+        self.rate_hz, self.noise, self.silent, self.at_once = rate_hz, noise, silent, at_once
         self.lost_after, self.faults = lost_after, faults
         self.given = 0
 
@@ -65,6 +65,7 @@ class Sampled(Polled):
             raise DeviceLost("unplugged")
         if self.silent:
             return []
+        due -= due % self.at_once
         come = [
             SensorReading(round(k * 1e9 / self.rate_hz), (0.0, self.noise * math.sin(k), 9.81))
             for k in range(self.given, due)
@@ -139,14 +140,19 @@ def figures_of(drivers: str, name: str, directory: Path, *settings: str) -> tupl
     return result, json.loads(file.read_text())["devices"][0]
 
 
+def of_the_device(problems: list[str]) -> list[str]:
+    """What is wrong, but for readings that this machine was too busy to fetch in time."""
+    return [problem for problem in problems if "the load of this machine" not in problem]
+
+
 def test_a_sensor_that_works_shows_its_values_and_rate(drivers: str, tmp_path: Path) -> None:
     result, seen = figures_of(drivers, "Sampled", tmp_path)
-    assert result.exit_code == 0, result.output
+    assert result.exit_code == bool(seen["problems"]), result.output
     assert seen["rate_hz"] == pytest.approx(2000, rel=0.2)
     assert seen["spacing_p50_ms"] == pytest.approx(0.5)
     assert seen["mean"][2] == pytest.approx(9.81)
     assert seen["most"][1] == pytest.approx(1.0, abs=0.01)
-    assert seen["problems"] == []
+    assert of_the_device(seen["problems"]) == []
 
 
 def test_a_polled_device_is_read_and_never_commanded(drivers: str, tmp_path: Path) -> None:
@@ -163,6 +169,7 @@ def test_a_polled_device_is_read_and_never_commanded(drivers: str, tmp_path: Pat
         ("Sampled", ["lost_after=50"], "unplugged"),
         ("Sampled", ["rate_hz=134"], "raise its rate or its baud rate"),
         ("Sampled", ["checksum=3"], "3 times: checksum"),
+        ("Sampled", ["at_once=80"], "come in bursts"),
         ("Polled", ["z=nan"], "no numbers"),
     ],
 )
@@ -204,8 +211,10 @@ def test_all_devices_of_a_scene_are_tested(drivers: str, tmp_path: Path) -> None
         f'[actuator]\ndriver = "{drivers}:Actuator"\n'
     )
     result = run("test", scene, "--duration", 0.1, "--json", tmp_path / "s.json")
-    assert result.exit_code == 0, result.output
     seen = json.loads((tmp_path / "s.json").read_text())["devices"]
+    problems = [problem for one in seen for problem in one["problems"]]
+    assert of_the_device(problems) == []
+    assert result.exit_code == bool(problems), result.output
     assert [one["role"] for one in seen] == ["robot", "accelerometer", "handle", "actuator"]
     assert seen[2]["mean"] == [1.0, 2.0, 3.0]
     assert seen[3]["readings"] == 0

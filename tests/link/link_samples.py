@@ -101,13 +101,13 @@ async def follower(
         f"http://127.0.0.1:{port}", hello(**changes), (notes or FollowerNotes()).events()
     )
     try:
-        await client.connect(10.0)
+        await client.connect(30.0)
         yield client
     finally:
         await client.disconnect()
 
 
-async def until(condition: Callable[[], object], timeout_s: float = 10.0) -> None:
+async def until(condition: Callable[[], object], timeout_s: float = 30.0) -> None:
     """Wait until the condition holds."""
     async with asyncio.timeout(timeout_s):
         while not condition():

@@ -17,7 +17,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import pytest
 
@@ -35,6 +35,8 @@ class Namespaces:
 
     leader: str
     follower: str
+    late_s: list[float] = field(default_factory=list, compare=False)
+    """By how much the relay held each packet longer than it meant to; empty without one."""
 
     def within_leader(self) -> list[str]:
         """The command that runs something on the leader's machine."""
@@ -107,7 +109,9 @@ def relay(delay_ms: float, jitter_ms: float) -> Iterator[Namespaces]:
         _bring_up(made.leader, first, LEADER_ADDRESS)
         _bring_up(made.follower, second, FOLLOWER_ADDRESS)
         ended = threading.Event()
-        passing = threading.Thread(target=_pass, args=(one, other, delay_ms, jitter_ms, ended))
+        passing = threading.Thread(
+            target=_pass, args=(one, other, delay_ms, jitter_ms, ended, made.late_s)
+        )
         passing.start()
         try:
             yield made
@@ -136,7 +140,14 @@ def _tun(name: str) -> Iterator[int]:
         os.close(file)
 
 
-def _pass(one: int, other: int, delay_ms: float, jitter_ms: float, ended: threading.Event) -> None:
+def _pass(
+    one: int,
+    other: int,
+    delay_ms: float,
+    jitter_ms: float,
+    ended: threading.Event,
+    late_s: list[float],
+) -> None:
     """Hold each packet for a time of its own, as netem does, and pass it on."""
     generator, held, numbers = random.Random(1), [], itertools.count()
     towards = {one: other, other: one}
@@ -148,5 +159,6 @@ def _pass(one: int, other: int, delay_ms: float, jitter_ms: float, ended: thread
             delay_s = (delay_ms + generator.uniform(-jitter_ms, jitter_ms)) / 1000
             heapq.heappush(held, (time.monotonic() + delay_s, next(numbers), towards[file], packet))
         while held and held[0][0] <= time.monotonic():
-            _, _, file, packet = heapq.heappop(held)
+            due_s, _, file, packet = heapq.heappop(held)
             os.write(file, packet)
+            late_s.append(time.monotonic() - due_s)

@@ -21,6 +21,8 @@ from mmt.scene import Scene
 from mmt.scene_files import scene_from_tables
 
 PERIOD_NS = 1_000_000
+LONGEST_S = 60.0
+"""No wait lasts longer."""
 
 
 def small_scene(directory: Path, **tables: dict[str, Any] | None) -> Scene:
@@ -131,13 +133,13 @@ class Together:
     async def end(self) -> LeaderSummary:
         """Wait for the leader's end."""
         assert self._leading is not None
-        async with asyncio.timeout(30):
+        async with asyncio.timeout(LONGEST_S):
             return await self._leading
 
     async def until(self, happened: Callable[[], object]) -> None:
         """Wait until something is true, while the leader runs."""
         assert self._leading is not None
-        async with asyncio.timeout(30):
+        async with asyncio.timeout(LONGEST_S):
             while not happened():
                 assert not self._leading.done(), self.said
                 await asyncio.sleep(0.005)

@@ -285,7 +285,9 @@ async def test_a_session_ends_with_its_recording_kept_where_the_scene_says_stop(
     together = Together.of(device_scene(tmp_path, drivers, "stop"))
     await together.listen()
     following = asyncio.create_task(together.follow())
-    await together.until(lambda: together.leader.time_s > 0.3)
+    await together.until(
+        lambda: together.leader.time_s > 0.3 and together.leader.status().frames > 20
+    )
     OwnClock.made[0].unplugged = True
     summary = await following
     assert summary.problem is not None
@@ -295,11 +297,17 @@ async def test_a_session_ends_with_its_recording_kept_where_the_scene_says_stop(
 
 
 async def test_the_virtual_lab_carries_the_main_job_over_its_devices(tmp_path: Path) -> None:
-    changes = {"link.port": 0, "recording.file": str(tmp_path / "session.mcap")}
+    changes = {
+        "link.port": 0,
+        "recording.file": str(tmp_path / "session.mcap"),
+        "session.duration_s": 100.0,  # on a busy machine frames are rare
+    }
     together = Together.of(load_scene(Path("virtual-lab"), changes))
     await together.listen()
     following = asyncio.create_task(together.follow())
-    await together.until(lambda: together.leader.time_s > 2.0)
+    await together.until(
+        lambda: together.leader.time_s > 2.0 and together.leader.status().frames > 200
+    )
     together.leader.stop()
     assert (await together.end()).problem is None
     summary = await following

@@ -24,7 +24,7 @@ from mmt.process import prefer_even_ticks
 from mmt.realtime import be_real_time
 from mmt.scene import Link
 
-PATIENCE_S: Final = 20.0
+PATIENCE_S: Final = 60.0
 """How long one process waits for the other."""
 
 READY: Final = "ready"
