@@ -13,14 +13,13 @@ from mmt.devices.protocols import Vector
 from mmt.follower import service as follower_service
 from mmt.follower.service import FollowerService
 from mmt.follower.summary import FollowerSummary
-from mmt.frames import FIELD_OF_CHANNEL, channels_of, frame_dtype
+from mmt.frames import frame_dtype
 from mmt.leader.service import LeaderService
 from mmt.leader.summary import LeaderSummary
 from mmt.link.server import LeaderServer
 from mmt.scene import Scene
 from mmt.scene_files import scene_from_tables
 
-PERIOD_NS = 1_000_000
 LONGEST_S = 60.0
 """No wait lasts longer."""
 
@@ -37,16 +36,6 @@ def small_scene(directory: Path, **tables: dict[str, Any] | None) -> Scene:
     }
     chosen = {**base, **tables}
     return scene_from_tables({name: table for name, table in chosen.items() if table is not None})
-
-
-def made_frames(first: int, count: int, channels: tuple[str, ...] | None = None) -> RecordArray:
-    """Frames whose numbers tell which they are."""
-    frames = np.zeros(count, frame_dtype(channels) if channels else frame_dtype())
-    frames["sequence"] = np.arange(first, first + count)
-    frames["time_ns"] = frames["sequence"].astype(np.int64) * PERIOD_NS
-    for channel in channels_of(frames.dtype):
-        frames[FIELD_OF_CHANNEL[channel]] = np.arange(first, first + count)[:, None] % 50
-    return frames
 
 
 @dataclass

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from service_runs import Together, made_frames, small_scene
+from frame_samples import made_frames
+from service_runs import Together, small_scene
 from wire_relay import relay
 
 from mmt.devices.simulated.offline import simulate_session

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 import pytest
 import typer
-from service_runs import made_frames
+from frame_samples import made_frames
 
 from mmt.cli import follower, leader, main
 from mmt.cli.common import run_app

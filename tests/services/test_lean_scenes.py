@@ -9,8 +9,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from frame_samples import made_frames
 from service_processes import CONFIGS, LONGEST_S, Service
-from service_runs import made_frames
 
 from mmt.scene_files import load_scene
 from mmt.session import write_session

@@ -7,8 +7,9 @@ from typing import Any
 
 import aiohttp
 import pytest
+from frame_samples import made_frames
 from prometheus_client.parser import text_string_to_metric_families
-from service_runs import MadeSource, Together, made_frames, small_scene
+from service_runs import MadeSource, Together, small_scene
 
 from mmt.errors import InputError
 from mmt.link.access import TOKEN_VARIABLE

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from service_runs import MadeSource, Together, made_frames, run_session, small_scene
+from frame_samples import made_frames
+from service_runs import MadeSource, Together, run_session, small_scene
 
 from mmt.arrays import RecordArray
 from mmt.devices.protocols import InterfaceState, Vector

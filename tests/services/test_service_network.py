@@ -8,7 +8,8 @@ from typing import Any
 import aiohttp
 import numpy as np
 import pytest
-from service_runs import MadeSource, Together, made_frames, small_scene
+from frame_samples import made_frames
+from service_runs import MadeSource, Together, small_scene
 
 from mmt.arrays import RecordArray
 from mmt.devices.protocols import Vector

@@ -1,0 +1,31 @@
+"""Frames that wait for an update come out in order, whatever order they came in."""
+
+import numpy as np
+from frame_samples import made_frames
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mmt.leader.frame_queue import FrameQueue
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.integers(0, 60), unique=True, max_size=60), st.integers(1, 20), st.data())
+def test_however_frames_come_the_queue_gives_them_out_in_order_and_once(
+    numbers: list[int], period: int, data: st.DataObject
+) -> None:
+    in_time = data.draw(st.sets(st.sampled_from(numbers))) if numbers else set()
+    queue = FrameQueue(100, least_drop=1)
+    for number in sorted(in_time):
+        assert queue.put(made_frames(number, 1)) == 0
+    for number in numbers:
+        if number not in in_time:
+            assert queue.insert(made_frames(number, 1)) == 0
+    given_out: list[int] = []
+    while (frames := queue.take_period(period, None)) is not None:
+        taken = frames["sequence"].astype(np.int64)
+        assert taken[-1] - taken[0] >= period - 1
+        assert len(taken) == 1 or taken[-2] - taken[0] < period - 1
+        given_out += taken.tolist()
+    given_out += queue.take_all()["sequence"].tolist() if numbers else []
+    assert given_out == sorted(numbers)
+    assert len(queue) == 0

@@ -1,0 +1,93 @@
+"""The streamed force: limited, faded in a silence, never stepping."""
+
+import numpy as np
+import pytest
+from frame_samples import made_frames
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mmt.arrays import RecordArray
+from mmt.devices.protocols import InterfaceState, Vector
+from mmt.leader.feedback import StreamedForce
+
+
+class Handle:
+    """An interface that notes what it displays."""
+
+    def __init__(self) -> None:
+        self.forces: list[Vector] = []
+
+    def connect(self) -> None: ...
+
+    def calibrate(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def read(self, elapsed_ticks: int) -> InterfaceState:
+        raise NotImplementedError
+
+    def write(self, force_n: Vector) -> None:
+        self.forces.append(force_n)
+
+
+def forced(*force_n: float) -> RecordArray:
+    frames = made_frames(0, 2)
+    frames["force_n"][-1] = force_n
+    return frames
+
+
+def test_the_newest_force_is_displayed_within_the_limit_in_its_direction() -> None:
+    handle = Handle()
+    force = StreamedForce(handle, limit_n=3.0)
+    force.tick(1, None)
+    force.take(forced(0.0, 0.0, 2.5))
+    force.tick(1, None)
+    force.take(forced(30.0, 0.0, 40.0))
+    force.tick(1, None)
+    assert handle.forces[0] == (0.0, 0.0, 0.0)
+    assert handle.forces[1] == (0.0, 0.0, 2.5)
+    assert handle.forces[2] == pytest.approx((1.8, 0.0, 2.4))
+
+
+def test_the_force_fades_to_zero_in_silence_and_comes_back() -> None:
+    handle = Handle()
+    force = StreamedForce(handle, limit_n=3.0, silence_ticks=50)
+    force.take(forced(0.0, 0.0, 2.0))
+    for _ in range(120):
+        force.tick(1, None)
+    normal = [z for _, _, z in handle.forces]
+    assert normal[:50] == [2.0] * 50
+    assert (np.diff(normal[49:100]) < 0).all()
+    assert normal[99:] == [0.0] * 21
+    for _ in range(60):
+        force.take(forced(0.0, 0.0, 2.0))
+        force.tick(1, None)
+    back = [z for _, _, z in handle.forces[120:]]
+    assert back[0] == pytest.approx(0.04)
+    assert (np.diff(back[:50]) > 0).all()
+    assert back[49:] == [2.0] * 11
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(st.integers(1, 200), st.floats(0.0, 3.0)), min_size=1, max_size=12))
+def test_a_force_that_comes_and_goes_never_steps(stretches: list[tuple[int, float]]) -> None:
+    handle = Handle()
+    force = StreamedForce(handle, limit_n=3.0)
+    for _ in range(60):  # as before a session: nothing has been heard yet
+        force.tick(1, None)
+    for silence_ticks, force_n in stretches:
+        for _ in range(50 + silence_ticks):
+            force.tick(1, None)
+        for _ in range(1 + silence_ticks % 60):
+            force.take(forced(0.0, 0.0, force_n))
+            force.tick(1, None)
+    normal = np.array([z for _, _, z in handle.forces])
+    assert np.abs(np.diff(normal)).max() <= 3.0 / 50 + 1e-12
+
+
+def test_missed_ticks_count_for_the_silence() -> None:
+    handle = Handle()
+    force = StreamedForce(handle, limit_n=3.0, silence_ticks=50)
+    force.take(forced(0.0, 0.0, 2.0))
+    force.tick(75, None)
+    assert handle.forces == [pytest.approx((0.0, 0.0, 1.0))]
