@@ -39,7 +39,7 @@ def everywhere(count: int) -> np.ndarray:
     return np.random.default_rng(2).uniform([-400, -400, -0.5], [400, 400, 3.5], (count, 3))
 
 
-@pytest.mark.parametrize("interpolator", list(BUILDERS))
+@pytest.mark.parametrize("interpolator", ["delaunay", "nearest"])
 def test_a_sample_is_reproduced_at_its_own_velocity_and_force(interpolator: str) -> None:
     samples = make_samples(scattered(40))
     model = TextureModel(samples, interpolator=interpolator)  # type: ignore[arg-type]

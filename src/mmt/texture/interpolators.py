@@ -7,8 +7,9 @@ arrays alike. A new interpolator is a module with a builder and a kernel, a line
 and a branch in `evaluate_into`.
 
 Values are a level, not negative, and line spectral frequencies, strictly ascending in
-(0, pi); what an interpolator returns is to be the same. Those here return convex
-combinations, which are.
+(0, pi); what an interpolator returns is to be the same. Delaunay and nearest return convex
+combinations, which are; the networks of ``"rbf"`` are made valid in
+`mmt.texture.radial_basis_evaluation`.
 """
 
 from collections.abc import Mapping
@@ -21,14 +22,16 @@ import numpy as np
 from mmt.arrays import FloatArray, IntArray
 from mmt.compiled import kernel
 from mmt.texture.interpolation import locate, triangulate
+from mmt.texture.radial_basis_evaluation import SCRATCH, radial_basis_into
 from mmt.texture.settings import Interpolation
 from mmt.texture.split import separate
 from mmt.texture.tetrahedra import locate_3d
 
 NEAREST: Final = 0
 DELAUNAY: Final = 1
+RADIAL_BASIS: Final = 2
 
-LARGEST_SCRATCH: Final = 8
+LARGEST_SCRATCH: Final = SCRATCH
 """Numbers of scratch that `evaluate_into` may need."""
 
 _NO_LINKS: Final[IntArray] = np.zeros((0, 0), dtype=np.int64)
@@ -61,7 +64,7 @@ class Builder(Protocol):
     """Build an interpolant."""
 
     def __call__(
-        self, points: FloatArray, values: FloatArray, previous: Interpolant | None
+        self, points: FloatArray, values: FloatArray, samples: int, previous: Interpolant | None
     ) -> Interpolant:
         """Build it from distinct points that span the space.
 
@@ -71,6 +74,9 @@ class Builder(Protocol):
             Normalised, shape (n, d), d 2 or 3.
         values
             Level and line spectral frequencies, shape (n, 1 + order).
+        samples
+            So many of the points, the first ones, are samples; the others are the boundary,
+            with the filter of the nearest sample.
         previous
             What the same builder returned for an earlier state of the model, None at first:
             most of its points are still there, and boundary points have kept their place,
@@ -80,18 +86,27 @@ class Builder(Protocol):
 
 
 def _build_delaunay(
-    points: FloatArray, values: FloatArray, previous: Interpolant | None
+    points: FloatArray, values: FloatArray, samples: int, previous: Interpolant | None
 ) -> Interpolant:
     """Triangulate anew, which costs O(n log n)."""
-    del previous
+    del samples, previous
     return Interpolant(DELAUNAY, _joined(points, values), triangulate(points).triangles, _NO_TAIL)
 
 
 def _build_nearest(
-    points: FloatArray, values: FloatArray, previous: Interpolant | None
+    points: FloatArray, values: FloatArray, samples: int, previous: Interpolant | None
 ) -> Interpolant:
-    del previous
+    del samples, previous
     return Interpolant(NEAREST, _joined(points, values), _NO_LINKS, _NO_TAIL)
+
+
+def _build_radial_basis(
+    points: FloatArray, values: FloatArray, samples: int, previous: Interpolant | None
+) -> Interpolant:
+    """Solve for the samples alone, or let an earlier solution grow, O(n^2) a sample."""
+    from mmt.texture.radial_basis_model import build_radial_basis  # it needs `Interpolant`
+
+    return build_radial_basis(points[:samples], values[:samples], previous)
 
 
 def _joined(points: FloatArray, values: FloatArray) -> FloatArray:
@@ -99,7 +114,7 @@ def _joined(points: FloatArray, values: FloatArray) -> FloatArray:
 
 
 BUILDERS: Final[Mapping[Interpolation, Builder]] = MappingProxyType(
-    {"delaunay": _build_delaunay, "nearest": _build_nearest}
+    {"delaunay": _build_delaunay, "nearest": _build_nearest, "rbf": _build_radial_basis}
 )
 """Every interpolator by its name in the scene."""
 
@@ -152,7 +167,7 @@ def evaluate_into(
     kind: int,
     rows: FloatArray,
     links: IntArray,
-    tail: FloatArray,  # noqa: ARG001 - read by kinds that have more than rows
+    tail: FloatArray,
     hint: int,
     point: FloatArray,
     values: FloatArray,
@@ -175,6 +190,9 @@ def evaluate_into(
     """
     if kind == NEAREST:
         return _nearest_into(rows, point, values)
+    if kind == RADIAL_BASIS:
+        radial_basis_into(rows, links, tail, point, values, scratch)
+        return 0
     if len(point) == 2:
         found = locate(rows, links, hint, point[0], point[1], scratch)
         _mix_into(rows, links, found, 2, scratch, values)

@@ -86,12 +86,13 @@ class TextureModel:
             "power": self.samples.power,
             "amplitude": np.sqrt(self.samples.power),
         }[interpolate]
-        self.vertices = vertex_table(self.points, level, self.samples.lsf)
+        self.vertices, samples_alone = vertex_table(self.points, level, self.samples.lsf)
         dimensions = self.space.dimensions
         grown = previous is not None and previous._alike == self._alike
         self.interpolant: Interpolant = BUILDERS[interpolator](
             self.vertices[:, :dimensions],
             self.vertices[:, dimensions:],
+            samples_alone,
             previous.interpolant if previous is not None and grown else None,
         )
 

@@ -7,7 +7,7 @@ Axis = Literal["x", "y", "z"]
 VibrationAxis = Literal["x", "y", "z", "dft321"]
 Interpolated = Literal["variance", "power", "amplitude"]
 Inputs = Literal["isotropic", "anisotropic"]
-Interpolation = Literal["delaunay", "nearest"]
+Interpolation = Literal["delaunay", "nearest", "rbf"]
 
 MAXIMUM_SPEED_MM_S = 300.0
 """Paper A, section V.B: the plane ends here; faster strokes count as this fast."""

@@ -1,7 +1,7 @@
 """The points over which a texture model is interpolated: samples, merged, and boundary points."""
 
 from functools import reduce
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -13,8 +13,15 @@ COINCIDENT: Final = 1e-6
 """Normalised distance below which two samples are one vertex, with their mean as value."""
 
 
-def vertex_table(points: FloatArray, level: FloatArray, lsf: FloatArray) -> FloatArray:
-    """Return points, level and LSF of samples and boundary points, shape (n + b, d + 1 + order).
+class Vertices(NamedTuple):
+    """Points, level and LSF, shape (n + b, d + 1 + order); the first `samples` are no boundary."""
+
+    table: FloatArray
+    samples: int
+
+
+def vertex_table(points: FloatArray, level: FloatArray, lsf: FloatArray) -> Vertices:
+    """Return points, level and LSF of samples and boundary points.
 
     Coincident samples become one vertex with the mean of their filters (a convex
     combination of ordered LSF is ordered) and of their level. A boundary point copies its
@@ -42,7 +49,7 @@ def vertex_table(points: FloatArray, level: FloatArray, lsf: FloatArray) -> Floa
     extension[:, :dimensions] = around.points
     extension[around.silent, dimensions] = 0.0
     apart = distance.min(axis=1) > COINCIDENT
-    return np.ascontiguousarray(np.vstack([merged, extension[apart]]))
+    return Vertices(np.ascontiguousarray(np.vstack([merged, extension[apart]])), len(merged))
 
 
 def _on_edges(points: FloatArray) -> FloatArray:

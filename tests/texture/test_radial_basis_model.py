@@ -1,0 +1,190 @@
+"""Texture models by radial basis function networks: valid everywhere, grown as built."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mmt.evaluation.bench.textures import Truth, exact_samples, scattered
+from mmt.texture.autoregression import lsf_to_reflection, output_power, reflection_to_lsf
+from mmt.texture.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
+from mmt.texture.model import TextureModel
+from mmt.texture.radial_basis_model import LEVEL_ROOM, silent_points
+from mmt.texture.radial_basis_online import RadialBasisSystem
+from mmt.texture.samples import TextureSamples
+from mmt.texture.synthesis import Synthesizer
+
+SPACES = pytest.mark.parametrize("space", [ISOTROPIC, ANISOTROPIC], ids=lambda s: s.name)
+
+
+def make_samples(inputs, space: InputSpace, seed: int = 0, order: int = 6) -> TextureSamples:
+    generator = np.random.default_rng(seed)
+    reflection = generator.uniform(-0.9, 0.9, (len(inputs), order))
+    variance = 10.0 ** generator.uniform(-3.0, 1.0, len(inputs))
+    power = output_power(variance, reflection)
+    return TextureSamples(np.array(inputs), reflection_to_lsf(reflection), variance, power, space)
+
+
+def anywhere(count: int, space: InputSpace, seed: int = 1) -> np.ndarray:
+    """Return inputs (count, d) within the space."""
+    generator = np.random.default_rng(seed)
+    speed, heading = generator.uniform(0, 300, count), generator.uniform(-np.pi, np.pi, count)
+    force = generator.uniform(0, 3, count)
+    if not space.directed:
+        return np.column_stack([speed, force])
+    return np.column_stack([speed * np.cos(heading), speed * np.sin(heading), force])
+
+
+def chosen(samples: TextureSamples, rows: slice) -> TextureSamples:
+    return TextureSamples(
+        samples.inputs[rows],
+        samples.lsf[rows],
+        samples.variance[rows],
+        samples.power[rows],
+        samples.space,
+    )
+
+
+def assert_valid(model: TextureModel) -> None:
+    lsf, variance = model.at(*anywhere(300, model.space).T)
+    gaps = np.diff(lsf, axis=1, prepend=0.0, append=np.pi)
+    own = np.diff(model.samples.lsf, axis=1, prepend=0.0, append=np.pi)
+    assert (gaps > 0).all()
+    assert gaps.min() >= min(0.03, own.min()) * (1 - 1e-9) - 1e-14
+    assert (np.abs(lsf_to_reflection(lsf)) < 1).all()
+    assert np.isfinite(variance).all()
+    assert (variance >= 0).all()
+
+
+@given(
+    space=st.sampled_from([ISOTROPIC, ANISOTROPIC]),
+    count=st.integers(1, 25),
+    place=st.sampled_from(["anywhere", "one corner", "one place", "one line", "grid", "at rest"]),
+    level=st.sampled_from([0.0, 1e-300, 1.0, 1e200]),
+    seed=st.integers(0, 1000),
+)
+@settings(max_examples=60, deadline=None)
+def test_every_query_gives_a_stable_filter(space, count, place, level, seed):
+    inputs = anywhere(count, space, seed)
+    if place == "one corner":
+        inputs *= 0.02
+    elif place == "one place":
+        inputs[:] = inputs[0]
+    elif place == "one line":
+        inputs[:] = inputs[0] * np.linspace(0.1, 1.0, count)[:, None]
+    elif place == "grid":
+        inputs = np.round(inputs / [100, 100, 1][-inputs.shape[1] :]) * 100.0
+    elif place == "at rest":
+        inputs[:, :-1] = 0.0
+    samples = make_samples(inputs, space, seed)
+    samples.power[:] *= level
+    model = TextureModel(samples, interpolator="rbf")
+    assert_valid(model)
+    moving = np.ascontiguousarray(anywhere(50, space).T)
+    assert np.isfinite(Synthesizer(model).render(*moving)).all()
+
+
+@SPACES
+@pytest.mark.parametrize("interpolate", ["power", "amplitude", "variance"])
+def test_a_hand_at_rest_or_without_force_feels_nothing(space, interpolate):
+    samples = make_samples(anywhere(40, space) * 0.9 + 5.0, space)
+    model = TextureModel(samples, interpolator="rbf", interpolate=interpolate)
+    at_rest, without_force = anywhere(50, space), anywhere(50, space)
+    at_rest[:, :-1] = 0.0
+    without_force[:, -1] = 0.0
+    for inputs in (at_rest, without_force):
+        assert (model.at(*inputs.T)[1] == 0.0).all()
+
+
+@SPACES
+def test_the_level_is_bounded_far_from_all_samples(space):
+    samples = make_samples(anywhere(12, space) * 0.05 + 10.0, space)
+    model = TextureModel(samples, interpolator="rbf")
+    lsf, variance = model.at(*anywhere(500, space).T)
+    power = output_power(variance, lsf_to_reflection(lsf))
+    assert power.max() <= LEVEL_ROOM * samples.power.max() * (1 + 1e-9)
+    assert (lsf >= samples.lsf.min(axis=0) - 1e-12).all()
+    assert (lsf <= samples.lsf.max(axis=0) + 1e-12).all()
+
+
+@SPACES
+def test_a_grown_model_is_the_one_that_is_solved_at_once(space):
+    samples = make_samples(anywhere(120, space), space)
+    model = TextureModel(chosen(samples, slice(0, 70)), interpolator="rbf")
+    first = model
+    for stop in range(78, 119, 8):  # samples come, and the oldest go
+        rows = slice(stop - 70, stop)
+        model = TextureModel(chosen(samples, rows), interpolator="rbf", previous=model)
+    assert model.interpolant.growth is first.interpolant.growth
+    points = samples.points[48:118]
+    queries = ANISOTROPIC.normalise(anywhere(60, ANISOTROPIC))[:, : points.shape[1]]
+    filters = model.interpolant.filters
+    anew = RadialBasisSystem(points, samples.lsf[48:118], filters.settings).network()
+    np.testing.assert_allclose(filters.at(queries), anew.at(queries), atol=1e-9)
+    silent = silent_points(points.shape[1])
+    level = model.interpolant.level
+    anew = RadialBasisSystem(
+        np.vstack([points, silent]),
+        np.concatenate([samples.power[48:118], np.zeros(len(silent))])[:, None],
+        level.settings,
+    ).network()
+    expected = anew.at(queries)
+    scale = expected[0, 0] / level.at(queries)[0, 0]
+    assert scale == pytest.approx(2.0 ** np.round(np.log2(scale)))  # the unit of the first
+    np.testing.assert_allclose(level.at(queries) * scale, expected, atol=1e-7 * expected.max())
+
+
+def test_two_models_may_grow_from_one():
+    samples = make_samples(anywhere(42, ISOTROPIC), ISOTROPIC)
+    common = TextureModel(chosen(samples, slice(0, 40)), interpolator="rbf")
+    before = common.at(120.0, 1.0)
+    one = TextureModel(chosen(samples, slice(0, 41)), interpolator="rbf", previous=common)
+    other = TextureModel(chosen(samples, slice(1, 40)), interpolator="rbf", previous=common)
+    assert one.interpolant.growth is common.interpolant.growth
+    assert other.interpolant.growth is not common.interpolant.growth
+    np.testing.assert_array_equal(common.at(120.0, 1.0)[0], before[0])
+    assert_valid(other)
+
+
+def test_settings_are_chosen_anew_when_the_samples_have_doubled():
+    samples = make_samples(anywhere(64, ISOTROPIC), ISOTROPIC)
+    model = TextureModel(chosen(samples, slice(0, 30)), interpolator="rbf")
+    growths = [model.interpolant.growth]
+    for stop in range(32, 65, 4):
+        model = TextureModel(chosen(samples, slice(0, stop)), interpolator="rbf", previous=model)
+        if model.interpolant.growth is not growths[-1]:
+            growths.append(model.interpolant.growth)
+    assert len(growths) == 2
+
+
+def test_a_sample_may_lie_at_rest_and_levels_may_rise_beyond_their_unit():
+    samples = make_samples([[0.0, 1.0], [100.0, 0.0], [60.0, 0.6], [200.0, 2.0]], ISOTROPIC)
+    model = TextureModel(samples, interpolator="rbf")
+    assert_valid(model)
+    louder = make_samples([*samples.inputs, [150.0, 1.5]], ISOTROPIC)
+    louder.power[-1] *= 1e7
+    grown = TextureModel(louder, interpolator="rbf", previous=model)
+    assert grown.interpolant.growth is not model.interpolant.growth
+    assert_valid(grown)
+
+
+@pytest.mark.parametrize("name", ["wood", "ribbed"])
+def test_smooth_textures_are_met_better_than_by_triangles(name):
+    truth = Truth(name)
+    samples = exact_samples(truth.surface, *scattered(40, 1), 10)
+    errors = {}
+    for interpolator in ("delaunay", "rbf"):
+        model = TextureModel(samples, interpolator=interpolator)
+        errors[interpolator] = truth.errors(*model.at(truth.speed_mm_s, truth.force_n))
+    assert errors["rbf"][1] < 0.7 * errors["delaunay"][1]  # dB
+    assert errors["rbf"][0] < 1.1 * errors["delaunay"][0]
+
+
+def test_a_saved_model_is_read_as_what_it_was(tmp_path):
+    samples = make_samples(anywhere(30, ANISOTROPIC), ANISOTROPIC)
+    model = TextureModel(samples, interpolator="rbf")
+    model.save(tmp_path / "model.npz")
+    again = TextureModel.load(tmp_path / "model.npz")
+    assert again.interpolator == "rbf"
+    queries = anywhere(20, ANISOTROPIC).T
+    np.testing.assert_array_equal(again.at(*queries)[0], model.at(*queries)[0])
