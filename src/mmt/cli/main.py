@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from mmt.cli import devices, model_exchange, models, scenes, sessions
+from mmt.cli import devices, model_exchange, models, reports, scenes, sessions
 from mmt.cli.common import messages, run_app, version, write_json
 from mmt.errors import InputError
 
@@ -21,6 +21,7 @@ models.app.command("import")(model_exchange.import_model)
 models.app.command("export")(model_exchange.export_model)
 app.add_typer(scenes.app, name="scene")
 app.add_typer(devices.app, name="device")
+app.add_typer(reports.app, name="report")
 
 DEFAULT_SCENE = Path("demo")
 

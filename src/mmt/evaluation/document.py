@@ -41,6 +41,13 @@ class Picture:
 
 
 @dataclass(frozen=True)
+class SideBySide:
+    """Pictures to be compared; one above the other where the page is narrow."""
+
+    pictures: Sequence[Picture]
+
+
+@dataclass(frozen=True)
 class Listing:
     """Text to be shown as it is, folded away in HTML under its title."""
 
@@ -48,7 +55,7 @@ class Listing:
     text: str
 
 
-Block = Heading | Paragraph | Table | Picture | Listing
+Block = Heading | Paragraph | Table | Picture | SideBySide | Listing
 
 _STYLE: Final = """
 :root { color-scheme: light dark; --line: #c9ced6; --soft: #f3f5f8; --text: #1b1f24;
@@ -73,6 +80,8 @@ th { background: var(--soft); font-weight: 600; }
 figure { margin: 1.2rem 0; }
 figure img { max-width: 100%; height: auto; background: #ffffff; border-radius: 6px;
   border: 1px solid var(--line); }
+.beside { display: grid; gap: 0 1.2rem;
+  grid-template-columns: repeat(auto-fit, minmax(min(22rem, 100%), 1fr)); }
 figcaption { color: var(--quiet); font-size: .92rem; max-width: 46rem; }
 summary { cursor: pointer; margin-top: 1rem; }
 pre { background: var(--soft); padding: .8rem 1rem; overflow-x: auto; border-radius: 6px;
@@ -103,6 +112,8 @@ def _markdown(block: Block) -> str:
         return f"{block.text}\n"
     if isinstance(block, Picture):
         return f"![{block.caption}]({block.source})\n\n*{block.caption}*\n"
+    if isinstance(block, SideBySide):
+        return "\n".join(_markdown(each) for each in block.pictures)
     if isinstance(block, Listing):
         return f"{block.title}:\n\n```\n{block.text.rstrip()}\n```\n"
     return _markdown_table(block)
@@ -131,6 +142,8 @@ def _html(block: Block) -> str:
             f'<figure><img src="data:image/png;base64,{data}" alt="{caption}">'
             f"<figcaption>{caption}</figcaption></figure>"
         )
+    if isinstance(block, SideBySide):
+        return f'<div class="beside">{"".join(map(_html, block.pictures))}</div>'
     if isinstance(block, Listing):
         return (
             f"<details><summary>{html.escape(block.title)}</summary>"

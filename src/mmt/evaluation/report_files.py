@@ -1,12 +1,12 @@
 """Write a report into one folder: Markdown, a page that needs no other file, figures and JSON."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.errors import InputError
-from mmt.evaluation.document import Block, Picture, to_html, to_markdown
+from mmt.evaluation.document import Block, Picture, SideBySide, to_html, to_markdown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -53,9 +53,8 @@ def write_report_files(
     page = directory / "report.html"
     try:
         (directory / FIGURES).mkdir(parents=True, exist_ok=True)
-        for block in blocks:
-            if isinstance(block, Picture):
-                (directory / block.source).write_bytes(block.png)
+        for shown in _pictures(blocks):
+            (directory / shown.source).write_bytes(shown.png)
         page.write_text(to_html(title, blocks), encoding="utf-8")
         (directory / "report.md").write_text(to_markdown(blocks), encoding="utf-8")
         text = json.dumps(data, indent=2, default=str) + "\n"
@@ -63,3 +62,11 @@ def write_report_files(
     except OSError as error:
         raise InputError(f"report {directory}: {error.strerror or error}") from error
     return page
+
+
+def _pictures(blocks: Sequence[Block]) -> Iterator[Picture]:
+    for block in blocks:
+        if isinstance(block, Picture):
+            yield block
+        elif isinstance(block, SideBySide):
+            yield from block.pictures

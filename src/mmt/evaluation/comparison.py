@@ -1,0 +1,231 @@
+"""Two reports side by side: which figures and settings differ, and by how much."""
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from mmt.errors import InputError
+from mmt.evaluation.document import Block, Heading, Paragraph, Picture, SideBySide, Table
+from mmt.evaluation.report_files import FIGURES, write_report_files
+
+COLUMNS: Final = ("figure", "A", "B", "B - A", "B / A")
+DATA_NAMES: Final = ("summary.json", "bench.json")
+"""What a report keeps for programs: a run's, an evaluation's and stability's, or a bench's."""
+
+_NAMES: Final = ("session", "surface", "name", "method", "case", "title", "part", "knob", "time_s")
+"""What tells the items of a list from each other, by the first that all have."""
+_LARGEST_BYTES: Final = 1 << 28
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One figure or setting.
+
+    ``section`` and ``name`` say which it is; ``left`` and ``right`` are None where a report
+    does not have it.
+    """
+
+    section: str
+    name: str
+    left: object
+    right: object
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """Return `COLUMNS`."""
+        texts = self.name, _text(self.left), _text(self.right)
+        if not (_is_number(self.left) and _is_number(self.right)):
+            return (*texts, "", "")
+        left, right = float(self.left), float(self.right)  # type: ignore[arg-type]
+        ratio = f"{right / left:.4g}" if left != 0.0 and math.isfinite(right / left) else ""
+        return (*texts, f"{right - left:+.4g}", ratio)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What two reports say.
+
+    ``differences`` in the order of the first report, ``equal`` how many figures are the same,
+    ``pictures`` the names of the PNG files that both have, or one of them.
+    """
+
+    left: Path
+    right: Path
+    differences: tuple[Difference, ...]
+    equal: int
+    pictures: tuple[str, ...]
+
+    @property
+    def sections(self) -> dict[str, list[Difference]]:
+        """Return the differences by section."""
+        sections: dict[str, list[Difference]] = {}
+        for difference in self.differences:
+            sections.setdefault(difference.section, []).append(difference)
+        return sections
+
+    @property
+    def verdict(self) -> str:
+        """Return how much is equal, as a sentence."""
+        return f"{len(self.differences)} figures and settings differ, {self.equal} are equal."
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything for a program."""
+        differences = [
+            {"section": d.section, "name": d.name, "a": d.left, "b": d.right}
+            for d in self.differences
+        ]
+        return {
+            "a": str(self.left),
+            "b": str(self.right),
+            "equal": self.equal,
+            "differences": differences,
+        }
+
+
+def compare_reports(left: Path, right: Path) -> Comparison:
+    """Compare what two report folders say.
+
+    Parameters
+    ----------
+    left, right
+        Folders that `write_report_files` has filled, of the same kind.
+
+    Raises
+    ------
+    InputError
+        A folder holds no report, or they are of different kinds.
+    """
+    one, other = _load(left), _load(right)
+    if one[0] != other[0]:
+        raise InputError(
+            f"{left} holds {one[0]}, {right} holds {other[0]}: reports of one kind can be compared"
+        )
+    first, second = dict(figures(one[1])), dict(figures(other[1]))
+    both = [*first, *(key for key in second if key not in first)]
+    differences = tuple(
+        Difference(*key, first.get(key), second.get(key))
+        for key in both
+        if not _same(first.get(key), second.get(key))
+    )
+    names = {path.name for folder in (left, right) for path in (folder / FIGURES).glob("*.png")}
+    return Comparison(left, right, differences, len(both) - len(differences), tuple(sorted(names)))
+
+
+def figures(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str, str], object]]:
+    """Yield ((section, name), value) of every single value, in order.
+
+    The section is the path to the innermost table that a value is in. An evaluation's single
+    session stands once, under its name, not at the top as well.
+    """
+    sessions = data.get("sessions")
+    if isinstance(sessions, list) and len(sessions) == 1 and isinstance(sessions[0], Mapping):
+        data = {k: v for k, v in data.items() if k not in sessions[0] or k in ("scene", "run")}
+    yield from _walk(data, ())
+
+
+def write_comparison(comparison: Comparison, directory: Path) -> Path:
+    """Write a comparison as a report of its own; return the page.
+
+    Raises
+    ------
+    InputError
+        The directory cannot be written, or a picture cannot be read.
+    """
+    title = f"{comparison.left.name} and {comparison.right.name}"
+    blocks: list[Block] = [
+        Heading(title, 1),
+        Paragraph(f"A is {comparison.left}, B is {comparison.right}. {comparison.verdict}"),
+    ]
+    if comparison.pictures:
+        blocks.append(Heading("Figures"))
+    for name in comparison.pictures:
+        blocks.append(Heading(name.removesuffix(".png").replace("_", " "), 3))
+        sides = {"A": comparison.left, "B": comparison.right}
+        shown = [_picture(letter, folder, name) for letter, folder in sides.items()]
+        blocks.append(SideBySide([picture for picture in shown if picture is not None]))
+    for section, differences in comparison.sections.items():
+        blocks.append(Heading(section or "Overall"))
+        blocks.append(Table(COLUMNS, [difference.row for difference in differences]))
+    return write_report_files(directory, title, blocks, "comparison.json", comparison.as_dict())
+
+
+def _picture(letter: str, folder: Path, name: str) -> Picture | None:
+    """Return a figure of a report, None where it has no such one."""
+    path = folder / FIGURES / name
+    if not path.exists():
+        return None
+    try:
+        return Picture(f"{FIGURES}/{letter}-{name}", path.read_bytes(), f"{letter}: {folder}")
+    except OSError as error:
+        raise InputError(f"report {path}: {error.strerror or error}") from error
+
+
+def _load(folder: Path) -> tuple[str, Mapping[str, Any]]:
+    """Return the name of a report's data file, and the data."""
+    for name in DATA_NAMES:
+        path = folder / name
+        if not path.exists():
+            continue
+        try:
+            if path.stat().st_size > _LARGEST_BYTES:
+                raise InputError(f"report {path}: over 256 MiB, which no report is")
+            data = json.loads(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise InputError(f"report {path}: {error.strerror or error}") from error
+        except ValueError as error:
+            raise InputError(f"report {path}: it is no JSON: {error}") from error
+        if not isinstance(data, Mapping):
+            raise InputError(f"report {path}: it holds no tables")
+        return name, data
+    raise InputError(
+        f"report {folder}: it holds none of {', '.join(DATA_NAMES)}; give the folder that "
+        "--report or a demo's --output has filled"
+    )
+
+
+def _walk(
+    content: Mapping[str, Any], path: tuple[str, ...]
+) -> Iterator[tuple[tuple[str, str], object]]:
+    section = " / ".join(path)
+    for key, value in content.items():
+        name = str(key).replace("_", " ")
+        if isinstance(value, Mapping):
+            yield from _walk(value, (*path, name))
+        elif isinstance(value, list) and value and all(isinstance(v, Mapping) for v in value):
+            for label, item in zip(_labels(value), value, strict=True):
+                yield from _walk(item, (*path, f"{name} {label}"))
+        else:
+            yield (section, name), value
+
+
+def _labels(items: list[Mapping[str, Any]]) -> list[str]:
+    for key in _NAMES:
+        labels = [
+            _text(item[key]) for item in items if isinstance(item.get(key), str | int | float)
+        ]
+        if len(set(labels)) == len(items):
+            return labels
+    return [str(number) for number in range(1, len(items) + 1)]
+
+
+def _same(left: object, right: object) -> bool:
+    if isinstance(left, float) and isinstance(right, float):
+        return left == right or (math.isnan(left) and math.isnan(right))
+    return left == right
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _text(value: object) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list):
+        return ", ".join(map(_text, value))
+    return str(value)

@@ -1,0 +1,116 @@
+"""Two reports side by side: what differs, by how much, and nothing that does not."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from mmt.cli.main import app
+from mmt.errors import InputError
+from mmt.evaluation.comparison import compare_reports, figures, write_comparison
+
+PNG = b"\x89PNG\r\n\x1a\n and so on"
+
+
+def report(folder: Path, data: object, *pictures: str, name: str = "summary.json") -> Path:
+    (folder / "figures").mkdir(parents=True)
+    (folder / name).write_text(json.dumps(data))
+    for picture in pictures:
+        (folder / "figures" / picture).write_bytes(PNG + picture.encode() + folder.name.encode())
+    return folder
+
+
+def evaluation(**changes: object) -> dict[str, object]:
+    session = {
+        "session": "wood",
+        "order": 8,
+        "steps": [{"time_s": 2.5, "gfc": 0.9}, {"time_s": 5.0, "gfc": 0.95}],
+        **changes,
+    }
+    return {**session, "sessions": [session], "environment": {"python": "3.11"}}
+
+
+def test_what_differs_is_said_once_with_its_place_and_size(tmp_path: Path) -> None:
+    other = [{"time_s": 2.5, "gfc": 0.9}, {"time_s": 5.0, "gfc": 0.855}]
+    found = compare_reports(
+        report(tmp_path / "a", evaluation()), report(tmp_path / "b", evaluation(steps=other))
+    )
+    (only,) = found.differences
+    assert (only.section, only.name) == ("sessions wood / steps 5", "gfc")
+    assert only.row == ("gfc", "0.95", "0.855", "-0.095", "0.9")
+    assert found.equal == 6
+    assert found.verdict == "1 figures and settings differ, 6 are equal."
+
+
+def test_equal_reports_have_no_difference(tmp_path: Path) -> None:
+    nan = {"value": float("nan"), "list": [1, 2], "none": None}
+    found = compare_reports(report(tmp_path / "a", nan), report(tmp_path / "b", nan))
+    assert found.differences == ()
+    assert found.equal == 3
+
+
+def test_items_are_told_apart_by_their_names_wherever_they_stand(tmp_path: Path) -> None:
+    rows = [{"case": "stiff", "held": True}, {"case": "soft", "held": True}]
+    found = compare_reports(
+        report(tmp_path / "a", {"rows": rows}),
+        report(tmp_path / "b", {"rows": [{"case": "soft", "held": False}, rows[0]]}),
+    )
+    (only,) = found.differences
+    assert (only.section, only.left, only.right) == ("rows soft", True, False)
+    assert only.row[3:] == ("", "")
+
+
+def test_what_only_one_has_is_shown(tmp_path: Path) -> None:
+    found = compare_reports(
+        report(tmp_path / "a", {"x": 0.0, "old": 1}), report(tmp_path / "b", {"x": 2.0, "new": "y"})
+    )
+    assert [d.row for d in found.differences] == [
+        ("x", "0", "2", "+2", ""),
+        ("old", "1", "-", "", ""),
+        ("new", "-", "y", "", ""),
+    ]
+
+
+def test_items_without_names_are_numbered() -> None:
+    assert list(figures({"cells": [{"far": True}, {"far": False}]})) == [
+        (("cells 1", "far"), True),
+        (("cells 2", "far"), False),
+    ]
+
+
+def test_the_page_shows_both_figures_side_by_side(tmp_path: Path) -> None:
+    found = compare_reports(
+        report(tmp_path / "a", {"x": 1.0}, "gfc.png", "old.png"),
+        report(tmp_path / "b", {"x": 3.0}, "gfc.png"),
+    )
+    page = write_comparison(found, tmp_path / "both").read_text()
+    assert page.count("<figure>") == 3
+    assert page.count('class="beside"') == 2
+    assert (tmp_path / "both" / "figures" / "B-gfc.png").read_bytes().endswith(b"gfc.pngb")
+    assert "A-old.png" in (tmp_path / "both" / "report.md").read_text()
+    data = json.loads((tmp_path / "both" / "comparison.json").read_text())
+    assert data["differences"] == [{"section": "", "name": "x", "a": 1.0, "b": 3.0}]
+
+
+def test_the_command_prints_writes_and_explains(tmp_path: Path) -> None:
+    a, b = report(tmp_path / "a", {"x": 1.0}), report(tmp_path / "b", {"x": 2.0})
+    bench = report(tmp_path / "c", {"x": 2.0}, name="bench.json")
+    run = CliRunner()
+    json_file = tmp_path / "d.json"
+    result = run.invoke(app, ["report", "compare", str(a), str(b), "--json", str(json_file)])
+    assert result.exit_code == 0, result.output
+    assert "1 figures and settings differ" in result.output
+    assert json.loads(json_file.read_text())["equal"] == 0
+    for other, message in ((bench, "bench.json"), (tmp_path / "none", "--report")):
+        with pytest.raises(InputError, match=message):
+            compare_reports(a, other)
+
+
+@pytest.mark.parametrize("content", ["[1]", "{", ""])
+def test_a_spoilt_report_is_explained(content: str, tmp_path: Path) -> None:
+    good = report(tmp_path / "a", {})
+    bad = report(tmp_path / "b", {})
+    (bad / "summary.json").write_text(content)
+    with pytest.raises(InputError, match=r"summary\.json"):
+        compare_reports(good, bad)
