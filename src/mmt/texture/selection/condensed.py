@@ -1,0 +1,148 @@
+"""What of a model is redundant, whatever the order of the points.
+
+Condensing begins with the corners of the convex hull. Then, as long as some place is missed by
+more than the threshold, the place that is missed most gets a point: of the points there that
+are not in the set the one whose filter comes nearest to what the place's neighbours agree on.
+So what is kept is decided by errors and not by numbers, and of several points in one place the
+most typical stays, where a rule that adds what is missed keeps the most unusual.
+
+What is missed is not a point's own filter, which carries its own scatter, but the consensus of
+its neighbours.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from mmt.arrays import BoolArray, FloatArray, IntArray
+from mmt.texture.selection.consensus import Consensus, consensus
+from mmt.texture.selection.enclosing import enclose_each
+from mmt.texture.selection.leave_one_out import hull_of
+from mmt.texture.selection.points import ModelPoints, amplitude_of, band
+from mmt.texture.selection.published import spectral_error
+from mmt.texture.spectra import lsf_spectrum
+
+TAU: Final = 0.2
+"""Relative spectral error up to which a place counts as met by the thinner model."""
+
+
+class Condensed(NamedTuple):
+    """What of n points is kept: ``minimal`` (n,), corners of the hull, and ``kept`` (n,).
+
+    ``error`` (n,) is the relative spectral error of the thin model against the consensus at
+    every place that is not kept.
+    """
+
+    minimal: BoolArray
+    kept: BoolArray
+    error: FloatArray
+
+
+def condense(data: ModelPoints, tau: float = TAU, largest: int | None = None) -> Condensed:
+    """Choose the points that a model of the same texture needs.
+
+    Parameters
+    ----------
+    data
+        The points, outliers left out.
+    tau
+        Largest relative spectral error between the model of the kept points and the
+        consensus, at any point's place.
+    largest
+        Stop when so many are kept, though places are missed; corners of the hull are kept
+        even if they alone are more.
+
+    Notes
+    -----
+    O(n (log n + kept d + refreshed f)): the model is asked again only at places in whose
+    circumsphere a point has joined. With c kept points about O(n c d) in all.
+    """
+    n = len(data)
+    minimal = np.zeros(n, dtype=np.bool_)
+    minimal[hull_of(data.points)] = True
+    if minimal.all() or n < 3:
+        return Condensed(minimal, np.ones(n, dtype=np.bool_), np.zeros(n))
+    neighbours = consensus(data.points, np.ones(n, dtype=np.bool_))
+    agreed = _agreed(data, neighbours)
+    thin = _Thin(data, agreed, minimal.copy())
+    while largest is None or thin.kept.sum() < largest:
+        worst = thin.worst()
+        if thin.error[worst] <= tau:
+            break
+        places = np.append(neighbours.members[worst], worst)
+        open_places = places[~thin.kept[places]]
+        if not open_places.size:
+            thin.error[worst] = 0.0  # all that is there is kept: nothing more can be done
+            continue
+        own = spectral_error(thin.amplitude[open_places], agreed[worst])
+        thin.add(int(open_places[_first_least(own, data.points[open_places])]))
+    return Condensed(minimal, thin.kept, thin.error)
+
+
+def _agreed(data: ModelPoints, neighbours: Consensus) -> FloatArray:
+    """Return the amplitude spectra (n, f) that each point and its neighbours agree on."""
+    logarithm = np.log(lsf_spectrum(data.lsf, data.variance, band(), 1.0))
+    others = neighbours.of(logarithm)
+    share = neighbours.scatter(np.ones(len(data))) - 1.0  # variance of the others' word
+    own = (share / (1.0 + share))[:, None]
+    return np.exp(0.5 * (own * logarithm + (1.0 - own) * others))
+
+
+def _first_least(values: FloatArray, points: FloatArray) -> int:
+    """Return the number of the least value; of equals, that of the least place."""
+    return int(np.lexsort((*points.T[::-1], values))[0])
+
+
+class _Thin:
+    """The thin model, and its error at every place."""
+
+    def __init__(self, data: ModelPoints, agreed: FloatArray, kept: BoolArray) -> None:
+        self._data = data
+        self._agreed = agreed
+        self.kept = kept
+        self.amplitude = amplitude_of(data.lsf, data.variance)
+        n, d = data.points.shape
+        self._price = np.zeros((n, d + 1))
+        self.error = np.zeros(n)
+        self._ask(np.flatnonzero(~kept))
+
+    def worst(self) -> int:
+        """Return the place that is missed most."""
+        return _first_least(-self.error, self._data.points)
+
+    def add(self, index: int) -> None:
+        """Let a point join; ask again where it changes the simplex."""
+        self.kept[index] = True
+        self.error[index] = 0.0
+        offset = self._data.points[index] - self._data.points
+        inside = (offset**2).sum(axis=1) < (self._price[:, :-1] * offset).sum(axis=1) + (
+            self._price[:, -1]
+        )
+        self._ask(np.flatnonzero(inside & ~self.kept))
+
+    def _ask(self, places: IntArray) -> None:
+        if not places.size:
+            return
+        kept = np.flatnonzero(self.kept)
+        size = self._data.points.shape[1] + 1
+        members = np.empty((places.size, size), dtype=np.int64)
+        weights, price = np.zeros((2, places.size, size))
+        enclose_each(
+            self._data.points,
+            np.tile(kept, places.size),
+            np.arange(places.size + 1) * kept.size,
+            self.kept,
+            places,
+            members,
+            weights,
+            price,
+        )
+        self._price[places] = price
+        lsf = np.einsum("qc,qco->qo", weights, self._data.lsf[members])
+        variance = np.einsum("qc,qc->q", weights, self._data.variance[members])
+        found = members[:, 0] >= 0
+        error = np.full(places.size, np.inf)  # beyond the hull by a rounding: it has to join
+        error[found] = spectral_error(
+            amplitude_of(lsf[found], variance[found]), self._agreed[places[found]]
+        )
+        self.error[places] = error

@@ -1,0 +1,169 @@
+"""Outliers against the consensus of their neighbours, whatever the order of the points.
+
+Evidence is gathered for every point, its own samples included where they are at hand, and each
+kind is centred and scaled by the median and the median deviation over all points. What is above
+is squared and added: knocks only add, and to which kind of evidence depends on the knock. Of the
+points above the limit those leave that are worst among their neighbours, and the rest is asked
+again without them, so that a knock does not drag its neighbours along. In the end every point
+that left is asked once more, by those that stayed, and may come back.
+
+Nothing in it looks at the number of a point: the same points in any order give the same set.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from mmt.arrays import BoolArray, FloatArray
+from mmt.texture.selection.consensus import Consensus, consensus
+from mmt.texture.selection.points import ModelPoints, band
+from mmt.texture.selection.transients import bursts, whitening
+from mmt.texture.spectra import lsf_spectrum
+
+LIMIT: Final = 9.5
+"""Score with segments from which a point is an outlier."""
+
+MODEL_LIMIT: Final = 5.0
+"""The same from the model's data alone."""
+
+MOST: Final = 0.3
+"""No larger share of the points leaves: with more, nobody knows who is right."""
+
+SEGMENT_KINDS: Final = ("spectrum", "burst", "loud burst", "tone burst")
+MODEL_KINDS: Final = ("spectrum", "level")
+
+_ROUNDS: Final = 20
+_LEAST_SCALE: Final = 0.02  # of a logarithm: what differs by less is the same
+_WORDS: Final = {
+    "spectrum": "its spectrum has more than its neighbours'",
+    "level": "it is louder than its neighbours",
+    "burst": "a burst stands out of the rest of the segment",
+    "loud burst": "a burst is louder than its neighbours allow",
+    "tone burst": "a burst of a tone stands out of the rest of the segment",
+}
+
+
+class Evidence(NamedTuple):
+    """``score`` (n,) and ``parts`` (n, kinds), in median deviations above the median."""
+
+    kinds: tuple[str, ...]
+    parts: FloatArray
+    score: FloatArray
+    limit: float
+
+
+class Outliers(NamedTuple):
+    """``outlier`` (n,), the last evidence on every point, and the last consensus."""
+
+    outlier: BoolArray
+    evidence: Evidence
+    neighbours: Consensus
+
+
+def least_points(dimensions: int) -> int:
+    """Return how many points there must be for a consensus: a plane and as many again."""
+    return 2 * (dimensions + 1)
+
+
+def find_outliers(data: ModelPoints, limit: float | None = None) -> Outliers | None:
+    """Say which points contradict their neighbours; None where there are too few to say.
+
+    Parameters
+    ----------
+    data
+        The points. With segments the evidence is the spectrum and three bursts, without
+        them the spectrum and the level.
+    limit
+        On the score; `LIMIT` or `MODEL_LIMIT` unless told.
+
+    Notes
+    -----
+    A round costs O(n (log n + k f)), and O(samples order) for the points whose neighbours
+    have changed; a handful of rounds are run.
+    """
+    n = len(data)
+    if n < least_points(data.points.shape[1]):
+        return None
+    witness = _Witness(data, limit)
+    present = np.ones(n, dtype=np.bool_)
+    for _ in range(_ROUNDS):
+        neighbours = consensus(data.points, present)
+        evidence = witness.hear(neighbours)
+        leaving = _worst(evidence, neighbours, present)
+        if not leaving.any() or (present & ~leaving).sum() < (1.0 - MOST) * n:
+            break
+        present &= ~leaving
+    return Outliers(~present & (evidence.score > evidence.limit), evidence, neighbours)
+
+
+class _Witness:
+    """Gathers evidence, and remembers that of points whose neighbours stay the same."""
+
+    def __init__(self, data: ModelPoints, limit: float | None) -> None:
+        self._data = data
+        self._logarithm = np.log(lsf_spectrum(data.lsf, data.variance, band(), 1.0))
+        self._members = np.zeros((len(data), 0), dtype=np.int64)
+        self._kinds: tuple[str, ...]
+        if data.segments is None:
+            self._kinds, usual_limit = MODEL_KINDS, MODEL_LIMIT
+            self._variances = np.ones(len(data))
+        else:
+            self._kinds, usual_limit = SEGMENT_KINDS, LIMIT
+            self._variances = np.array([1.0 / max(1, len(s)) for s in data.segments])
+        self._limit = usual_limit if limit is None else limit
+        self._bursts = np.zeros((len(data), len(SEGMENT_KINDS) - 1))
+
+    def hear(self, neighbours: Consensus) -> Evidence:
+        """Return the evidence against every point from its neighbours."""
+        predicted = neighbours.of(self._logarithm)
+        excess = np.maximum(self._logarithm - predicted, 0.0)
+        spread = neighbours.scatter(self._variances)
+        spectrum = np.cbrt((excess**2).mean(axis=1) / (2.0 * spread))  # near normal
+        if self._data.segments is None:
+            level = np.log(np.exp(self._logarithm).mean(axis=1))
+            raw = np.column_stack([spectrum, level - neighbours.of(level)])
+        else:
+            raw = np.column_stack([spectrum, self._heard_bursts(predicted, neighbours)])
+        parts = _standardised(raw)
+        score = (np.maximum(parts, 0.0) ** 2).sum(axis=1)
+        return Evidence(self._kinds, parts, score, self._limit)
+
+    def _heard_bursts(self, predicted: FloatArray, neighbours: Consensus) -> FloatArray:
+        assert self._data.segments is not None  # noqa: S101 - asked for with segments alone
+        if self._members.shape == neighbours.members.shape:
+            changed = (self._members != neighbours.members).any(axis=1)
+        else:
+            changed = np.ones(len(self._data), dtype=np.bool_)
+        again = np.flatnonzero(changed)
+        filters = whitening(np.exp(predicted[again]), self._data.lsf.shape[1])
+        self._bursts[again] = bursts([self._data.segments[i] for i in again.tolist()], filters)
+        self._members = neighbours.members
+        return self._bursts
+
+
+def _standardised(raw: FloatArray) -> FloatArray:
+    """Centre and scale over all points: over those left, each round would narrow the scale."""
+    centre = np.median(raw, axis=0)
+    scale = 1.4826 * np.median(np.abs(raw - centre), axis=0)
+    return np.asarray((raw - centre) / np.maximum(scale, _LEAST_SCALE))
+
+
+def _worst(evidence: Evidence, neighbours: Consensus, present: BoolArray) -> BoolArray:
+    """Return the present points above the limit that no neighbour above it exceeds."""
+    score = np.where(present & (evidence.score > evidence.limit), evidence.score, 0.0)
+    highest = score[neighbours.members].max(axis=1)
+    np.maximum.at(
+        highest, neighbours.members.ravel(), np.repeat(score, neighbours.members.shape[1])
+    )
+    return np.asarray((score > 0.0) & (score >= highest))
+
+
+def reasons(outliers: Outliers) -> list[str]:
+    """Return a sentence for each point: what speaks against it most, "" for the good ones."""
+    evidence = outliers.evidence
+    result = []
+    for parts, bad in zip(evidence.parts, outliers.outlier, strict=True):
+        strongest = int(np.argmax(parts))
+        words = _WORDS[evidence.kinds[strongest]]
+        result.append(f"{words} ({parts[strongest]:.1f} deviations)" if bad else "")
+    return result

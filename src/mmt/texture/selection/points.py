@@ -1,0 +1,99 @@
+"""The points among which is selected, in an order that does not depend on theirs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from mmt.arrays import BoolArray, FloatArray, IntArray
+from mmt.errors import InputError
+from mmt.texture.settings import LARGEST_ORDER
+from mmt.texture.spectra import lsf_spectrum
+
+_GRID = 96
+
+
+@dataclass(frozen=True, eq=False)
+class ModelPoints:
+    """Fitted segments as points of an input space.
+
+    Attributes
+    ----------
+    points
+        Normalised inputs, shape (n, d): speed and force, or two velocities and force, or more.
+    lsf
+        Line spectral frequencies in radians, shape (n, order).
+    variance
+        Of the excitation, shape (n,), positive.
+    segments
+        The vibration that each was fitted to, n arrays; None where it is not at hand.
+    """
+
+    points: FloatArray
+    lsf: FloatArray
+    variance: FloatArray
+    segments: Sequence[FloatArray] | None = None
+
+    def __post_init__(self) -> None:
+        points, lsf, variance = (
+            np.ascontiguousarray(values, dtype=np.float64)
+            for values in (self.points, self.lsf, self.variance)
+        )
+        if points.ndim != 2 or not points.shape[1]:
+            raise InputError(f"points have shape {points.shape}: (n, d) is needed")
+        n = len(points)
+        if lsf.ndim != 2 or len(lsf) != n or not 1 <= lsf.shape[1] <= LARGEST_ORDER:
+            raise InputError(f"lsf has shape {lsf.shape}: ({n}, order) is needed, order 1 to 64")
+        if variance.shape != (n,):
+            raise InputError(f"variance has shape {variance.shape}: ({n},) is needed")
+        if not np.isfinite(points).all():
+            raise InputError("a point is not finite")
+        if not (np.isfinite(variance).all() and (variance > 0).all()):
+            raise InputError("a variance is not positive and finite")
+        bounded = np.diff(lsf, axis=1, prepend=0.0, append=np.pi)
+        if not (bounded > 0).all():
+            raise InputError("lsf must ascend strictly inside (0, pi)")
+        if self.segments is not None and len(self.segments) != n:
+            raise InputError(f"{len(self.segments)} segments for {n} points")
+        for name, values in (("points", points), ("lsf", lsf), ("variance", variance)):
+            object.__setattr__(self, name, values)
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def canonical(self) -> IntArray:
+        """Return the order (n,) in which the points ascend by place, then by their filters.
+
+        Two points that it leaves in their order of arrival are the same in every number but
+        those of their segments, which come last.
+        """
+        ends = np.zeros((len(self), 2))
+        if self.segments is not None:
+            ends[:, 0] = [len(segment) for segment in self.segments]
+            ends[:, 1] = [float(np.sum(segment)) for segment in self.segments]
+        keys = np.column_stack([self.points, self.variance, self.lsf, ends])
+        order: IntArray = np.lexsort(keys.T[::-1])
+        return order
+
+    def taken(self, numbers: IntArray | BoolArray) -> Self:
+        """Return some of the points, by number or mask."""
+        numbers = np.arange(len(self))[numbers]
+        return type(self)(
+            self.points[numbers],
+            self.lsf[numbers],
+            self.variance[numbers],
+            None if self.segments is None else [self.segments[i] for i in numbers],
+        )
+
+
+def band(count: int = _GRID) -> FloatArray:
+    """Return frequencies in cycles a sample, the middles of equal parts of (0, 1/2)."""
+    middles: FloatArray = (np.arange(count) + 0.5) * (0.5 / count)
+    return middles
+
+
+def amplitude_of(lsf: FloatArray, variance: FloatArray) -> FloatArray:
+    """Return the filters' exact amplitude spectra (n, f) at `band`; the rate is 1."""
+    amplitude: FloatArray = np.sqrt(lsf_spectrum(lsf, variance, band(), 1.0))
+    return amplitude

@@ -1,0 +1,130 @@
+"""Sample selection whatever the order of the points: first the outliers, then what is redundant."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mmt.arrays import BoolArray, FloatArray
+from mmt.errors import InputError
+from mmt.texture.selection.condensed import TAU, condense
+from mmt.texture.selection.outliers import find_outliers, reasons
+from mmt.texture.selection.points import ModelPoints
+
+
+@dataclass(frozen=True)
+class SelectionSettings:
+    """How much is to stay.
+
+    Attributes
+    ----------
+    limit
+        Score from which a point is an outlier; None for the usual one, which depends on
+        whether segments are at hand.
+    tau
+        Largest relative spectral error of the thinner model; 0 keeps all but the outliers.
+    largest
+        Most points to keep, None for as many as `tau` needs. Corners of the convex hull
+        stay even if they alone are more.
+
+    Raises
+    ------
+    InputError
+        A number is out of range.
+    """
+
+    limit: float | None = None
+    tau: float = TAU
+    largest: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.limit is not None and not self.limit > 0:
+            raise InputError(f"limit is {self.limit}: it must be positive")
+        if not self.tau >= 0:
+            raise InputError(f"tau is {self.tau}: it must not be negative")
+        if self.largest is not None and self.largest < 1:
+            raise InputError(f"largest is {self.largest}: at least 1 point must be kept")
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What became of n points, each of shape (n,) in the order in which they were given.
+
+    Attributes
+    ----------
+    outlier
+        Contradicts its neighbours.
+    kept
+        Belongs to the selected set. What is neither is redundant.
+    minimal
+        A corner of the convex hull of what is no outlier.
+    score
+        Evidence of being an outlier, see `mmt.texture.selection.outliers`; 0 where there
+        were too few points to say.
+    reason
+        A sentence for each outlier, "" for the others.
+    error
+        Relative spectral error of the selected set at places that it does not hold.
+    limit
+        The score from which a point is an outlier.
+    """
+
+    outlier: BoolArray
+    kept: BoolArray
+    minimal: BoolArray
+    score: FloatArray
+    reason: tuple[str, ...]
+    error: FloatArray
+    limit: float | None = field(default=None)
+
+    @property
+    def redundant(self) -> BoolArray:
+        """What the selected set says as well without it."""
+        return ~self.outlier & ~self.kept
+
+    @property
+    def compression(self) -> float:
+        """Points before over points after."""
+        return len(self.kept) / max(1, int(self.kept.sum()))
+
+
+def select(data: ModelPoints, settings: SelectionSettings | None = None) -> Selection:
+    """Select the points of a model.
+
+    The result does not depend on the order of the points: they are first put into an order
+    of their own, so that not even the last rounding depends on it.
+
+    Parameters
+    ----------
+    data
+        The points; where their segments are at hand, many more outliers are found.
+    settings
+        See `SelectionSettings`.
+
+    Notes
+    -----
+    O(n (log n + k f + samples order)) for the outliers, about O(n kept d) for the rest.
+    """
+    settings = settings or SelectionSettings()
+    n = len(data)
+    order = data.canonical()
+    sorted_data = data.taken(order)
+    found = find_outliers(sorted_data, settings.limit)
+    outlier = np.zeros(n, dtype=np.bool_) if found is None else found.outlier
+    good = np.flatnonzero(~outlier)
+    kept, minimal = ~outlier, np.zeros(n, dtype=np.bool_)
+    error = np.zeros(n)
+    if settings.tau > 0 or settings.largest is not None:
+        thin = condense(sorted_data.taken(good), settings.tau, settings.largest)
+        kept[good], minimal[good], error[good] = thin.kept, thin.minimal, thin.error
+    score = np.zeros(n) if found is None else found.evidence.score
+    words = [""] * n if found is None else reasons(found)
+    back = np.argsort(order)
+    return Selection(
+        outlier=outlier[back],
+        kept=kept[back],
+        minimal=minimal[back],
+        score=score[back],
+        reason=tuple(words[i] for i in back),
+        error=error[back],
+        limit=None if found is None else found.evidence.limit,
+    )

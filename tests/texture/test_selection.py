@@ -1,0 +1,246 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.interpolate import LinearNDInterpolator
+from selection_samples import ORDER, sampled_texture, true_lsf
+
+from mmt.errors import InputError
+from mmt.texture.autoregression import lsf_to_ar
+from mmt.texture.selection import ModelPoints, SelectionSettings, select, select_published
+from mmt.texture.selection.condensed import condense
+from mmt.texture.selection.consensus import consensus
+from mmt.texture.selection.leave_one_out import retrained
+from mmt.texture.selection.outliers import find_outliers, least_points
+from mmt.texture.selection.points import band
+from mmt.texture.selection.transients import bursts, whitening
+from mmt.texture.selection.valid import valid_filter
+from mmt.texture.spectra import lsf_spectrum
+
+
+@pytest.fixture(scope="module")
+def plane():
+    return sampled_texture(160, 2, knocks=16, seed=1)
+
+
+@pytest.fixture(scope="module")
+def space():
+    return sampled_texture(200, 3, knocks=20, seed=2)
+
+
+@pytest.mark.parametrize("dimensions", [2, 3])
+def test_the_published_decisions_are_those_of_rebuilding_for_every_point(dimensions):
+    data, _ = sampled_texture(70, dimensions, knocks=7, seed=3)
+    fast = select_published(data)
+    slow = select_published(data, interpolator=retrained(LinearNDInterpolator))
+    np.testing.assert_array_equal(fast.outlier, slow.outlier)
+    np.testing.assert_array_equal(fast.kept, slow.kept)
+    np.testing.assert_allclose(fast.error, slow.error, rtol=1e-6)
+
+
+def test_the_published_algorithm_never_tests_the_hull_and_always_keeps_it(plane):
+    result = select_published(plane[0])
+    assert result.minimal.sum() >= 3
+    assert not result.outlier[result.minimal].any()
+    assert result.kept[result.minimal].all()
+    assert np.isnan(result.error[result.minimal]).all()
+    assert not (result.outlier & result.kept).any()
+
+
+def test_sparse_places_are_tolerated_more_by_the_published_threshold():
+    generator = np.random.default_rng(4)
+    data, _ = sampled_texture(120, 2, knocks=0, seed=4)
+    points = data.points.copy()
+    points[:60] = 0.45 + 0.1 * generator.random((60, 2))  # a dense patch
+    result = select_published(replace(data, points=points))
+    dense = result.threshold[:60]
+    sparse = result.threshold[60:]
+    assert np.nanmean(dense) < 0.25 < np.nanmean(sparse)
+
+
+def test_the_published_result_depends_on_the_order_and_ours_does_not(space):
+    data, _ = space
+    generator = np.random.default_rng(0)
+    published, ours = set(), set()
+    for _ in range(4):
+        order = generator.permutation(len(data))
+        shuffled = data.taken(order)
+        for sets, result in (
+            (published, select_published(shuffled, tau_1=0.15, tau_2=0.2)),
+            (ours, select(shuffled)),
+        ):
+            sets.add((frozenset(order[result.kept]), frozenset(order[result.outlier])))
+    assert len(ours) == 1
+    assert len(published) > 1
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_scores_and_reasons_follow_their_points_through_any_shuffle(seed):
+    data, _ = sampled_texture(50, 2, knocks=4, seed=5)
+    order = np.random.default_rng(seed).permutation(50)
+    straight, shuffled = select(data), select(data.taken(order))
+    np.testing.assert_array_equal(shuffled.score, straight.score[order])
+    np.testing.assert_array_equal(shuffled.kept, straight.kept[order])
+    assert shuffled.reason == tuple(straight.reason[i] for i in order)
+
+
+@pytest.mark.parametrize("name", ["plane", "space"])
+def test_knocks_are_found_and_good_points_are_left_alone(name, request):
+    data, knocked = request.getfixturevalue(name)
+    result = select(data)
+    assert result.outlier[knocked].mean() >= 0.95
+    assert result.outlier[~knocked].mean() <= 0.03
+    for bad, reason in zip(result.outlier, result.reason, strict=True):
+        assert bool(reason) == bad
+
+
+def test_corners_of_the_hull_are_tested_too():
+    data, _ = sampled_texture(100, 2, knocks=0, seed=6)
+    corner = int(np.argmax(data.points.sum(axis=1)))
+    segments = list(data.segments)
+    knock = np.zeros(260)
+    knock[50:90] = np.hanning(40) * np.cos(np.arange(40))
+    segments[corner] = segments[corner] + knock * 4.0 * segments[corner].std() / knock.std()
+    result = select(replace(data, segments=segments))
+    assert result.outlier[corner]
+    assert result.score[corner] > 2.0 * select(data).score[corner]
+
+
+def test_the_models_data_alone_give_fewer_but_some(plane):
+    data, knocked = plane
+    alone = select(replace(data, segments=None))
+    assert alone.outlier[knocked].mean() >= 0.5
+    assert alone.outlier[~knocked].mean() <= 0.06
+    assert {reason.split(" (")[0] for reason in alone.reason if reason} <= {
+        "its spectrum has more than its neighbours'",
+        "it is louder than its neighbours",
+    }
+
+
+def test_what_is_kept_meets_the_threshold_and_holds_the_hull(plane):
+    data, _ = plane
+    result = select(data, SelectionSettings(tau=0.15))
+    assert result.kept[result.minimal].all()
+    assert (result.error[result.redundant] <= 0.15).all()
+    assert result.compression > 1.5
+    assert not (result.kept & result.outlier).any()
+    assert (result.kept | result.outlier | result.redundant).all()
+
+
+def test_a_smaller_threshold_keeps_more_and_zero_keeps_everything(plane):
+    data, _ = plane
+    counts = [select(data, SelectionSettings(tau=tau)).kept.sum() for tau in (0.3, 0.15, 0.08)]
+    assert counts == sorted(counts)
+    everything = select(data, SelectionSettings(tau=0))
+    np.testing.assert_array_equal(everything.kept, ~everything.outlier)
+
+
+def test_no_more_than_the_largest_number_is_kept(plane):
+    data, _ = plane
+    result = select(data, SelectionSettings(tau=0.02, largest=40))
+    assert result.kept.sum() == 40
+    assert select(data, SelectionSettings(largest=1)).kept.sum() == result.minimal.sum()
+
+
+def test_of_points_in_one_place_the_most_typical_is_kept():
+    data, _ = sampled_texture(150, 2, knocks=0, seed=7)
+    points = data.points.copy()
+    points[:20] = 0.5 + 0.01 * np.random.default_rng(1).random((20, 2))
+    points[20:] += 0.2 * np.sign(points[20:] - 0.5)  # nothing else in the middle
+    lsf = true_lsf(points)
+    lsf[0, 2:4] = lsf[0, 2:4].mean() + np.array([-0.01, 0.01])  # a peak of its own
+    odd = ModelPoints(points, lsf, np.ones(150))
+    thin = condense(odd, tau=0.1)
+    assert not thin.kept[0]
+    assert thin.kept[:20].any()
+
+
+def test_a_consensus_is_exact_for_a_plane_and_takes_nobodys_own_word():
+    generator = np.random.default_rng(8)
+    points = generator.random((60, 3))
+    values = points @ np.array([1.0, -2.0, 0.5]) + 3.0
+    present = generator.random(60) < 0.8
+    found = consensus(points, present)
+    np.testing.assert_allclose(found.weights.sum(axis=1), 1.0)
+    assert present[found.members].all()
+    assert not (found.members == np.arange(60)[:, None]).any()
+    assert np.abs(found.of(values) - values).max() < 0.1  # what the ridge takes of the slope
+
+
+def test_whitening_from_a_spectrum_gives_the_filter_it_came_from():
+    lsf = true_lsf(np.random.default_rng(9).random((12, 2)))
+    variance = np.linspace(0.1, 5.0, 12)
+    filters = whitening(lsf_spectrum(lsf, variance, band(512), 1.0), ORDER)
+    np.testing.assert_allclose(filters.ar, lsf_to_ar(lsf), atol=1e-6)
+    np.testing.assert_allclose(filters.variance, variance, rtol=1e-6)
+
+
+def test_segments_too_short_to_tell_have_no_bursts():
+    lsf = true_lsf(np.full((3, 2), 0.5))
+    filters = whitening(lsf_spectrum(lsf, np.ones(3), band(), 1.0), ORDER)
+    segments = [np.zeros(0), np.ones(ORDER + 20), np.zeros(300)]
+    found = bursts(segments, filters)
+    np.testing.assert_array_equal(found[:2], 0.0)
+    assert np.isfinite(found).all()
+
+
+@pytest.mark.parametrize("n", [1, 2, 5])
+def test_of_few_points_none_is_accused(n):
+    data, _ = sampled_texture(n, 2, knocks=0)
+    result = select(data)
+    assert result.kept.any()
+    assert not result.outlier.any()
+    assert find_outliers(data) is None
+    assert n < least_points(2)
+
+
+def test_equal_points_and_levels_from_tiny_to_huge_do_no_harm():
+    data, _ = sampled_texture(40, 2, knocks=0)
+    one_place = replace(data, points=np.full((40, 2), 0.5))
+    assert select(one_place).kept.any()
+    for factor in (1e-200, 1e200):
+        scaled = replace(
+            data,
+            variance=data.variance * factor,
+            segments=[s * np.sqrt(factor) for s in data.segments],
+        )
+        np.testing.assert_array_equal(select(scaled).kept, select(data).kept)
+    equal = ModelPoints(data.points, np.tile(data.lsf[0], (40, 1)), np.ones(40))
+    assert not select(equal).outlier.any()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"points": np.zeros((4, 2))}, "lsf"),
+        ({"variance": np.zeros(6)}, "positive"),
+        ({"points": np.full((6, 2), np.nan)}, "finite"),
+        ({"lsf": np.ones((6, 4))}, "ascend"),
+        ({"segments": [np.zeros(3)]}, "segments"),
+    ],
+)
+def test_bad_points_are_refused_with_a_reason(change, words):
+    data = ModelPoints(
+        np.random.default_rng(0).random((6, 2)), true_lsf(np.zeros((6, 2))), np.ones(6)
+    )
+    with pytest.raises(InputError, match=words):
+        replace(data, **change)
+
+
+@pytest.mark.parametrize("bad", [{"tau": -1}, {"limit": 0}, {"largest": 0}, {"tau": np.nan}])
+def test_bad_settings_are_refused(bad):
+    with pytest.raises(InputError):
+        SelectionSettings(**bad)
+    data, _ = sampled_texture(5, 2, knocks=0)
+    with pytest.raises(InputError):
+        select_published(data, tau_1=0.0)
+
+
+@given(st.lists(st.floats(-1, 4), min_size=1, max_size=20), st.floats(-2, 2))
+def test_whatever_an_interpolator_gives_becomes_a_filter(values, variance):
+    lsf, positive = valid_filter(np.array(values), variance)
+    assert (np.diff(lsf, prepend=0.0, append=np.pi) > 0).all()
+    assert positive > 0
