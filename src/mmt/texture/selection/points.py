@@ -89,8 +89,7 @@ class ModelPoints:
 
 def band(count: int = _GRID) -> FloatArray:
     """Return frequencies in cycles a sample, the middles of equal parts of (0, 1/2)."""
-    middles: FloatArray = (np.arange(count) + 0.5) * (0.5 / count)
-    return middles
+    return (np.arange(count, dtype=np.float64) + 0.5) * (0.5 / count)
 
 
 def amplitude_of(lsf: FloatArray, variance: FloatArray) -> FloatArray:
