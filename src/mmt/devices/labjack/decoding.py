@@ -70,7 +70,7 @@ class StreamDecoder:
                 self._scan += self._missed  # the dummy is one of those that were thrown away
                 self._missed = 0
                 continue
-            volts = tuple(line(count) for line, count in zip(self._volts, counts, strict=True))
+            volts = tuple([line(count) for line, count in zip(self._volts, counts, strict=True)])
             scans.append(VoltageReading(self._scanning.time_ns(self._scan), volts))
             self._scan += 1
         return scans

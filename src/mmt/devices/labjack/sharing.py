@@ -180,7 +180,8 @@ class SharedU6:
             return
         scans = [scan for raw in link.packets() for scan in decoder.decode(raw)]
         for reader, columns in self._picks:
-            reader.faults.update(decoder.faults)
+            if decoder.faults:
+                reader.faults.update(decoder.faults)
             reader.give(
                 [VoltageReading(t, tuple([volts[at] for at in columns])) for t, volts in scans]
             )
