@@ -362,6 +362,14 @@ def test_a_board_shows_the_voltages_of_its_inputs(drivers: str) -> None:
     assert seen.unit == "V"
 
 
+def test_a_capacitor_that_passes_too_little_is_a_problem(drivers: str) -> None:
+    from mmt.devices.loading import load_device
+
+    sensor = load_device("adxl335-serial", {"port": "/dev/none", "bandwidth_hz": 50})
+    problems = observe("accelerometer", "adxl335-serial", sensor, duration_s=0.05).problems
+    assert any("Replace the three capacitors by 0.01 uF or less" in text for text in problems)
+
+
 def test_a_busy_machine_is_told_from_a_fault(drivers: str, monkeypatch: pytest.MonkeyPatch) -> None:
     sensor = __import__(drivers).Sampled()
     sleep = time.sleep

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from mmt.devices.emulated import drivers as drivers_module
-from mmt.devices.emulated.drivers import VirtualRobot, virtual_adxl335, virtual_net_ft
+from mmt.devices.emulated.drivers import VirtualAdxl335, VirtualNetFt, VirtualRobot
 from mmt.devices.emulated.world import TICK_NS, World
 from mmt.devices.loading import load_device
 from mmt.errors import DeviceLost, InputError, MmtError
@@ -59,14 +59,14 @@ def test_a_surface_that_does_not_exist_is_explained() -> None:
         robot.connect()
 
 
-@pytest.mark.parametrize("make", [VirtualRobot, virtual_net_ft, virtual_adxl335])
+@pytest.mark.parametrize("make", [VirtualRobot, VirtualNetFt, VirtualAdxl335])
 def test_an_option_of_the_wrong_kind_is_refused(make: Any) -> None:
     with pytest.raises(InputError, match="seed"):
         make(seed="many")
 
 
 def test_what_is_not_connected_is_lost() -> None:
-    for device in (VirtualRobot(), virtual_net_ft()):
+    for device in (VirtualRobot(), VirtualNetFt()):
         with pytest.raises(DeviceLost, match="not connected"):
             device.read()
         device.close()

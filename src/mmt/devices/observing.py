@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from mmt.devices.protocols import SensorReading
+from mmt.devices.protocols import Remarking, SensorReading
 from mmt.errors import MmtError
 
 UNITS: Final = {
@@ -188,6 +188,8 @@ class _Watching:
         """Work out the figures."""
         seen = self.seen
         seen.faults = dict(getattr(self._device, "faults", {}))
+        if isinstance(self._device, Remarking):
+            seen.problems += self._device.remarks()
         if self._waits_ms:
             seen.waited_p99_ms = float(np.percentile(np.array(self._waits_ms), 99))
         self._glance()
@@ -238,7 +240,7 @@ def _judge(seen: Observation, watching: _Watching) -> list[str]:
             f"its readings come in bursts, up to {seen.arrival_p99_ms:.0f} ms apart: lower the "
             "latency timer of a serial adapter, connect a network's box without a switch between"
         )
-    problems += [f"{count} times: {what}" for what, count in seen.faults.items() if count]
+    problems += [f"{_often(count)}: {what}" for what, count in seen.faults.items() if count]
     if busy and (problems or (seen.arrival_p99_ms or 0.0) > _BURST_MS):
         problems.append(
             f"this machine is busy, the test itself had to wait up to {seen.waited_p99_ms:.0f} ms "
@@ -277,3 +279,7 @@ def _judge_played(seen: Observation) -> list[str]:
         f"it ran out of samples {underruns} times in {seen.duration_s:.0f} s: raise 'buffer_ms', "
         "or take load off this machine"
     ]
+
+
+def _often(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"

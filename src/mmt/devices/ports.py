@@ -195,7 +195,8 @@ class SampledPort(Port):
         silent_ns = now_ns - self._last_ns
         if self._empty >= _EMPTY_READS and silent_ns >= SILENT_NS:
             raise DeviceLost(
-                f"no reading for {silent_ns / 1e6:.0f} ms; check its cable and its power"
+                f"no reading for {silent_ns / 1e6:.0f} ms; check its cable, its power, "
+                "and whether this machine has time for it"
             )
 
     def poll(self) -> bool:

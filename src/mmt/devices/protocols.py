@@ -93,6 +93,14 @@ class SampledSensor(Device, Protocol):
         """Counts by what went wrong and was survived: bad checksums, lost records, saturation."""
 
 
+@runtime_checkable
+class Remarking(Protocol):
+    """A device that knows what is doubtful about its own set-up; no driver must."""
+
+    def remarks(self) -> Sequence[str]:
+        """Return a sentence for each thing that is worth mending, with what to do."""
+
+
 class InterfaceState(NamedTuple):
     """The leader's handle at one tick, known locally and therefore without delay."""
 

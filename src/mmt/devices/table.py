@@ -36,12 +36,12 @@ DRIVERS: Final[dict[str, Mapping[Role, str]]] = {
         "robot": "mmt.devices.openhaptics.robot:OpenHapticsRobot",
         "handle": "mmt.devices.openhaptics.handle:OpenHapticsHandle",
     },
-    "virtual-adxl335": {"accelerometer": "mmt.devices.emulated.drivers:virtual_adxl335"},
+    "virtual-adxl335": {"accelerometer": "mmt.devices.emulated.drivers:VirtualAdxl335"},
     "virtual-handle-adxl335": {
-        "accelerometer": "mmt.devices.emulated.drivers:virtual_handle_adxl335"
+        "accelerometer": "mmt.devices.emulated.drivers:VirtualHandleAdxl335"
     },
     "virtual-haptuator": {"actuator": "mmt.devices.emulated.drivers:VirtualHaptuator"},
-    "virtual-net-ft": {"force_sensor": "mmt.devices.emulated.drivers:virtual_net_ft"},
+    "virtual-net-ft": {"force_sensor": "mmt.devices.emulated.drivers:VirtualNetFt"},
     "virtual-robot": {"robot": "mmt.devices.emulated.drivers:VirtualRobot"},
 }
 """Name -> role -> ``module:factory`` of the drivers that are part of mmt."""

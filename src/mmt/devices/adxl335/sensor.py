@@ -74,6 +74,10 @@ class Adxl335(ABC):
         """Counts by what was survived."""
         return {kind: n for counter in self._counters() for kind, n in counter.items() if n}
 
+    def remarks(self) -> Sequence[str]:
+        """Return a sentence for each doubtful option, as a capacitor that passes too little."""
+        return self._common.remarks()
+
     def read(self) -> Sequence[SensorReading]:
         """Return what has come, in m/s2 along the scene's axes.
 

@@ -9,7 +9,13 @@ from mmt.arrays import FloatArray
 from mmt.devices.emulated.lab_process import LabProcess
 from mmt.devices.emulated.robot_driver import DatagramRobot
 from mmt.devices.loading import load_device, read_options
-from mmt.devices.protocols import ActuatorStatistics, SampledSensor, SensorReading, Vector
+from mmt.devices.protocols import (
+    ActuatorStatistics,
+    Remarking,
+    SampledSensor,
+    SensorReading,
+    Vector,
+)
 from mmt.errors import DeviceLost
 
 if TYPE_CHECKING:
@@ -133,6 +139,10 @@ class VirtualSensor:
         """Of the real driver."""
         return {} if self._device is None else self._device.faults
 
+    def remarks(self) -> Sequence[str]:
+        """Of the real driver."""
+        return self._device.remarks() if isinstance(self._device, Remarking) else []
+
     def connect(self) -> None:
         """Start the lab, and connect the real driver to it."""
         address = self._lab.enter(self, *self._lab_options.arguments)[self._address]
@@ -161,20 +171,26 @@ class VirtualSensor:
         return self._device
 
 
-def virtual_net_ft(**options: Any) -> VirtualSensor:
-    """Make the force sensor of the virtual lab; it takes the options of ``ati-net-ft`` too."""
-    return VirtualSensor("virtual-net-ft", "ati-net-ft", "net_ft", options)
+class VirtualNetFt(VirtualSensor):
+    """The force sensor of the virtual lab; it takes the options of ``ati-net-ft`` too."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__("virtual-net-ft", "ati-net-ft", "net_ft", options)
 
 
-def virtual_adxl335(**options: Any) -> VirtualSensor:
-    """Make the accelerometer of the virtual lab; it takes those of ``adxl335-serial`` too."""
-    return VirtualSensor("virtual-adxl335", "adxl335-serial", "adxl335", options)
+class VirtualAdxl335(VirtualSensor):
+    """The accelerometer of the virtual lab; it takes those of ``adxl335-serial`` too."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__("virtual-adxl335", "adxl335-serial", "adxl335", options)
 
 
-def virtual_handle_adxl335(**options: Any) -> VirtualSensor:
-    """Make the accelerometer on the emulated handle that the `VirtualHaptuator` shakes."""
-    name = "virtual-handle-adxl335"
-    return VirtualSensor(name, "adxl335-serial", "adxl335", options, _HANDLE_LAB, HandleLabOptions)
+class VirtualHandleAdxl335(VirtualSensor):
+    """The accelerometer on the emulated handle that the `VirtualHaptuator` shakes."""
+
+    def __init__(self, **options: Any) -> None:
+        name = "virtual-handle-adxl335"
+        super().__init__(name, "adxl335-serial", "adxl335", options, _HANDLE_LAB, HandleLabOptions)
 
 
 class VirtualHaptuator:
