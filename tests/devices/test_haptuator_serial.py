@@ -1,11 +1,13 @@
 """A Haptuator's board on an emulated port: its frames, its clock, and what goes wrong."""
 
+import errno
 import math
 import time
 from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
+import serial
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -208,6 +210,69 @@ def test_a_board_that_hangs_is_lost(board: EmulatedHaptuatorBoard) -> None:
         play(device, lambda: False)
     with pytest.raises(MmtError, match="does not answer"):
         device.connect()
+
+
+def test_a_board_that_reports_the_same_for_ever_is_lost_and_comes_back(
+    board: EmulatedHaptuatorBoard,
+) -> None:
+    device = haptuator(board)
+    device.connect()
+    play(device, lambda: device.statistics.samples > 100)
+    board.frozen = True
+    with pytest.raises(DeviceLost, match="reports, but has taken no frame"):
+        play(device, lambda: False)
+    board.frozen = False
+    device.connect()
+    samples = device.statistics.samples
+    play(device, lambda: device.statistics.samples > samples + 700)
+    device.close()
+
+
+def test_half_frames_are_counted_and_survived(board: EmulatedHaptuatorBoard) -> None:
+    device = haptuator(board)
+    device.connect()
+    board.halved = 0.1
+    play(device, lambda: device.statistics.lost_frames > 3 and device.statistics.bad_messages > 3)
+    board.halved = 0.0
+    samples = device.statistics.samples
+    play(device, lambda: device.statistics.samples > samples + 300)
+    assert max(map(abs, board.played()[-1600:])) > 0.9 / 6.0 * FULL_SCALE
+    device.close()
+
+
+def test_a_board_that_restarts_by_itself_plays_on(board: EmulatedHaptuatorBoard) -> None:
+    device = haptuator(board)
+    device.connect()
+    play(device, lambda: device.statistics.samples > 300)
+    board.restart()
+    samples = device.statistics.samples
+    play(device, lambda: device.statistics.samples > samples + 700)
+    volts = np.array(board.played()[-2400:-800]) * 6.0 / FULL_SCALE
+    assert np.sqrt(np.mean(volts**2)) == pytest.approx(math.sqrt(0.5), rel=0.1)
+    device.close()
+
+
+def test_the_number_of_a_frame_may_begin_again(board: EmulatedHaptuatorBoard) -> None:
+    """It does after 65 s, a frame a millisecond."""
+    device = haptuator(board)
+    device.connect()
+    device._sequence = 65_500
+    board.count_from(65_500)
+    play(device, lambda: device.statistics.samples > 700)
+    assert device._sequence < 65_500
+    assert device.statistics.lost_frames == 0
+    device.close()
+
+
+def test_a_port_that_is_not_permitted_is_explained(
+    board: EmulatedHaptuatorBoard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise serial.SerialException(errno.EACCES, "could not open port: Permission denied")
+
+    monkeypatch.setattr(serial, "Serial", refuse)
+    with pytest.raises(MmtError, match=r"no permission.*dialout"):
+        haptuator(board).connect()
 
 
 def test_what_cannot_be_is_explained(board: EmulatedHaptuatorBoard) -> None:

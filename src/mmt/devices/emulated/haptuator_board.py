@@ -45,8 +45,12 @@ class EmulatedHaptuatorBoard:
     ) -> None:
         self.garbled = 0.0
         """Share of the frames, either way, of which a bit is flipped."""
+        self.halved = 0.0
+        """Share of what comes together, either way, of which the second half gets lost."""
         self.stalled = False
         """Whether the firmware hangs: it plays nothing and says nothing."""
+        self.frozen = False
+        """Whether it goes on to report what it reported last, and does nothing else."""
         self._listener = listener
         self._rate_hz = rate_hz
         self._capacity = capacity
@@ -82,6 +86,14 @@ class EmulatedHaptuatorBoard:
         """Plug it in again."""
         self._port.plug()
 
+    def restart(self) -> None:
+        """Begin anew without being unplugged, as after a dip of its supply."""
+        self._begin()
+
+    def count_from(self, sequence: int) -> None:
+        """Have had this frame as the newest one."""
+        self._sequence = sequence % _MODULUS
+
     def played(self) -> list[int]:
         """Return the newest samples that went to the converter, full scale is 32767."""
         return list(self._played)
@@ -96,6 +108,9 @@ class EmulatedHaptuatorBoard:
         self._last_ns = due_ns
         if self.stalled:
             return
+        if self.frozen:
+            self._report()
+            return
         for message in self._decoder.feed(self._garble(received)):
             if isinstance(message, Reset):
                 self._begin()
@@ -105,6 +120,9 @@ class EmulatedHaptuatorBoard:
         for _ in range(int(self._due)):
             self._play()
         self._due -= int(self._due)
+        self._report()
+
+    def _report(self) -> None:
         self._periods += 1
         if self._periods % _REPORT_PERIODS == 0:
             fill = len(self._buffer)
@@ -135,6 +153,8 @@ class EmulatedHaptuatorBoard:
             self._listener(value)
 
     def _garble(self, content: bytes) -> bytes:
+        if content and self._random.random() < self.halved:
+            content = content[: len(content) // 2]
         if not content or self._random.random() >= self.garbled:
             return content
         bits = bytearray(content)

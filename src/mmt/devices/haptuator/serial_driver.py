@@ -89,7 +89,7 @@ class SerialHaptuator:
         self._target = round(options.buffer_ms * options.board_rate_hz / 1000.0)
         self._pusher = self._new_pusher()
         self._report = Report(options.board_rate_hz, 0, 0, 0, 0, 0)
-        self._report_ns = 0
+        self._report_ns = self._taken_ns = 0
         self._sequence = 0
         self._under_way: deque[tuple[int, int]] = deque()
         self._earlier = (0, 0)
@@ -121,6 +121,7 @@ class SerialHaptuator:
         self._pusher.follower, self._pusher.slips = previous.follower, previous.slips
         self._drive.rest()
         self._report, self._report_ns = report, time.monotonic_ns()
+        self._taken_ns = self._report_ns
         self._sequence = 0
         self._under_way.clear()
 
@@ -133,7 +134,7 @@ class SerialHaptuator:
         Raises
         ------
         DeviceLost
-            The board was unplugged, or reports nothing any more.
+            The board was unplugged, reports nothing any more, or takes nothing any more.
         """
         ahead = self._prepare()
         self._play(self._drive.convert(samples_m_s2), ahead)
@@ -165,6 +166,13 @@ class SerialHaptuator:
             raise DeviceLost(
                 f"the {self.name} has reported nothing for {silent_ns / 1e6:.0f} ms: check its "
                 "cable and its power"
+            )
+        if not self._under_way:
+            self._taken_ns = now_ns
+        elif now_ns - self._taken_ns > _SILENCE_NS:
+            raise DeviceLost(
+                f"the {self.name} reports, but has taken no frame for "
+                f"{(now_ns - self._taken_ns) / 1e6:.0f} ms: unplug it and plug it in again"
             )
         return self._ahead(silent_ns)
 
@@ -229,6 +237,7 @@ class SerialHaptuator:
     def _take(self, report: Report, now_ns: int) -> None:
         self._report, self._report_ns = report, now_ns
         if any(sequence == report.sequence for sequence, _ in self._under_way):
+            self._taken_ns = now_ns
             while self._under_way.popleft()[0] != report.sequence:
                 pass
 
