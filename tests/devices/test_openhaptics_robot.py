@@ -13,6 +13,7 @@ from mmt.devices.discovery import FoundPort
 from mmt.devices.emulated.hd import EmulatedHd
 from mmt.devices.loading import load_device
 from mmt.devices.openhaptics.library import Stack
+from mmt.devices.openhaptics.measuring import JUMP, NOT_FINITE, OUT_OF_REACH
 from mmt.devices.openhaptics.robot import OpenHapticsRobot
 from mmt.errors import DeviceLost, InputError, MmtError
 
@@ -164,6 +165,40 @@ def test_a_moment_without_an_answer_is_survived(make, emulated) -> None:
     until(lambda: robot.read()[0] > 1.0, lambda: robot.write((2.0, 0.0, 0.0)))
 
 
+def test_flipped_bits_and_what_is_no_number_are_counted_and_move_nothing(make, emulated) -> None:
+    robot = make(force_limit_n=1.0)
+    robot.connect()
+    emulated.fail("garbled")
+    places = []
+
+    def stroke() -> None:
+        robot.write((4.0, 0.0, 0.0))
+        places.append(robot.read())
+
+    until(lambda: sum(robot.faults.values()) > 12, stroke)
+    assert set(robot.faults) <= {NOT_FINITE, OUT_OF_REACH, JUMP, "stale commands"}
+    assert robot.faults[NOT_FINITE] > 2
+    assert max(abs(value) for place in places for value in place) < 10.0
+    emulated.fail("garbled", on=False)
+    until(lambda: abs(robot.read()[0] - 4.0) < 0.2, lambda: robot.write((4.0, 0.0, 0.0)))
+
+
+def test_an_arm_whose_position_is_stuck_is_lost_without_force(make, emulated) -> None:
+    robot = make(speed_limit_mm_s=2000.0)
+    robot.connect()
+    emulated.fail("stuck")
+    with pytest.raises(DeviceLost, match=r"the same under the largest force.*is off"):
+        until(lambda: False, lambda: (robot.write((60.0, 0.0, 0.0)), robot.read()))
+    assert emulated.look().motor_n == (0.0, 0.0, 0.0)
+    emulated.fail("stuck", on=False)
+    robot.connect()
+    before = robot.read()[0]
+    until(
+        lambda: abs(robot.read()[0] - before) > 1.0,
+        lambda: robot.write((before - 3.0, 0.0, 0.0)),
+    )
+
+
 @pytest.mark.parametrize(
     ("fault", "sentence"),
     [("fault", "HD_DEVICE_FAULT"), ("stalled", "servo loop has stopped")],
@@ -313,6 +348,7 @@ def run_alone(program: str) -> str:
 PROGRAM = """
 import sys
 from mmt.devices.openhaptics.library import Stack
+from mmt.devices.openhaptics.measuring import JUMP, NOT_FINITE, OUT_OF_REACH
 from mmt.devices.openhaptics.robot import OpenHapticsRobot
 from mmt.errors import MmtError
 for library in {libraries!r}:

@@ -1,5 +1,6 @@
 """A handle moves a robot through both services, on the emulated library."""
 
+import asyncio
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,6 +10,7 @@ from service_runs import run_session
 
 from mmt.devices.emulated.hd import EmulatedHd
 from mmt.errors import MmtError
+from mmt.scene import Scene
 from mmt.scene_files import scene_from_tables
 from mmt.session import read_session
 
@@ -36,27 +38,55 @@ class Still:
 """
 
 
-async def test_the_operators_handle_moves_the_followers_arm(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, emulated: EmulatedHd
-) -> None:
-    (tmp_path / "still_sensor.py").write_text(STILL)
-    monkeypatch.syspath_prepend(str(tmp_path))
+def scene_of(emulated: EmulatedHd, file: Path, duration_s: float, **devices: object) -> Scene:
     arm = {"driver": "openhaptics", "library": emulated.address}
-    scene = scene_from_tables(
+    return scene_from_tables(
         {
-            "session": {"duration_s": 1.5},
+            "session": {"duration_s": duration_s},
             "link": {"port": 0},
             "handle": {**arm, "device": "Left"},
             "devices": {
                 "robot": {**arm, "device": "Right"},
                 "force_sensor": "still_sensor:Still",
                 "accelerometer": "still_sensor:Still",
+                **devices,
             },
             "force_feedback": {},
-            "recording": {"file": str(tmp_path / "session.mcap")},
+            "recording": {"file": str(file)},
         }
     )
+
+
+async def test_the_operators_handle_moves_the_followers_arm(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, emulated: EmulatedHd
+) -> None:
+    (tmp_path / "still_sensor.py").write_text(STILL)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    scene = scene_of(emulated, tmp_path / "session.mcap", 1.5)
     leader, follower = await run_session(scene, None)
     assert (leader.outcome, follower.problem) == ("completed", None)
     x = read_session(tmp_path / "session.mcap").frames["position_mm"][:, 0]
     assert x.max() - x.min() > 15.0
+
+
+async def test_arms_that_are_unplugged_while_they_run_come_back_and_the_recording_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, emulated: EmulatedHd
+) -> None:
+    (tmp_path / "still_sensor.py").write_text(STILL)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    file = tmp_path / "session.mcap"
+    running = asyncio.create_task(run_session(scene_of(emulated, file, 4.0, on_lost="hold"), None))
+    await asyncio.sleep(1.5)
+    emulated.unplug()
+    await asyncio.sleep(0.5)
+    motors = emulated.look(device=0).motor_n, emulated.look(device=1).motor_n
+    emulated.plug()
+    leader, follower = await running
+    assert motors == ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    assert (leader.outcome, follower.problem) == ("completed", None)
+    assert follower.devices["robot"]["losses"] >= 1
+    frames = read_session(file).frames
+    gaps = frames["sequence"][1:] - frames["sequence"][:-1]
+    assert gaps.max() > 100  # while it was lost, nothing was invented
+    after = frames["sequence"] > frames["sequence"][gaps.argmax() + 1]
+    assert after.any()

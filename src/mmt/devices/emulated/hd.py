@@ -25,9 +25,9 @@ _COMPILERS: Final = ("cc", "gcc", "clang")
 _PATIENCE_S: Final = 60.0
 _HAND_PERIOD_S: Final = 0.002
 
-Fault = Literal["absent", "comm_lost", "warm", "fault", "stalled", "unlicensed"]
+Fault = Literal["absent", "comm_lost", "warm", "fault", "stalled", "unlicensed", "garbled", "stuck"]
 _FAULTS: Final[tuple[Fault, ...]] = (
-    "absent", "comm_lost", "warm", "fault", "stalled", "unlicensed",
+    "absent", "comm_lost", "warm", "fault", "stalled", "unlicensed", "garbled", "stuck",
 )  # fmt: skip
 
 _Three: Final = ctypes.c_double * 3

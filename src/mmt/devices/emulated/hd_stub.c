@@ -5,6 +5,7 @@
  */
 #include "hd_stub.h"
 #include <math.h>
+#include <stdint.h>
 #include <string.h>
 
 typedef struct { Enum code; int internal; Enum device; } ErrorInfo;
@@ -116,6 +117,20 @@ void hdGetIntegerv(Enum what, int *values)
     else push(0x0100);
 }
 
+/* What a bad line makes of a measurement: the old one, or now and then one with a flipped bit. */
+static void spoil(double told[3], double *values)
+{
+    if (faults[STUCK]) memcpy(values, told, 3 * sizeof(double));
+    else memcpy(told, values, 3 * sizeof(double));
+    if (faults[GARBLED] && ticks % 50 < 2) {
+        uint64_t bits;
+        memcpy(&bits, &values[ticks % 3], sizeof bits);
+        bits ^= (uint64_t)1 << (ticks % 50 ? 62 : 61);
+        memcpy(&values[ticks % 3], &bits, sizeof bits);
+    }
+    if (faults[GARBLED] && ticks % 50 == 2) values[0] = NAN;
+}
+
 void hdGetDoublev(Enum what, double *values)
 {
     Device *device = opened(current);
@@ -132,6 +147,7 @@ void hdGetDoublev(Enum what, double *values)
     if (!from) { push(0x0100); return; }
     pthread_mutex_lock(&state);
     memcpy(values, from, 3 * sizeof(double));
+    if (what != 0x2700) spoil(device->told[what == 0x2051], values);
     pthread_mutex_unlock(&state);
 }
 

@@ -7,12 +7,13 @@
 typedef unsigned int Enum;
 
 enum { DEVICES = 2, ERRORS = 32 };
-enum { ABSENT, COMM_LOST, WARM, FAULT, STALLED, UNLICENSED, FAULTS };
+enum { ABSENT, COMM_LOST, WARM, FAULT, STALLED, UNLICENSED, GARBLED, STUCK, FAULTS };
 
 typedef struct {
     int open, framed, held, walled;
     char name[64];
     double position[3], velocity[3], motor[3], asked[3], hand[3];
+    double told[2][3];   /* the newest position and velocity that were given out */
     double hand_n_mm, wall_mm, wall_n_mm;
     int output, clamping;
     unsigned long framed_at;

@@ -250,6 +250,12 @@ class HdDevice(Generic[AnyServo]):
         bad_since_ns = servo.bad_since_ns
         if bad_since_ns is not None and now_ns - bad_since_ns > _LOST_NS:
             raise DeviceLost(explain(self.name, HdError(hd.COMM_ERROR, 0)))
+        senseless = servo.senseless
+        if senseless is not None and now_ns - senseless[1] > _LOST_NS:
+            raise DeviceLost(
+                f"{self.name} has given {senseless[0]} for 100 ms or more: the force is off; "
+                "check that nothing holds the arm, its cable and its calibration"
+            )
         since_ns = self._stack.running_since_ns if self._stack is not None else None
         if since_ns is not None and now_ns - max(servo.tick_ns, since_ns) > _STOPPED_NS:
             raise DeviceLost(

@@ -8,12 +8,15 @@ from mmt.devices.loading import read_options
 from mmt.devices.openhaptics.axes import Axes
 from mmt.devices.openhaptics.device import HdDevice
 from mmt.devices.openhaptics.library import Stack, Vector3
+from mmt.devices.openhaptics.measuring import STUCK
 from mmt.devices.openhaptics.options import RobotOptions
 from mmt.devices.openhaptics.servo import Servo
 from mmt.devices.protocols import Vector
 from mmt.errors import InputError
 
 _LONGEST_STEP_S: Final = 0.005
+_STUCK_NS: Final = 200_000_000
+"""Under the largest force a tip moves by the least bit within this, unless it is held fast."""
 
 
 class PositionServo(Servo):
@@ -46,12 +49,15 @@ class PositionServo(Servo):
         self._damping = options.damping_n_s_m / 1000.0
         self._speed = options.speed_limit_mm_s
         self._point = (0.0, 0.0, 0.0)
+        self._pushed_at = (0.0, 0.0, 0.0)
+        self._pushed_ns = 0
 
     def drive(self, now_ns: int, share: float) -> None:
         """Set the force of this tick."""
         x, y, z = self.position
         if share == 0.0:
             self._point = (x, y, z)
+            self._pushed_ns = now_ns
             self.displayed[:] = (0.0, 0.0, 0.0)
             return
         a, b, c = self._moved(min(1e-9 * (now_ns - self.tick_ns), _LONGEST_STEP_S))
@@ -62,6 +68,11 @@ class PositionServo(Servo):
         fz = stiffness * (c - z) - damping * w
         size = math.sqrt(fx * fx + fy * fy + fz * fz)
         scale = share if size <= self.limit_n else share * self.limit_n / size
+        if share < 1.0 or size <= self.limit_n or (x, y, z) != self._pushed_at:
+            self._pushed_at, self._pushed_ns = (x, y, z), now_ns
+        elif now_ns - self._pushed_ns > _STUCK_NS:
+            self.distrust(STUCK, now_ns - _STUCK_NS)
+            scale = 0.0
         self.displayed[:] = (scale * fx, scale * fy, scale * fz)
 
     def _moved(self, passed_s: float) -> Vector:

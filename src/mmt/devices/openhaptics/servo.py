@@ -15,6 +15,7 @@ from mmt.devices.openhaptics.constants import (
     DONE,
 )
 from mmt.devices.openhaptics.library import Vector3
+from mmt.devices.openhaptics.measuring import STUCK, Watch
 from mmt.devices.openhaptics.sentences import HdError, name_of, only_force
 from mmt.realtime import follow_real_time
 
@@ -41,7 +42,7 @@ class Servo:
         The device's.
     stale_ns, ramp_ns
         The force fades to zero within `ramp_ns` when no command has come for `stale_ns`,
-        and comes back as slowly.
+        and comes back as slowly. It does so as well after a measurement that makes no sense.
     clock
         Monotonic time (ns).
     """
@@ -61,6 +62,10 @@ class Servo:
         self._get, self._set = copies.hdGetDoublev, copies.hdSetDoublev
         self._stale_ns, self._ramp_ns = stale_ns, ramp_ns
         self.position, self.velocity = Vector3(), Vector3()
+        self._measured = Vector3(), Vector3()
+        self._watch = Watch()
+        self.senseless: tuple[str, int] | None = None
+        """What is wrong with the measurements, and since when."""
         self.force, self.displayed = Vector3(), Vector3()
         self.command_ns: int | None = None
         self.share = 0.0
@@ -86,8 +91,7 @@ class Servo:
             if not self.ticks:  # the thread is the library's own
                 follow_real_time()
             self._begin(self._handle)
-            self._get(CURRENT_POSITION, self.position)
-            self._get(CURRENT_VELOCITY, self.velocity)
+            self._measure(now_ns)
             if self.request is not None:
                 self.answer, self.request = self.request(), None
             self.drive(now_ns, self._fade(now_ns))
@@ -107,6 +111,31 @@ class Servo:
             return DONE
         return CONTINUE
 
+    def _measure(self, now_ns: int) -> None:
+        """Take position and velocity where they make sense; else the last ones stay."""
+        position, velocity = self._measured
+        self._get(CURRENT_POSITION, position)
+        self._get(CURRENT_VELOCITY, velocity)
+        problem = self._watch.problem(position, velocity, now_ns)
+        if problem is None:
+            if self.senseless is not None and self._moves(position):
+                self.senseless = None
+            self.position[:], self.velocity[:] = position, velocity
+        else:
+            self.distrust(problem, now_ns)
+
+    def _moves(self, position: Any) -> bool:
+        """Whether a position that makes sense ends what was wrong: one that is stuck goes on."""
+        stuck = self.senseless is not None and self.senseless[0] == STUCK
+        return not stuck or position[:] != self.position[:]
+
+    def distrust(self, problem: str, since_ns: int) -> None:
+        """Take the force away: the measurements make no sense, since then at the latest."""
+        self.counts[problem] += 1
+        self.share = 0.0
+        first_ns = since_ns if self.senseless is None else self.senseless[1]
+        self.senseless = (problem, first_ns)
+
     def drive(self, now_ns: int, share: float) -> None:  # noqa: ARG002 - a controller needs it
         """Set `displayed`, the force of this tick, from what is commanded."""
         x, y, z = self.force
@@ -117,7 +146,7 @@ class Servo:
         passed_ns = now_ns - self.tick_ns
         change = (passed_ns if passed_ns < _LONGEST_STEP_NS else _LONGEST_STEP_NS) / self._ramp_ns
         command_ns = self.command_ns
-        if now_ns < self._rest_until_ns or self.fault is not None:
+        if now_ns < self._rest_until_ns or self.fault is not None or self.senseless is not None:
             self.share = 0.0
         elif command_ns is not None and now_ns - command_ns < self._stale_ns:
             self.share = self.share + change if self.share + change < 1.0 else 1.0

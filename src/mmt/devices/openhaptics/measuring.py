@@ -1,0 +1,63 @@
+"""Tell what an arm measures from garbage: a servo that believes it drives the arm away."""
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+from mmt.devices.protocols import Vector
+
+FASTEST_MM_S: Final = 5000.0
+"""No hand and no arm of this kind moves its tip faster."""
+
+_FARTHEST_MM: Final = 2000.0
+"""Nor does any reach so far."""
+_SLACK_NS: Final = 5_000_000
+"""After senseless measurements a tip may have gone on for so long."""
+
+NOT_FINITE: Final = "positions that are no numbers"
+OUT_OF_REACH: Final = "positions out of reach"
+JUMP: Final = "positions that jump"
+STUCK: Final = "a position that stays the same under the largest force"
+
+
+class Watch:
+    """Judge one device's measurements, in the order in which they come.
+
+    Attributes
+    ----------
+    position
+        The newest one that makes sense.
+    """
+
+    def __init__(self) -> None:
+        self.position: Vector | None = None
+        self._good_ns = self._newest_ns = 0
+
+    def problem(
+        self, position: Sequence[float], velocity: Sequence[float], now_ns: int
+    ) -> str | None:
+        """Return what makes no sense of a measurement, None where it is believed.
+
+        Parameters
+        ----------
+        position, velocity
+            mm and mm/s.
+        now_ns
+            When they were measured.
+        """
+        passed_ns, self._newest_ns = now_ns - self._newest_ns, now_ns
+        x, y, z = position
+        u, v, w = velocity
+        if not (math.isfinite(x + y + z) and math.isfinite(u + v + w)):
+            return NOT_FINITE
+        if max(x, y, z) > _FARTHEST_MM or min(x, y, z) < -_FARTHEST_MM:
+            return OUT_OF_REACH
+        if self.position is not None:
+            a, b, c = self.position
+            moved_ns = min(now_ns - self._good_ns, passed_ns + _SLACK_NS)
+            reach_mm = FASTEST_MM_S * 1e-9 * max(moved_ns, 1_000_000)
+            if (x - a) ** 2 + (y - b) ** 2 + (z - c) ** 2 > reach_mm * reach_mm:
+                return JUMP
+        self.position = (x, y, z)
+        self._good_ns = now_ns
+        return None
