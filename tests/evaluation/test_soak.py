@@ -218,6 +218,31 @@ def test_a_short_run_says_what_it_cannot_tell():
     assert sum("too few" in check.found for check in checks) >= 3
 
 
+def test_an_hour_of_frequent_faults_tells_whether_anything_grows():
+    observed, readback = good(duration_s=3600.0)
+    faults = [
+        Happened(fault, 1000.0 + fault.at_s, 1000.0 + fault.at_s + fault.length_s)
+        for fault in plan_faults(3600.0, 20.0, 7)
+    ]
+    lives = (1000.0, *(h.end_s for h in faults if h.fault.kind == RESTART))
+    observed = replace(observed, faults=tuple(faults), lives_s=lives)
+    readback = replace(readback, gaps=())
+    assert broken(observed, readback) == []
+    assert all(check.figures.get("growth", 0.0) is not None for check in judge(observed, readback))
+    samples = tuple(
+        replace(s, leader_mb=s.leader_mb + 40 * i / len(observed.samples))
+        for i, s in enumerate(observed.samples)
+    )
+    grown = replace(observed, samples=samples)
+    assert broken(grown, readback) == ["leader's memory (MB)"]
+
+
+def test_a_long_run_that_cannot_tell_does_not_hold():
+    observed, readback = good()
+    always = Happened(Fault(CUT, 0.0, 600.0), 1000.0, 1600.0)
+    assert len(broken(replace(observed, faults=(*observed.faults, always)), readback)) == 5
+
+
 # --- the command
 
 

@@ -21,6 +21,12 @@ PATIENCE_S: Final = 30.0
 long after a fault at the latest, also where a follower that is started anew meets a busy
 machine."""
 
+_BEFORE_S: Final = 1.0
+"""So long before a fault nothing is watched either: what is sampled spans some of that."""
+
+_TELLING_S: Final = 600.0
+"""A run of this length must be able to tell whether a figure grows, however many faults it has."""
+
 _WARM_UP_S: Final = 60.0
 _WARM_UP_SHARE: Final = 0.25
 _WINDOWS: Final = 100
@@ -151,27 +157,33 @@ def _explained(gap: Gap, observed: Observed, recovery_s: float) -> bool:
 def _drifts(observed: Observed, readback: Readback, recovery_s: float) -> list[Check]:
     span_s = observed.end_s - observed.start_s
     warm_s = observed.start_s + min(_WARM_UP_S, _WARM_UP_SHARE * span_s)
-    window_s = min(max(span_s / _WINDOWS, _SHORTEST_WINDOW_S), _LONGEST_WINDOW_S)
     disturbed = [(-np.inf, warm_s), (observed.end_s - 0.5, np.inf)]
-    disturbed += [(h.start_s - window_s, h.end_s + recovery_s) for h in observed.faults]
+    disturbed += [(h.start_s - _BEFORE_S, h.end_s + recovery_s) for h in observed.faults]
 
     def watched(seen: FloatArray, figure: Callable[[FloatArray], float]) -> Drift:
         times_s, values = seen
         free = outside(times_s, disturbed)
-        return drift(*by_window(times_s[free], values[free], window_s, figure))
+        times_s, values = times_s[free], values[free]
+        return drift(*by_window(times_s, values, _window_s(times_s), figure))
 
     leader = _series([(s.time_s, s.leader_mb) for s in observed.samples])
+    follower = _longest_life(observed)
     hours = max(1.0, span_s / 3600.0)  # a recording's index grows with it
     latency = np.stack([readback.arrival_s, readback.latency_ms])
+    must = span_s >= _TELLING_S
     return [
-        _flat("leader's memory (MB)", watched(leader, _median), 5.0, 0.05, hours),
-        _flat(
-            "follower's memory (MB)", watched(_longest_life(observed), _median), 5.0, 0.05, hours
-        ),
-        _flat("frames, one way, p50 (ms)", watched(latency, _median), 0.2, 0.5),
-        _flat("frames, one way, p99 (ms)", watched(latency, _p99), 2.0, 1.0),
-        _flat("leader's ticks over 1 ms late (%)", watched(_late(observed), _mean), 2.0, 1.0),
+        _flat("leader's memory (MB)", watched(leader, _median), 5.0, 0.05, must, hours),
+        _flat("follower's memory (MB)", watched(follower, _median), 5.0, 0.05, must, hours),
+        _flat("frames, one way, p50 (ms)", watched(latency, _median), 0.2, 0.5, must),
+        _flat("frames, one way, p99 (ms)", watched(latency, _p99), 2.0, 1.0, must),
+        _flat("leader's ticks over 1 ms late (%)", watched(_late(observed), _mean), 2.0, 1.0, must),
     ]
+
+
+def _window_s(times_s: FloatArray) -> float:
+    """Return a window's length: a hundredth of what was watched, within bounds."""
+    span_s = float(np.ptp(times_s)) if len(times_s) else 0.0
+    return min(max(span_s / _WINDOWS, _SHORTEST_WINDOW_S), _LONGEST_WINDOW_S)
 
 
 def _median(values: FloatArray) -> float:
@@ -186,10 +198,13 @@ def _mean(values: FloatArray) -> float:
     return float(np.mean(values))
 
 
-def _flat(what: str, found: Drift, allowed: float, share: float, times: float = 1.0) -> Check:
+def _flat(
+    what: str, found: Drift, allowed: float, share: float, must_tell: bool, times: float = 1.0
+) -> Check:
     """Return the row of a figure that may grow by so many times a number and a share of it."""
     if found.typical is None or found.growth is None:
-        return Check(what, "too few quiet stretches to tell", "", held=True, figures=asdict(found))
+        remark = "too few quiet stretches to tell"
+        return Check(what, remark, "", held=not must_tell, figures=asdict(found))
     most = times * (allowed + share * abs(found.typical))
     return Check(
         what,
