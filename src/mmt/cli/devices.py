@@ -61,16 +61,22 @@ def try_devices(
 @app.command("calibrate")
 def calibrate_accelerometer(
     what: Annotated[
-        str, typer.Argument(metavar="SCENE|DRIVER", help="A scene with an accelerometer, or it.")
+        str,
+        typer.Argument(
+            metavar="SCENE|DRIVER", help="A scene with an accelerometer, or its driver."
+        ),
     ],
     settings: Settings = None,
     duration: Annotated[
         float, typer.Option(min=0.1, max=600.0, help="Seconds at rest in each orientation.")
     ] = 2.0,
     rests: Annotated[
-        Path | None, typer.Option(help="Take recorded rests; no device is opened.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Take the rests of this file; no device is opened."),
     ] = None,
-    keep: Annotated[Path | None, typer.Option(help="Keep the rests there.")] = None,
+    keep: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Keep the measured rests, for --rests.")
+    ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
 ) -> None:
     """Calibrate an ADXL335 by gravity and store it under its serial number."""
@@ -88,7 +94,7 @@ def equalise_actuator(
     what: Annotated[
         str | None,
         typer.Argument(
-            metavar="[RECORDING.npz|SCENE]",
+            metavar="RECORDING.npz|SCENE",
             help="A recorded sweep, or a scene whose actuator and accelerometer play and hear one.",
         ),
     ] = None,
