@@ -1,5 +1,6 @@
 """`mmt device calibrate`: asked for on an emulated board, and from recorded rests."""
 
+import itertools
 import json
 import sys
 from pathlib import Path
@@ -100,7 +101,8 @@ def test_a_sensor_is_turned_six_ways(tmp_path: Path, monkeypatch: pytest.MonkeyP
         asked.append(text)
         axis, _, where = text.split()
         held["felt"] = felt(("+" if where == "up" else "-") + axis)
-        held["shaken"] = len(asked) == 2  # in the hand at first: it is asked for again
+        # in the hand at first: it is asked for again
+        held["shaken"] = text == "x points down" and asked.count(text) == 1
         return "s" if text == "y points down" else ""
 
     monkeypatch.setattr(typer, "prompt", turn)
@@ -114,8 +116,9 @@ def test_a_sensor_is_turned_six_ways(tmp_path: Path, monkeypatch: pytest.MonkeyP
     finally:
         board.stop()
     assert result.exit_code == 0, (result.output, result.exception)
-    assert len(asked) == 7
-    assert asked[1] == asked[2] == "x points down"
+    ways = [f"{axis} points {way}" for axis in "xyz" for way in ("up", "down")]
+    assert [text for text, _ in itertools.groupby(asked)] == ways
+    assert asked.count("x points down") >= 2
     stored = load_calibration("adxl335", "7")
     assert stored is not None
     assert stored["zero_v"] == pytest.approx(TRUE.zero_v, abs=0.003)
