@@ -56,7 +56,7 @@ def commands_of(together: Together) -> list[tuple[int, tuple[float, float, float
     return sent
 
 
-@pytest.mark.parametrize("fault", ["comm_lost", "fault"])
+@pytest.mark.parametrize("fault", ["comm_lost", "fault", "stalled"])
 async def test_a_handle_is_lost_and_comes_back_elsewhere(
     tmp_path: Path, emulated: EmulatedHd, fault: Any
 ) -> None:
