@@ -73,6 +73,7 @@ def test_a_run_on_emulated_devices_finds_what_holds_on_any_machine() -> None:
     (row,) = result.records[0].rows
     (clocks,) = result.records[1].rows
     assert 0.0 < row["share of a core"] < 1.0  # type: ignore[operator]
+    assert 0.0 < row["tick alone"] < 1.0  # type: ignore[operator]
     assert row["latency p50 (ms)"] > 1.0  # type: ignore[operator]
     assert row["of"] > 300  # type: ignore[operator]
     assert clocks["seen after, longest (ms)"] > 10.0  # type: ignore[operator]
@@ -97,7 +98,7 @@ def test_targets_are_of_the_worst_set_up_and_what_cannot_run_is_left_out(
             raise MmtError("no compiler")
         share = 0.1 if set_up.name == "good" else 0.3
         sensors = {"force_sensor": 1.0, "accelerometer": 2.0}
-        return Measured(share, 100, 0, times, sensors, [15.0, 16.0], 0.0, [])
+        return Measured(share, 0.02, 100, 0, times, sensors, [15.0, 16.0], 0.0, [])
 
     monkeypatch.setattr(devices, "measure", measured)
     names = ("good", "worse", "broken")

@@ -20,12 +20,12 @@ def stuff(plain: bytes) -> bytes:
 
 def unstuff(stuffed: bytes) -> bytes | None:
     """Return COBS-encoded bytes decoded, None where they are none."""
-    blocks = []
-    at, end = 0, len(stuffed)
+    plain = bytearray(stuffed)
+    at, end = 0, len(plain)
     while at < end:
-        following = at + stuffed[at]
-        if following == at or following > end:
+        following = at + plain[at]
+        if following == at:
             return None
-        blocks.append(stuffed[at + 1 : following])
+        plain[at] = 0  # where a block ends; the first one has none before it
         at = following
-    return b"\0".join(blocks)
+    return bytes(plain[1:]) if at == end else None

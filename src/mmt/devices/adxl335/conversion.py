@@ -30,12 +30,9 @@ class Converter:
     ) -> None:
         self.faults: Counter[str] = Counter()
         """``saturated samples``: beyond 3.6 g along an axis."""
-        self._zero = calibration.zero_v
-        x, y, z = calibration.gain_v_per_m_s2
-        self._scale = (1.0 / x, 1.0 / y, 1.0 / z)
-        self._order = tuple(
-            ("xyz".index(a[-1]), -1.0 if a[0] == "-" else 1.0) for a in options.axes
-        )
+        zero, gain = calibration.zero_v, calibration.gain_v_per_m_s2
+        axes = [("xyz".index(a[-1]), -1.0 if a[0] == "-" else 1.0) for a in options.axes]
+        self._axes = tuple((i, sign / gain[i], sign * zero[i] / gain[i]) for i, sign in axes)
         self._stuck_ns = round(1e9 * options.stuck_s)
         self.stuck_at = stuck_at
         """The volts that have stayed the same for too long, None where they change."""
@@ -59,13 +56,8 @@ class Converter:
                 "or more, and even at rest it is never quite still: check the sensor's supply and "
                 "the wires to the converter"
             )
-        zero, scale = self._zero, self._scale
-        own = (
-            (volts[0] - zero[0]) * scale[0],
-            (volts[1] - zero[1]) * scale[1],
-            (volts[2] - zero[2]) * scale[2],
-        )
-        if max(own) > RANGE_M_S2 or min(own) < -RANGE_M_S2:
+        (i, a, p), (j, b, q), (k, c, r) = self._axes
+        value = (a * volts[i] - p, b * volts[j] - q, c * volts[k] - r)
+        if max(value) > RANGE_M_S2 or min(value) < -RANGE_M_S2:
             self.faults["saturated samples"] += 1
-        (i, a), (j, b), (k, c) = self._order
-        return SensorReading(time_ns, (a * own[i], b * own[j], c * own[k]))
+        return SensorReading(time_ns, value)

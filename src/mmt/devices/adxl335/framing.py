@@ -66,7 +66,7 @@ class FrameDecoder:
         self.faults: Counter[str] = Counter()
         """``bad frames`` (not COBS, or of no possible length), ``bad checksums``,
         ``other versions``."""
-        self._buffer = bytearray()
+        self._buffer = b""
         self._synchronised = False
 
     def feed(self, received: bytes) -> Sequence[Frame]:
@@ -79,15 +79,15 @@ class FrameDecoder:
             if not self._synchronised:
                 self._synchronised = True
             elif piece:  # zeros in a row end nothing
-                frame = self._decode(bytes(piece))
+                frame = self._decode(piece)
                 if frame is not None:
                     frames.append(frame)
         if len(rest) > _LONGEST:  # no frame is that long: skip to the next zero
             if self._synchronised:
                 self.faults["bad frames"] += 1
                 self._synchronised = False
-            rest = bytearray()
-        self._buffer = bytearray(rest)
+            rest = b""
+        self._buffer = rest
         return frames
 
     def _decode(self, stuffed: bytes) -> Frame | None:
@@ -96,12 +96,14 @@ class FrameDecoder:
         if plain is None or length <= 0 or length % _SAMPLE.size:
             self.faults["bad frames"] += 1
             return None
-        if crc_hqx(plain[: -_CHECK.size], 0xFFFF) != _CHECK.unpack_from(plain, len(plain) - 2)[0]:
+        content = plain[: -_CHECK.size]
+        if crc_hqx(content, 0xFFFF) != plain[-2] | plain[-1] << 8:
             self.faults["bad checksums"] += 1
             return None
-        version, sequence, time_us = _HEAD.unpack_from(plain)
+        version, sequence, time_us = _HEAD.unpack_from(content)
         if version != VERSION:
             self.faults["other versions"] += 1
             return None
-        samples = tuple(_SAMPLE.iter_unpack(plain[_HEAD.size : -_CHECK.size]))
-        return Frame(sequence, time_us, samples)
+        if length == _SAMPLE.size:  # the usual case, twice as quick
+            return Frame(sequence, time_us, (_SAMPLE.unpack_from(content, _HEAD.size),))
+        return Frame(sequence, time_us, tuple(_SAMPLE.iter_unpack(content[_HEAD.size :])))

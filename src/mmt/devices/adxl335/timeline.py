@@ -46,11 +46,15 @@ class Timeline:
             self._time_us += _RESTART_GAP_US
             return ((self._time_us * 1000, frame.samples[-1]),)
         elapsed_us = (frame.time_us - last.time_us) & _MASK
-        number = min(len(frame.samples), step)
-        self.faults["lost samples"] += step - number
         self._time_us += elapsed_us
         end_ns = self._time_us * 1000
+        samples = frame.samples
+        if step == len(samples) == 1:  # the usual case, several times as quick
+            return ((end_ns, samples[0]),)
+        number = min(len(samples), step)
+        if step > number:
+            self.faults["lost samples"] += step - number
         return tuple(
-            (end_ns - elapsed_us * 1000 * back // step, frame.samples[-1 - back])
+            (end_ns - elapsed_us * 1000 * back // step, samples[-1 - back])
             for back in range(number - 1, -1, -1)
         )

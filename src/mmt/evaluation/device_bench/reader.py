@@ -25,6 +25,7 @@ from mmt.realtime import be_real_time
 from mmt.ticking import Ticker
 
 _COMMAND_MM: Final = (0.0, 0.0, 5.0)
+_BARE_S: Final = 2.0
 
 
 class Reader:
@@ -59,6 +60,7 @@ class Reader:
         if self._realtime:
             be_real_time()
         try:
+            self._measured["bare_share"] = await _bare_share()
             self.source.start(time.monotonic_ns())
             self.ticker.start()
             loop.add_reader(sys.stdin.fileno(), self._hear)
@@ -86,7 +88,7 @@ class Reader:
             self._begun, self._keeps = now, True
         elif word == "end":
             wall_ns, busy_ns = (now[i] - self._begun[i] for i in range(2))
-            self._measured = {"core_share": busy_ns / wall_ns}
+            self._measured["core_share"] = busy_ns / wall_ns
             self._keeps = False
             say({"ended": True})
         else:
@@ -105,6 +107,17 @@ class Reader:
         formed = [at_ns for at_ns, count in self._formed for _ in range(count)]
         frames = np.concatenate(self._frames) if self._frames else np.empty(0)
         np.savez(file, frames=frames, formed_ns=np.array(formed, dtype=np.int64))
+
+
+async def _bare_share() -> float:
+    """Return the share of a core that a tick takes by itself."""
+    ticker = Ticker(PERIOD_NS, lambda _elapsed: None)
+    ticker.start()
+    begun_ns, busy_ns = time.monotonic_ns(), time.process_time_ns()
+    await asyncio.sleep(_BARE_S)
+    share = (time.process_time_ns() - busy_ns) / (time.monotonic_ns() - begun_ns)
+    ticker.stop()
+    return share
 
 
 def _load(device: dict[str, Any]) -> Any:
