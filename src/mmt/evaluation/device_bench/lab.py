@@ -119,8 +119,8 @@ ACCELERATIONS: Final = {"adxl335": adxl335, "u6": u6}
 def main(force: str, acceleration: str, scheduling: str) -> None:
     """Run the lab until standard input ends."""
     prefer_even_ticks()
-    if scheduling == "realtime":  # all of its threads: no device waits for this machine
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    if scheduling == "realtime":  # all of its threads: no device waits for this machine's work
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY - 1))
     motions = (Motion(10.0), Motion(5.0), Motion(20.0, (0.0, 0.0, GRAVITY_M_S2)))
     robot = RobotLink(_Tip(motions[0]))
     robot.start()
