@@ -14,7 +14,7 @@ from mmt.feedback_table import ForceFeedback
 from mmt.frames import Channel, ordered_channels
 from mmt.hand_table import Hand
 from mmt.network_table import Network
-from mmt.texture.settings import ModellingSettings
+from mmt.texture_table import Texture
 
 LARGEST_SPEED: Final = 100.0
 """Of a replay, over real time."""
@@ -83,40 +83,6 @@ class Replay(_Table):
     speed: float = Field(1.0, gt=0, le=LARGEST_SPEED)
     loop: bool = False
     gaps: Literal["keep", "skip"] = "keep"
-
-
-class Texture(_Table):
-    """``[texture]``: segment the stream, fit, and build the model."""
-
-    axis: Literal["x", "y", "z", "dft321"] = "z"
-    normal: Literal["x", "y", "z"] = "z"
-    order: int | Literal["auto"] = "auto"
-    update_period_s: float = Field(1.0, ge=0.1, le=10)
-    overlap_samples: int = Field(200, ge=0, le=2000)
-    straightness_mm: float = Field(1.0, gt=0, le=50)
-    stationarity: float = Field(0.12, gt=0, le=1)
-    shortest_samples: int = Field(120, ge=30, le=2000)
-    longest_samples: int = Field(1000, ge=100, le=5000)
-    least_speed_mm_s: float = Field(10.0, gt=0, le=300)
-    least_force_n: float = Field(0.1, gt=0, le=3)
-    start_distance: float = Field(7.5, gt=0)
-    stop_distance: float = Field(4.243, gt=0)
-    interpolate: Literal["variance", "power", "amplitude"] = "power"
-
-    @model_validator(mode="after")
-    def _order(self) -> Self:
-        if self.order != "auto" and not 1 <= self.order <= 64:
-            raise ValueError(f"order is {self.order}, allowed are 'auto' and 1 to 64")
-        if self.stop_distance > self.start_distance:
-            raise ValueError("stop_distance must not exceed start_distance")
-        if self.longest_samples < 2 * self.shortest_samples:
-            raise ValueError("longest_samples must be at least twice shortest_samples")
-        return self
-
-    def settings(self, rate_hz: float) -> ModellingSettings:
-        """Return the same values as the numerics take them."""
-        values = self.model_dump(exclude={"update_period_s"})
-        return ModellingSettings(**values, rate_hz=rate_hz)
 
 
 class Rendering(_Table):

@@ -11,11 +11,12 @@ from mmt.cli.main import app
 from mmt.devices.simulated.offline import simulate_session
 from mmt.errors import InputError, MmtError
 from mmt.frames import empty_frames
-from mmt.scene import Scene, Texture
+from mmt.scene import Scene
 from mmt.session import write_session
 from mmt.texture.completion import STOP_DISTANCE, distance_sum
 from mmt.texture.model import TextureModel
 from mmt.texture.modelling import OnlineModeller
+from mmt.texture_table import Texture
 
 DURATION_S = 12.0
 

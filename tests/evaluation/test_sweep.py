@@ -18,8 +18,8 @@ from mmt.evaluation.sweep import (
     make_jobs,
 )
 from mmt.evaluation.sweeping import run_locally, run_on_dask
-from mmt.scene import Texture
 from mmt.session import RecordedSession, write_session
+from mmt.texture_table import Texture
 
 CHOICES = ("texture.order=6,9", "texture.interpolate=power")
 

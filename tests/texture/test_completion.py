@@ -10,11 +10,14 @@ from scipy.spatial import cKDTree
 from mmt.texture.completion import (
     CELL_CENTRES,
     FARTHEST,
+    PLANE_CELLS,
     STOP_DISTANCE,
+    VELOCITY_CELLS,
     CompletionMonitor,
     cell_distances,
     distance_sum,
 )
+from mmt.texture.settings import DISTANCES, ModellingSettings
 
 POINTS = hnp.arrays(np.float64, (6, 2), elements=st.floats(0.0, 1.0))
 
@@ -68,3 +71,59 @@ def test_the_monitor_remembers_when_each_criterion_was_met() -> None:
     assert monitor.stop_s == 3.0
     monitor.update(np.repeat(CELL_CENTRES, 3, axis=0), 4.0)
     assert monitor.stop_s == 3.0
+
+
+# --- velocity and force
+
+
+def strokes(count: int, seed: int = 0) -> np.ndarray:
+    """Return normalised points (count, 3) of strokes in all directions."""
+    generator = np.random.default_rng(seed)
+    speed, heading = generator.uniform(0.05, 1, count), generator.uniform(-np.pi, np.pi, count)
+    columns = speed * np.cos(heading), speed * np.sin(heading), generator.uniform(0, 1, count)
+    return np.column_stack(columns)
+
+
+def test_the_settings_hold_the_derived_thresholds() -> None:
+    for inputs, cells in (("isotropic", PLANE_CELLS), ("anisotropic", VELOCITY_CELLS)):
+        expected = pytest.approx((cells.start_distance, cells.stop_distance), abs=0.005)
+        assert DISTANCES[inputs] == expected
+        settings = ModellingSettings(inputs=inputs)
+        assert (settings.start_distance, settings.stop_distance) == DISTANCES[inputs]
+    assert ModellingSettings(start_distance=9.0).start_distance == 9.0
+    assert pytest.approx(7.5) == PLANE_CELLS.start_distance
+
+
+def test_every_cell_of_velocity_and_force_can_be_reached() -> None:
+    centres = VELOCITY_CELLS.centres
+    assert len(centres) == 27
+    assert np.hypot(centres[:, 0], centres[:, 1]).max() < 1.0
+    np.testing.assert_allclose(np.unique(centres[:, 2]), [1 / 6, 1 / 2, 5 / 6])
+    for turn in (np.pi / 2, np.pi):  # the same for every quarter turn
+        c, s = np.cos(turn), np.sin(turn)
+        turned = centres @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+        distances, _ = cKDTree(centres).query(turned)
+        assert distances.max() < 1e-9
+
+
+def test_in_space_too_it_agrees_with_a_search_tree() -> None:
+    points = strokes(50)
+    distances, _ = cKDTree(points).query(VELOCITY_CELLS.centres, k=4)
+    np.testing.assert_allclose(cell_distances(points), distances.sum(axis=1))
+    assert distance_sum(np.empty((0, 3))) == pytest.approx(VELOCITY_CELLS.empty)
+
+
+def test_in_space_too_an_added_sample_never_raises_the_sum() -> None:
+    points = strokes(40)
+    sums = [distance_sum(points[:count]) for count in range(len(points) + 1)]
+    assert (np.diff(sums) <= 1e-12).all()
+
+
+def test_strokes_of_one_heading_never_complete_a_model_of_velocity() -> None:
+    generator = np.random.default_rng(3)
+    many = np.column_stack(
+        [generator.uniform(0, 1, 2000), np.zeros(2000), generator.uniform(0, 1, 2000)]
+    )
+    assert distance_sum(many) > DISTANCES["anisotropic"][0]
+    assert distance_sum(many[:, [0, 2]]) < DISTANCES["isotropic"][1]
+    assert distance_sum(strokes(2000)) < DISTANCES["anisotropic"][1]

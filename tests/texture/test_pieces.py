@@ -50,6 +50,27 @@ def test_straight_pieces_equal_the_naive_loop(seed: int, cells: int, limit_mm: f
     np.testing.assert_array_equal(straight_pieces(starts, position_mm, limit_mm), expected)
 
 
+@given(seed=st.integers(0, 10_000), cells=st.integers(0, 30), limit=st.floats(0.01, 0.9))
+@settings(max_examples=60, deadline=None)
+def test_pieces_of_a_steady_vector_equal_the_naive_loop(
+    seed: int, cells: int, limit: float
+) -> None:
+    generator = np.random.default_rng(seed)
+    walk = np.cumsum(generator.normal(0.0, 0.05, (cells * CELL, 3)), axis=0)
+    inputs = np.abs(walk[:, :1]) + 1.0, walk[:, 1:] + generator.normal(size=2)
+    starts = generator.random(cells) < 0.1
+
+    def cost(a: int, d: int) -> float:
+        scalar, vector = (channels[a * CELL : d * CELL] for channels in inputs)
+        deviation = np.sqrt(vector.var(axis=0).sum())
+        return max(variation(scalar), deviation / np.linalg.norm(vector.mean(axis=0)))
+
+    expected = naive_bottom_up(starts, cost, limit, cells)
+    moments = cell_moments(np.hstack(inputs))
+    found = stationary_pieces(starts, moments, limit, cells, vector=2)
+    np.testing.assert_array_equal(found, expected)
+
+
 @given(
     seed=st.integers(0, 10_000),
     cells=st.integers(0, 30),

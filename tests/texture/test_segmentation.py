@@ -115,6 +115,44 @@ def test_a_corner_cuts_the_stroke() -> None:
     assert abs(found[0].stop - 400) <= CELL
 
 
+@pytest.mark.parametrize("by_heading", [False, True])
+def test_only_by_heading_a_slow_turn_cuts_the_stroke(by_heading: bool) -> None:
+    heading_rad = np.linspace(0.0, 0.9, 900)
+    block = make_block(np.full(900, 100.0), heading_rad=heading_rad)
+    found = segment(block, SegmentationSettings(straightness_mm=50.0, by_heading=by_heading))
+    assert len(found) == (3 if by_heading else 1)
+    for one in found:
+        velocity = block.velocity_mm_s[one.start : one.stop]
+        mean = velocity.mean(axis=0)
+        np.testing.assert_allclose(one.velocity_mm_s, mean, rtol=1e-12)
+        if by_heading:
+            deviation = np.sqrt(((velocity - mean) ** 2).sum(axis=1).mean())
+            assert deviation <= 0.12 * np.linalg.norm(mean) * (1 + 1e-9)
+
+
+def test_by_heading_a_step_in_speed_or_force_still_cuts() -> None:
+    step = np.r_[np.full(400, 1.0), np.full(400, 1.8)]
+    settings = SegmentationSettings(by_heading=True)
+    assert ranges(segment(make_block(80.0 * step), settings)) == [(10, 400), (400, 790)]
+    assert ranges(segment(make_block(0 * step + 80.0, step), settings)) == [(10, 400), (400, 790)]
+
+
+@pytest.mark.parametrize("period", [170, 1000])
+def test_by_heading_online_and_offline_find_much_the_same(period: int) -> None:
+    generator = np.random.default_rng(4)
+    heading_rad = np.repeat(generator.uniform(-np.pi, np.pi, 12), 500)
+    block = make_block(np.full(6000, 90.0), heading_rad=heading_rad)
+    settings = SegmentationSettings(straightness_mm=1000.0, by_heading=True)
+    whole = segment(block, settings)
+    model = online(block, period, settings=settings)
+    covered = [np.zeros(6000, dtype=bool) for _ in range(2)]
+    for mask, segments in zip(covered, (whole, model.live.values()), strict=True):
+        for one in segments:
+            mask[one.start : one.stop] = True
+            assert one.start // 500 == (one.stop - 1) // 500  # no segment spans a corner
+    assert (covered[0] == covered[1]).mean() > 0.9
+
+
 def test_straightness_is_the_settings() -> None:
     heading_rad = np.linspace(0.0, 1.2, 800)  # an arc of 67 mm radius
     block = make_block(np.full(800, 100.0), heading_rad=heading_rad)

@@ -9,8 +9,8 @@ from mmt.arrays import FloatArray
 from mmt.cli.common import messages, output, write_json
 from mmt.cli.tables import summary_table
 from mmt.errors import InputError, MmtError
-from mmt.scene import Texture
 from mmt.session import RecordedSession, read_session
+from mmt.texture_table import Texture
 
 if TYPE_CHECKING:
     from mmt.evaluation.building import ModelHistory

@@ -9,9 +9,10 @@ from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.report import write_report
 from mmt.evaluation.results import Evaluation
 from mmt.evaluation.table import evaluation_table
-from mmt.scene import Scene, Texture
+from mmt.scene import Scene
 from mmt.scene_files import load_scene, scene_from_tables
 from mmt.session import RecordedSession, read_session
+from mmt.texture_table import Texture
 
 
 def report_recording(directory: Path, recording: Path, run: Mapping[str, Any]) -> dict[str, Any]:

@@ -17,8 +17,8 @@ from mmt.evaluation.sweep import Job, Outcome, Settings, SweepResults, combinati
 from mmt.evaluation.sweeping import run_locally, run_on_dask
 from mmt.evaluation.table import as_rich
 from mmt.evaluation.texts import number, share
-from mmt.scene import Texture
 from mmt.session import RecordedSession, read_session
+from mmt.texture_table import Texture
 
 MEANS = ("gfc", "gfc_ceiling", "truth_gfc", "power_error_db", "within_jnd", "samples")
 """Of the finished model; the mean over sessions is shown."""

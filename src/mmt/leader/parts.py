@@ -15,7 +15,8 @@ from mmt.leader.feedback_choice import build_feedback
 from mmt.leader.playout import PlayoutBuffer
 from mmt.leader.rendering import VibrationSwitch
 from mmt.leader.stream import StreamedMotion, StreamedVibration
-from mmt.scene import Link, Scene, Simulated, Texture
+from mmt.scene import Link, Scene, Simulated
+from mmt.texture_table import Texture
 
 if TYPE_CHECKING:
     from mmt.devices.mending import LossCallback, Mended, MendedActuator
@@ -39,6 +40,8 @@ class LeaderParts:
     playout: PlayoutBuffer | None = None
     streamed_vibration: StreamedVibration | None = None
     streamed_motion: StreamedMotion | None = None
+    tangential: tuple[int, int] = (0, 1)
+    """The axes of the surface: those other than its normal."""
     feedback: Feedback | None = None
     modelling: "ModellingTask | None" = None
     synthesizer: "Synthesizer | None" = None
@@ -141,6 +144,8 @@ def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None])
     parts = LeaderParts()
     rate_hz = float(scene.session.rate_hz)
     geometry = scene.texture or Texture()
+    first, second = (axis for axis, name in enumerate("xyz") if name != geometry.normal)
+    parts.tangential = first, second
     if scene.hand is not None:
         from mmt.devices.simulated.hand import SimulatedHand
         from mmt.devices.simulated.robot import nominal_compliance_mm_n

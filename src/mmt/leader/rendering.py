@@ -14,8 +14,8 @@ Mode = Literal["silent", "streamed", "fading", "synthesized"]
 class SynthesizedVibration(Protocol):
     """What renders from a model."""
 
-    def render(self, speed_mm_s: FloatArray, force_n: FloatArray) -> FloatArray:
-        """Return one sample for each speed and force, shape (n,)."""
+    def render(self, *inputs: FloatArray) -> FloatArray:
+        """Return one sample for each moment of the inputs, shape (n,)."""
 
 
 class VibrationSwitch:
@@ -69,21 +69,21 @@ class VibrationSwitch:
         """Fade to the model's vibration, or back to the streamed one."""
         self._target = 1.0 if wanted and self._synthesized is not None else 0.0
 
-    def render(self, now_ns: int, speed_mm_s: FloatArray, force_n: FloatArray) -> FloatArray:
+    def render(self, now_ns: int, *inputs: FloatArray) -> FloatArray:
         """Return the vibration of the elapsed ticks in m/s2, shape (n,).
 
         Parameters
         ----------
         now_ns
             The leader's time of the last of these ticks.
-        speed_mm_s, force_n
-            What drives the model, shape (n,).
+        *inputs
+            What drives the model, in the order of its input space, each of shape (n,).
         """
-        count = len(speed_mm_s)
+        count = len(inputs[0])
         output = np.zeros(count)
         if self._share != self._target or self._share > 0.0:
             model = self._synthesized
-            synthesized = model.render(speed_mm_s, force_n) if model is not None else output
+            synthesized = model.render(*inputs) if model is not None else output
         else:
             synthesized = output
         for index in range(count):

@@ -63,7 +63,7 @@ class StreamedVibration:
 
 
 class StreamedMotion:
-    """The follower's speed and normal force, for a scene without a hand at the leader.
+    """The follower's velocity and normal force, for a scene without a hand at the leader.
 
     Low-passed at 20 Hz (Bessel); they trail the follower by the network's delay and about
     11 ms of the filter.
@@ -78,8 +78,13 @@ class StreamedMotion:
         self._position = (0.0, 0.0)
         self._next: int | None = None
         self._idle_ticks = 0
-        self.speed_mm_s = 0.0
+        self.velocity_mm_s = (0.0, 0.0)
         self.force_n = 0.0
+
+    @property
+    def speed_mm_s(self) -> float:
+        """The speed over the surface."""
+        return math.hypot(*self.velocity_mm_s)
 
     def take(self, frames: RecordArray) -> None:
         """Follow the newest frames (n,)."""
@@ -98,20 +103,20 @@ class StreamedMotion:
             x, y, smooth_force = (
                 lowpass.step(value) for lowpass, value in zip(self._filters, raw, strict=True)
             )
-            step_mm = math.hypot(x - self._position[0], y - self._position[1])
+            rate_hz, (x_before, y_before) = self._rate_hz, self._position
+            self.velocity_mm_s = ((x - x_before) * rate_hz, (y - y_before) * rate_hz)
             self._position = (x, y)
-            self.speed_mm_s = step_mm * self._rate_hz
             self.force_n = max(0.0, smooth_force)
 
-    def step(self, elapsed: int) -> tuple[float, float]:
-        """Return speed (mm/s) and force (N) now, at rest after 100 ticks without a frame."""
+    def step(self, elapsed: int) -> tuple[float, float, float]:
+        """Return velocity (mm/s) and force (N) now, at rest after 100 ticks without a frame."""
         self._idle_ticks += elapsed
         if self._idle_ticks > _REST_TICKS:
             self.rest()
-        return self.speed_mm_s, self.force_n
+        return *self.velocity_mm_s, self.force_n
 
     def rest(self) -> None:
         """Forget the motion: the stream has stopped."""
         self._next = None
-        self.speed_mm_s = 0.0
+        self.velocity_mm_s = (0.0, 0.0)
         self.force_n = 0.0

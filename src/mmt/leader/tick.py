@@ -103,10 +103,8 @@ class LeaderTick:
         parts = self._parts
         if parts.switch is None or parts.actuator is None:
             return
-        speed_mm_s, force_n = self._drive(state, elapsed)
-        vibration = parts.switch.render(
-            now_ns, np.full(elapsed, speed_mm_s), np.full(elapsed, force_n)
-        )
+        inputs = self._inputs(*self._drive(state, elapsed))
+        vibration = parts.switch.render(now_ns, *(np.full(elapsed, value) for value in inputs))
         self._rest_without_handle(vibration)
         parts.actuator.write(vibration)
         mode = parts.switch.mode
@@ -132,10 +130,18 @@ class LeaderTick:
             self._loudness += min(max(goal - self._loudness, -_FADE), _FADE)
             vibration[index] *= self._loudness
 
-    def _drive(self, state: InterfaceState | None, elapsed: int) -> tuple[float, float]:
-        """Return the speed and force that drive the model: the hand's own where there is one."""
+    def _drive(self, state: InterfaceState | None, elapsed: int) -> tuple[float, float, float]:
+        """Return the velocity over the surface and the force: the hand's where there is one."""
         if state is not None:
-            x, y, _ = state.velocity_mm_s
-            return (x * x + y * y) ** 0.5, state.force_n if state.contact else 0.0
+            first, second = self._parts.tangential
+            velocity = state.velocity_mm_s
+            return velocity[first], velocity[second], state.force_n if state.contact else 0.0
         motion = self._parts.streamed_motion
-        return motion.step(elapsed) if motion is not None else (0.0, 0.0)
+        return motion.step(elapsed) if motion is not None else (0.0, 0.0, 0.0)
+
+    def _inputs(self, x_mm_s: float, y_mm_s: float, force_n: float) -> tuple[float, ...]:
+        """Return what the present model is a function of."""
+        synthesizer = self._parts.synthesizer
+        if synthesizer is not None and synthesizer.directed:
+            return x_mm_s, y_mm_s, force_n
+        return (x_mm_s * x_mm_s + y_mm_s * y_mm_s) ** 0.5, force_n

@@ -1,12 +1,19 @@
-"""When is a model complete: distances in the speed-force plane.
+"""When is a model complete: distances in its input space.
 
 Awan et al., Model-Mediated Teleoperation for Remote Haptic Texture Sharing, section V.C and
 eq. (1). The plane, normalised by its maxima, is cut into 3 x 3 equal rectangles; for each
 centre the distances to the three nearest samples are added. Boundary points never count.
+
+With the heading as well, every axis is cut in three again, velocity from -300 to 300 mm/s:
+27 boxes. Of each, only what a hand can reach counts, at most 300 mm/s in any direction; its
+centre is that of the reachable part. The neighbours are four, as many as enclose a point of
+space, as three do in the plane. Eq. (1) asks for a mean distance of a third of a cell's
+diagonal, and so does the sum here.
 """
 
 import math
 from dataclasses import dataclass, field
+from functools import reduce
 from typing import Final
 
 import numpy as np
@@ -19,7 +26,7 @@ NEIGHBOURS: Final = 3
 STOP_DISTANCE: Final = (
     DIVISIONS**2 * NEIGHBOURS * math.hypot(1 / DIVISIONS, 1 / DIVISIONS) / NEIGHBOURS
 )
-"""Eq. (1): 4.243; modelling ends here."""
+"""Eq. (1): 4.243; modelling of an isotropic texture ends here."""
 
 START_DISTANCE: Final = 7.5
 """Section V.C: rendering from the model may start here (about ten samples)."""
@@ -37,31 +44,111 @@ CELL_CENTRES: Final[FloatArray] = np.array(
 )
 """Normalised (speed, force) of the nine centres, shape (9, 2)."""
 
+_QUADRATURE: Final = 200
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """The cells of an input space.
+
+    Attributes
+    ----------
+    centres
+        Normalised, shape (c, d).
+    neighbours
+        Whose distances are added at each.
+    diagonal
+        Of a whole cell.
+    farthest
+        The largest distance within the space, in place of a neighbour that is not there.
+    """
+
+    centres: FloatArray
+    neighbours: int
+    diagonal: float
+    farthest: float
+
+    @property
+    def empty(self) -> float:
+        """The sum without any sample."""
+        return len(self.centres) * self.neighbours * self.farthest
+
+    @property
+    def stop_distance(self) -> float:
+        """Eq. (1): the sum where the mean distance is a third of a cell's diagonal."""
+        return len(self.centres) * self.neighbours * self.diagonal / 3.0
+
+    @property
+    def start_distance(self) -> float:
+        """The sum with the share of the samples that starts an isotropic texture.
+
+        Distances among n samples go with ``n^(-1/d)``: paper A's 7.5 is reached with 0.32
+        of the samples that 4.243 takes.
+        """
+        share = (STOP_DISTANCE / START_DISTANCE) ** 2
+        return float(self.stop_distance * share ** (-1.0 / self.centres.shape[1]))
+
+
+def _reachable_centres() -> FloatArray:
+    """Return the centres (27, 3) of what the cylinder leaves of each box."""
+    fine = (np.arange(_QUADRATURE) + 0.5) / _QUADRATURE
+    rows = []
+    for force in range(DIVISIONS):
+        for row in range(DIVISIONS):
+            for column in range(DIVISIONS):
+                x, y = np.meshgrid(
+                    *(2.0 * (place + fine) / DIVISIONS - 1.0 for place in (column, row))
+                )
+                inside = np.hypot(x, y) <= 1.0
+                rows.append((x[inside].mean(), y[inside].mean(), (force + 0.5) / DIVISIONS))
+    return np.array(rows)
+
+
+PLANE_CELLS: Final = Cells(
+    CELL_CENTRES, NEIGHBOURS, math.hypot(1 / DIVISIONS, 1 / DIVISIONS), FARTHEST
+)
+"""Of speed and force."""
+
+VELOCITY_CELLS: Final = Cells(
+    _reachable_centres(),
+    NEIGHBOURS + 1,
+    math.hypot(2 / DIVISIONS, 2 / DIVISIONS, 1 / DIVISIONS),
+    math.hypot(2.0, 1.0),
+)
+"""Of velocity vector and force."""
+
+
+def cells_of(dimensions: int) -> Cells:
+    """Return the cells of the space of 2 or 3 inputs."""
+    return PLANE_CELLS if dimensions == 2 else VELOCITY_CELLS
+
 
 def cell_distances(points: FloatArray) -> FloatArray:
-    """Return, for each of the nine cells, the summed distance to the three nearest samples.
+    """Return, for each cell, the summed distance to the nearest samples.
 
     Parameters
     ----------
     points
-        Normalised (speed, force) of the samples, shape (n, 2), without boundary points.
+        Normalised inputs of the samples, shape (n, d), without boundary points.
 
     Returns
     -------
     FloatArray
-        Shape (9,), in the order of `CELL_CENTRES`. O(n).
+        Shape (c,), in the order of the cells' centres. O(n).
     """
-    missing = max(0, NEIGHBOURS - len(points))
-    distances = np.full((len(CELL_CENTRES), len(points) + missing), FARTHEST)
+    points = np.asarray(points)
+    cells = cells_of(points.shape[1])
+    missing = max(0, cells.neighbours - len(points))
+    distances = np.full((len(cells.centres), len(points) + missing), cells.farthest)
     if len(points):
-        offsets = CELL_CENTRES[:, None, :] - np.asarray(points)[None, :, :]
-        distances[:, : len(points)] = np.hypot(offsets[..., 0], offsets[..., 1])
-    nearest = np.partition(distances, NEIGHBOURS - 1, axis=1)[:, :NEIGHBOURS]
+        offsets = cells.centres[:, None, :] - points[None, :, :]
+        distances[:, : len(points)] = reduce(np.hypot, np.moveaxis(offsets, -1, 0))
+    nearest = np.partition(distances, cells.neighbours - 1, axis=1)[:, : cells.neighbours]
     return np.asarray(nearest.sum(axis=1))
 
 
 def distance_sum(points: FloatArray) -> float:
-    """Return the completion sum over the nine cells; see `cell_distances`."""
+    """Return the completion sum over the cells; see `cell_distances`."""
     return float(cell_distances(points).sum())
 
 
@@ -73,6 +160,8 @@ class CompletionMonitor:
     ----------
     start_distance, stop_distance
         Thresholds on `distance_sum`.
+    dimensions
+        Of the model's input space.
     distance
         The newest sum.
     start_s, stop_s
@@ -81,12 +170,16 @@ class CompletionMonitor:
 
     start_distance: float = START_DISTANCE
     stop_distance: float = STOP_DISTANCE
-    distance: float = field(default=len(CELL_CENTRES) * NEIGHBOURS * FARTHEST, init=False)
+    dimensions: int = 2
+    distance: float = field(init=False)
     start_s: float | None = field(default=None, init=False)
     stop_s: float | None = field(default=None, init=False)
 
+    def __post_init__(self) -> None:
+        self.distance = cells_of(self.dimensions).empty
+
     def update(self, points: FloatArray, time_s: float) -> None:
-        """Take the samples (n, 2) of the model at a session time in seconds."""
+        """Take the samples (n, d) of the model at a session time in seconds."""
         self.distance = distance_sum(points)
         if self.start_s is None and self.distance <= self.start_distance:
             self.start_s = time_s

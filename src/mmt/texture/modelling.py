@@ -103,11 +103,12 @@ class OnlineModeller:
                 longest_samples=self.settings.longest_samples,
                 least_speed_mm_s=self.settings.least_speed_mm_s,
                 least_force_n=self.settings.least_force_n,
+                by_heading=self.space.directed,
             ),
             overlap_samples=self.settings.overlap_samples,
         )
         self.completion = CompletionMonitor(
-            self.settings.start_distance, self.settings.stop_distance
+            self.settings.start_distance, self.settings.stop_distance, self.space.dimensions
         )
         self.order: int | None = None if self.settings.order == "auto" else self.settings.order
         self.fits: dict[SegmentRange, Fit] = {}

@@ -4,7 +4,8 @@ Keogh, Chu, Hart and Pazzani, "An online algorithm for segmenting time series" (
 begin with the finest pieces and join the two neighbours whose union costs least, until every
 union would cost more than the limit. Two costs serve the two stages of Abdulali and Jeon
 (2016), which paper A follows: how far the path leaves its chord, and how much speed and force
-vary relative to their means.
+vary relative to their means; where the heading counts, the velocity vector in place of the
+speed.
 
 The order of the merges is decided by costs alone, ties from the left, so that what happens in
 one place does not depend on where the data begins.
@@ -61,25 +62,30 @@ def straight_pieces(starts: BoolArray, position_mm: FloatArray, limit_mm: float)
     O(cells log cells) for the order of the merges. A cost is O(samples of the union), which
     makes O(samples log cells) for merges that double, O(samples cells) at worst.
     """
-    return _bottom_up(starts, position_mm, np.zeros((0, 0, 0)), limit_mm, len(starts))
+    return _bottom_up(starts, position_mm, np.zeros((0, 0, 0)), 0, limit_mm, len(starts))
 
 
 def stationary_pieces(
-    starts: BoolArray, moments: FloatArray, limit: float, longest_cells: int
+    starts: BoolArray, moments: FloatArray, limit: float, longest_cells: int, vector: int = 0
 ) -> BoolArray:
     """Join cells to pieces in which no channel's std/mean exceeds a limit.
+
+    The last channels may be one vector: of it, the root of the summed variances over the
+    length of the mean.
 
     Parameters
     ----------
     starts
         Shape (cells,): True where a piece has to begin, whatever the cost.
     moments
-        Shape (cells, channels, 2), from `cell_moments`; the means of every cell that may be
-        joined must be positive.
+        Shape (cells, channels, 2), from `cell_moments`; but for the vector's, the means of
+        every cell that may be joined must be positive.
     limit
         The maximal std/mean tau_2.
     longest_cells
         No piece becomes longer.
+    vector
+        How many of the last channels are components of a vector.
 
     Returns
     -------
@@ -91,7 +97,7 @@ def stationary_pieces(
     O(cells log cells). Moments are joined pairwise (Chan, Golub and LeVeque 1983), which
     never subtracts large sums: a glitch does not spoil the digits of its neighbours.
     """
-    return _bottom_up(starts, np.zeros((0, 0)), moments.copy(), limit, longest_cells)
+    return _bottom_up(starts, np.zeros((0, 0)), moments.copy(), vector, limit, longest_cells)
 
 
 @kernel("f8(f8[:, ::1], i8, i8)")
@@ -113,18 +119,24 @@ def _deviation(position_mm: FloatArray, start: int, stop: int) -> float:
     return math.sqrt(largest)
 
 
-@kernel("f8(f8[:, :, ::1], i8, i8, i8)")
-def _variation(moments: FloatArray, left: int, right: int, stop: int) -> float:
+@kernel("f8(f8[:, :, ::1], i8, i8, i8, i8)")
+def _variation(moments: FloatArray, vector: int, left: int, right: int, stop: int) -> float:
     """Return the largest std/mean of the union of the pieces at cells `left` and `right`."""
     n_left, n_right = float(right - left), float(stop - right)
     n = n_left + n_right
-    largest = 0.0
+    largest = all_squares = length2 = 0.0
     for k in range(moments.shape[1]):
         step = moments[right, k, 0] - moments[left, k, 0]
         squares = moments[left, k, 1] + moments[right, k, 1]
         squares += step * step * CELL * n_left * n_right / n
         mean = moments[left, k, 0] + step * n_right / n
-        largest = np.maximum(largest, math.sqrt(squares / (CELL * n)) / mean)
+        if k < moments.shape[1] - vector:
+            largest = np.maximum(largest, math.sqrt(squares / (CELL * n)) / mean)
+        else:
+            all_squares += squares
+            length2 += mean * mean
+    if vector > 0:
+        largest = np.maximum(largest, math.sqrt(all_squares / (CELL * n) / length2))
     return largest
 
 
@@ -158,11 +170,12 @@ def _smallest_leaf(tree: FloatArray) -> int:
     return node - tree.size // 2
 
 
-@kernel("b1[::1](b1[::1], f8[:, ::1], f8[:, :, ::1], f8, i8)")
+@kernel("b1[::1](b1[::1], f8[:, ::1], f8[:, :, ::1], i8, f8, i8)")
 def _bottom_up(
     starts: BoolArray,
     position_mm: FloatArray,
     moments: FloatArray,
+    vector: int,
     limit: float,
     longest_cells: int,
 ) -> BoolArray:
@@ -192,7 +205,7 @@ def _bottom_up(
                 if straight:
                     cost = _deviation(position_mm, left * CELL, stop[right] * CELL)
                 else:
-                    cost = _variation(moments, left, right, stop[right])
+                    cost = _variation(moments, vector, left, right, stop[right])
             # Neither what is too dear nor what is no number may ever be chosen.
             _set_leaf(tree, left, cost if cost <= limit else np.inf)
         if tree[1] == np.inf:

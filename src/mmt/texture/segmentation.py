@@ -3,7 +3,10 @@
 Two stages, bottom-up, on the input signals alone (Abdulali and Jeon, "Data-driven modeling of
 anisotropic haptic textures: data segmentation and interpolation", EuroHaptics 2016; cited by
 paper A, section V.A): pieces of path that stay within tau_1 of their chord, and inside them
-pieces whose std/mean of speed and of normal force stay within tau_2.
+pieces whose std/mean of speed and of normal force stay within tau_2. Where the heading counts,
+the velocity vector takes the place of the speed: the deviation of the vector from its mean, over
+the mean's length, stays within tau_2. It is never less than the speed's own, so that such pieces
+are steady in speed as well, and a heading that varies by tau_2 in rad (rms) ends a piece.
 
 Online, the newest data is segmented together with what came before and may still change
 (paper A, section V.C, puts the last 200 samples in front). While a stretch goes on, its last
@@ -35,7 +38,8 @@ class SegmentationSettings:
     ``straightness_mm`` (tau_1) is the largest distance of the path from its chord,
     ``stationarity`` (tau_2) the largest std/mean of speed and of force. A segment has
     ``shortest_samples`` to ``longest_samples``. Below ``least_speed_mm_s`` or
-    ``least_force_n`` nothing is segmented: std/mean explodes near zero.
+    ``least_force_n`` nothing is segmented: std/mean explodes near zero. ``by_heading`` says
+    whether the heading has to be steady too.
 
     Raises
     ------
@@ -49,11 +53,12 @@ class SegmentationSettings:
     longest_samples: int = 1000
     least_speed_mm_s: float = 10.0
     least_force_n: float = 0.1
+    by_heading: bool = False
 
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            if not (math.isfinite(value) and value > 0):
+            if field.name != "by_heading" and not (math.isfinite(value) and value > 0):
                 raise InputError(f"{field.name} is {value}: it must be positive and finite")
         if self.longest_samples < 2 * max(self.shortest_samples, CELL):
             raise InputError(
@@ -262,11 +267,14 @@ def _find_pieces(grid: AlignedBlock, unsettled: int, settings: SegmentationSetti
     edges = ~usable | ~np.roll(usable, 1)
     lines = straight_pieces(edges, grid.position_mm, settings.straightness_mm)
 
-    inputs = np.stack([grid.speed_mm_s, grid.normal_force_n], axis=1)[unsettled * CELL :]
+    motion = grid.velocity_mm_s if settings.by_heading else grid.speed_mm_s[:, None]
+    vector = 2 if settings.by_heading else 0
+    inputs = np.column_stack([grid.normal_force_n, motion])[unsettled * CELL :]
     edges = lines[unsettled:].copy()
     edges[:1] = True
     longest_cells = settings.longest_samples // CELL
-    begins = stationary_pieces(edges, cell_moments(inputs), settings.stationarity, longest_cells)
+    moments = cell_moments(inputs)
+    begins = stationary_pieces(edges, moments, settings.stationarity, longest_cells, vector)
     starts = np.flatnonzero(begins) + unsettled
     return _Pieces(whole, usable, lines, starts, np.append(starts, len(whole))[1:])
 

@@ -1,7 +1,7 @@
 """What the modelling of a texture can be told; plain values, nothing compiled."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 Axis = Literal["x", "y", "z"]
 VibrationAxis = Literal["x", "y", "z", "dft321"]
@@ -19,6 +19,17 @@ LARGEST_ORDER = 64
 """The highest autoregressive order that a model may have."""
 
 
+DISTANCES: Final[dict[Inputs, tuple[float, float]]] = {
+    "isotropic": (7.5, 4.243),
+    "anisotropic": (52.63, 36.0),
+}
+"""Completion distances at which rendering starts and modelling ends; how they are derived is in
+`mmt.texture.completion`."""
+
+AUTOMATIC: Final = 0.0
+"""Stands for the distance that belongs to the inputs."""
+
+
 @dataclass(frozen=True)
 class ModellingSettings:
     """Settings of the online modelling; the meaning of each is in the scene reference.
@@ -26,7 +37,8 @@ class ModellingSettings:
     ``axis`` (what becomes the vibration), ``normal`` (the surface's normal axis), ``order``
     ("auto" or 1 to 64), ``overlap_samples``, ``straightness_mm`` (tau_1), ``stationarity``
     (tau_2), ``shortest_samples``, ``longest_samples``, ``least_speed_mm_s``,
-    ``least_force_n``, ``start_distance``, ``stop_distance``, ``interpolate``, ``inputs``,
+    ``least_force_n``, ``start_distance`` and ``stop_distance`` (`AUTOMATIC` for what belongs
+    to the inputs), ``interpolate``, ``inputs``,
     ``interpolator``, ``rate_hz``.
     """
 
@@ -40,9 +52,15 @@ class ModellingSettings:
     longest_samples: int = 1000
     least_speed_mm_s: float = 10.0
     least_force_n: float = 0.1
-    start_distance: float = 7.5
-    stop_distance: float = 4.243
+    start_distance: float = AUTOMATIC
+    stop_distance: float = AUTOMATIC
     interpolate: Interpolated = "power"
     inputs: Inputs = "isotropic"
     interpolator: Interpolation = "delaunay"
     rate_hz: float = 1000.0
+
+    def __post_init__(self) -> None:
+        start, stop = DISTANCES[self.inputs]
+        for name, value in (("start_distance", start), ("stop_distance", stop)):
+            if getattr(self, name) == AUTOMATIC:
+                object.__setattr__(self, name, value)

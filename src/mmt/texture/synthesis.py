@@ -69,6 +69,11 @@ class Synthesizer:
         self._search = np.zeros(2)
         self._scratch = np.zeros(_WORK + 5 * LARGEST_ORDER)
 
+    @property
+    def directed(self) -> bool:
+        """Whether the model is one of velocity, not of speed."""
+        return self.model is not None and self.model.space.directed
+
     def render(self, *inputs: FloatArray) -> FloatArray:
         """Return the next n samples of vibration in m/s2.
 

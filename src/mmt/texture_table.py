@@ -1,0 +1,60 @@
+"""The scene's table ``[texture]``: how the texture is modelled."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from mmt.texture.settings import (
+    AUTOMATIC,
+    Inputs,
+    Interpolated,
+    Interpolation,
+    ModellingSettings,
+)
+
+_Distance = Annotated[float, Field(gt=0)] | Literal["auto"]
+
+
+class Texture(BaseModel):
+    """``[texture]``: segment the stream, fit, and build the model."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    axis: Literal["x", "y", "z", "dft321"] = "z"
+    normal: Literal["x", "y", "z"] = "z"
+    order: int | Literal["auto"] = "auto"
+    update_period_s: float = Field(1.0, ge=0.1, le=10)
+    overlap_samples: int = Field(200, ge=0, le=2000)
+    straightness_mm: float = Field(1.0, gt=0, le=50)
+    stationarity: float = Field(0.12, gt=0, le=1)
+    shortest_samples: int = Field(120, ge=30, le=2000)
+    longest_samples: int = Field(1000, ge=100, le=5000)
+    least_speed_mm_s: float = Field(10.0, gt=0, le=300)
+    least_force_n: float = Field(0.1, gt=0, le=3)
+    inputs: Inputs = "isotropic"
+    start_distance: _Distance = "auto"
+    stop_distance: _Distance = "auto"
+    interpolate: Interpolated = "power"
+    interpolator: Interpolation = "delaunay"
+
+    @model_validator(mode="after")
+    def _order(self) -> Self:
+        if self.order != "auto" and not 1 <= self.order <= 64:
+            raise ValueError(f"order is {self.order}, allowed are 'auto' and 1 to 64")
+        settings = self.settings(1000.0)
+        if settings.stop_distance > settings.start_distance:
+            raise ValueError(
+                f"stop_distance is {settings.stop_distance:g} and start_distance "
+                f"{settings.start_distance:g}: stop_distance must not exceed start_distance"
+            )
+        if self.longest_samples < 2 * self.shortest_samples:
+            raise ValueError("longest_samples must be at least twice shortest_samples")
+        return self
+
+    def settings(self, rate_hz: float) -> ModellingSettings:
+        """Return the same values as the numerics take them."""
+        values = self.model_dump(exclude={"update_period_s"})
+        for name in ("start_distance", "stop_distance"):
+            if values[name] == "auto":
+                values[name] = AUTOMATIC
+        return ModellingSettings(**values, rate_hz=rate_hz)
