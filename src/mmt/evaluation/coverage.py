@@ -1,4 +1,4 @@
-"""Where in the speed-force plane a hand has been, and which cells it left out."""
+"""Where in its input space a hand has been, and which cells it left out."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -7,39 +7,35 @@ import numpy as np
 
 from mmt.arrays import FloatArray, RecordArray
 from mmt.evaluation.results import Cell, Coverage
-from mmt.texture.completion import CELL_CENTRES, cell_distances
+from mmt.texture.completion import Cells, cell_distances, cells_of
 from mmt.texture.filtering import StreamFilter
-from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, ModellingSettings
+from mmt.texture.inputs import InputSpace
+from mmt.texture.settings import ModellingSettings
 
 _PERCENTILES: Final = (5.0, 95.0)
+_AT_REST_MM_S: Final = 1.0
+_NAMED_CELLS: Final = 9
 
 
 def coverage(
     frames: RecordArray, points: FloatArray, settings: ModellingSettings, *, stopped: bool
 ) -> Coverage:
-    """Say where the hand was and which of the nine cells its samples leave far.
+    """Say where the hand was and which of the cells its samples leave far.
 
     Parameters
     ----------
     frames
         The whole session, shape (n,).
     points
-        Normalised (speed, force) of the model's samples, shape (k, 2).
+        Normalised inputs of the model's samples, shape (k, d); none for k = 0.
     settings
         Of the modelling.
     stopped
         Whether the stop criterion was met.
     """
-    share = settings.stop_distance / len(CELL_CENTRES)
-    cells = tuple(
-        Cell(
-            speed_mm_s=float(centre[0] * MAXIMUM_SPEED_MM_S),
-            force_n=float(centre[1] * MAXIMUM_FORCE_N),
-            distance=float(distance),
-            far=bool(distance > share),
-        )
-        for centre, distance in zip(CELL_CENTRES, cell_distances(points), strict=True)
-    )
+    space = InputSpace(settings.inputs)
+    points = points if len(points) else np.empty((0, space.dimensions))
+    cells = _cells(cells_of(space.dimensions), space, points, settings.stop_distance)
     speed_mm_s, force_n = _strokes(frames, settings)
     ranges = (_range(speed_mm_s), _range(force_n)) if len(speed_mm_s) else (None, None)
     return Coverage(
@@ -49,6 +45,27 @@ def coverage(
         force_n=ranges[1],
         remark=_remark(cells, ranges, settings, stopped=stopped),
     )
+
+
+def _cells(
+    of: Cells, space: InputSpace, points: FloatArray, stop_distance: float
+) -> tuple[Cell, ...]:
+    share = stop_distance / len(of.centres)
+    centres = of.centres * space.scale
+    cells = []
+    for centre, distance in zip(centres, cell_distances(points), strict=True):
+        speed_mm_s = float(space.speed_mm_s(centre[None])[0])
+        turned = space.directed and speed_mm_s > _AT_REST_MM_S
+        cells.append(
+            Cell(
+                speed_mm_s=speed_mm_s,
+                force_n=float(centre[-1]),
+                distance=float(distance),
+                far=bool(distance > share),
+                heading_deg=float(np.degrees(np.arctan2(centre[1], centre[0]))) if turned else None,
+            )
+        )
+    return tuple(cells)
 
 
 def _strokes(frames: RecordArray, settings: ModellingSettings) -> tuple[FloatArray, FloatArray]:
@@ -88,9 +105,15 @@ def _remark(
     )
     if stopped:
         return f"The stop criterion was met; {hand}."
-    far = ", ".join(
-        f"({cell.speed_mm_s:.0f} mm/s, {cell.force_n:.1f} N)" for cell in cells if cell.far
-    )
+    far = sorted((cell for cell in cells if cell.far), key=lambda cell: -cell.distance)
+    named = ", ".join(_place(cell) for cell in far[:_NAMED_CELLS])
+    more = f" and {len(far) - _NAMED_CELLS} more" if len(far) > _NAMED_CELLS else ""
     return (
-        f"The stop criterion was not met; {hand}. Few samples lie near the cells centred at {far}."
+        f"The stop criterion was not met; {hand}. Few samples lie near the cells centred at "
+        f"{named}{more}."
     )
+
+
+def _place(cell: Cell) -> str:
+    heading = "" if cell.heading_deg is None else f" at {cell.heading_deg:.0f}°"
+    return f"({cell.speed_mm_s:.0f} mm/s{heading}, {cell.force_n:.1f} N)"

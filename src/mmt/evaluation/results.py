@@ -114,12 +114,16 @@ class Worst:
 
 @dataclass(frozen=True)
 class Cell:
-    """One of the nine cells of the plane; `far` where it alone would miss its share."""
+    """One of the cells of the input space; `far` where it alone would miss its share.
+
+    ``heading_deg`` is None where the heading does not count, or the cell is around rest.
+    """
 
     speed_mm_s: float
     force_n: float
     distance: float
     far: bool
+    heading_deg: float | None = None
 
 
 @dataclass(frozen=True)
