@@ -13,7 +13,7 @@ from image_files import write
 from matplotlib.figure import Figure
 
 from mmt.cli.reporting import evaluate, scene_of
-from mmt.evaluation import figures
+from mmt.evaluation import figures, growth
 from mmt.evaluation.results import Evaluation
 from mmt.session import RecordedSession, read_session
 
@@ -32,7 +32,7 @@ def main() -> None:
         session = read_session(Path(directory) / "session.mcap")
     evaluation = replace(evaluate(session, scene_of(session)), name="demo")
     few = replace(evaluation, held_out=evaluation.held_out[:3])
-    write("model-growth", figures.model_growth(from_five_samples_on(evaluation), panels=3))
+    write("model-growth", growth.model_growth(from_five_samples_on(evaluation), panels=3))
     write("spectra", figures.held_out_spectra(few))
     write("completion", figures.distance_over_time([evaluation]))
     write("gfc", figures.gfc_over_time([evaluation]))

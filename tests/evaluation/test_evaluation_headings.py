@@ -19,6 +19,7 @@ from mmt.evaluation.truth import KnownTexture
 from mmt.hand_table import Hand
 from mmt.scene import Scene
 from mmt.session import RecordedSession
+from mmt.texture.settings import ModellingSettings
 
 
 def session_on(name, duration_s=7.0):
@@ -76,7 +77,7 @@ def test_the_mean_over_headings_is_right_where_the_power_alone_turns():
 
 
 def test_a_model_that_does_not_know_the_heading_misses_what_the_heading_does(ridged):
-    model, mean = ridged.by_heading
+    model, _, mean = ridged.by_heading
     assert (model.model, mean.model) == ("speed and force", "mean over headings")
     assert mean.overall.power_error_db > 2.0
     assert model.overall.power_error_db > 0.9 * mean.overall.power_error_db
@@ -97,10 +98,41 @@ def test_by_heading_is_in_tables_report_and_json(ridged, tmp_path):
     text = (tmp_path / "report.md").read_text(encoding="utf-8")
     assert "mean over headings: power" in text
     summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
-    model, _ = summary["by_heading"]
+    model, _, _ = summary["by_heading"]
     assert len(model["sectors"]) == 12
     assert model["overall"]["heading_deg"] is None
     assert len(heading_tables([ridged])) == 1
+
+
+@pytest.fixture(scope="module")
+def directed():
+    session = session_on("ridged-plastic", 14.0)
+    return evaluate_session(session, ModellingSettings(inputs="anisotropic"))
+
+
+def test_a_model_that_knows_the_heading_is_nearer_to_the_texture(directed):
+    knowing, unaware, mean = directed.by_heading
+    assert (knowing.model, unaware.model) == ("velocity and force", "speed and force")
+    assert mean.model == "mean over headings"
+    assert knowing.overall.power_error_db < 0.8 * unaware.overall.power_error_db
+    assert knowing.overall.log_spectral_db < unaware.overall.log_spectral_db
+    assert directed.final.power_error_db == pytest.approx(knowing.overall.power_error_db)
+    assert all(point.limit != "heading" for point in directed.worst)
+
+
+def test_an_anisotropic_session_has_scores_cells_and_pictures(directed, tmp_path):
+    assert directed.start_s is not None
+    assert len(directed.coverage.cells) == 27
+    headings = [cell.heading_deg for cell in directed.coverage.cells]
+    assert headings.count(None) == 3
+    assert "mm/s at " in directed.coverage.remark
+    for segment in directed.held_out:
+        assert 0.5 < segment.gfc <= 1.0
+        assert segment.truth is not None
+    write_report(tmp_path, [directed])
+    text = (tmp_path / "report.md").read_text(encoding="utf-8")
+    assert "seen along the force" in text
+    assert (tmp_path / "figures" / "1-session-model.png").exists()
 
 
 def test_isotropic_textures_have_no_errors_by_heading():

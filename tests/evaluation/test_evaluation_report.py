@@ -14,7 +14,7 @@ from rich.console import Console
 
 from mmt.devices.simulated.offline import simulate_session
 from mmt.errors import InputError
-from mmt.evaluation import figures, tables
+from mmt.evaluation import figures, growth, tables
 from mmt.evaluation.document import (
     Heading,
     Listing,
@@ -212,10 +212,10 @@ def test_map_needs_a_known_texture(evaluations):
 
 
 def test_model_growth_ends_with_the_finished_model(evaluations):
-    titles = [axis.get_title() for axis in figures.model_growth(evaluations[0]).axes[:4]]
+    titles = [axis.get_title() for axis in growth.model_growth(evaluations[0]).axes[:4]]
     final = evaluations[0].final
     assert titles[-1] == f"{final.time_s:g} s, {final.samples} samples"
-    one = figures.model_growth(replace(evaluations[0], models=evaluations[0].models[:1]))
+    one = growth.model_growth(replace(evaluations[0], models=evaluations[0].models[:1]))
     assert len(one.axes) == 2
 
 

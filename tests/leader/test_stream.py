@@ -71,6 +71,18 @@ def test_speed_is_tangential_and_force_is_normal(size: int) -> None:
     assert motion.force_n == pytest.approx(1.5, rel=1e-3)
 
 
+@pytest.mark.parametrize(("normal", "expected"), [("z", (1.0, 0.0)), ("y", (1.0, 2.0))])
+def test_the_velocity_is_that_along_the_axes_of_the_surface(
+    normal: str, expected: tuple[float, float]
+) -> None:
+    frames = moving(0.0, 1.0, 400)
+    for axis, slope in enumerate((1.0, 0.0, 2.0)):
+        frames["position_mm"][:, axis] = 40.0 * slope * np.arange(400) / 1000.0
+    motion = StreamedMotion(normal, 1000.0)  # type: ignore[arg-type]
+    motion.take(frames)
+    assert motion.velocity_mm_s == pytest.approx([40.0 * slope for slope in expected], abs=1e-3)
+
+
 def test_pulling_is_no_normal_force_and_rest_is_zero() -> None:
     motion = StreamedMotion("z", 1000.0)
     motion.take(moving(50.0, -2.0, 300))

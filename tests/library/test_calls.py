@@ -86,7 +86,7 @@ def test_nothing_touched_is_silent_and_so_is_a_hand_at_rest() -> None:
 
 
 def test_a_model_of_velocity_feels_the_heading() -> None:
-    texture = directed()
+    texture = directed(seed=1)
     textures = open_textures([texture], output_hz=1000)
     touch(textures, 0, 100.0, 0.0, 1.5)
     along = render(textures, 30_000).std()

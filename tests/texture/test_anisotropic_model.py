@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -49,12 +51,16 @@ def test_a_sample_is_reproduced_at_its_own_velocity_and_force(interpolator: str)
 
 
 def test_the_interpolation_is_scipys() -> None:
+    """Of the LSF, and of the level over the power law of speed and force."""
     model = TextureModel(make_samples(scattered(60)), interpolate="variance")
     inputs = everywhere(2000)
     points = ANISOTROPIC.normalise(inputs)
     scipys = LinearNDInterpolator(Delaunay(model.vertices[:, :3]), model.vertices[:, 3:])(points)
     lsf, variance = model.at(*inputs.T)
-    np.testing.assert_allclose(variance, scipys[:, 0], atol=1e-8)
+    speed, force = np.hypot(points[:, 0], points[:, 1]), points[:, 2]
+    felt = (speed > 0.01) & (force > 0.01)
+    law = speed**model.trend.speed_exponent * force**model.trend.force_exponent
+    np.testing.assert_allclose(variance[felt], (scipys[:, 0] * law)[felt], rtol=1e-6)
     np.testing.assert_allclose(lsf, scipys[:, 1:], atol=1e-8)
 
 
@@ -93,16 +99,53 @@ def test_any_samples_give_ordered_frequencies(count: int, seed: int, interpolato
     assert (variance >= 0).all()
 
 
-@pytest.mark.parametrize("slowest_mm_s", [10.0, 30.0, 100.0])
-def test_a_hand_at_rest_or_without_force_feels_nothing(slowest_mm_s: float) -> None:
+@pytest.mark.parametrize("interpolator", list(BUILDERS))
+@pytest.mark.parametrize("slowest_mm_s", [3.0, 10.0, 100.0])
+def test_a_hand_at_rest_or_without_force_feels_nothing(
+    slowest_mm_s: float, interpolator: str
+) -> None:
     inputs = scattered(80)
     inputs[:10, :2] *= slowest_mm_s / np.hypot(inputs[:10, :1], inputs[:10, 1:2])
-    model = TextureModel(make_samples(inputs))
-    force = np.linspace(0.0, 3.0, 301)
-    assert model.at(0.0, 0.0, force)[1].max() < 1e-12
+    model = TextureModel(make_samples(inputs), interpolator=interpolator)  # type: ignore[arg-type]
+    assert model.at(0.0, 0.0, np.linspace(0.0, 3.0, 301))[1].max() == 0.0
     turn = np.linspace(0.0, 2 * np.pi, 50)
     for speed in (50.0, 150.0, 300.0):
-        assert model.at(speed * np.cos(turn), speed * np.sin(turn), 0.0)[1].max() < 1e-12
+        assert model.at(speed * np.cos(turn), speed * np.sin(turn), 0.0)[1].max() == 0.0
+
+
+@pytest.mark.parametrize("interpolator", list(BUILDERS))
+def test_every_stroke_is_felt_however_slow_and_light(interpolator: str) -> None:
+    model = TextureModel(make_samples(scattered(30)), interpolator=interpolator)  # type: ignore[arg-type]
+    inputs = scattered(500, 3) * (0.1, 0.1, 0.1)
+    assert model.at(*inputs.T)[1].min() > 0.0
+
+
+@pytest.mark.parametrize("exponents", [(1.0, 0.7), (0.4, 1.3), (1.8, 0.3)])
+def test_a_power_law_is_found_and_rendered_beyond_the_samples(
+    exponents: tuple[float, float],
+) -> None:
+    inputs = scattered(200)
+    samples = make_samples(inputs)
+    speed, force = np.hypot(inputs[:, 0], inputs[:, 1]) / 300.0, inputs[:, 2] / 3.0
+    power = 5.0 * speed ** exponents[0] * force ** exponents[1]
+    lsf = np.tile(samples.lsf[0], (200, 1))
+    gain = samples.variance[0] / samples.power[0]
+    for interpolate, share in (("power", 1.0), ("amplitude", 0.5)):
+        model = TextureModel(
+            TextureSamples(inputs, lsf, gain * power, power, ANISOTROPIC),
+            interpolate=interpolate,  # type: ignore[arg-type]
+        )
+        expected = pytest.approx((share * exponents[0], share * exponents[1]), abs=0.15)
+        assert tuple(model.trend) == expected
+        _, variance = model.at(12.0, 9.0, 0.15)
+        law = 5.0 * (15 / 300) ** exponents[0] * 0.05 ** exponents[1]
+        assert variance[0] == pytest.approx(gain * law, rel=0.3)
+
+
+def test_samples_without_any_level_are_silence() -> None:
+    samples = make_samples(scattered(5))
+    silent = replace(samples, power=np.zeros(5), variance=np.zeros(5))
+    assert (TextureModel(silent).at(*everywhere(100).T)[1] == 0.0).all()
 
 
 def test_all_that_a_hand_can_reach_lies_inside() -> None:

@@ -8,6 +8,7 @@ from mmt.arrays import RecordArray
 from mmt.devices.simulated.offline import simulate_session
 from mmt.devices.simulated.textures import get_surface
 from mmt.frames import empty_frames
+from mmt.hand_table import Hand
 from mmt.scene import Scene
 from mmt.texture.completion import distance_sum
 from mmt.texture.modelling import ModelUpdate, OnlineModeller
@@ -171,3 +172,19 @@ def test_of_two_samples_at_one_point_the_older_leaves(monkeypatch: pytest.Monkey
     stops = [stop for _, stop in modeller.fits]
     assert len(stops) == 4
     assert sorted(stops)[1] > 6000
+
+
+def test_strokes_in_all_directions_give_a_model_of_velocity() -> None:
+    scene = Scene(hand=Hand(headings="all"))
+    frames, _ = simulate_session(scene, "oak", 20.0, 1)
+    modeller = OnlineModeller(ModellingSettings(inputs="anisotropic"))
+    updates = feed(modeller, frames)
+    assert modeller.completion.start_s is not None, "20 s are enough to start"
+    assert modeller.model is not None
+    samples = modeller.model.samples
+    assert samples.space.directed
+    assert samples.inputs.shape == (updates[-1].samples, 3)
+    headings = np.arctan2(samples.inputs[:, 1], samples.inputs[:, 0])
+    assert (np.histogram(headings, 4, (-np.pi, np.pi))[0] > 0).all()
+    assert modeller.model.at(0.0, 0.0, 1.5)[1].max() == 0.0
+    assert modeller.model.at(100.0, 100.0, 1.5)[1].min() > 0.0

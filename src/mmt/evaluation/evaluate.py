@@ -8,18 +8,21 @@ is known, the leader's model is compared with it over the whole plane as well.
 """
 
 import time
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from mmt.arrays import RecordArray
 from mmt.errors import InputError
-from mmt.evaluation.building import build, update_blocks
+from mmt.evaluation.building import ModelHistory, build, update_blocks
 from mmt.evaluation.coverage import coverage
 from mmt.evaluation.held_out import choose_held_out, outside
 from mmt.evaluation.results import Evaluation
 from mmt.evaluation.scoring import Scorer
-from mmt.evaluation.truth import known_texture
+from mmt.evaluation.truth import KnownTexture, known_texture
 from mmt.session.recorded import RecordedSession, missing_frames
-from mmt.texture.settings import ModellingSettings
+from mmt.texture.settings import AUTOMATIC, Inputs, ModellingSettings
 
 
 def evaluate_session(
@@ -53,7 +56,8 @@ def evaluate_session(
 
     Notes
     -----
-    Costs two passes of the modelling, and a few milliseconds for every moment scored.
+    Costs two passes of the modelling, three on a texture that depends on the heading, and a
+    few milliseconds for every moment scored.
     """
     started = time.perf_counter()
     settings = settings or ModellingSettings()
@@ -67,8 +71,9 @@ def evaluate_session(
         leader=leader,
         rebuilt=rebuilt,
         held_out=held_out,
+        other=_of_other_inputs(blocks, settings, truth),
         truth=truth,
-        rate_hz=settings.rate_hz,
+        settings=settings,
         seed=seed,
     )
 
@@ -112,6 +117,17 @@ def evaluate_session(
         power_map=errors,
         processing_s=time.perf_counter() - started,
     )
+
+
+def _of_other_inputs(
+    blocks: Sequence[RecordArray], settings: ModellingSettings, truth: KnownTexture | None
+) -> ModelHistory | None:
+    """Build the model that knows the heading, or does not, where the texture depends on it."""
+    if truth is None or truth.surface.isotropic:
+        return None
+    inputs: Inputs = "isotropic" if settings.inputs == "anisotropic" else "anisotropic"
+    others = replace(settings, inputs=inputs, start_distance=AUTOMATIC, stop_distance=AUTOMATIC)
+    return build(blocks, others)
 
 
 def _check(session: RecordedSession, period_s: float, step_s: float) -> None:

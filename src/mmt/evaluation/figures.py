@@ -6,15 +6,11 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 
 from mmt.evaluation.results import Evaluation, HeldOutSegment, Score
 from mmt.evaluation.truth import DENSITY_HZ
-from mmt.texture.completion import CELL_CENTRES, DIVISIONS, cell_distances
 from mmt.texture.metrics import JND_DB
-from mmt.texture.model import TextureModel
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
 
 COLOURS: Final = (
@@ -32,8 +28,6 @@ COLOURS: Final = (
 _MARKERS: Final = "osD^vP*X"
 _DOTS_PER_INCH: Final = 130
 _GREY: Final = "#8a9099"
-_RED: Final = "#b2182b"
-_CELL_MAP: Final = "GnBu"
 _ERROR_MAP: Final = "RdBu_r"
 _LARGEST_ERROR_DB: Final = 6.0
 
@@ -43,32 +37,6 @@ def to_png(figure: Figure) -> bytes:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=_DOTS_PER_INCH)
     return buffer.getvalue()
-
-
-def model_growth(evaluation: Evaluation, panels: int = 4) -> Figure:
-    """Draw the leader's model as it grows, as paper A's Fig. 3 does.
-
-    Samples, triangulation, and the nine cells, each in the shade of its distance.
-    """
-    times_s = _growth_times(evaluation, panels)
-    figure = Figure(figsize=(3.0 * len(times_s) + 0.9, 3.2), layout="constrained")
-    axes = figure.subplots(1, len(times_s), sharey=True, squeeze=False)[0]
-    limit = 2.0 * evaluation.settings.stop_distance / len(CELL_CENTRES)
-    cells = None
-    for axis, time_s in zip(axes, times_s, strict=True):
-        model = evaluation.model_at(time_s)
-        cells = _draw_cells(axis, model, limit)
-        if model is not None:
-            _draw_model(axis, model)
-        count = 0 if model is None else len(model.samples)
-        axis.set_title(f"{time_s:g} s, {count} samples", fontsize=10)
-        axis.set_xlabel("speed (mm/s)")
-        axis.set(xlim=(0, MAXIMUM_SPEED_MM_S), ylim=(0, MAXIMUM_FORCE_N))
-    axes[0].set_ylabel("normal force (N)")
-    if cells is not None:
-        bar = figure.colorbar(cells, ax=axes, pad=0.01, extend="max")
-        bar.set_label("distance to 3 nearest samples", fontsize=9)
-    return figure
 
 
 def distance_over_time(evaluations: Sequence[Evaluation]) -> Figure:
@@ -92,7 +60,7 @@ def distance_over_time(evaluations: Sequence[Evaluation]) -> Figure:
         )
     largest = max(float(evaluation.distances[:, 1].max()) for evaluation in evaluations)
     axis.set_ylim(0, min(1.05 * largest, 2.2 * settings.start_distance))
-    axis.set_ylabel("distance (sum over nine cells)")
+    axis.set_ylabel("distance (sum over cells)")
     _legend(axis, evaluations)
     return figure
 
@@ -196,60 +164,6 @@ def power_error_map(evaluation: Evaluation) -> Figure:
     for worst, axis in zip(evaluation.worst, (level, shape), strict=True):
         axis.plot(worst.speed_mm_s, worst.force_n, "o", ms=15, mfc="none", mec="k", mew=1.2)
     return figure
-
-
-def _growth_times(evaluation: Evaluation, panels: int) -> list[float]:
-    """Spread times over the growth of the model, the last one where it was finished."""
-    final_s = evaluation.final.time_s
-    times_s = [t for t, model in evaluation.models if t <= final_s and model is not None]
-    if not times_s:
-        return [final_s]
-    chosen = np.unique(np.linspace(0, len(times_s) - 1, panels).round().astype(int))
-    return [times_s[index] for index in chosen]
-
-
-def _draw_cells(axis: Axes, model: TextureModel | None, limit: float) -> PatchCollection:
-    points = np.empty((0, 2)) if model is None else model.points
-    width, height = MAXIMUM_SPEED_MM_S / DIVISIONS, MAXIMUM_FORCE_N / DIVISIONS
-    corners = (CELL_CENTRES - 0.5 / DIVISIONS) * (MAXIMUM_SPEED_MM_S, MAXIMUM_FORCE_N)
-    cells = PatchCollection(
-        [Rectangle((x, y), width, height) for x, y in corners],
-        cmap=_CELL_MAP,
-        alpha=0.75,
-        edgecolor="white",
-        linewidth=1.5,
-        zorder=0,
-    )
-    cells.set_array(np.minimum(cell_distances(points), 3.0))
-    cells.set_clim(0.0, limit)
-    axis.add_collection(cells)
-    return cells
-
-
-def _draw_model(axis: Axes, model: TextureModel) -> None:
-    vertices = model.vertices[:, :2] * model.space.scale
-    corners = model.triangles[:, :3]
-    axis.triplot(vertices[:, 0], vertices[:, 1], corners, color="#6b7280", lw=0.5, zorder=1)
-    axis.scatter(
-        vertices[:, 0],
-        vertices[:, 1],
-        s=10,
-        c="w",
-        edgecolors="#6b7280",
-        lw=0.7,
-        zorder=2,
-        clip_on=False,
-    )
-    samples = model.points * model.space.scale
-    axis.scatter(
-        samples[:, 0],
-        samples[:, 1],
-        s=17,
-        c=_RED,
-        edgecolors="w",
-        lw=0.5,
-        zorder=3,
-    )
 
 
 def _draw_spectra(axis: Axes, segment: HeldOutSegment) -> None:

@@ -85,21 +85,20 @@ class HeldOutRecording:
     def approximate(self, model: TextureModel, seed: int) -> Approximation:
         """Compare the recorded vibration with what a model renders in its place.
 
-        One long stretch is rendered at the segment's mean speed and force, and cut into
+        One long stretch is rendered at the segment's mean inputs, and cut into
         realisations of the segment's length after the filter has warmed up.
         """
-        speed_mm_s, force_n = self.segment.speed_mm_s, self.segment.force_n
+        inputs = np.array([self.segment.inputs(model.space)])
         length = len(self.segment.vibration_m_s2)
         count = _WARM_UP_SAMPLES + REALISATIONS * length
         synthesizer = Synthesizer(model, seed=seed, renewal_samples=count, limit_m_s2=np.inf)
-        rendered = synthesizer.render(np.full(count, speed_mm_s), np.full(count, force_n))
+        rendered = synthesizer.render(*(np.full(count, value) for value in inputs[0]))
         pieces = rendered[_WARM_UP_SAMPLES:].reshape(REALISATIONS, length)
         _, amplitudes = amplitude_spectra(pieces, self._rate_hz, self._window)
         measured = np.broadcast_to(self.amplitude, amplitudes.shape)
-        point = np.array([speed_mm_s]), np.array([force_n])
         return Approximation(
             gfc=float(np.mean(gfc_of_rows(amplitudes, measured))),
             gfc_ceiling=float(np.mean(gfc_of_rows(amplitudes[1:], amplitudes[:-1]))),
-            power_error_db=float(level_error_db(model, *point, np.array([self.power]))[0]),
+            power_error_db=float(level_error_db(model, inputs, np.array([self.power]))[0]),
             amplitude=amplitudes.mean(axis=0),
         )

@@ -13,17 +13,15 @@ LARGEST_ERROR_DB: Final = 60.0
 """Errors count as no larger, so that one silent point does not make a mean infinite."""
 
 
-def output_power_at(model: TextureModel, speed_mm_s: FloatArray, force_n: FloatArray) -> FloatArray:
-    """Return the exact power of what a model renders at points (k,), shape (k,), (m/s2)^2."""
-    lsf, variance = model.at(speed_mm_s, force_n)
+def output_power_at(model: TextureModel, inputs: FloatArray) -> FloatArray:
+    """Return the exact power of what a model renders at inputs (k, d), shape (k,), (m/s2)^2."""
+    lsf, variance = model.at(*inputs.T)
     return output_power(variance, lsf_to_reflection(lsf))
 
 
-def level_error_db(
-    model: TextureModel, speed_mm_s: FloatArray, force_n: FloatArray, power: FloatArray
-) -> FloatArray:
-    """Return the error of a model's power at points (k,) against `power` (k,), bounded, in dB."""
-    return bounded_error_db(output_power_at(model, speed_mm_s, force_n), power)
+def level_error_db(model: TextureModel, inputs: FloatArray, power: FloatArray) -> FloatArray:
+    """Return the error of a model's power at inputs (k, d) against `power` (k,), bounded, in dB."""
+    return bounded_error_db(output_power_at(model, inputs), power)
 
 
 def bounded_error_db(values: FloatArray, reference: FloatArray) -> FloatArray:

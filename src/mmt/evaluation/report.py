@@ -20,6 +20,18 @@ from mmt.evaluation.document import (
 from mmt.evaluation.report_files import picture, write_report_files
 from mmt.evaluation.results import DEFINITIONS, Evaluation, evaluations_as_dict
 
+_GROWTH: Final = {
+    "isotropic": (
+        "The model as it grows: samples (red), boundary points (white), triangulation, and "
+        "the nine cells in the shade of their distance to the three nearest samples."
+    ),
+    "anisotropic": (
+        "The model as it grows, seen along the force: samples in the colour of their force, the "
+        "largest speed (circle), and the cells in the shade of their distance to the four "
+        "nearest samples, its mean over forces."
+    ),
+}
+
 _PACKAGES: Final = ("numpy", "scipy", "numba", "matplotlib")
 
 
@@ -118,6 +130,7 @@ def _overview(evaluations: Sequence[Evaluation]) -> list[Block]:
 
 def _session(evaluation: Evaluation, prefix: str) -> list[Block]:
     from mmt.evaluation import figures
+    from mmt.evaluation.growth import model_growth
     from mmt.evaluation.heading_report import heading_blocks
 
     blocks: list[Block] = [
@@ -127,9 +140,8 @@ def _session(evaluation: Evaluation, prefix: str) -> list[Block]:
         tables.moments(evaluation),
         picture(
             f"{prefix}-model",
-            "The model as it grows: samples (red), boundary points (white), triangulation, and "
-            "the nine cells in the shade of their distance to the three nearest samples.",
-            figures.model_growth(evaluation),
+            _GROWTH[evaluation.settings.inputs],
+            model_growth(evaluation),
         ),
     ]
     if evaluation.held_out:

@@ -51,11 +51,13 @@ DEFINITIONS: Final[Mapping[str, str]] = {
         "in sectors of 30 degrees of the stroke's heading, on textures that depend on it: "
         "6 x 6 points of the plane at 24 headings, over all of which the other scores against "
         "the known texture are then taken as well. 'mean over headings' is the texture's own "
-        "mean, which a model that does not know the heading reaches at best."
+        "mean, which a model that does not know the heading reaches at best. The models of "
+        "'speed and force' and of 'velocity and force' are built from the same session."
     ),
     "distance": (
         "Sum over the nine cells of the speed-force plane of the distances from a cell's "
-        "centre to the three nearest samples, in the plane divided by 300 mm/s and 3 N."
+        "centre to the three nearest samples, in the plane divided by 300 mm/s and 3 N; for a "
+        "model of velocity and force, over 27 cells and the four nearest samples."
     ),
     "truth": (
         "The known texture is compared as it is at the surface: the accelerometer's noise and "

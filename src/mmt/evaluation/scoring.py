@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -12,12 +13,17 @@ from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.results import HeldOutSegment, PowerMap, Score, Worst
 from mmt.evaluation.strokes import Strokes
 from mmt.evaluation.truth import DENSITY_HZ, KnownTexture
-from mmt.texture.completion import CELL_CENTRES, FARTHEST, NEIGHBOURS
+from mmt.texture.completion import cells_of
+from mmt.texture.inputs import InputSpace
 from mmt.texture.metrics import within_jnd
 from mmt.texture.segmentation import Segment
+from mmt.texture.settings import Inputs, ModellingSettings
 
-EMPTY_DISTANCE = len(CELL_CENTRES) * NEIGHBOURS * FARTHEST
-"""The completion sum without any sample."""
+MODEL_NAMES: Final[dict[Inputs, str]] = {
+    "isotropic": "speed and force",
+    "anisotropic": "velocity and force",
+}
+"""What errors by heading call a model of these inputs."""
 
 
 class Scorer:
@@ -31,10 +37,14 @@ class Scorer:
         The same, built without the held-out segments.
     held_out
         These segments.
+    other
+        Every state of the model of the other inputs, None where it is not compared.
     truth
         The known texture, None where there is none.
-    rate_hz, seed
-        Of the segments, and of the synthesis.
+    settings
+        Of the leader's modelling.
+    seed
+        Of the synthesis.
     """
 
     def __init__(
@@ -43,19 +53,23 @@ class Scorer:
         leader: ModelHistory,
         rebuilt: ModelHistory,
         held_out: Sequence[Segment],
+        other: ModelHistory | None,
         truth: KnownTexture | None,
-        rate_hz: float,
+        settings: ModellingSettings,
         seed: int,
     ) -> None:
         self._leader = leader
         self._rebuilt = rebuilt
-        self._recordings = [HeldOutRecording(segment, rate_hz) for segment in held_out]
+        self._other = other
+        self._recordings = [HeldOutRecording(segment, settings.rate_hz) for segment in held_out]
         self._truth = truth
-        self._rate_hz = rate_hz
+        self._space = InputSpace(settings.inputs)
+        self._rate_hz = settings.rate_hz
         self._seed = seed
         self._scores: dict[int, Score] = {}
         self._grids: dict[int, GridErrors | None] = {}
         self._approximations: dict[int, list[Approximation]] = {}
+        self._empty_distance = cells_of(self._space.dimensions).empty
 
     def score(self, time_s: float) -> Score:
         """Return the figures at a session time: those of the last update up to then."""
@@ -76,11 +90,18 @@ class Scorer:
         return self._truth.worst(model, grid), self._truth.power_map(grid)
 
     def by_heading(self, time_s: float) -> tuple[HeadingErrors, ...]:
-        """Return the leader's errors by heading at a session time, where the texture has one."""
+        """Return errors by heading at a session time, where the texture depends on it.
+
+        Of the leader's model, and of that of the other inputs, from the same session.
+        """
         grid = self._grid(self._leader.number(time_s))
         if self._truth is None or grid is None:
             return ()
-        return self._truth.by_heading({"speed and force": grid})
+        models = {MODEL_NAMES[self._space.name]: grid}
+        other = None if self._other is None else self._other.model(self._other.number(time_s))
+        if other is not None:
+            models[MODEL_NAMES[other.space.name]] = self._truth.compare(other)
+        return self._truth.by_heading(models)
 
     def segments(self, time_s: float, first_sample: int) -> tuple[HeldOutSegment, ...]:
         """Return the held-out segments as they are approximated at a session time."""
@@ -110,7 +131,7 @@ class Scorer:
         return Score(
             time_s=0.0,
             samples=leader.samples if leader else 0,
-            distance=leader.distance if leader else EMPTY_DISTANCE,
+            distance=leader.distance if leader else self._empty_distance,
             gfc=float(np.mean([a.gfc for a in held_out])) if held_out else None,
             gfc_ceiling=float(np.mean([a.gfc_ceiling for a in held_out])) if held_out else None,
             power_error_db=error_db,
@@ -120,7 +141,7 @@ class Scorer:
             held_out_power_error_db=held_out_error_db,
             held_out_within_jnd=held_out_jnd,
             rebuilt_samples=rebuilt.samples if rebuilt else 0,
-            rebuilt_distance=rebuilt.distance if rebuilt else EMPTY_DISTANCE,
+            rebuilt_distance=rebuilt.distance if rebuilt else self._empty_distance,
         )
 
     def _grid(self, number: int) -> GridErrors | None:
@@ -148,8 +169,10 @@ class Scorer:
     ) -> HeldOutSegment:
         segment = recording.segment
         truth = None
-        if self._truth is not None and self._truth.surface.isotropic:
-            stroke = Strokes(*(np.array([v]) for v in (segment.speed_mm_s, segment.force_n, 0.0)))
+        if self._truth is not None and (self._truth.surface.isotropic or self._space.directed):
+            heading = np.arctan2(segment.velocity_mm_s[1], segment.velocity_mm_s[0])
+            moment = segment.speed_mm_s, segment.force_n, heading
+            stroke = Strokes(*(np.array([value]) for value in moment))
             truth = np.sqrt(self._truth.spectrum(stroke, DENSITY_HZ)[0])
         return HeldOutSegment(
             start_s=(segment.start - first_sample) / self._rate_hz,

@@ -1,8 +1,7 @@
 """Points around a model's samples, so that the interpolation covers all that a hand can reach.
 
 In the plane of speed and force they lie on the four edges (paper A, section V.B); around the
-cylinder of velocity vector and force on its faces and beside its wall, and along its axis,
-where the hand stands still. Where a hand stands still or does not press, the level is zero.
+cylinder of velocity vector and force on its faces and beside its wall.
 """
 
 import math
@@ -26,7 +25,6 @@ RIM: Final = 1.0 / math.cos(math.pi / HEADINGS)
 
 _FACE_RADIUS: Final = 0.85
 _GOLDEN_ANGLE: Final = math.pi * (3.0 - math.sqrt(5.0))
-_REST_STEPS: Final = (5, 50)
 
 
 class Boundary(NamedTuple):
@@ -36,9 +34,9 @@ class Boundary(NamedTuple):
     silent: BoolArray
 
 
-def boundary(points: FloatArray) -> Boundary:
-    """Return the boundary for samples at normalised points (n, 2) or (n, 3)."""
-    return _square() if points.shape[1] == 2 else _cylinder(points)
+def boundary(dimensions: int) -> Boundary:
+    """Return the boundary of the space of 2 or 3 inputs."""
+    return _square() if dimensions == 2 else _cylinder()
 
 
 def _square() -> Boundary:
@@ -51,11 +49,10 @@ def _square() -> Boundary:
     return Boundary(points, (points == 0.0).any(axis=1))
 
 
-def _cylinder(points: FloatArray) -> Boundary:
-    """Return rings, the points inside the faces, and those at rest.
+def _cylinder() -> Boundary:
+    """Return rings, and points inside the faces: 80, none of them silent.
 
-    The points at rest lie so close that the sphere around two neighbours holds no sample. A
-    Delaunay triangulation then has an edge between them, and its level is zero all along.
+    That nothing is felt at rest is the trend's (`mmt.texture.trend`).
     """
     headings = np.linspace(0.0, 2.0 * np.pi, HEADINGS, endpoint=False)
     rings = [
@@ -65,12 +62,8 @@ def _cylinder(points: FloatArray) -> Boundary:
     turn = np.arange(FACE_POINTS, dtype=np.float64)
     radius: FloatArray = _FACE_RADIUS * np.sqrt((turn + 0.5) / FACE_POINTS)
     faces = [_at(radius, turn * _GOLDEN_ANGLE, force) for force in (0.0, 1.0)]
-    nearest = max(float(np.hypot(points[:, 0], points[:, 1]).min()), 1e-3)
-    steps = min(max(math.ceil(0.51 / nearest), _REST_STEPS[0]), _REST_STEPS[1])
-    rest = _at(0.0, np.zeros(steps + 1), np.linspace(0.0, 1.0, steps + 1))
-    around = np.vstack([*rings, *faces, rest])
-    silent = (around[:, 2] == 0.0) | (np.arange(len(around)) >= len(around) - len(rest))
-    return Boundary(around, silent)
+    points = np.vstack([*rings, *faces])
+    return Boundary(points, np.zeros(len(points), np.bool_))
 
 
 def _at(radius: float | FloatArray, heading: FloatArray, force: float | FloatArray) -> FloatArray:

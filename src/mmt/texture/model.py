@@ -26,6 +26,7 @@ from mmt.texture.model_file import pack, unpack
 from mmt.texture.samples import TextureSamples
 from mmt.texture.settings import LARGEST_ORDER, Interpolated, Interpolation
 from mmt.texture.spectra import lsf_spectrum
+from mmt.texture.trend import NO_TREND, fit_trend, with_trend, without_trend
 from mmt.texture.vertices import vertex_table
 
 __all__ = ["LEVELS", "TextureModel", "TextureSamples"]
@@ -86,6 +87,10 @@ class TextureModel:
             "power": self.samples.power,
             "amplitude": np.sqrt(self.samples.power),
         }[interpolate]
+        self.trend = NO_TREND
+        if self.space.directed and interpolator != "rbf":
+            self.trend = fit_trend(self.points, level, is_amplitude=interpolate == "amplitude")
+            level = without_trend(self.points, level, self.trend)
         self.vertices, samples_alone = vertex_table(self.points, level, self.samples.lsf)
         dimensions = self.space.dimensions
         grown = previous is not None and previous._alike == self._alike
@@ -149,7 +154,8 @@ class TextureModel:
         by = self.interpolant
         evaluate_each_into(by.kind, by.rows, by.links, by.tail, points, values)
         lsf, variance = np.ascontiguousarray(values[:, 1:]), np.empty(len(points))
-        _excitation_variances(values[:, 0].copy(), LEVELS[self.interpolate], lsf, variance)
+        level = with_trend(values[:, 0], points, *self.trend)
+        _excitation_variances(level, LEVELS[self.interpolate], lsf, variance)
         return lsf, variance
 
     def spectrum(self, *inputs: npt.ArrayLike, frequencies_hz: FloatArray) -> FloatArray:

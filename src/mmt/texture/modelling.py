@@ -236,17 +236,12 @@ class OnlineModeller:
     def _samples(self) -> TextureSamples:
         fits = list(self.fits.values())
         return TextureSamples(
-            inputs=np.array([self._inputs(fit.segment) for fit in fits]),
+            inputs=np.array([fit.segment.inputs(self.space) for fit in fits]),
             lsf=np.array([fit.lsf for fit in fits]),
             variance=np.array([fit.variance for fit in fits]),
             power=np.array([fit.power for fit in fits]),
             space=self.space,
         )
-
-    def _inputs(self, segment: Segment) -> tuple[float, ...]:
-        if self.space.directed:
-            return (*segment.velocity_mm_s, segment.force_n)
-        return segment.speed_mm_s, segment.force_n
 
     def _points(self) -> FloatArray:
         """Return the samples' normalised points, shape (n, d)."""

@@ -28,6 +28,7 @@ from mmt.arrays import BoolArray, FloatArray, IntArray
 from mmt.errors import InputError
 from mmt.texture.aligned import AlignedBlock
 from mmt.texture.dft321 import dft321
+from mmt.texture.inputs import InputSpace
 from mmt.texture.pieces import CELL, cell_moments, stationary_pieces, straight_pieces
 
 
@@ -93,6 +94,12 @@ class Segment:
     vibration_m_s2: FloatArray
     time_ns: int
     final: bool
+
+    def inputs(self, space: InputSpace) -> tuple[float, ...]:
+        """Return where the segment stands in the input space of a model, shape (d,)."""
+        if space.directed:
+            return (*self.velocity_mm_s, self.force_n)
+        return self.speed_mm_s, self.force_n
 
 
 class SegmentChange(NamedTuple):

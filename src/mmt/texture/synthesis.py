@@ -32,6 +32,7 @@ from mmt.texture.interpolators import LARGEST_SCRATCH, evaluate_into
 from mmt.texture.lattice import lattice_step, lsf_to_lattice_into
 from mmt.texture.model import LEVELS, TextureModel
 from mmt.texture.settings import LARGEST_ORDER
+from mmt.texture.trend import trend_at
 
 _COUNTER, _PLACE = 0, 1
 
@@ -108,6 +109,7 @@ class Synthesizer:
             by.links,
             by.tail,
             LEVELS[model.interpolate],
+            *model.trend,
             model.order,
             len(inputs),
             inputs[0],
@@ -144,8 +146,8 @@ def _amplitude(level: float, level_kind: int, complement: FloatArray) -> float:
 
 
 @kernel(
-    "void(i8, f8[:, ::1], i8[:, ::1], f8[:, ::1], i8, i8, i8, f8[::1], f8[::1], f8[::1], f8, f8,"
-    " i8, f8, f8, f8[::1], f8[::1], f8[::1], f8[::1], f8[::1])"
+    "void(i8, f8[:, ::1], i8[:, ::1], f8[:, ::1], i8, f8, f8, i8, i8, f8[::1], f8[::1], f8[::1],"
+    " f8, f8, i8, f8, f8, f8[::1], f8[::1], f8[::1], f8[::1], f8[::1])"
 )
 def _render(
     kind: int,
@@ -153,6 +155,8 @@ def _render(
     links: IntArray,
     tail: FloatArray,
     level_kind: int,
+    speed_exponent: float,
+    force_exponent: float,
     order: int,
     dimensions: int,
     first: FloatArray,
@@ -182,7 +186,10 @@ def _render(
             search[_PLACE] = evaluate_into(kind, rows, links, tail, place, point, values, scratch)
             lsf_to_lattice_into(lsf, reflection, complement, work)
             state[ORDER] = order
-            state[WANTED] = _amplitude(values[0], level_kind, complement)
+            level = values[0]
+            if speed_exponent > 0.0:
+                level *= trend_at(speed_exponent, force_exponent, point)
+            state[WANTED] = _amplitude(level, level_kind, complement)
         search[_COUNTER] += 1.0
         value = lattice_step(reflection, complement, past, int(state[ORDER]), noise[index])
         output[index] = scaled(state, value, release, limit)

@@ -25,7 +25,7 @@ def vertex_table(points: FloatArray, level: FloatArray, lsf: FloatArray) -> Vert
 
     Coincident samples become one vertex with the mean of their filters (a convex
     combination of ordered LSF is ordered) and of their level. A boundary point copies its
-    nearest sample; where a hand stands still or does not press its level is zero.
+    nearest sample; on the edges of no speed and no force its level is zero.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def vertex_table(points: FloatArray, level: FloatArray, lsf: FloatArray) -> Vert
     np.add.at(merged, vertex, rows)
     merged /= counts[:, None]
 
-    around = boundary(merged[:, :dimensions])
+    around = boundary(dimensions)
     offsets = around.points[:, None, :] - merged[None, :, :dimensions]
     distance = reduce(np.hypot, np.moveaxis(offsets, -1, 0))
     extension = merged[distance.argmin(axis=1)]

@@ -1,0 +1,159 @@
+"""The figure of a model as it grows, in the plane of speed and force or of velocity."""
+
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PatchCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Rectangle
+
+from mmt.evaluation.results import Evaluation
+from mmt.texture.completion import CELL_CENTRES, DIVISIONS, VELOCITY_CELLS, cell_distances
+from mmt.texture.model import TextureModel
+from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
+
+_RED: Final = "#b2182b"
+_CELL_MAP: Final = "GnBu"
+_FORCE_MAP: Final = "autumn_r"
+
+
+def model_growth(evaluation: Evaluation, panels: int = 4) -> Figure:
+    """Draw the leader's model as it grows, as paper A's Fig. 3 does.
+
+    Samples, triangulation, and the nine cells, each in the shade of its distance. A model of
+    velocity is seen along the force: samples in the colour of their force, cells in the shade
+    of their mean over forces.
+    """
+    if evaluation.settings.inputs == "anisotropic":
+        return _velocity_growth(evaluation, panels)
+    times_s = _growth_times(evaluation, panels)
+    figure = Figure(figsize=(3.0 * len(times_s) + 0.9, 3.2), layout="constrained")
+    axes = figure.subplots(1, len(times_s), sharey=True, squeeze=False)[0]
+    limit = 2.0 * evaluation.settings.stop_distance / len(CELL_CENTRES)
+    cells = None
+    for axis, time_s in zip(axes, times_s, strict=True):
+        model = evaluation.model_at(time_s)
+        cells = _draw_cells(axis, model, limit)
+        if model is not None:
+            _draw_model(axis, model)
+        count = 0 if model is None else len(model.samples)
+        axis.set_title(f"{time_s:g} s, {count} samples", fontsize=10)
+        axis.set_xlabel("speed (mm/s)")
+        axis.set(xlim=(0, MAXIMUM_SPEED_MM_S), ylim=(0, MAXIMUM_FORCE_N))
+    axes[0].set_ylabel("normal force (N)")
+    if cells is not None:
+        bar = figure.colorbar(cells, ax=axes, pad=0.01, extend="max")
+        bar.set_label("distance to 3 nearest samples", fontsize=9)
+    return figure
+
+
+def _velocity_growth(evaluation: Evaluation, panels: int) -> Figure:
+    times_s = _growth_times(evaluation, panels)
+    figure = Figure(figsize=(3.0 * len(times_s) + 1.8, 3.4), layout="constrained")
+    axes = figure.subplots(1, len(times_s), sharey=True, squeeze=False)[0]
+    limit = 2.0 * evaluation.settings.stop_distance / len(VELOCITY_CELLS.centres)
+    cells = None
+    for axis, time_s in zip(axes, times_s, strict=True):
+        model = evaluation.model_at(time_s)
+        cells = _draw_velocity_cells(axis, model, limit)
+        samples = np.empty((0, 3)) if model is None else model.samples.inputs
+        forces = axis.scatter(
+            samples[:, 0],
+            samples[:, 1],
+            s=19,
+            c=samples[:, 2],
+            cmap=_FORCE_MAP,
+            vmin=0.0,
+            vmax=MAXIMUM_FORCE_N,
+            edgecolors="k",
+            lw=0.4,
+            zorder=3,
+        )
+        axis.set_title(f"{time_s:g} s, {len(samples)} samples", fontsize=10)
+        axis.set_xlabel("velocity x (mm/s)")
+        reach = 1.05 * MAXIMUM_SPEED_MM_S
+        axis.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+    axes[0].set_ylabel("velocity y (mm/s)")
+    if cells is not None:
+        bar = figure.colorbar(cells, ax=axes, pad=0.01, extend="max")
+        bar.set_label("distance to 4 nearest samples", fontsize=9)
+        bar = figure.colorbar(forces, ax=axes, pad=0.01)
+        bar.set_label("normal force (N)", fontsize=9)
+    return figure
+
+
+def _draw_velocity_cells(axis: Axes, model: TextureModel | None, limit: float) -> PatchCollection:
+    points = np.empty((0, 3)) if model is None else model.points
+    width = 2.0 * MAXIMUM_SPEED_MM_S / DIVISIONS
+    corners = (2.0 * CELL_CENTRES - 1.0) * MAXIMUM_SPEED_MM_S - 0.5 * width
+    cells = PatchCollection(
+        [Rectangle((x, y), width, width) for x, y in corners],
+        cmap=_CELL_MAP,
+        alpha=0.75,
+        edgecolor="white",
+        linewidth=1.5,
+        zorder=0,
+    )
+    mean = cell_distances(points).reshape(DIVISIONS, -1).mean(axis=0)
+    cells.set_array(np.minimum(mean, 2.0 * limit))
+    cells.set_clim(0.0, limit)
+    axis.add_collection(cells)
+    reach = Circle((0.0, 0.0), MAXIMUM_SPEED_MM_S)
+    reach.set(fill=False, edgecolor="#6b7280", linewidth=0.8)
+    axis.add_patch(reach)
+    return cells
+
+
+def _growth_times(evaluation: Evaluation, panels: int) -> list[float]:
+    """Spread times over the growth of the model, the last one where it was finished."""
+    final_s = evaluation.final.time_s
+    times_s = [t for t, model in evaluation.models if t <= final_s and model is not None]
+    if not times_s:
+        return [final_s]
+    chosen = np.unique(np.linspace(0, len(times_s) - 1, panels).round().astype(int))
+    return [times_s[index] for index in chosen]
+
+
+def _draw_cells(axis: Axes, model: TextureModel | None, limit: float) -> PatchCollection:
+    points = np.empty((0, 2)) if model is None else model.points
+    width, height = MAXIMUM_SPEED_MM_S / DIVISIONS, MAXIMUM_FORCE_N / DIVISIONS
+    corners = (CELL_CENTRES - 0.5 / DIVISIONS) * (MAXIMUM_SPEED_MM_S, MAXIMUM_FORCE_N)
+    cells = PatchCollection(
+        [Rectangle((x, y), width, height) for x, y in corners],
+        cmap=_CELL_MAP,
+        alpha=0.75,
+        edgecolor="white",
+        linewidth=1.5,
+        zorder=0,
+    )
+    cells.set_array(np.minimum(cell_distances(points), 3.0))
+    cells.set_clim(0.0, limit)
+    axis.add_collection(cells)
+    return cells
+
+
+def _draw_model(axis: Axes, model: TextureModel) -> None:
+    vertices = model.vertices[:, :2] * model.space.scale
+    corners = model.triangles[:, :3]
+    axis.triplot(vertices[:, 0], vertices[:, 1], corners, color="#6b7280", lw=0.5, zorder=1)
+    axis.scatter(
+        vertices[:, 0],
+        vertices[:, 1],
+        s=10,
+        c="w",
+        edgecolors="#6b7280",
+        lw=0.7,
+        zorder=2,
+        clip_on=False,
+    )
+    samples = model.points * model.space.scale
+    axis.scatter(
+        samples[:, 0],
+        samples[:, 1],
+        s=17,
+        c=_RED,
+        edgecolors="w",
+        lw=0.5,
+        zorder=3,
+    )
