@@ -146,6 +146,17 @@ def test_two_models_may_grow_from_one():
     assert_valid(other)
 
 
+def test_a_grown_model_follows_levels_that_have_all_changed():
+    samples = make_samples(anywhere(40, ISOTROPIC), ISOTROPIC)
+    model = TextureModel(samples, interpolator="rbf")
+    louder = TextureSamples(samples.inputs, samples.lsf, samples.variance, 3.0 * samples.power)
+    grown = TextureModel(louder, interpolator="rbf", previous=model)
+    assert grown.interpolant.growth is model.interpolant.growth
+    at = anywhere(50, ISOTROPIC).T
+    np.testing.assert_allclose(grown.at(*at)[1], 3.0 * model.at(*at)[1], rtol=1e-9)
+    np.testing.assert_array_equal(grown.at(*at)[0], model.at(*at)[0])
+
+
 def test_settings_are_chosen_anew_when_the_samples_have_doubled():
     samples = make_samples(anywhere(64, ISOTROPIC), ISOTROPIC)
     model = TextureModel(chosen(samples, slice(0, 30)), interpolator="rbf")

@@ -137,3 +137,16 @@ def test_adding_costs_less_than_solving_the_more_samples_there_are():
         ratios.append((time.process_time() - started) / np.median(adding))
     assert ratios[1] > 3.0
     assert system.solutions == 1
+
+
+def test_values_may_be_replaced():
+    generator = np.random.default_rng(5)
+    points, values = _samples(generator, 60, generator.standard_normal((3, 2)))
+    points[9] = points[4]
+    system = RadialBasisSystem(points, values, RadialBasisSettings("cubic", 1, smoothing=1e-3))
+    system.replace({index: np.cos(value) for index, value in enumerate(values)})
+    other = RadialBasisSystem(points, np.cos(values), system.settings)
+    np.testing.assert_allclose(
+        system.network().at(QUERIES[3]), other.network().at(QUERIES[3]), atol=1e-12
+    )
+    assert system.solutions == 1

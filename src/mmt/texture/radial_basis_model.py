@@ -12,7 +12,6 @@ Kernel, degree and smoothing of either network are chosen by leave-one-out error
 the number of samples has doubled or halved, which adds O(n^2) to each sample's cost.
 """
 
-from collections import Counter
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -42,7 +41,7 @@ _RING: Final = 12
 _LARGEST_LEVEL: Final = 2.0**10  # in units of the first samples' largest
 
 Row = bytes
-"""A point and its values, as a key."""
+"""A point and its filter, as a key."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +60,7 @@ class RadialBasisInterpolant(Interpolant):
 def build_radial_basis(
     points: FloatArray, values: FloatArray, previous: Interpolant | None
 ) -> RadialBasisInterpolant:
-    """Build the networks of samples (n, d) with level and LSF (n, 1 + order), or grow them.
+    """Build the networks of distinct samples (n, d) with level and LSF (n, 1 + order).
 
     The systems of `previous` go on where they have not grown elsewhere since; where many of
     the samples are new or gone, they are solved anew. Costs O(n^2) for every sample more or
@@ -105,33 +104,37 @@ class _Growth:
         filters = values[:, 1:]
         self._level = RadialBasisSystem(around, levels, _chosen(around, levels))
         self._filters = RadialBasisSystem(points, filters, _chosen(points, filters))
-        self._handles: dict[Row, list[tuple[int, int]]] = {}
-        for index, row in enumerate(_rows(points, values)):
-            self._handles.setdefault(row, []).append((index, index))
+        handles = enumerate(_rows(points, filters))
+        self._handles = {row: (index, index) for index, row in handles}
 
     def follow(self, points: FloatArray, values: FloatArray) -> bool:
-        """Let samples come and go; say whether that is better than to begin anew."""
-        wanted = Counter(_rows(points, values))
-        present = Counter({row: len(handles) for row, handles in self._handles.items()})
-        gone, new = present - wanted, wanted - present
+        """Let samples come and go; say whether that is better than to begin anew.
+
+        Samples are known by their points and filters; the levels may all have changed.
+        """
+        rows = _rows(points, values[:, 1:])
+        gone, new = self._handles.keys() - set(rows), set(rows) - self._handles.keys()
         largest = float(values[:, 0].max()) / self._unit
         if (
             not self._chosen_at / 2 < len(points) < 2 * self._chosen_at
-            or gone.total() + new.total() > len(points) // 4
+            or len(gone) + len(new) > len(points) // 4
             or not (largest == 0.0 or 1.0 / _LARGEST_LEVEL < largest < _LARGEST_LEVEL)
         ):
             return False
         self.state += 1
-        for row in new.elements():
-            numbers = np.frombuffer(row)
-            point, value = numbers[: points.shape[1]], numbers[points.shape[1] :]
-            level = self._level.add(point, value[:1] / self._unit)
-            self._handles.setdefault(row, []).append((level, self._filters.add(point, value[1:])))
-        for row in gone.elements():
-            level, filters = self._handles[row].pop()
+        for row in rows:
+            if row in new:
+                point, filters = np.split(np.frombuffer(row), [points.shape[1]])
+                level = self._level.add(point, np.zeros(1))
+                self._handles[row] = level, self._filters.add(point, filters)
+        for row in gone:
+            level, filters_handle = self._handles.pop(row)
             self._level.remove(level)
-            self._filters.remove(filters)
-        self._handles = {row: handles for row, handles in self._handles.items() if handles}
+            self._filters.remove(filters_handle)
+        levels = values[:, :1] / self._unit
+        self._level.replace(
+            {self._handles[row][0]: level for row, level in zip(rows, levels, strict=True)}
+        )
         return True
 
     def interpolant(self, points: FloatArray, values: FloatArray) -> RadialBasisInterpolant:
@@ -154,8 +157,8 @@ class _Growth:
         )
 
 
-def _rows(points: FloatArray, values: FloatArray) -> list[Row]:
-    return [row.tobytes() for row in np.hstack([points, values])]
+def _rows(points: FloatArray, filters: FloatArray) -> list[Row]:
+    return [row.tobytes() for row in np.hstack([points, filters])]
 
 
 def _chosen(points: FloatArray, values: FloatArray) -> RadialBasisSettings:

@@ -14,6 +14,7 @@ its inverse, O(n^2), give
   refinement can make good, the system is solved anew, at O(n^3).
 """
 
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -113,6 +114,19 @@ class RadialBasisSystem:
             self._share(centre)
         elif not self._take_out(centre, last):
             self._solve()
+
+    def replace(self, values: Mapping[int, FloatArray]) -> None:
+        """Give samples, by their handles, other values (m,). O(n^2 m) for any number of them.
+
+        Raises
+        ------
+        InputError
+            There is no such sample, or the values are out of their range.
+        """
+        for handle, value in values.items():
+            self._table.replace(handle, value)
+        self._solution[: self._size] = self._inverse[: self._size, : self._size] @ self._wanted()
+        self._refine()
 
     def leave_one_out(self) -> FloatArray:
         """Return how far the network without a centre is from that centre's values, (c, m).

@@ -115,6 +115,14 @@ class SampleTable:
             for moved in self.handles[centre]:
                 self._centres[moved] = centre
 
+    def replace(self, handle: int, values: FloatArray) -> None:
+        """Give a sample other values (m,); raises `InputError` as `add` does."""
+        centre = self.centre_of(handle)
+        values = np.asarray(values, float)
+        self._check(self._points[centre], values)
+        self._samples[handle] = values.copy()
+        self._average(centre)
+
     def _average(self, centre: int) -> None:
         members = [self._samples[handle] for handle in self.handles[centre]]
         self._values[centre] = np.mean(members, axis=0)
