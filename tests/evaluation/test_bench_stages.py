@@ -10,12 +10,14 @@ from mmt.evaluation.bench import (
     contact,
     interpolation,
     lines,
+    networks,
     order,
     pipeline,
     signals,
     synthesis,
     update,
 )
+from mmt.evaluation.bench.network_methods import DELAUNAY, OURS
 from mmt.evaluation.bench.plotting import stage_figure
 from mmt.evaluation.bench.results import LeftOut
 from mmt.evaluation.figures import to_png
@@ -48,6 +50,19 @@ PLANS = {
         interpolation,
         interpolation.Plan(
             surfaces=("mesh",), counts=(10, 60), table_count=60, order=8, draws=1, rounds=2
+        ),
+    ),
+    "networks": (
+        networks,
+        networks.Plan(
+            counts=(20, 80),
+            compared_at=80,
+            order=6,
+            queries=30,
+            rounds=2,
+            system_counts=(40, 200),
+            changes=60,
+            kept=40,
         ),
     ),
     "synthesis": (
@@ -173,6 +188,24 @@ def test_more_samples_and_linear_power_interpolate_better(results):
     rows = results["interpolation"].records[0].rows
     floor = next(row for row in rows if row["interpolation"] == interpolation.FLOOR)
     assert floor["power error (dB)"] < 1e-6
+
+
+def test_networks_meet_smooth_textures_better_and_grow(results):
+    result = results["networks"]
+    for panel in result.panels:
+        for curve in panel.curves:
+            assert [point.knob for point in curve.points] == [20, 80]
+        if panel.y is not networks.ADDING:
+            at = {curve.method: errors(panel, curve.method)[80] for curve in panel.curves}
+            assert at[OURS] < at[DELAUNAY]
+    met = {
+        target.what: target.met for target in result.targets if "solution over" not in target.what
+    }
+    assert len(met) == 3
+    assert all(met.values())
+    cost, sequence = result.records
+    assert [row["samples"] for row in cost.rows] == [40, 200]
+    assert all(row["difference of leave-one-out errors"] < 1e-8 for row in sequence.rows)
 
 
 def test_a_rarer_renewal_changes_more(results):

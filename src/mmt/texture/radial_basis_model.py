@@ -106,6 +106,7 @@ class _Growth:
         self._filters = RadialBasisSystem(points, filters, _chosen(points, filters))
         handles = enumerate(_rows(points, filters))
         self._handles = {row: (index, index) for index, row in handles}
+        self._levels = dict(zip(self._handles, values[:, 0] / self._unit, strict=True))
 
     def follow(self, points: FloatArray, values: FloatArray) -> bool:
         """Let samples come and go; say whether that is better than to begin anew.
@@ -122,19 +123,21 @@ class _Growth:
         ):
             return False
         self.state += 1
+        levels = dict(zip(rows, values[:, 0] / self._unit, strict=True))
         for row in rows:
             if row in new:
                 point, filters = np.split(np.frombuffer(row), [points.shape[1]])
-                level = self._level.add(point, np.zeros(1))
-                self._handles[row] = level, self._filters.add(point, filters)
+                level_handle = self._level.add(point, levels[row][None])
+                self._handles[row] = level_handle, self._filters.add(point, filters)
+                self._levels[row] = levels[row]
         for row in gone:
-            level, filters_handle = self._handles.pop(row)
-            self._level.remove(level)
+            level_handle, filters_handle = self._handles.pop(row)
+            self._level.remove(level_handle)
             self._filters.remove(filters_handle)
-        levels = values[:, :1] / self._unit
-        self._level.replace(
-            {self._handles[row][0]: level for row, level in zip(rows, levels, strict=True)}
-        )
+            del self._levels[row]
+        if self._levels != levels:
+            self._level.replace({self._handles[row][0]: levels[row][None] for row in rows})
+            self._levels = levels
         return True
 
     def interpolant(self, points: FloatArray, values: FloatArray) -> RadialBasisInterpolant:

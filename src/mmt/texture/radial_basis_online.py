@@ -123,8 +123,7 @@ class RadialBasisSystem:
         InputError
             There is no such sample, or the values are out of their range.
         """
-        for handle, value in values.items():
-            self._table.replace(handle, value)
+        self._table.replace(values)
         self._solution[: self._size] = self._inverse[: self._size, : self._size] @ self._wanted()
         self._refine()
 

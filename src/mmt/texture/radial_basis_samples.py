@@ -1,5 +1,6 @@
 """The samples of a radial basis function network, those that coincide put together."""
 
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -115,13 +116,18 @@ class SampleTable:
             for moved in self.handles[centre]:
                 self._centres[moved] = centre
 
-    def replace(self, handle: int, values: FloatArray) -> None:
-        """Give a sample other values (m,); raises `InputError` as `add` does."""
-        centre = self.centre_of(handle)
-        values = np.asarray(values, float)
-        self._check(self._points[centre], values)
-        self._samples[handle] = values.copy()
-        self._average(centre)
+    def replace(self, values: Mapping[int, FloatArray]) -> None:
+        """Give samples, by their handles, other values (m,); raises `InputError` as `add` does."""
+        rows = [(self.centre_of(handle), handle) for handle in values]
+        stacked = np.stack([np.asarray(value, float) for value in values.values()])
+        self._check(self._points[0], stacked[0])
+        _check_size(stacked)
+        for (centre, handle), value in zip(rows, stacked, strict=True):
+            self._samples[handle] = value
+            if len(self.handles[centre]) == 1:
+                self._values[centre] = value
+            else:
+                self._average(centre)
 
     def _average(self, centre: int) -> None:
         members = [self._samples[handle] for handle in self.handles[centre]]
@@ -138,8 +144,7 @@ class SampleTable:
             raise InputError(
                 f"point {point.tolist()}: normalised coordinates are {LARGEST_COORDINATE:g} at most"
             )
-        if not (np.abs(values) <= LARGEST_VALUE).all():
-            raise InputError(f"values must be finite and at most {LARGEST_VALUE:g}")
+        _check_size(values)
 
     def _make_room(self) -> None:
         if len(self) == len(self._points):
@@ -147,3 +152,8 @@ class SampleTable:
             self._points = np.pad(self._points, ((0, more), (0, 0)))
             self._values = np.pad(self._values, ((0, more), (0, 0)))
             self._counts = np.pad(self._counts, (0, more))
+
+
+def _check_size(values: FloatArray) -> None:
+    if not (np.abs(values) <= LARGEST_VALUE).all():
+        raise InputError(f"values must be finite and at most {LARGEST_VALUE:g}")

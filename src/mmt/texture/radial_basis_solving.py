@@ -113,39 +113,43 @@ def polynomial_basis(
 
 
 class Complement:
-    """The orthogonal complement of r orthonormal columns (n, r), by Householder reflections."""
+    """The orthogonal complement of r orthonormal columns (n, r), by Householder reflections.
+
+    Their product is kept as ``Q = I - V T V^T`` (Schreiber and Van Loan, "A storage-efficient
+    WY representation for products of Householder transformations", SIAM J. Sci. Stat. Comput.
+    10 (1989), 53-57), so that turning a matrix costs O(n^2 r).
+    """
 
     def __init__(self, columns: FloatArray) -> None:
-        self.count, self.rank = columns.shape
-        if self.rank:
-            (self._reflectors, self._tau), _ = qr(columns, mode="raw")
+        count, self.rank = columns.shape
+        (reflectors, tau), _ = qr(columns, mode="raw") if self.rank else ((columns, []), None)
+        self._v = np.tril(reflectors, -1) + np.eye(count, self.rank)
+        self._t = np.zeros((self.rank, self.rank))
+        for i, factor in enumerate(tau):
+            self._t[:i, i] = -factor * (self._t[:i, :i] @ (self._v[:, :i].T @ self._v[:, i]))
+            self._t[i, i] = factor
 
     def reduce(self, matrix: FloatArray) -> FloatArray:
         """Return the block (n - r, n - r) of a symmetric matrix (n, n) on the complement."""
-        turned = self._turn("R", "N", self._turn("L", "T", matrix))
-        return turned[self.rank :, self.rank :]
+        return self._turned(matrix, self._t)[self.rank :, self.rank :]
 
     def expand(self, block: FloatArray) -> FloatArray:
         """Return the symmetric matrix (n, n) of a block on the complement, zero elsewhere."""
-        full = np.zeros((self.count, self.count), order="F")
-        full[self.rank :, self.rank :] = block
-        full = self._turn("R", "T", self._turn("L", "N", full))
-        return 0.5 * (full + full.T)
+        return self._turned(np.pad(block, ((self.rank, 0), (self.rank, 0))), self._t.T)
 
     def raise_columns(self, columns: FloatArray) -> FloatArray:
         """Return columns (n, c) of coordinates (n - r, c) in the complement."""
-        padded = np.zeros((self.count, columns.shape[1]), order="F")
-        padded[self.rank :] = columns
-        return self._turn("L", "N", padded)
+        padded = np.pad(columns, ((self.rank, 0), (0, 0)))
+        raised: FloatArray = padded - self._v @ (self._t @ (self._v.T @ padded))
+        return raised
 
-    def _turn(self, side: str, transposed: str, matrix: FloatArray) -> FloatArray:
-        if not self.rank:
-            return matrix
-        size = 64 * max(1, *matrix.shape)
-        turned, _, _ = lapack.dormqr(
-            side, transposed, self._reflectors, self._tau, np.asfortranarray(matrix), size
-        )
-        return np.asarray(turned)
+    def _turned(self, matrix: FloatArray, t: FloatArray) -> FloatArray:
+        """Return ``(I - V T V^T)^T matrix (I - V T V^T)``, exactly symmetric."""
+        right = matrix @ (self._v @ t)
+        right -= 0.5 * (self._v @ (t.T @ (self._v.T @ right)))
+        half = self._v @ right.T
+        turned: FloatArray = matrix - (half + half.T)
+        return turned
 
 
 def smoothed_matrix(

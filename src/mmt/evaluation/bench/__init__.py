@@ -14,6 +14,7 @@ STAGES: Final = {
     "burg": "mmt.evaluation.bench.burg",
     "lines": "mmt.evaluation.bench.lines",
     "interpolation": "mmt.evaluation.bench.interpolation",
+    "networks": "mmt.evaluation.bench.networks",
     "synthesis": "mmt.evaluation.bench.synthesis",
     "update": "mmt.evaluation.bench.update",
     "order": "mmt.evaluation.bench.order",
