@@ -103,10 +103,12 @@ def _build_nearest(
 def _build_radial_basis(
     points: FloatArray, values: FloatArray, samples: int, previous: Interpolant | None
 ) -> Interpolant:
-    """Solve for the samples alone, or let an earlier solution grow, O(n^2) a sample."""
+    """Solve for samples and silence, or let an earlier solution grow, O(n^2) a sample."""
     from mmt.texture.radial_basis_model import build_radial_basis  # it needs `Interpolant`
 
-    return build_radial_basis(points[:samples], values[:samples], previous)
+    is_silent = values[:, 0] == 0.0
+    is_silent[:samples] = False
+    return build_radial_basis(points[:samples], values[:samples], points[is_silent], previous)
 
 
 def _joined(points: FloatArray, values: FloatArray) -> FloatArray:

@@ -32,7 +32,7 @@ class Bounds(NamedTuple):
 
     ``level_epsilon`` and ``filter_epsilon`` are squared shape parameters, ``gap`` the least
     one of LSF in rad, ``unit`` what the level is in units of, ``slowest`` and ``lightest``
-    the least normalised speed and force of a sample.
+    the least normalised speed and force of a sample, 0 where no place is silent.
     """
 
     level_epsilon: float

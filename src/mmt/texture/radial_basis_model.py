@@ -1,8 +1,8 @@
 """A texture model by radial basis function networks, which grows at O(n^2) a sample.
 
 One network gives the line spectral frequencies (LSF) and goes over the samples alone; the
-other gives the level and has, besides, points at rest and without force at which it is zero.
-There a hand feels nothing, but no filter belongs to them: a copy of the nearest sample's, as
+other gives the level and has, besides, the points of the boundary at which it is zero. There a
+hand feels nothing, but no filter belongs to them: a copy of the nearest sample's, as
 the boundary of a triangulation needs it, would be data that contradicts the samples.
 
 The level is interpolated as it is and clamped, not by its logarithm: a logarithm has no zero,
@@ -37,7 +37,6 @@ LEVEL_ROOM: Final = 2.0
 """The level may be so many times the samples' largest: it goes on rising beyond the fastest and
 strongest of them, and an extrapolation gone wild is held."""
 
-_RING: Final = 12
 _LARGEST_LEVEL: Final = 2.0**10  # in units of the first samples' largest
 
 Row = bytes
@@ -58,47 +57,34 @@ class RadialBasisInterpolant(Interpolant):
 
 
 def build_radial_basis(
-    points: FloatArray, values: FloatArray, previous: Interpolant | None
+    points: FloatArray, values: FloatArray, silent: FloatArray, previous: Interpolant | None
 ) -> RadialBasisInterpolant:
     """Build the networks of distinct samples (n, d) with level and LSF (n, 1 + order).
 
-    The systems of `previous` go on where they have not grown elsewhere since; where many of
-    the samples are new or gone, they are solved anew. Costs O(n^2) for every sample more or
-    less, or O(n^3).
+    At the points `silent` (s, d) the level is zero. The systems of `previous` go on where they
+    have not grown elsewhere since; where many of the samples are new or gone, they are solved
+    anew. Costs O(n^2) for every sample more or less, or O(n^3).
     """
     growth = previous.growth if isinstance(previous, RadialBasisInterpolant) else None
     if (
         growth is None
         or growth.state != getattr(previous, "state", None)
+        or not np.array_equal(growth.silent, silent)
         or not growth.follow(points, values)
     ):
-        growth = _Growth(points, values)
+        growth = _Growth(points, values, silent)
     return growth.interpolant(points, values)
-
-
-def silent_points(dimensions: int) -> FloatArray:
-    """Return normalised points (s, d) at which a hand rests or does not press.
-
-    Of the plane its two edges; of the cylinder its axis and the face without force.
-    """
-    steps = np.arange(6) / 5
-    if dimensions == 2:
-        return np.array([[s, 0.0] for s in steps] + [[0.0, s] for s in steps[1:]])
-    heading = 2.0 * np.pi * np.arange(_RING) / _RING
-    ring = np.column_stack([np.cos(heading), np.sin(heading), np.zeros(_RING)])
-    axis = np.column_stack([np.zeros((6, 2)), steps])
-    return np.vstack([axis, 0.5 * ring[::2], ring])
 
 
 class _Growth:
     """The systems of level and filters over the same samples."""
 
-    def __init__(self, points: FloatArray, values: FloatArray) -> None:
+    def __init__(self, points: FloatArray, values: FloatArray, silent: FloatArray) -> None:
+        self.silent = silent
         largest = float(values[:, 0].max())
         self._unit = 2.0 ** float(np.floor(np.log2(largest))) if largest > 0.0 else 1.0
         self._chosen_at = len(points)
         self.state = 0
-        silent = silent_points(points.shape[1])
         around = np.vstack([points, silent])
         levels = np.vstack([values[:, :1] / self._unit, np.zeros((len(silent), 1))])
         filters = values[:, 1:]
@@ -144,13 +130,14 @@ class _Growth:
         """Return both networks as they are, with the bounds of these samples."""
         level, filters = self._level.network(), self._filters.network()
         speed = points[:, 0] if points.shape[1] == 2 else np.hypot(points[:, 0], points[:, 1])
+        slowest, lightest = float(speed.min()), float(points[:, -1].min())
         bounds = Bounds(
             level.settings.epsilon**2,
             filters.settings.epsilon**2,
             least_gap(values[:, 1:]),
             self._unit,
-            float(speed.min()),
-            float(points[:, -1].min()),
+            slowest if len(self.silent) else 0.0,
+            lightest if len(self.silent) else 0.0,
         )
         limits = values.min(axis=0), values.max(axis=0)
         limits[1][0] *= LEVEL_ROOM

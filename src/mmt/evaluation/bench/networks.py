@@ -71,7 +71,8 @@ def run(plan: Plan | None = None) -> StageResult:
             f"Samples scattered over the plane of speed and force ({plan.plane}) and over the "
             f"space of velocity and force ({plan.headings}), each with the exact filter of order "
             f"{plan.order} and the exact power there. Errors against the texture itself in "
-            f"{plan.queries} other strokes. A network's build includes the choice of kernel and "
+            f"{plan.queries} other strokes, at a tenth of the largest speed and force or more. "
+            "A network's build includes the choice of kernel and "
             "smoothing by leave-one-out error; scipy's has its defaults. What scipy returns is "
             "made a valid filter outside the time. Peers add a sample by building anew."
         ),
@@ -85,20 +86,24 @@ def run(plan: Plan | None = None) -> StageResult:
 
 
 def _strokes(
-    count: int, seed: int, has_heading: bool
+    count: int, seed: int, least: float, has_heading: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-    """Return speeds, forces and headings (count,) of strokes, even over the space."""
+    """Return speeds, forces and headings (count,) of strokes, even over the space.
+
+    None is below the share `least` of the largest speed and force.
+    """
     generator = np.random.default_rng(seed)
-    even = generator.uniform(0.05, 1.0, (2, count))
-    speed = np.sqrt(even[0]) if has_heading else even[0]
+    power = 2.0 if has_heading else 1.0  # as many strokes in every part of the velocity's disc
+    speed = generator.uniform(least**power, 1.0, count) ** (1.0 / power)
+    force = generator.uniform(least, 1.0, count)
     heading = generator.uniform(-np.pi, np.pi, count) if has_heading else None
-    return speed * MAXIMUM_SPEED_MM_S, even[1] * MAXIMUM_FORCE_N, heading
+    return speed * MAXIMUM_SPEED_MM_S, force * MAXIMUM_FORCE_N, heading
 
 
 def _panels(words: str, name: str, has_heading: bool, plan: Plan) -> list[Panel]:
     surface = get_surface(name)
-    known = Known(surface, *_strokes(plan.queries, 1, has_heading))
-    speed, force, heading = _strokes(max(plan.counts) + plan.rounds, 0, has_heading)
+    known = Known(surface, *_strokes(plan.queries, 1, 0.1, has_heading))
+    speed, force, heading = _strokes(max(plan.counts) + plan.rounds, 0, 0.05, has_heading)
     samples = exact_samples(surface, speed, force, plan.order, heading)
     level, shape, adding = Curves(), Curves(), Curves()
     for count in plan.counts:
