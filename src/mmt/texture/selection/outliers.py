@@ -39,7 +39,7 @@ _WORDS: Final = {
     "level": "it is louder than its neighbours",
     "burst": "a burst stands out of the rest of the segment",
     "loud burst": "a burst is louder than its neighbours allow",
-    "tone burst": "a burst of a tone stands out of the rest of the segment",
+    "tone burst": "a burst of a tone is louder than its neighbours allow",
 }
 
 

@@ -18,8 +18,7 @@ from mmt.texture.selection.points import band
 SHORT: Final = 16
 LONG: Final = 32
 TILE: Final = 64
-_STEP: Final = TILE // 4
-_ACROSS: Final = 3  # neighbouring frequencies of a tile
+_STEP: Final = TILE // 8
 
 
 class Whitening(NamedTuple):
@@ -72,12 +71,13 @@ def bursts(segments: Sequence[FloatArray], filters: Whitening) -> FloatArray:
     """Return the logarithms of three ratios for each segment, shape (n, 3).
 
     The loudest `SHORT` samples of the prediction error over the median such stretch; the
-    loudest `LONG` over the variance that was expected; the loudest tile of `TILE` samples by
-    three frequencies over the median of all. Zero where a segment is too short to tell.
+    loudest `LONG` over the variance that was expected; the loudest frequency of any `TILE`
+    samples over the same. Zero where a segment is too short to tell.
     """
     result = np.zeros((len(segments), 3))
     tiny = np.finfo(np.float64).tiny
     window = np.hanning(TILE + 2)[1:-1]
+    energy = float(np.sum(window**2))
     for index, segment in enumerate(segments):
         x = np.ascontiguousarray(segment, dtype=np.float64)
         error = np.empty(max(0, len(x) - filters.ar.shape[1]))
@@ -91,14 +91,12 @@ def bursts(segments: Sequence[FloatArray], filters: Whitening) -> FloatArray:
         _means(squares, LONG, long)
         pieces = np.lib.stride_tricks.sliding_window_view(error, TILE)[::_STEP] * window
         spectrum = np.fft.rfft(pieces, axis=1)[:, 1:-1]
-        power = spectrum.real**2 + spectrum.imag**2
-        sums = np.cumsum(np.pad(power, ((0, 0), (1, 0))), axis=1)
-        tiles = (sums[:, _ACROSS:] - sums[:, :-_ACROSS]) / _ACROSS
+        loudest_tone = (spectrum.real**2 + spectrum.imag**2).max() / energy
         result[index] = np.log(
             [
                 max(short.max(), tiny) / max(np.median(short), tiny),
                 max(long.max(), tiny) / max(filters.variance[index], tiny),
-                max(tiles.max(), tiny) / max(np.median(power), tiny),
+                max(loudest_tone, tiny) / max(filters.variance[index], tiny),
             ]
         )
     return result

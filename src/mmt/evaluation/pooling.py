@@ -1,0 +1,200 @@
+"""Samples of several trials in one: from sessions, with their segments, or from saved models."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from mmt.arrays import BoolArray
+from mmt.errors import InputError, MmtError
+from mmt.session import RecordedSession
+from mmt.texture.autoregression import reflection_to_lsf
+from mmt.texture.burg import burg_batch
+from mmt.texture.filtering import StreamFilter
+from mmt.texture.inputs import InputSpace
+from mmt.texture.metrics import gfc_of_rows
+from mmt.texture.model import TextureModel
+from mmt.texture.modelling import HIGHEST_AUTOMATIC_ORDER, ORDER_SEGMENTS
+from mmt.texture.ordering import choose_order
+from mmt.texture.samples import TextureSamples
+from mmt.texture.segmentation import Segment, SegmentationSettings, segment
+from mmt.texture.selection import ModelPoints
+from mmt.texture.selection.leave_one_out import DelaunayNeighbours
+from mmt.texture.selection.points import amplitude_of
+from mmt.texture.selection.published import spectral_error
+from mmt.texture.settings import ModellingSettings
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Samples of one texture from all that was named.
+
+    ``data`` holds them as points with, from sessions, their segments; ``origin`` says where
+    each came from; ``settings`` how a model is to be built from them.
+    """
+
+    samples: TextureSamples
+    data: ModelPoints
+    origin: tuple[str, ...]
+    settings: ModellingSettings
+
+    def model(self, kept: BoolArray) -> TextureModel:
+        """Return the model of some of the samples, shape (n,)."""
+        samples = self.samples
+        return TextureModel(
+            TextureSamples(
+                samples.inputs[kept],
+                samples.lsf[kept],
+                samples.variance[kept],
+                samples.power[kept],
+                samples.space,
+            ),
+            interpolate=self.settings.interpolate,
+            interpolator=self.settings.interpolator,
+            rate_hz=self.settings.rate_hz,
+        )
+
+
+def pool_sessions(sessions: Sequence[RecordedSession], settings: ModellingSettings) -> Pool:
+    """Segment whole sessions, and fit all segments at one common order.
+
+    Raises
+    ------
+    MmtError
+        There are no steady strokes.
+    """
+    segments: list[Segment] = []
+    origin: list[str] = []
+    cut = SegmentationSettings(
+        straightness_mm=settings.straightness_mm,
+        stationarity=settings.stationarity,
+        shortest_samples=settings.shortest_samples,
+        longest_samples=settings.longest_samples,
+        least_speed_mm_s=settings.least_speed_mm_s,
+        least_force_n=settings.least_force_n,
+    )
+    for session in sessions:
+        stream = StreamFilter(normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz)
+        found = segment(stream.process(session.frames), cut)
+        found = [part for part in found if part.vibration_m_s2.any()]
+        segments += found
+        origin += [str(session.path)] * len(found)
+    if not segments:
+        raise MmtError("too few steady strokes: there is no segment to select from")
+    vibration = [part.vibration_m_s2 for part in segments]
+    largest = min(HIGHEST_AUTOMATIC_ORDER, settings.shortest_samples // 4)
+    order = settings.order
+    if order == "auto":
+        order = choose_order(vibration[-ORDER_SEGMENTS:], largest=largest)
+    fits = burg_batch(vibration, order)
+    space = InputSpace(settings.inputs)
+    inputs = [
+        (*part.velocity_mm_s, part.force_n) if space.directed else (part.speed_mm_s, part.force_n)
+        for part in segments
+    ]
+    samples = TextureSamples(
+        np.array(inputs),
+        reflection_to_lsf(fits.reflection),
+        fits.variances[:, -1],
+        fits.variances[:, 0],
+        space,
+    )
+    data = ModelPoints(samples.points, samples.lsf, samples.variance, vibration)
+    return Pool(samples, data, tuple(origin), settings)
+
+
+def pool_models(models: Sequence[TextureModel], names: Sequence[str]) -> Pool:
+    """Put the samples of saved models together.
+
+    Raises
+    ------
+    InputError
+        The models differ in order, in rate or in their inputs, or a sample has no variance.
+    """
+    first = models[0]
+    for model, name in zip(models, names, strict=True):
+        for what, mine, theirs in (
+            ("order", first.order, model.order),
+            ("rate", first.rate_hz, model.rate_hz),
+            ("inputs", first.space, model.space),
+        ):
+            if mine != theirs:
+                raise InputError(
+                    f"model {name}: its {what} is {theirs}, that of {names[0]} {mine}; "
+                    "name models that agree, or the sessions that they were built from"
+                )
+    parts = [model.samples for model in models]
+    samples = TextureSamples(
+        np.concatenate([part.inputs for part in parts]),
+        np.concatenate([part.lsf for part in parts]),
+        np.concatenate([part.variance for part in parts]),
+        np.concatenate([part.power for part in parts]),
+        first.space,
+    )
+    settings = ModellingSettings(
+        interpolate=first.interpolate,
+        interpolator=first.interpolator,
+        inputs=first.space.name,
+        rate_hz=first.rate_hz,
+    )
+    data = ModelPoints(samples.points, samples.lsf, samples.variance)
+    origin = [name for name, part in zip(names, parts, strict=True) for _ in range(len(part))]
+    return Pool(samples, data, tuple(origin), settings)
+
+
+_KEYS: Final = ("spectral_error", "gfc", "power_error_db")
+
+
+def left_out_errors(
+    data: ModelPoints, outlier: BoolArray, kept: BoolArray
+) -> dict[str, dict[str, float] | int]:
+    """Compare the models before and after a selection at the places of the good points.
+
+    Each is left out where it is in the model that is asked. Before, the outliers are in it.
+
+    Returns
+    -------
+    dict
+        ``before`` and ``after``: mean relative spectral error, mean GFC of the filters'
+        exact amplitude spectra, rms of the power error in dB. ``places``: how many could be
+        asked of both.
+    """
+    values = np.column_stack([data.lsf, data.variance])
+    models = [
+        DelaunayNeighbours(data.points, values, present)
+        for present in (np.ones(len(data), dtype=np.bool_), kept)
+    ]
+    asked = [
+        (index, predictions)
+        for index in np.flatnonzero(~outlier).tolist()
+        if all((predictions := [m.predict(index) for m in models])[k] is not None for k in (0, 1))
+    ]
+    result: dict[str, dict[str, float] | int] = {"places": len(asked)}
+    if not asked:
+        return result
+    places = [index for index, _ in asked]
+    truth = amplitude_of(data.lsf[places], data.variance[places])
+    for number, name in enumerate(("before", "after")):
+        rows = np.array([predictions[number] for _, predictions in asked])
+        estimate = amplitude_of(rows[:, :-1], rows[:, -1])
+        power_db = 10.0 * np.log10((estimate**2).mean(axis=1) / (truth**2).mean(axis=1))
+        figures = (
+            spectral_error(estimate, truth).mean(),
+            gfc_of_rows(estimate, truth).mean(),
+            np.sqrt(np.mean(power_db**2)),
+        )
+        result[name] = dict(zip(_KEYS, map(float, figures), strict=True))
+    return result
+
+
+def is_model(path: Path) -> bool:
+    """Say whether a file is a texture model, by what is in it."""
+    if path.suffix.lower() != ".npz":
+        return False
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            return "lsf_rad" in arrays.files
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: {error}") from error

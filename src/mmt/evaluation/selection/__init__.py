@@ -1,0 +1,1 @@
+"""Sample selection on simulated trials with planted knocks: published against ours."""
