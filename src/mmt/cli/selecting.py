@@ -8,7 +8,7 @@ import typer
 from mmt.cli.common import messages, output, write_json
 from mmt.cli.models import SUFFIX, save
 from mmt.errors import InputError
-from mmt.scene import Texture
+from mmt.texture_table import Texture
 
 if TYPE_CHECKING:
     from mmt.evaluation.pooling import Pool

@@ -65,6 +65,7 @@ def pool_sessions(sessions: Sequence[RecordedSession], settings: ModellingSettin
     MmtError
         There are no steady strokes.
     """
+    space = InputSpace(settings.inputs)
     segments: list[Segment] = []
     origin: list[str] = []
     cut = SegmentationSettings(
@@ -74,6 +75,7 @@ def pool_sessions(sessions: Sequence[RecordedSession], settings: ModellingSettin
         longest_samples=settings.longest_samples,
         least_speed_mm_s=settings.least_speed_mm_s,
         least_force_n=settings.least_force_n,
+        by_heading=space.directed,
     )
     for session in sessions:
         stream = StreamFilter(normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz)
@@ -89,13 +91,8 @@ def pool_sessions(sessions: Sequence[RecordedSession], settings: ModellingSettin
     if order == "auto":
         order = choose_order(vibration[-ORDER_SEGMENTS:], largest=largest)
     fits = burg_batch(vibration, order)
-    space = InputSpace(settings.inputs)
-    inputs = [
-        (*part.velocity_mm_s, part.force_n) if space.directed else (part.speed_mm_s, part.force_n)
-        for part in segments
-    ]
     samples = TextureSamples(
-        np.array(inputs),
+        np.array([part.inputs(space) for part in segments]),
         reflection_to_lsf(fits.reflection),
         fits.variances[:, -1],
         fits.variances[:, 0],
