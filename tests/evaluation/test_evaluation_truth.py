@@ -81,7 +81,8 @@ def test_true_power_is_that_of_the_surface(name):
     truth = KnownTexture(surface)
     model = model_of(get_surface("plastic"), order=8)
     speed, force, heading = truth.strokes
-    expected = level_error_db(model, speed, force, surface.power(speed, force, heading))
+    inputs = np.stack([speed, force], axis=-1)
+    expected = level_error_db(model, inputs, surface.power(speed, force, heading))
     np.testing.assert_allclose(truth.compare(model).power_error_db, expected, atol=0.005)
 
 
