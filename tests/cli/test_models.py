@@ -10,6 +10,7 @@ from typer.testing import CliRunner, Result
 from mmt.cli.main import app
 from mmt.devices.simulated.offline import simulate_session
 from mmt.errors import InputError, MmtError
+from mmt.evaluation.building import trials
 from mmt.frames import empty_frames
 from mmt.scene import Scene
 from mmt.session import write_session
@@ -65,6 +66,37 @@ def test_whole_goes_on_past_the_stop_criterion(session_file: Path, tmp_path: Pat
     whole = TextureModel.load(tmp_path / "end.npz")
     assert len(whole.samples) > len(stopped.samples)
     assert distance_sum(whole.points) < distance_sum(stopped.points)
+
+
+def test_several_sessions_give_one_model(session_file: Path, tmp_path: Path) -> None:
+    second = tmp_path / "second.npz"
+    frames, annotations = simulate_session(Scene(), "wood", 6.0, 5)
+    write_session(second, frames, annotations=annotations)
+    counts = []
+    for sources in ([session_file, "--whole"], [second, "--whole"], [session_file, second]):
+        target = tmp_path / f"{len(counts)}.npz"
+        result = run("build", *sources, target, "--json", tmp_path / "b.json")
+        assert result.exit_code == 0, result.output
+        counts.append(len(TextureModel.load(target).samples))
+    assert counts[2] == pytest.approx(counts[0] + counts[1], abs=4)
+    assert counts[2] > max(counts[:2])
+    figures = json.loads((tmp_path / "b.json").read_text())
+    assert figures["sessions"] == [str(session_file), str(second)]
+
+
+def test_no_segment_spans_two_sessions() -> None:
+    frames, _ = simulate_session(Scene(), "wood", 3.0, 3)
+    blocks = trials([frames, frames[500:], frames])
+    joined = np.concatenate([block["sequence"] for block in blocks]).astype(np.int64)
+    steps = np.diff(joined)
+    assert sorted(set(steps.tolist())) == [1, 2]
+    edges = joined[:-1][steps == 2] + 1
+    modeller = OnlineModeller()
+    for block in blocks:
+        modeller.update(block)
+    assert len(modeller.fits) > 6
+    for start, stop in modeller.fits:
+        assert not any(start <= edge < stop for edge in edges)
 
 
 def test_a_scene_says_how_to_model(session_file: Path, tmp_path: Path) -> None:

@@ -24,7 +24,9 @@ app = typer.Typer(no_args_is_help=True, help="Build texture models and look at t
 
 @app.command("build")
 def build_model(
-    source: Annotated[Path, typer.Argument(metavar="SESSION", help="The recorded session.")],
+    sources: Annotated[
+        list[Path], typer.Argument(metavar="SESSION...", help="One or more recorded sessions.")
+    ],
     target: Annotated[Path, typer.Argument(metavar="OUT", help="The model, a .npz file.")],
     scene_file: Annotated[
         Path | None, typer.Option("--scene", help="Take \\[texture] from this scene.")
@@ -34,26 +36,33 @@ def build_model(
     ] = False,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
 ) -> None:
-    """Build a session's model as the live leader does, and save it."""
+    """Build a session's model as the live leader does, or one of several, and save it."""
     from mmt.cli.reporting import scene_of
-    from mmt.evaluation.building import build, update_blocks
+    from mmt.evaluation.building import build, trials, update_blocks
 
     if target.suffix.lower() != SUFFIX:
         raise InputError(f"model {target}: the name of a model file must end in {SUFFIX}")
-    session = read_session(source)
-    if len(session.frames) == 0:
-        raise InputError(f"session {source}: it holds no frames, nothing can be modelled")
-    scene = scene_of(session, scene_file)
+    sessions = [read_session(source) for source in sources]
+    for session in sessions:
+        if len(session.frames) == 0:
+            raise InputError(f"session {session.path}: it holds no frames, nothing can be modelled")
+    scene = scene_of(sessions[0], scene_file)
     texture = scene.texture or Texture()
     settings = texture.settings(float(scene.session.rate_hz))
     period_frames = max(1, round(texture.update_period_s * settings.rate_hz))
-    history = build(list(update_blocks(session.frames, period_frames)), settings)
-    model = _chosen(history, whole=whole)
+    blocks = trials([session.frames for session in sessions])
+    if len(blocks) == 1:
+        blocks = list(update_blocks(sessions[0].frames, period_frames))
+    history = build(blocks, settings)
+    model = _chosen(history, whole=whole or len(sessions) > 1)
     if model is None:
-        raise MmtError(f"session {source}: too few steady strokes. {_remark(session, settings)}")
+        raise MmtError(
+            f"session {', '.join(map(str, sources))}: too few steady strokes. "
+            f"{_remark(sessions[0], settings)}"
+        )
     save(model, target)
     figures = {
-        "session": str(source),
+        "sessions": [str(source) for source in sources],
         "start_s": history.start_s,
         "stop_s": history.stop_s,
         **describe(model),

@@ -52,6 +52,22 @@ def update_blocks(frames: RecordArray, period_frames: int) -> Iterator[RecordArr
         start = stop
 
 
+def trials(sessions: Sequence[RecordArray]) -> list[RecordArray]:
+    """Return the frames of several sessions as blocks of one, a block for each.
+
+    They are numbered on, with a frame left out in between: there filters start anew, and no
+    segment reaches from one session into the next.
+    """
+    blocks, following = [], 0
+    for frames in sessions:
+        block = frames.copy()
+        numbers = frames["sequence"].astype(np.int64)
+        block["sequence"] = numbers - int(numbers.min()) + following
+        following = int(block["sequence"].max()) + 2
+        blocks.append(block)
+    return blocks
+
+
 def build(
     blocks: Sequence[RecordArray],
     settings: ModellingSettings,
