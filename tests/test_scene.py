@@ -72,7 +72,7 @@ def test_a_wrong_scene_names_key_value_and_what_is_allowed(
 
 
 def test_files_that_are_no_scene(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"no such file; the examples are demo"):
+    with pytest.raises(InputError, match=r"no such file; the examples are anisotropic, demo"):
         load_scene(tmp_path / "none.toml")
     bad = tmp_path / "bad.toml"
     bad.write_bytes(b"[link\n")

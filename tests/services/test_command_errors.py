@@ -34,7 +34,7 @@ CUT_OFF = "it ends before it was finished; save what is readable with: mmt sessi
 
 CASES = [
     # scenes, with both services
-    ("mmt-leader none.toml", "scene none.toml: no such file; the examples are demo, model-only"),
+    ("mmt-leader none.toml", "scene none.toml: no such file; the examples are anisotropic, demo"),
     ("mmt-leader folder.mcap", "scene folder.mcap: no such file"),
     ("mmt-leader whole.mcap", "scene whole.mcap: not valid TOML"),
     ("mmt-leader no-toml.toml", "scene no-toml.toml: not valid TOML: Expected ']'"),

@@ -102,6 +102,8 @@ EXPECTED: dict[str, set[str]] = {
     "follower model": {*NETWORK, SIMULATED, "mmt.follower.feedback", "mmt.contact.passivity"},
     "leader virtual-lab": {*NETWORK, *MODEL, *FILES, RECORDER, HAND, ACTUATOR},
     "follower virtual-lab": {*NETWORK, DEVICE_SOURCE},
+    "leader anisotropic": {*NETWORK, *MODEL, *FILES, RECORDER, HAND, ACTUATOR},
+    "follower anisotropic": {*NETWORK, SIMULATED},
     "leader devices": {*NETWORK, ACTUATOR},
     "follower devices": {*NETWORK, DEVICE_SOURCE},
 }
@@ -207,7 +209,7 @@ def test_the_numerics_are_where_a_model_is() -> None:
     """Holds the table above: streaming and devices need neither numba nor scipy."""
     with_numerics = {name for name, expected in EXPECTED.items() if expected & NUMERICS}
     assert with_numerics == {
-        f"leader {name}" for name in ("demo", "replay", "model-only", "virtual-lab")
+        f"leader {name}" for name in ("demo", "replay", "model-only", "virtual-lab", "anisotropic")
     }
 
 
