@@ -67,15 +67,15 @@ def test_a_child_that_fails_is_quoted() -> None:
 
 
 def test_a_run_on_emulated_devices_finds_what_holds_on_any_machine() -> None:
-    plan = devices.Plan(set_ups=(SetUp("both", "net_ft", "u6"),), duration_s=1.0, stops=1)
+    plan = devices.Plan(set_ups=(SetUp("both", "net_ft", "adxl335"),), duration_s=1.0, stops=1)
     result = devices.run(plan)
-    assert not result.left_out
+    assert result.left_out == ()
     (row,) = result.records[0].rows
     (clocks,) = result.records[1].rows
     assert 0.0 < row["share of a core"] < 1.0  # type: ignore[operator]
     assert 0.0 < row["tick alone"] < 1.0  # type: ignore[operator]
     assert row["latency p50 (ms)"] > 1.0  # type: ignore[operator]
-    assert row["of"] > 300  # type: ignore[operator]
+    assert row["of"] > 100  # type: ignore[operator]
     assert clocks["seen after, longest (ms)"] > 10.0  # type: ignore[operator]
     imported = result.targets[-1]
     assert imported.what == "set-ups that import scipy or numba"

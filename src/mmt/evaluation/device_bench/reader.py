@@ -25,7 +25,6 @@ from mmt.realtime import be_real_time
 from mmt.ticking import Ticker
 
 _COMMAND_MM: Final = (0.0, 0.0, 5.0)
-_BARE_S: Final = 2.0
 
 
 class Reader:
@@ -35,7 +34,8 @@ class Reader:
     ----------
     job
         ``robot``, ``force_sensor`` and ``accelerometer``, each with ``driver`` and ``options``;
-        ``realtime``, whether it ticks by real-time scheduling.
+        ``realtime``, whether it ticks by real-time scheduling; ``bare_s``, for how long the tick is
+        measured alone.
     """
 
     def __init__(self, job: dict[str, Any]) -> None:
@@ -52,6 +52,7 @@ class Reader:
         self._begun = (0, 0)
         self._keeps = False
         self._realtime: bool = job["realtime"]
+        self._bare_s: float = job["bare_s"]
 
     async def run(self, file: str) -> None:
         """Stream until standard input ends; then write the frames and say what was found."""
@@ -60,7 +61,7 @@ class Reader:
         if self._realtime:
             be_real_time()
         try:
-            self._measured["bare_share"] = await _bare_share()
+            self._measured["bare_share"] = await _bare_share(self._bare_s)
             self.source.start(time.monotonic_ns())
             self.ticker.start()
             loop.add_reader(sys.stdin.fileno(), self._hear)
@@ -109,12 +110,12 @@ class Reader:
         np.savez(file, frames=frames, formed_ns=np.array(formed, dtype=np.int64))
 
 
-async def _bare_share() -> float:
+async def _bare_share(duration_s: float) -> float:
     """Return the share of a core that a tick takes by itself."""
     ticker = Ticker(PERIOD_NS, lambda _elapsed: None)
     ticker.start()
     begun_ns, busy_ns = time.monotonic_ns(), time.process_time_ns()
-    await asyncio.sleep(_BARE_S)
+    await asyncio.sleep(duration_s)
     share = (time.process_time_ns() - busy_ns) / (time.monotonic_ns() - begun_ns)
     ticker.stop()
     return share

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from mmt.errors import MmtError
 from mmt.evaluation.device_bench.children import Child
 from mmt.evaluation.device_bench.lab import ACCELERATION_PPM, FORCE_PPM
 from mmt.evaluation.device_bench.measures import FrameTimes, frame_times
@@ -23,6 +24,7 @@ DRIVERS: Final = {
 
 _START_S: Final = 60.0
 _ANSWER_S: Final = 20.0
+_BARE_S: Final = 2.0
 _SETTLE_S: Final = 2.0
 _PAUSE_S: Final = 0.3
 _PPM: Final = {"force_sensor": FORCE_PPM, "accelerometer": ACCELERATION_PPM}
@@ -78,7 +80,7 @@ def measure(set_up: SetUp, duration_s: float, stops: int, *, realtime: bool = Fa
     Raises
     ------
     MmtError
-        A process ends, or a device is not lost or does not come back.
+        A process ends, no frame is formed, or a device is not lost or does not come back.
     """
     scheduling = "realtime" if realtime else "ordinary"
     lab = Child("mmt.evaluation.device_bench.lab", set_up.force, set_up.acceleration, scheduling)
@@ -89,6 +91,7 @@ def measure(set_up: SetUp, duration_s: float, stops: int, *, realtime: bool = Fa
                 **_job(set_up, addresses),
                 "file": str(Path(folder) / "frames.npz"),
                 "realtime": realtime,
+                "bare_s": min(_BARE_S, duration_s),
             }
             return _measure(job, lab, duration_s, stops)
     finally:
@@ -101,7 +104,7 @@ def _measure(job: dict[str, Any], lab: Child, duration_s: float, stops: int) -> 
         reader.tell(json.dumps(job))
         reader.hear_of("ready", True, _START_S)
         lab.ask("begin", _ANSWER_S)
-        time.sleep(_SETTLE_S)
+        time.sleep(min(_SETTLE_S, duration_s))
         reader.tell("begin")
         time.sleep(duration_s)
         reader.tell("end")
@@ -135,16 +138,22 @@ def _job(set_up: SetUp, addresses: dict[str, Any]) -> dict[str, Any]:
 def _stop(lab: Child, reader: Child, sensor: str) -> float:
     """Stop a sensor until that is seen; return after how many ms it was."""
     stopped_ns = lab.ask(f"stall {sensor}", _ANSWER_S)["done_ns"]
-    lost_ns = reader.hear_of("lost", True, _ANSWER_S)["at_ns"]
+    role = f"the {sensor.replace('_', ' ')} "
+    while True:  # on a busy machine one may have been lost and found before
+        event = reader.hear_of("lost", True, _ANSWER_S)
+        if event["at_ns"] > stopped_ns and event["sentence"].startswith(role):
+            break
     lab.ask(f"resume {sensor}", _ANSWER_S)
     reader.hear_of("lost", False, _ANSWER_S)
     time.sleep(_PAUSE_S)
-    return float(lost_ns - stopped_ns) / 1e6
+    return float(event["at_ns"] - stopped_ns) / 1e6
 
 
 def _evaluate(file: Path, found: dict[str, Any], seen_after_ms: list[float]) -> Measured:
     with np.load(file) as content:
         frames, formed_ns = content["frames"], content["formed_ns"]
+    if not len(frames):
+        raise MmtError("no frame was formed: end what loads this machine, or use --realtime")
     values = {"force": frames["force_n"], "acceleration": frames["acceleration_m_s2"]}
     span = int(frames["sequence"][-1]) - int(frames["sequence"][0]) + 1
     return Measured(
