@@ -59,6 +59,20 @@ def test_a_thread_may_follow_the_one_that_ticks(monkeypatch: pytest.MonkeyPatch)
     assert in_a_thread(follow) == os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
 
 
+def test_a_thread_that_may_not_follow_stays_an_ordinary_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    monkeypatch.setattr(realtime, "_TICKS", threading.Event())
+    realtime._TICKS.set()
+    before = os.sched_getscheduler(0)
+    follow_real_time()
+    assert os.sched_getscheduler(0) == before
+
+
 def test_where_it_is_not_permitted_a_sentence_says_how_to(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> None:
         raise PermissionError(1, "Operation not permitted")

@@ -6,6 +6,7 @@ other threads and processes that it starts are ordinary ones, and so are the thr
 there before.
 """
 
+import contextlib
 import os
 import sys
 import threading
@@ -43,16 +44,12 @@ def be_real_time() -> None:
 def follow_real_time() -> None:
     """Schedule the calling thread as the one that ticks, which waits for what it takes in.
 
-    Where no thread of this process has called `be_real_time`, or this one is scheduled in real
-    time already, nothing happens.
-
-    Raises
-    ------
-    MmtError
-        As `be_real_time`.
+    Where no thread of this process has called `be_real_time`, this one is scheduled in real time
+    already, or the system does not permit another one, nothing happens.
     """
     if _TICKS.is_set() and os.sched_getscheduler(0) == os.SCHED_OTHER:
-        _schedule()
+        with contextlib.suppress(MmtError):
+            _schedule()
 
 
 def _schedule() -> None:

@@ -215,5 +215,9 @@ Enum hdCheckCalibration(void) { return calibration; }
 void hdUpdateCalibration(Enum style)
 {
     if (!(style & (Enum)styles)) { push(0x0103); return; }
-    if (style == 1 || calibration == 0x5001) calibration = 0x5000;
+    if (style != 1 && calibration != 0x5001) return;
+    calibration = 0x5000;
+    pthread_mutex_lock(&state);
+    if (opened(current)) opened(current)->position[0] += 150;   /* its zero is another one now */
+    pthread_mutex_unlock(&state);
 }

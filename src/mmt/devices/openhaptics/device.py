@@ -188,6 +188,7 @@ class HdDevice(Generic[AnyServo]):
         status: int = stack.hd.hdCheckCalibration()
         if reset or (status == hd.CALIBRATION_NEEDS_UPDATE and style != hd.ENCODER_RESET):
             stack.hd.hdUpdateCalibration(style)
+        self.servo.measure_anew()
         errors = stack.take_errors()
         return MmtError(explain(self.name, errors[0])) if errors else status
 

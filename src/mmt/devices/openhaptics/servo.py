@@ -124,6 +124,10 @@ class Servo:
         else:
             self.distrust(problem, now_ns)
 
+    def measure_anew(self) -> None:
+        """Believe the next position wherever it is: a calibration moves the zero."""
+        self._watch = Watch()
+
     def _moves(self, position: Any) -> bool:
         """Whether a position that makes sense ends what was wrong: one that is stuck goes on."""
         stuck = self.senseless is not None and self.senseless[0] == STUCK
