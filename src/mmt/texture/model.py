@@ -88,7 +88,7 @@ class TextureModel:
             "amplitude": np.sqrt(self.samples.power),
         }[interpolate]
         self.trend = NO_TREND
-        if self.space.directed and interpolator != "rbf":
+        if self.space.directed:
             self.trend = fit_trend(self.points, level, is_amplitude=interpolate == "amplitude")
             level = without_trend(self.points, level, self.trend)
         self.vertices, samples_alone = vertex_table(self.points, level, self.samples.lsf)
