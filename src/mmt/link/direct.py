@@ -17,6 +17,7 @@ from aiohttp import ClientWebSocketResponse, WSCloseCode, web
 
 from mmt.link.backlog import UnbufferedSend
 from mmt.link.gate import Gate, StrangersGate
+from mmt.link.listening import LINK_PATH
 from mmt.link.outbox import Sending
 from mmt.link.receiving import Handlers, take_directly
 
@@ -42,7 +43,7 @@ class ServerSockets:
         application.on_response_prepare.append(self._remember)
 
     async def _remember(self, request: web.Request, response: web.StreamResponse) -> None:
-        if isinstance(response, web.WebSocketResponse):
+        if isinstance(response, web.WebSocketResponse) and request.path == LINK_PATH:
             self._of_request[id(request)] = response
             take_directly(response, {}, StrangersGate())
             loop = asyncio.get_running_loop()

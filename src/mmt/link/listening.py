@@ -19,10 +19,12 @@ CLOSE_TIMEOUT_S: Final = 1.0
 MOST_SOCKETS: Final = 16
 """Connections that may be open at once, of followers and of who wants to be one."""
 
-_LINK_PATH: Final = "/socket.io/"
+LINK_PATH: Final = "/socket.io/"
 """A follower shows its token when it connects."""
 _HEALTH_PATH: Final = "/health"
 """Says nothing more than whether all is well without the token."""
+_MONITOR_PATH: Final = "/monitor"
+"""Its files are no secret, and its socket asks for the token by itself."""
 
 
 def guarded_application(access: Access) -> web.Application:
@@ -34,12 +36,12 @@ def guarded_application(access: Access) -> web.Application:
 
     @web.middleware
     async def guard(request: web.Request, handler: Handler) -> web.StreamResponse:
-        if request.path == _LINK_PATH:
+        if request.path == LINK_PATH:
             if sockets.locked():
                 return web.Response(status=503, text="too many connections\n")
             async with sockets:
                 return await handler(request)
-        if request.path != _HEALTH_PATH and not access.admits_header(
+        if not _asks_itself(request.path) and not access.admits_header(
             request.headers.get("Authorization")
         ):
             return web.Response(
@@ -50,6 +52,10 @@ def guarded_application(access: Access) -> web.Application:
         return await handler(request)
 
     return web.Application(middlewares=[guard])
+
+
+def _asks_itself(path: str) -> bool:
+    return path in {_HEALTH_PATH, _MONITOR_PATH} or path.startswith(f"{_MONITOR_PATH}/")
 
 
 def make_server(ping_timeout_s: float) -> socketio.AsyncServer:
