@@ -114,6 +114,12 @@ class Metrics(_Table):
     follower_port: int | None = Field(None, ge=1, le=65_535)
 
 
+class Monitor(_Table):
+    """``[monitor]``: the leader serves a page that shows the run while it lasts."""
+
+    updates_hz: float = Field(25.0, ge=1, le=60)
+
+
 class Scene(_Table):
     """One run; a table that is absent (None) is a part that is left out."""
 
@@ -132,6 +138,7 @@ class Scene(_Table):
     force_feedback: ForceFeedback | None = None
     recording: Recording | None = None
     metrics: Metrics | None = None
+    monitor: Monitor | None = None
 
     @model_validator(mode="after")
     def _combinations(self) -> Self:
@@ -197,7 +204,10 @@ class Scene(_Table):
 
 def _impossible(scene: Scene) -> list[str]:
     sources = [n for n in ("simulated", "replay", "devices") if getattr(scene, n) is not None]
-    parts = ("network", "metrics", "texture", "playout", "force_feedback", "recording", *sources)
+    parts = (
+        *("network", "metrics", "monitor", "texture", "playout", "force_feedback", "recording"),
+        *sources,
+    )
     needs_link = [n for n in parts if getattr(scene, n) is not None]
     rules = [
         (

@@ -34,6 +34,7 @@ def load_scene(
     *,
     replay: Path | None = None,
     record: Path | None = None,
+    monitor: bool = False,
 ) -> Scene:
     """Read and validate a scene; the environment, then `overrides`, take precedence.
 
@@ -51,6 +52,8 @@ def load_scene(
     record
         Where to record. A scene that records nothing by itself has its wire as it is
         recorded, since its follower knows nothing of it.
+    monitor
+        Whether the leader serves its monitor, also where the scene has none.
 
     Raises
     ------
@@ -74,6 +77,8 @@ def load_scene(
         table = tables.setdefault("recording", {"channels": "needed"})
         if isinstance(table, dict):
             table["file"] = str(record)
+    if monitor:
+        tables.setdefault("monitor", {})
     _look_beside(path, tables)
     flags = {key: value for key, value in (overrides or {}).items() if value is not None}
     merged = {**environment_overrides(os.environ), **flags}

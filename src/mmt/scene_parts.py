@@ -19,6 +19,7 @@ SERVICES_OF_PART: Final[dict[str, tuple[str, ...]]] = {
     "force_feedback": ("leader",),
     "recording": ("leader",),
     "metrics": ("leader", "follower"),
+    "monitor": ("leader",),
 }
 """Every table of a scene but ``[session]``, which is no part."""
 

@@ -53,6 +53,7 @@ def run_demo(
     duration_s: float | None = None,
     replay: Path | None = None,
     json_file: Path | None = None,
+    monitor: bool = False,
     realtime: bool = False,
 ) -> bool:
     """Run a scene's services, print their summaries, and report the recording.
@@ -73,9 +74,9 @@ def run_demo(
         require_real_time()
     recording = directory / "session.mcap"
     overrides: dict[str, Any] = {"session.duration_s": duration_s}
-    scene = load_scene(scene_file, overrides, replay=replay)
+    scene = load_scene(scene_file, overrides, replay=replay, monitor=monitor)
     if scene.link is not None:
-        scene = load_scene(scene_file, overrides, replay=replay, record=recording)
+        scene = load_scene(scene_file, overrides, replay=replay, record=recording, monitor=monitor)
     _check(scene, directory)
     run = asyncio.run(run_services(scene_file, scene, duration_s, replay, realtime=realtime))
     for name, table in run.tables().items():
@@ -160,6 +161,8 @@ class _Demo:
             self._leader_arguments += ["--duration", str(duration_s)]
         if scene.link is not None:
             self._leader_arguments += ["--port", "0"]
+        if scene.monitor is not None:
+            self._leader_arguments += ["--monitor"]
         if scene.recording is not None:
             self._leader_arguments += ["--record", str(scene.recording.file)]
         self._children: list[Child] = []
@@ -205,6 +208,8 @@ class _Demo:
             self._take_leader(line)
             if line["kind"] == "ready" and self._scene.link is not None:
                 url = self._scene.link.url(line["port"])
+                if self._scene.monitor is not None:
+                    self._progress.console.print(f"monitor: {url}/monitor/", highlight=False)
                 follower = await self._start("follower", [*self._arguments, "--leader", url])
                 following = asyncio.create_task(self._watch_follower(follower, leader))
         failed = await self._note_end(leader) != 0

@@ -65,6 +65,9 @@ def leader(
     log_level: Annotated[
         str | None, typer.Option(metavar="LEVEL", help="debug, info, warning or error.")
     ] = None,
+    monitor: Annotated[
+        bool, typer.Option("--monitor", help="Serve a page that shows the run.")
+    ] = False,
     realtime: Annotated[
         bool, typer.Option("--realtime", help="Tick by real-time scheduling (Linux).")
     ] = False,
@@ -78,7 +81,7 @@ def leader(
         "link.port": port,
         "rendering.model": str(model) if model else None,
     }
-    scene = load_scene(scene_file, overrides, replay=replay, record=record)
+    scene = load_scene(scene_file, overrides, replay=replay, record=record, monitor=monitor)
     if realtime:
         require_real_time()
     if report is not None and scene.recording is None:
@@ -125,6 +128,10 @@ async def _serve(scene: Scene, json_lines: bool, logs: Logs, realtime: bool) -> 
             write_line("ready", port=service.port, ready_s=service.log.ready_s)
         else:
             messages.print(f"ready after {service.log.ready_s} s: {where}", highlight=False)
+            if scene.monitor is not None and scene.link is not None:
+                messages.print(
+                    f"monitor:  {scene.link.url(service.port)}/monitor/", highlight=False
+                )
 
     stop_on_signals(service.stop)
     if hasattr(signal, "SIGUSR1"):

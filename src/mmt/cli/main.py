@@ -47,6 +47,9 @@ def demo(
     duration: Annotated[float | None, typer.Option(help="Seconds of the session.")] = None,
     replay: Annotated[Path | None, typer.Option(help="Replay this recorded session.")] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+    monitor: Annotated[
+        bool, typer.Option("--monitor", help="Serve a page that shows the run.")
+    ] = False,
     realtime: Annotated[
         bool, typer.Option("--realtime", help="Tick by real-time scheduling (Linux).")
     ] = False,
@@ -60,6 +63,7 @@ def demo(
         duration_s=duration,
         replay=replay,
         json_file=json_file,
+        monitor=monitor,
         realtime=realtime,
     )
     if not good:

@@ -29,6 +29,11 @@ class Journal:
         self.say = say
         self._parts = parts
         self._time_s = time_s
+        self._listeners: list[Callable[[float, str], None]] = []
+
+    def listen(self, listener: Callable[[float, str], None]) -> None:
+        """Have a function told of every event, by session time and sentence."""
+        self._listeners.append(listener)
 
     @property
     def time_s(self) -> float:
@@ -38,6 +43,8 @@ class Journal:
     def event(self, sentence: str, **details: object) -> None:
         """Tell and record what a person wants to know."""
         self.say(sentence)
+        for listener in self._listeners:
+            listener(self.time_s, sentence)
         LOG.info(sentence, extra=logs.details(time_s=self.time_s, **details))
         self.record({"event": sentence, **details})
 

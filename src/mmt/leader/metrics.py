@@ -30,6 +30,8 @@ def pages(service: "LeaderService") -> "list[Page]":
         from mmt.exposition import registry_of
 
         served.append(metrics_page(registry_of(lambda: collect(service))))
+    if service.monitor is not None:
+        served.append(service.monitor.page)
     return served
 
 

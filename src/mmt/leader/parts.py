@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from mmt.devices.mending import LossCallback, Mended, MendedActuator
     from mmt.leader.handle import OperatorHandle
     from mmt.leader.modelling import ModellingTask
+    from mmt.leader.monitor.tap import MonitorTap
     from mmt.session.recording import McapRecorder
     from mmt.texture.modelling import ModelUpdate
     from mmt.texture.synthesis import Synthesizer
@@ -48,6 +49,8 @@ class LeaderParts:
     switch: VibrationSwitch | None = None
     make_recorder: "Callable[..., McapRecorder] | None" = None
     recorder: "McapRecorder | None" = None
+    tap: "MonitorTap | None" = None
+    """Takes what the monitor shows."""
 
     def connect(self) -> None:
         """Open the devices.
@@ -94,6 +97,8 @@ class LeaderParts:
             self.feedback.take(frames)
         if self.modelling is not None:
             self.modelling.take(frames)
+        if self.tap is not None:
+            self.tap.take(frames)
 
     def close(self) -> list[str]:
         """Release the devices and finish the recording, also when one of them fails.

@@ -19,6 +19,7 @@ from mmt.scene import Scene
 from mmt.ticking import Ticker
 
 if TYPE_CHECKING:
+    from mmt.leader.monitor.running import LeaderMonitor
     from mmt.texture.modelling import ModelUpdate
 
 _STATUS_PERIOD_S: Final = 0.2
@@ -64,6 +65,7 @@ class LeaderService:
         period_ns = round(1e9 / scene.session.rate_hz)
         self._work = LeaderTick(self.parts, self.log, self._journal, self.remote, period_ns)
         self.ticker = Ticker(period_ns, self._tick)
+        self.monitor = self._make_monitor()
 
     @property
     def port(self) -> int | None:
@@ -153,12 +155,23 @@ class LeaderService:
 
     # --- lifetime
 
+    def _make_monitor(self) -> "LeaderMonitor | None":
+        if self.scene.monitor is None:
+            return None
+        from mmt.leader.monitor.running import LeaderMonitor
+
+        monitor = LeaderMonitor(self, self._journal, self.scene.monitor)
+        self.parts.tap = monitor.tap
+        return monitor
+
     async def _open(self) -> None:
         self.parts.connect()
         if self.remote is not None:
             from mmt.leader.metrics import pages
 
             await self.remote.listen(pages(self))
+            if self.monitor is not None:
+                self.monitor.start()
         self.parts.begin_recording(self.log.session_id)
         prefer_even_ticks()
 
@@ -178,6 +191,8 @@ class LeaderService:
         self.ending.raise_mistake()
 
     async def _close(self) -> None:
+        if self.monitor is not None:
+            await self.monitor.stop()
         if self.remote is not None:
             await self.remote.close()
         self._models.record_last()

@@ -62,6 +62,8 @@ class LeaderTick:
         self._note_lateness(now_ns)
         streaming = remote is None or remote.connected
         state = self._read_hand(elapsed, now_ns) if streaming else None
+        if parts.tap is not None:
+            parts.tap.hold(state)
         if streaming and remote is not None:
             remote.backfill.tick(elapsed)
         if parts.feedback is not None:
@@ -107,6 +109,8 @@ class LeaderTick:
         vibration = parts.switch.render(now_ns, *(np.full(elapsed, value) for value in inputs))
         self._rest_without_handle(vibration)
         parts.actuator.write(vibration)
+        if parts.tap is not None:
+            parts.tap.play(vibration)
         mode = parts.switch.mode
         if parts.recorder is not None:
             first_ns = now_ns - (elapsed - 1) * self._period_ns

@@ -1,0 +1,132 @@
+"""The messages that change seldom: what runs, the model, completion, the link, the ticks."""
+
+import itertools
+import math
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, Final
+
+import mmt
+from mmt.leader.monitor.packing import pack
+from mmt.scene import Scene
+from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
+from mmt.texture_table import Texture
+
+if TYPE_CHECKING:
+    from mmt.leader.service import LeaderService
+    from mmt.texture.model import TextureModel
+    from mmt.ticking import TimeHistogram
+
+_LATENCY_MS: Final = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
+_PERIOD_MS: Final = (0.5, 0.7, 0.8, 0.9, 0.95, 1.05, 1.1, 1.2, 1.3, 1.5, 2, 5, 10)
+_COUNTS: Final = ("frames", "lost", "out_of_order", "repeated", "dropped", "commands")
+
+
+def hello(scene: Scene, session_id: str) -> bytes:
+    """Return what a page must know before anything else."""
+    texture = scene.texture or Texture()
+    header = {
+        "session": scene.session.name,
+        "id": session_id,
+        "version": mmt.__version__,
+        "parts": [name for name, runs in scene.parts().items() if runs],
+        "rate_hz": scene.session.rate_hz,
+        "maximum_speed_mm_s": MAXIMUM_SPEED_MM_S,
+        "maximum_force_n": MAXIMUM_FORCE_N,
+        "start_distance": texture.start_distance,
+        "stop_distance": texture.stop_distance,
+    }
+    return pack("hello", header, {})
+
+
+def explain(service: "LeaderService") -> str:
+    """Say why the actuator plays what it plays, and what will change it."""
+    log, switch = service.log, service.parts.switch
+    if service.remote is not None and not service.remote.connected:
+        return "no follower is connected"
+    if switch is None:
+        return "this scene has no actuator"
+    if switch.mode == "fading":
+        return "crossfade"
+    if switch.mode != "synthesized":
+        return _why_not_synthesized(service)
+    if log.start_s is None:
+        return "rendered from a saved model"
+    return f"rendered from the model: start criterion met at {log.start_s:.1f} s"
+
+
+def _why_not_synthesized(service: "LeaderService") -> str:
+    update, texture = service.log.update, service.scene.texture
+    if service.parts.synthesizer is None or texture is None:
+        return "this scene renders from no model"
+    if update is None:
+        return "no model yet"
+    return (
+        f"the model is not complete enough: completion sum {update.distance:.2f}, "
+        f"it takes over at {texture.start_distance:g}"
+    )
+
+
+def model_message(model: "TextureModel | None") -> bytes:
+    """Return samples, triangulation and nine cells of a model, None for none.
+
+    A model of the velocity vector is shown by its speed, without triangles or cells, which
+    are of the plane of speed and force alone.
+    """
+    if model is None:
+        return pack("model", {"samples": 0, "order": None, "cells": None}, {})
+    import numpy as np
+
+    from mmt.texture.completion import cell_distances
+
+    points, space = model.points, model.space
+    header: dict[str, Any] = {"samples": len(points), "order": model.order, "cells": None}
+    speed = np.hypot(points[:, 0], points[:, 1]) if space.directed else points[:, 0]
+    plane = np.column_stack([speed, points[:, -1]])
+    if space.directed:
+        return pack("model", header, {"points": plane})
+    header["cells"] = [round(value, 4) for value in cell_distances(plane).tolist()]
+    arrays = {"points": plane}
+    if model.interpolator == "delaunay":  # it has them: nothing is computed for the page
+        arrays["vertices"] = model.vertices[:, :2]
+        arrays["triangles"] = model.triangulation.triangles[:, :3]
+    return pack("model", header, arrays)
+
+
+def link_message(service: "LeaderService") -> bytes | None:
+    """Return what the link counted and its latencies, None without one; about 0.5 ms."""
+    server = service.remote.server if service.remote is not None else None
+    if server is None:
+        return None
+    statistics = asdict(server.statistics)
+    header = {name: statistics[name] for name in _COUNTS}
+    header |= {
+        "rejected": sum(statistics["rejected"].values()),
+        "connected": server.connected,
+        "latency_p50_ms": statistics["latency_p50_ms"],
+        "latency_p99_ms": statistics["latency_p99_ms"],
+        "clock": statistics["clock"],
+    }
+    return pack("link", header | _histogram(server.latency, _LATENCY_MS), {})
+
+
+def ticks_message(service: "LeaderService") -> bytes:
+    """Return how the leader kept its ticks; about 0.3 ms."""
+    header = asdict(service.ticker.statistics)
+    playout = service.parts.playout
+    if playout is not None:
+        header["playout_delay_ms"] = playout.statistics().delay_ms
+    return pack("ticks", header | _histogram(service.ticker.periods, _PERIOD_MS), {})
+
+
+def _histogram(histogram: "TimeHistogram", bounds_ms: tuple[float, ...]) -> dict[str, Any]:
+    """Return bounds, and counts below the first, between each two, and beyond the last."""
+    below, _ = histogram.cumulative([round(bound * 1e6) for bound in bounds_ms])
+    edges = [0, *below, histogram.count]
+    counts = [after - before for before, after in itertools.pairwise(edges)]
+    return {"bounds_ms": list(bounds_ms), "counts": counts}
+
+
+def thinned(points: list[tuple[float, float]], most: int) -> list[tuple[float, float]]:
+    """Return every so many of the points, and the last one, so that there are `most` or so."""
+    step = math.ceil(len(points) / most)
+    return points if step <= 1 else [*points[::step], points[-1]]

@@ -1,0 +1,88 @@
+// The socket to the leader: decodes messages, asks for the token, comes back by itself.
+
+const RETRY_MS = [300, 600, 1000, 2000, 3000];
+const SILENT_MS = 5000;
+const REFUSED = 4401;
+
+/** Decode a message: header length, JSON header, then little-endian float32 arrays. */
+export function decode(buffer) {
+  const length = new DataView(buffer).getUint32(0, true);
+  const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  let offset = 4 + length;
+  const arrays = {};
+  for (const [name, shape] of header.arrays) {
+    const count = shape.reduce((product, n) => product * n, 1);
+    arrays[name] = new Float32Array(buffer, offset, count);
+    offset += 4 * count;
+  }
+  header.arrays = arrays;
+  return header;
+}
+
+/** Keep a connection; `onMessage(header)`, `onState(state, sentence)`, `onRefused()`. */
+export class Link {
+  constructor(onMessage, onState, onRefused) {
+    Object.assign(this, { onMessage, onState, onRefused });
+    this.token = sessionStorage.getItem("mmt-token");
+    this.tries = 0;
+    this.ended = null;
+    setInterval(() => this.#watch(), 1000);
+    this.open();
+  }
+
+  useToken(token) {
+    this.token = token;
+    sessionStorage.setItem("mmt-token", token);
+    this.open();
+  }
+
+  open() {
+    clearTimeout(this.timer);
+    const scheme = location.protocol === "https:" ? "wss:" : "ws:";
+    const socket = new WebSocket(`${scheme}//${location.host}/monitor/socket`);
+    socket.binaryType = "arraybuffer";
+    this.socket = socket;
+    this.heard = performance.now();
+    socket.onopen = () => socket.send(JSON.stringify({ token: this.token }));
+    socket.onmessage = (event) => {
+      this.heard = performance.now();
+      const message = decode(event.data);
+      if (message.kind === "hello") {
+        this.tries = 0;
+        this.ended = null;
+        this.onState("live", "live");
+      }
+      if (message.kind === "end") this.ended = message.outcome;
+      this.onMessage(message);
+    };
+    socket.onclose = (event) => {
+      if (socket === this.socket) this.#closed(event.code);
+    };
+  }
+
+  #closed(code) {
+    if (code === REFUSED) {
+      const given = this.token !== null;
+      this.token = null;
+      sessionStorage.removeItem("mmt-token");
+      this.onState("refused", "token needed");
+      this.onRefused(given);
+      return;
+    }
+    const sentence = this.ended === null ? "connection lost, trying again" : `session over: ${this.ended}`;
+    this.onState("lost", sentence);
+    const wait = RETRY_MS[Math.min(this.tries++, RETRY_MS.length - 1)];
+    this.timer = setTimeout(() => this.open(), wait);
+  }
+
+  /** A network that vanished closes nothing: give up a socket that is silent. */
+  #watch() {
+    const open = this.socket.readyState === WebSocket.OPEN;
+    if (open && performance.now() - this.heard > SILENT_MS) {
+      const socket = this.socket;
+      this.socket = { readyState: WebSocket.CLOSED };
+      socket.close();
+      this.#closed(0);
+    }
+  }
+}
