@@ -121,6 +121,8 @@ FEEDBACK = {
 }
 WATCHED = {*NETWORK, *MODEL, *FILES, *SOURCES, *FEEDBACK, RECORDER, HAND, ACTUATOR}
 NEVER = {
+    "mmt.leader.monitor",
+    "mmt.pages",
     "prometheus_client",
     "mmt.exposition",
     "matplotlib",

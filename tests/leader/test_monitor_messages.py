@@ -1,0 +1,192 @@
+"""What the monitor makes of what the tick and the link leave for it."""
+
+import asyncio
+import math
+
+import numpy as np
+import pytest
+from frame_samples import made_frames
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from monitor_messages import unpack
+
+from mmt.devices.protocols import InterfaceState
+from mmt.leader.monitor.live import MOST_SAMPLES, LiveMessages
+from mmt.leader.monitor.packing import pack
+from mmt.leader.monitor.states import model_message, thinned
+from mmt.leader.monitor.tap import MonitorTap
+from mmt.leader.monitor.viewers import MOST_VIEWERS, Viewers
+from mmt.scene_files import scene_from_tables
+from mmt.texture.completion import distance_sum
+from mmt.texture.model import TextureModel, TextureSamples
+
+SCENE = scene_from_tables(
+    {"link": {}, "simulated": {}, "hand": {}, "texture": {}, "playout": {}, "actuator": {}}
+)
+
+
+def live_messages() -> tuple[MonitorTap, LiveMessages]:
+    tap = MonitorTap()
+    tap.watched = True
+    return tap, LiveMessages(SCENE, tap)
+
+
+@given(
+    text=st.text(max_size=50),
+    values=arrays.arrays(np.float32, arrays.array_shapes(max_dims=3, max_side=5)),
+)
+def test_a_message_is_read_as_it_was_made(text: str, values: np.ndarray) -> None:
+    message = unpack(pack("kind", {"text": text}, {"values": values, "none": []}))
+    assert (message["kind"], message["text"]) == ("kind", text)
+    np.testing.assert_array_equal(message["arrays"]["values"], values)
+    assert message["arrays"]["none"].shape == (0,)
+
+
+def test_what_json_cannot_say_is_null() -> None:
+    header = {"a": math.nan, "b": {"c": [math.inf, 1.0]}}
+    message = unpack(pack("kind", header, {}))
+    assert (message["a"], message["b"]) == (None, {"c": [None, 1.0]})
+
+
+def test_nothing_is_kept_while_nobody_looks_on() -> None:
+    tap = MonitorTap()
+    tap.take(made_frames(0, 1))
+    tap.play(np.ones(1))
+    assert tap.frames() == []
+    assert len(tap.played()) == 0
+
+
+def test_what_nobody_fetches_is_bounded() -> None:
+    tap, _ = live_messages()
+    for k in range(5000):
+        tap.take(made_frames(k, 1))
+        tap.play(np.full(1, k))
+    assert len(tap.frames()) <= 500
+    assert tap.played()[-1] == 4999
+
+
+def test_samples_are_numbered_so_that_a_gap_is_seen() -> None:
+    tap, live = live_messages()
+    tap.take(made_frames(0, 30))
+    tap.play(np.arange(10.0))
+    tap.play(np.arange(10.0, 14.0))
+    message = unpack(live.make({"time_s": 1.0}))
+    assert (message["measured_count"], message["played_count"]) == (30, 14)
+    np.testing.assert_array_equal(message["arrays"]["played"], np.arange(14.0))
+    assert message["arrays"]["measured"].shape == (30,)
+    tap.take(made_frames(30, 5000))  # as a replay that runs faster than time
+    message = unpack(live.make({"time_s": 2.0}))
+    assert message["measured_count"] == 5030
+    assert message["arrays"]["measured"].shape == (MOST_SAMPLES,)
+
+
+def test_measured_vibration_has_no_offset() -> None:
+    tap, live = live_messages()
+    frames = made_frames(0, 500)
+    frames["acceleration_m_s2"] = 9.81
+    tap.take(frames)
+    assert np.abs(unpack(live.make({}))["arrays"]["measured"][-100:]).max() < 0.05
+
+
+def test_the_point_is_that_of_the_hand_at_the_leader() -> None:
+    tap, live = live_messages()
+    tap.hold(InterfaceState((0.0, 0.0, 0.0), (30.0, 40.0, 99.0), 1.5, contact=True))
+    message = unpack(live.make({}))
+    assert (message["point"], message["contact"]) == ([50.0, 1.5], True)
+
+
+def test_without_a_hand_the_point_follows_the_stream() -> None:
+    tap, live = live_messages()
+    frames = made_frames(0, 41)
+    frames["position_mm"] = np.outer(np.arange(41), [0.03, 0.04, 7.0])  # 50 mm/s across
+    frames["force_n"] = [9.0, 9.0, 2.0]
+    tap.take(frames)
+    message = unpack(live.make({}))
+    assert message["point"] == pytest.approx([50.0, 2.0], abs=1e-2)
+    assert message["force_n"] == [9.0, 9.0, 2.0]
+
+
+def test_a_scene_without_these_channels_has_no_point() -> None:
+    tap, live = live_messages()
+    tap.take(made_frames(0, 4, ("acceleration",)))
+    message = unpack(live.make({}))
+    assert message["point"] is None
+    assert message["arrays"]["measured"].shape == (4,)
+
+
+def test_the_model_is_shown_with_its_cells_and_triangles() -> None:
+    rng = np.random.default_rng(1)
+    count = 12
+    model = TextureModel(
+        TextureSamples.isotropic(
+            speed_mm_s=rng.uniform(20, 280, count),
+            force_n=rng.uniform(0.2, 2.8, count),
+            lsf=np.tile([0.5, 1.0, 2.0, 2.5], (count, 1)),
+            variance=np.ones(count),
+            power=np.ones(count),
+        )
+    )
+    message = unpack(model_message(model))
+    assert (message["samples"], message["order"]) == (count, 4)
+    assert sum(message["cells"]) == pytest.approx(distance_sum(model.points), abs=1e-3)
+    corners = message["arrays"]["triangles"].astype(int)
+    vertices = message["arrays"]["vertices"]
+    assert corners.min() >= 0
+    assert corners.max() < len(vertices)
+    a, b, c = (vertices[corners[:, k]] for k in range(3))
+    areas = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 2
+    assert areas.sum() == pytest.approx(1.0, abs=1e-4)  # they tile the plane
+    assert unpack(model_message(None))["samples"] == 0
+
+
+def test_a_long_history_is_thinned_to_its_end() -> None:
+    points = [(float(k), 1.0) for k in range(4000)]
+    shown = thinned(points, 1000)
+    assert len(shown) <= 1001
+    assert shown[-1] == points[-1]
+    assert thinned(points[:10], 1000) == points[:10]
+
+
+class SlowSocket:
+    """Sends nothing until it is let."""
+
+    def __init__(self) -> None:
+        self.sent: list[bytes] = []
+        self.opened = asyncio.Event()
+
+    async def send_bytes(self, data: bytes) -> None:
+        await self.opened.wait()
+        self.sent.append(data)
+
+
+async def test_a_slow_viewer_skips_states_and_delays_nobody() -> None:
+    viewers = Viewers()
+    viewers.publish("model", b"first model")
+    slow, quick = viewers.add(), viewers.add()
+    slow_socket, quick_socket = SlowSocket(), SlowSocket()
+    quick_socket.opened.set()
+    sending = [
+        asyncio.create_task(slow.send(slow_socket)),
+        asyncio.create_task(quick.send(quick_socket)),
+    ]
+    states = [b"%d" % k for k in range(100)]
+    for state in states:
+        viewers.publish("live", state, retain=False)
+        await asyncio.sleep(0)
+    viewers.publish("model", b"last model")
+    assert quick_socket.sent[:1] == [b"first model"]
+    viewers.close()
+    slow_socket.opened.set()
+    await asyncio.gather(*sending)
+    assert quick_socket.sent[1:] == [*states, b"last model"]
+    assert slow_socket.sent == [b"first model", b"99", b"last model"]
+    assert slow.skipped == 99
+
+
+def test_the_number_of_viewers_is_bounded() -> None:
+    viewers = Viewers()
+    for _ in range(MOST_VIEWERS):
+        assert not viewers.full
+        viewers.add()
+    assert viewers.full

@@ -1,0 +1,21 @@
+"""The monitor's messages as its page reads them."""
+
+import json
+import struct
+from typing import Any
+
+import numpy as np
+
+
+def unpack(message: bytes) -> dict[str, Any]:
+    """Return the header of a message; "arrays" holds the arrays by name."""
+    (length,) = struct.unpack_from("<I", message)
+    header: dict[str, Any] = json.loads(message[4 : 4 + length])
+    offset, arrays = 4 + length, {}
+    assert offset % 4 == 0
+    for name, shape in header["arrays"]:
+        count = int(np.prod(shape))
+        arrays[name] = np.frombuffer(message, "<f4", count, offset).reshape(shape)
+        offset += 4 * count
+    assert offset == len(message)
+    return {**header, "arrays": arrays}

@@ -1,0 +1,190 @@
+"""The monitor's page in a real browser: what is on the screen while a leader runs."""
+
+import asyncio
+import shutil
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+import pytest_asyncio
+
+from mmt.devices.simulated.offline import simulate_session
+from mmt.leader.service import LeaderService
+from mmt.link.access import TOKEN_VARIABLE
+from mmt.scene import Scene
+from mmt.scene_files import scene_from_tables
+
+api = pytest.importorskip("playwright.async_api", reason="playwright is not installed")
+CHROMIUM = shutil.which("chromium")
+pytestmark = [
+    pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed"),
+    pytest.mark.asyncio(loop_scope="module"),
+]
+
+DESKTOP, TABLET = (1440, 900), (820, 1180)
+LONGEST_MS = 60_000
+TOKEN = "a token that nobody guesses"
+
+
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def browser() -> AsyncIterator[Any]:
+    async with api.async_playwright() as playwright:
+        browser = await playwright.chromium.launch(
+            executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"]
+        )
+        yield browser
+        await browser.close()
+
+
+@asynccontextmanager
+async def a_page(
+    browser: Any, size: tuple[int, int] = DESKTOP, scheme: str = "light"
+) -> AsyncIterator[tuple[Any, list[str]]]:
+    """A page of that size, and what it complains of."""
+    page = await browser.new_page(
+        viewport={"width": size[0], "height": size[1]}, color_scheme=scheme
+    )
+    page.set_default_timeout(LONGEST_MS)
+    problems: list[str] = []
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    try:
+        yield page, problems
+    finally:
+        await page.close()
+
+
+def scene(port: int = 0) -> Scene:
+    return scene_from_tables(
+        {
+            "session": {"name": "shown"},
+            "link": {"port": port},
+            "simulated": {},
+            "hand": {},
+            "texture": {"start_distance": 30.0},
+            "rendering": {},
+            "playout": {},
+            "actuator": {},
+            "monitor": {},
+        }
+    )
+
+
+class Leading:
+    """A leader whose frames a test hands over itself, so that no clock is waited for."""
+
+    def __init__(self, port: int = 0) -> None:
+        self.service = LeaderService(scene(port))
+
+    async def __aenter__(self) -> "Leading":
+        ready = asyncio.Event()
+        self.running = asyncio.create_task(self.service.run(ready.set))
+        await ready.wait()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        self.service.stop()
+        await self.running
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.service.port}/monitor/"
+
+    async def model(self, seconds: float) -> None:
+        """Let the model take a simulated session of this length."""
+        frames, _ = simulate_session(self.service.scene, "plastic", seconds)
+        modelling = self.service.parts.modelling
+        assert modelling is not None
+        for second in np.array_split(frames, round(seconds)):
+            self.service.parts.take(second, 0)
+            await modelling.finish(10.0)
+
+
+async def shows(page: Any, selector: str, text: str) -> None:
+    await api.expect(page.locator(selector)).to_contain_text(text, timeout=LONGEST_MS)
+
+
+async def inked(page: Any, selector: str) -> int:
+    """Return how many pixels of a canvas are not empty."""
+    count: int = await page.evaluate(
+        """selector => {
+            const canvas = document.querySelector(selector);
+            const { width, height } = canvas;
+            const data = canvas.getContext("2d").getImageData(0, 0, width, height).data;
+            return data.filter((value, index) => index % 4 === 3 && value > 0).length;
+        }""",
+        selector,
+    )
+    return count
+
+
+@pytest.mark.parametrize(
+    ("size", "scheme"), [(DESKTOP, "light"), (TABLET, "dark")], ids=["desktop", "tablet"]
+)
+async def test_a_person_sees_the_model_grow(
+    browser: Any, size: tuple[int, int], scheme: str
+) -> None:
+    async with a_page(browser, size, scheme) as (page, problems), Leading() as leading:
+        await page.goto(leading.url)
+        await shows(page, "#connection", "live")
+        await shows(page, "#session", "shown")
+        await shows(page, "#why", "no follower is connected")
+        await shows(page, "#plane-text", "No model yet")
+        await leading.model(6.0)
+        await shows(page, "#plane-text", "samples, order")
+        await shows(page, "#completion-text", "start met at")
+        await shows(page, "#events", "start criterion met")
+        await page.wait_for_function(
+            "document.querySelector('#tick-figures').innerText.includes('ms')"
+        )
+        for canvas in ("#plane", "#completion canvas", "#vibration canvas", "#spectra canvas"):
+            assert await inked(page, canvas) > 100, canvas
+        overflow = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+        assert await page.evaluate(overflow) <= 0
+        dark = await page.evaluate("getComputedStyle(document.body).backgroundColor")
+        assert (dark == "rgb(20, 24, 27)") is (scheme == "dark")
+        assert problems == []
+
+
+async def test_a_lost_connection_is_shown_and_found_again(
+    browser: Any, unused_tcp_port: int
+) -> None:
+    async with a_page(browser) as (page, problems):
+        async with Leading(unused_tcp_port) as leading:
+            await page.goto(leading.url)
+            await shows(page, "#connection", "live")
+            leading.service.stop()
+            await shows(page, "#connection", "session over: stopped")
+        async with Leading(unused_tcp_port) as leading:
+            await shows(page, "#connection", "live")
+            await api.expect(page.locator("body.lost")).to_have_count(0)
+        assert problems == []
+
+
+async def test_a_leader_with_a_token_is_seen_by_who_has_it(
+    browser: Any,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv(TOKEN_VARIABLE, TOKEN)
+    async with a_page(browser) as (page, _), Leading() as leading:
+        await page.goto(leading.url)
+        await shows(page, "#connection", "token needed")
+        await page.keyboard.type("not the token at all")  # the field has the focus
+        await page.keyboard.press("Enter")
+        await shows(page, "#token-problem", "not the leader's token")
+        await page.keyboard.type(TOKEN)
+        await page.keyboard.press("Enter")
+        await shows(page, "#connection", "live")
+        await api.expect(page.locator("#token-form")).to_be_hidden()
+
+
+async def test_nothing_is_loaded_from_elsewhere(browser: Any) -> None:
+    async with a_page(browser) as (page, problems), Leading() as leading:
+        asked: list[str] = []
+        page.on("request", lambda request: asked.append(request.url))
+        await page.goto(leading.url)
+        await shows(page, "#connection", "live")
+        assert asked
+        assert [url for url in asked if not url.startswith(leading.url)] == []
+        assert problems == []

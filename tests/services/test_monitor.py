@@ -1,0 +1,211 @@
+"""The monitor of a leader that runs, as a browser without a screen sees it."""
+
+import asyncio
+import base64
+import json
+from collections.abc import AsyncIterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import pytest
+from frame_samples import made_frames
+from monitor_messages import unpack
+from service_runs import MadeSource, Together, small_scene
+
+from mmt.leader.monitor.viewers import MOST_VIEWERS
+from mmt.link.access import TOKEN_VARIABLE
+
+TOKEN = "a token that nobody guesses"
+
+
+@dataclass
+class Browser:
+    """Opens sockets as the page does."""
+
+    http: aiohttp.ClientSession
+    sockets: list[aiohttp.ClientWebSocketResponse] = field(default_factory=list)
+
+    async def look_on(
+        self, together: Together, token: str | None = None
+    ) -> aiohttp.ClientWebSocketResponse:
+        socket = await self.http.ws_connect(address(together))
+        self.sockets.append(socket)
+        await socket.send_str(json.dumps({"token": token}))
+        return socket
+
+
+@pytest.fixture
+async def browser() -> AsyncIterator[Browser]:
+    async with aiohttp.ClientSession() as session:
+        browser = Browser(session)
+        yield browser
+        for socket in browser.sockets:
+            await socket.close()
+
+
+async def monitored(directory: Path, **tables: dict[str, Any]) -> Together:
+    together = Together.of(small_scene(directory, monitor={"updates_hz": 50}, **tables))
+    await together.listen()
+    return together
+
+
+def address(together: Together, path: str = "/monitor/socket") -> str:
+    return f"http://127.0.0.1:{together.leader.port}{path}"
+
+
+async def until(socket: aiohttp.ClientWebSocketResponse, kind: str) -> dict[str, Any]:
+    """Return the next message of a kind."""
+    async with asyncio.timeout(30):
+        while True:
+            message = unpack(await socket.receive_bytes())
+            if message["kind"] == kind:
+                return message
+
+
+async def test_a_run_is_shown_while_it_lasts(tmp_path: Path, browser: Browser) -> None:
+    together = await monitored(tmp_path)
+    socket = await browser.look_on(together)
+    hello = await until(socket, "hello")
+    assert hello["id"] == together.leader.log.session_id
+    waiting = await until(socket, "live")
+    assert (waiting["mode"], waiting["why"]) == ("streamed", "no follower is connected")
+    follower = together.follower(MadeSource([made_frames(k, 1) for k in range(20_000)]))
+    following = asyncio.create_task(follower.run())
+    await together.until(lambda: together.leader.time_s > 0.2)
+    while (live := await until(socket, "live"))["measured_count"] < 100:
+        assert live["viewers"] == 1
+    assert live["why"] == "this scene renders from no model"
+    assert live["played_count"] > 0
+    assert 0 < live["time_s"] <= together.leader.time_s
+    link = await until(socket, "link")
+    assert len(link["counts"]) == len(link["bounds_ms"]) + 1
+    assert sum((await until(socket, "ticks"))["counts"]) > 100
+    events = [
+        sentence
+        for _, sentence in (await until(await browser.look_on(together), "events"))["events"]
+    ]
+    assert "follower connected (simulated)" in events
+    together.leader.stop()
+    assert (await until(socket, "end"))["outcome"] == "stopped"
+    assert (await socket.receive()).type is aiohttp.WSMsgType.CLOSE
+    await following
+    await together.end()
+
+
+async def test_nothing_is_kept_once_the_last_viewer_has_left(
+    tmp_path: Path, browser: Browser
+) -> None:
+    together = await monitored(tmp_path)
+    monitor = together.leader.monitor
+    assert monitor is not None
+    assert not monitor.tap.watched
+    socket = await browser.look_on(together)
+    await until(socket, "live")
+    assert monitor.tap.watched
+    await socket.close()
+    await together.until(lambda: not monitor.tap.watched)
+    together.leader.stop()
+    await together.end()
+
+
+async def test_the_page_is_served_and_nothing_beside_it(tmp_path: Path, browser: Browser) -> None:
+    together = await monitored(tmp_path)
+    async with browser.http.get(address(together, "/monitor")) as answer:
+        assert answer.status == 200
+        assert answer.url.path == "/monitor/"
+        assert "Where to stroke next" in await answer.text()
+        assert "default-src 'self'" in answer.headers["Content-Security-Policy"]
+    for name, kind in {"monitor.js": "text/javascript", "uPlot.css": "text/css"}.items():
+        async with browser.http.get(address(together, f"/monitor/{name}")) as answer:
+            assert (answer.status, answer.content_type) == (200, kind)
+    for name in ("none.js", "..%2f__init__.py", "%2e%2e/__init__.py"):
+        async with browser.http.get(address(together, f"/monitor/{name}")) as answer:
+            assert answer.status == 404
+    together.leader.stop()
+    await together.end()
+
+
+async def test_a_scene_without_a_monitor_serves_none(tmp_path: Path, browser: Browser) -> None:
+    together = Together.of(small_scene(tmp_path))
+    await together.listen()
+    assert together.leader.monitor is None
+    async with browser.http.get(address(together, "/monitor/")) as answer:
+        assert answer.status == 404
+    together.leader.stop()
+    await together.end()
+
+
+async def test_with_a_token_the_socket_asks_for_it(
+    tmp_path: Path, browser: Browser, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(TOKEN_VARIABLE, TOKEN)
+    together = await monitored(tmp_path)
+    for wrong in (None, "another token than it has"):
+        socket = await browser.look_on(together, wrong)
+        message = await socket.receive()
+        assert (message.type, message.data) == (aiohttp.WSMsgType.CLOSE, 4401)
+    async with browser.http.ws_connect(address(together)) as socket:
+        await socket.send_str("[1, 2]")
+        assert (await socket.receive()).data == 4401
+    assert (await until(await browser.look_on(together, TOKEN), "hello"))["session"] == "session"
+    together.leader.stop()
+    await together.end()
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({"Origin": "http://elsewhere.example"}, 403),
+        ({"Host": "elsewhere.example", "Origin": "http://elsewhere.example"}, 403),
+        ({"Host": "localhost:1", "Origin": "http://localhost:1"}, 101),
+        ({"Host": "[::1]:1", "Origin": "http://[::1]:1"}, 101),
+    ],
+)
+async def test_a_page_of_another_site_cannot_look_on(
+    tmp_path: Path, browser: Browser, headers: dict[str, str], status: int
+) -> None:
+    together = await monitored(tmp_path)
+    handshake = {
+        "Upgrade": "websocket",
+        "Connection": "Upgrade",
+        "Sec-WebSocket-Version": "13",
+        "Sec-WebSocket-Key": base64.b64encode(bytes(16)).decode(),
+    }
+    async with browser.http.get(address(together), headers={**handshake, **headers}) as answer:
+        assert answer.status == status
+    together.leader.stop()
+    await together.end()
+
+
+async def test_only_so_many_may_look_on(tmp_path: Path, browser: Browser) -> None:
+    together = await monitored(tmp_path)
+    sockets = [await browser.look_on(together) for _ in range(MOST_VIEWERS)]
+    for socket in sockets:
+        await until(socket, "hello")
+    with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
+        await browser.look_on(together)
+    assert caught.value.status == 503
+    together.leader.stop()
+    await together.end()
+
+
+async def test_a_fault_of_the_monitor_does_not_end_the_session(
+    tmp_path: Path, browser: Browser, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    together = await monitored(tmp_path)
+    monitor = together.leader.monitor
+    assert monitor is not None
+
+    def fail() -> None:
+        raise ValueError("as a test wants it")
+
+    socket = await browser.look_on(together)
+    await until(socket, "live")
+    monkeypatch.setattr(monitor, "look", fail)
+    assert (await until(socket, "end"))["outcome"] == "the monitor has failed"
+    ticks = together.leader.ticker.statistics.ticks
+    await together.until(lambda: together.leader.ticker.statistics.ticks > ticks)
+    together.leader.stop()
+    assert (await together.end()).outcome == "stopped"
