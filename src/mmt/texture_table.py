@@ -10,9 +10,19 @@ from mmt.texture.settings import (
     Interpolated,
     Interpolation,
     ModellingSettings,
+    OnlineSelectionSettings,
 )
 
 _Distance = Annotated[float, Field(gt=0)] | Literal["auto"]
+
+
+class Selection(BaseModel):
+    """``[texture.selection]``: keep knocks out of the model, and its size below a limit."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    limit: float = Field(9.5, gt=0, le=1000)
+    largest: int = Field(200, ge=10, le=1000)
 
 
 class Texture(BaseModel):
@@ -36,6 +46,7 @@ class Texture(BaseModel):
     stop_distance: _Distance = "auto"
     interpolate: Interpolated = "power"
     interpolator: Interpolation = "delaunay"
+    selection: Selection | None = None
 
     @model_validator(mode="after")
     def _order(self) -> Self:
@@ -57,4 +68,6 @@ class Texture(BaseModel):
         for name in ("start_distance", "stop_distance"):
             if values[name] == "auto":
                 values[name] = AUTOMATIC
+        if self.selection is not None:
+            values["selection"] = OnlineSelectionSettings(**values["selection"])
         return ModellingSettings(**values, rate_hz=rate_hz)

@@ -129,6 +129,8 @@ def _texture(log: RunLog, parts: LeaderParts) -> dict[str, Any]:
     update, seconds = log.update, log.update_seconds
     return {
         "samples": update.samples if update else 0,
+        "outliers": update.outliers if update else 0,
+        "redundant": update.redundant if update else 0,
         "order": update.order if update else None,
         "distance": round(update.distance, 3) if update else None,
         "start_s": log.start_s,

@@ -9,10 +9,11 @@ triangulation of all n samples. The model has `LARGEST_MODEL` samples at most, s
 memory nor the cost of an update grows without end where the criteria are never met.
 """
 
+import itertools
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -27,6 +28,9 @@ from mmt.texture.model import TextureModel, TextureSamples
 from mmt.texture.ordering import choose_order
 from mmt.texture.segmentation import OnlineSegmenter, Segment, SegmentationSettings
 from mmt.texture.settings import ModellingSettings
+
+if TYPE_CHECKING:
+    from mmt.texture.selection.online import OnlineSelection
 
 HIGHEST_AUTOMATIC_ORDER: Final = 24
 """What "auto" may choose at most; a segment has at least four times as many samples."""
@@ -48,6 +52,8 @@ class Fit:
     lsf: FloatArray
     variance: float
     power: float
+    number: int = 0
+    """Its own among the fits of a modeller."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +61,9 @@ class ModelUpdate:
     """What one update did.
 
     ``time_s`` is the session time of the newest frame, ``distance`` the completion sum,
-    ``durations_s`` the seconds spent on each stage.
+    ``durations_s`` the seconds spent on each stage. ``outliers`` counts
+    the fits that a selection keeps out of the model, ``redundant`` those that have left it
+    for good.
     """
 
     time_s: float
@@ -68,6 +76,8 @@ class ModelUpdate:
     stopped: bool
     model: TextureModel | None
     durations_s: dict[str, float]
+    outliers: int = 0
+    redundant: int = 0
 
 
 class OnlineModeller:
@@ -112,6 +122,10 @@ class OnlineModeller:
         )
         self.order: int | None = None if self.settings.order == "auto" else self.settings.order
         self.fits: dict[SegmentRange, Fit] = {}
+        self._numbers = itertools.count()
+        self._selection = _selection(self.settings)
+        self._chosen: list[Fit] = []
+        self._outliers = self._redundant = 0
         self._first_sequence: int | None = None
         self._time_s = 0.0
         self.model: TextureModel | None = None
@@ -162,13 +176,17 @@ class OnlineModeller:
         yield None
         clock.resume()
         if added or removed or (self.model is None and self.fits):
+            if self._choose():
+                clock.lap("select")
+                yield None
+                clock.resume()
             self._rebuild()
         clock.lap("triangulate")
-        self.completion.update(self._points(), self._time_s)
+        self.completion.update(self._points(self._chosen), self._time_s)
         clock.lap("completion")
         yield ModelUpdate(
             time_s=self._time_s,
-            samples=len(self.fits),
+            samples=len(self._chosen),
             added=len(added),
             removed=removed,
             distance=self.completion.distance,
@@ -177,6 +195,8 @@ class OnlineModeller:
             stopped=self.completion.stopped,
             model=self.model,
             durations_s=clock.laps,
+            outliers=self._outliers,
+            redundant=self._redundant,
         )
 
     def _remove(self, ranges: list[SegmentRange]) -> int:
@@ -204,7 +224,13 @@ class OnlineModeller:
         fits = burg_batch([s.vibration_m_s2 for s in usable], order)
         lsf = reflection_to_lsf(fits.reflection)
         for index, segment in enumerate(usable):
-            fit = Fit(segment, lsf[index], float(fits.variance[index]), float(fits.power[index]))
+            fit = Fit(
+                segment,
+                lsf[index],
+                float(fits.variance[index]),
+                float(fits.power[index]),
+                next(self._numbers),
+            )
             if _is_filter(fit):
                 self.fits[segment.start, segment.stop] = fit
 
@@ -216,25 +242,47 @@ class OnlineModeller:
         """
         surplus = max(0, len(self.fits) - LARGEST_MODEL)
         for _ in range(surplus):
-            points = self._points()
+            points = self._points(list(self.fits.values()))
             distances, _ = cKDTree(points).query(points, k=2)
             del self.fits[list(self.fits)[int(np.argmin(distances[:, 1]))]]
         return surplus
 
+    def _choose(self) -> bool:
+        """Say which fits the model is made of; true where a selection was asked."""
+        everything = list(self.fits.values())
+        self._chosen = everything
+        if self._selection is None or not everything:
+            return False
+        samples = self._samples(everything)
+        found = self._selection.choose(
+            samples.points,
+            samples.lsf,
+            samples.variance,
+            [fit.segment.vibration_m_s2 for fit in everything],
+            [fit.number for fit in everything],
+        )
+        for index in np.flatnonzero(found.redundant).tolist():
+            segment = everything[index].segment
+            del self.fits[segment.start, segment.stop]
+        self._outliers = int(found.outlier.sum())
+        self._redundant += int(found.redundant.sum())
+        kept = np.flatnonzero(~found.outlier & ~found.redundant)
+        self._chosen = [everything[index] for index in kept.tolist()]
+        return True
+
     def _rebuild(self) -> None:
-        if not self.fits:
+        if not self._chosen:
             self.model = None
             return
         self.model = TextureModel(
-            self._samples(),
+            self._samples(self._chosen),
             interpolate=self.settings.interpolate,
             interpolator=self.settings.interpolator,
             previous=self.model,
             rate_hz=self.settings.rate_hz,
         )
 
-    def _samples(self) -> TextureSamples:
-        fits = list(self.fits.values())
+    def _samples(self, fits: list[Fit]) -> TextureSamples:
         return TextureSamples(
             inputs=np.array([fit.segment.inputs(self.space) for fit in fits]),
             lsf=np.array([fit.lsf for fit in fits]),
@@ -243,11 +291,20 @@ class OnlineModeller:
             space=self.space,
         )
 
-    def _points(self) -> FloatArray:
-        """Return the samples' normalised points, shape (n, d)."""
-        if not self.fits:
+    def _points(self, fits: list[Fit]) -> FloatArray:
+        """Return the normalised points of fits, shape (n, d)."""
+        if not fits:
             return np.empty((0, self.space.dimensions))
-        return self._samples().points
+        return self._samples(fits).points
+
+
+def _selection(settings: ModellingSettings) -> "OnlineSelection | None":
+    """Return the selection that is asked for; without one its module is not imported."""
+    if settings.selection is None:
+        return None
+    from mmt.texture.selection.online import OnlineSelection
+
+    return OnlineSelection(settings.selection)
 
 
 def _is_filter(fit: Fit) -> bool:

@@ -31,6 +31,18 @@ AUTOMATIC: Final = 0.0
 
 
 @dataclass(frozen=True)
+class OnlineSelectionSettings:
+    """Selection while a model grows; see `mmt.texture.selection.online`.
+
+    ``limit``: score from which a sample is an outlier, None for the usual one. ``largest``:
+    number of samples above which redundant ones are left out of the model.
+    """
+
+    limit: float | None = None
+    largest: int = 200
+
+
+@dataclass(frozen=True)
 class ModellingSettings:
     """Settings of the online modelling; the meaning of each is in the scene reference.
 
@@ -39,7 +51,7 @@ class ModellingSettings:
     (tau_2), ``shortest_samples``, ``longest_samples``, ``least_speed_mm_s``,
     ``least_force_n``, ``start_distance`` and ``stop_distance`` (`AUTOMATIC` for what belongs
     to the inputs), ``interpolate``, ``inputs``,
-    ``interpolator``, ``rate_hz``.
+    ``interpolator``, ``selection`` (None for none), ``rate_hz``.
     """
 
     axis: VibrationAxis = "z"
@@ -57,6 +69,7 @@ class ModellingSettings:
     interpolate: Interpolated = "power"
     inputs: Inputs = "isotropic"
     interpolator: Interpolation = "delaunay"
+    selection: OnlineSelectionSettings | None = None
     rate_hz: float = 1000.0
 
     def __post_init__(self) -> None:

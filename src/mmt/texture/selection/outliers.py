@@ -10,11 +10,12 @@ that left is asked once more, by those that stayed, and may come back.
 Nothing in it looks at the number of a point: the same points in any order give the same set.
 """
 
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from mmt.arrays import BoolArray, FloatArray
+from mmt.arrays import BoolArray, FloatArray, IntArray
 from mmt.texture.selection.consensus import Consensus, consensus
 from mmt.texture.selection.points import ModelPoints, band
 from mmt.texture.selection.transients import bursts, whitening
@@ -60,12 +61,60 @@ class Outliers(NamedTuple):
     neighbours: Consensus
 
 
+class Memory:
+    """What earlier searches found: outliers, and bursts by a segment and its neighbours.
+
+    A search begins with the last one's outliers left out; they are asked in its end. `name`
+    gives the points of the next search their numbers; what two searches in a row have not
+    asked for is forgotten.
+    """
+
+    def __init__(self) -> None:
+        self._numbers: IntArray = np.zeros(0, dtype=np.int64)
+        self._accused: IntArray = np.zeros(0, dtype=np.int64)
+        self._old: dict[bytes, FloatArray] = {}
+        self._new: dict[bytes, FloatArray] = {}
+
+    def name(self, numbers: Sequence[int]) -> None:
+        """Begin a search among points of these numbers."""
+        self._numbers = np.asarray(numbers, dtype=np.int64)
+        self._old, self._new = self._new, {}
+
+    def suspects(self) -> BoolArray:
+        """Return which points were outliers in the last search, shape (n,)."""
+        return np.isin(self._numbers, self._accused)
+
+    def accuse(self, outlier: BoolArray) -> None:
+        """Remember the outliers of this search, shape (n,)."""
+        self._accused = self._numbers[outlier]
+
+    def keys(self, members: IntArray) -> list[bytes]:
+        """Return what stands for each point with its neighbours (n, k)."""
+        rows = np.column_stack([self._numbers, self._numbers[members]])
+        return [row.tobytes() for row in rows]
+
+    def get(self, key: bytes) -> FloatArray | None:
+        """Return what is remembered, None where nothing is."""
+        row = self._new.get(key)
+        if row is None:
+            row = self._old.get(key)
+            if row is not None:
+                self._new[key] = row
+        return row
+
+    def put(self, key: bytes, row: FloatArray) -> None:
+        """Remember."""
+        self._new[key] = row
+
+
 def least_points(dimensions: int) -> int:
     """Return how many points there must be for a consensus: a plane and as many again."""
     return 2 * (dimensions + 1)
 
 
-def find_outliers(data: ModelPoints, limit: float | None = None) -> Outliers | None:
+def find_outliers(
+    data: ModelPoints, limit: float | None = None, memory: Memory | None = None
+) -> Outliers | None:
     """Say which points contradict their neighbours; None where there are too few to say.
 
     Parameters
@@ -75,6 +124,8 @@ def find_outliers(data: ModelPoints, limit: float | None = None) -> Outliers | N
         them the spectrum and the level.
     limit
         On the score; `LIMIT` or `MODEL_LIMIT` unless told.
+    memory
+        Of earlier searches among mostly the same points, which it has named.
 
     Notes
     -----
@@ -84,8 +135,11 @@ def find_outliers(data: ModelPoints, limit: float | None = None) -> Outliers | N
     n = len(data)
     if n < least_points(data.points.shape[1]):
         return None
-    witness = _Witness(data, limit)
-    present = np.ones(n, dtype=np.bool_)
+    if memory is None:
+        memory = Memory()
+        memory.name(range(n))
+    witness = _Witness(data, limit, memory)
+    present = ~memory.suspects()
     for _ in range(_ROUNDS):
         neighbours = consensus(data.points, present)
         evidence = witness.hear(neighbours)
@@ -93,16 +147,18 @@ def find_outliers(data: ModelPoints, limit: float | None = None) -> Outliers | N
         if not leaving.any() or (present & ~leaving).sum() < (1.0 - MOST) * n:
             break
         present &= ~leaving
-    return Outliers(~present & (evidence.score > evidence.limit), evidence, neighbours)
+    outlier = ~present & (evidence.score > evidence.limit)
+    memory.accuse(outlier)
+    return Outliers(outlier, evidence, neighbours)
 
 
 class _Witness:
     """Gathers evidence, and remembers that of points whose neighbours stay the same."""
 
-    def __init__(self, data: ModelPoints, limit: float | None) -> None:
+    def __init__(self, data: ModelPoints, limit: float | None, memory: Memory) -> None:
         self._data = data
+        self._memory = memory
         self._logarithm = np.log(lsf_spectrum(data.lsf, data.variance, band(), 1.0))
-        self._members = np.zeros((len(data), 0), dtype=np.int64)
         self._kinds: tuple[str, ...]
         if data.segments is None:
             self._kinds, usual_limit = MODEL_KINDS, MODEL_LIMIT
@@ -111,7 +167,6 @@ class _Witness:
             self._kinds, usual_limit = SEGMENT_KINDS, LIMIT
             self._variances = np.array([1.0 / max(1, len(s)) for s in data.segments])
         self._limit = usual_limit if limit is None else limit
-        self._bursts = np.zeros((len(data), len(SEGMENT_KINDS) - 1))
 
     def hear(self, neighbours: Consensus) -> Evidence:
         """Return the evidence against every point from its neighbours."""
@@ -130,15 +185,15 @@ class _Witness:
 
     def _heard_bursts(self, predicted: FloatArray, neighbours: Consensus) -> FloatArray:
         assert self._data.segments is not None  # noqa: S101 - asked for with segments alone
-        if self._members.shape == neighbours.members.shape:
-            changed = (self._members != neighbours.members).any(axis=1)
-        else:
-            changed = np.ones(len(self._data), dtype=np.bool_)
-        again = np.flatnonzero(changed)
+        keys = self._memory.keys(neighbours.members)
+        rows = [self._memory.get(key) for key in keys]
+        again = [index for index, row in enumerate(rows) if row is None]
         filters = whitening(np.exp(predicted[again]), self._data.lsf.shape[1])
-        self._bursts[again] = bursts([self._data.segments[i] for i in again.tolist()], filters)
-        self._members = neighbours.members
-        return self._bursts
+        found = bursts([self._data.segments[i] for i in again], filters)
+        for index, row in zip(again, found, strict=True):
+            rows[index] = row
+            self._memory.put(keys[index], row)
+        return np.array(rows)
 
 
 def _standardised(raw: FloatArray) -> FloatArray:

@@ -1,0 +1,117 @@
+"""Selection while a model grows: outliers stay out of it, and its size below a limit.
+
+A selection from the start in every update would find what the offline one finds, at several
+times the cost; this one begins where the last ended. All samples are asked again, so that a
+knock that came before its neighbours leaves the model as soon as there are enough of them to
+say so, and a good sample that bad ones accused comes back. What a segment's own samples say is
+kept for as long as it has the same neighbours, which saves most of the cost.
+"""
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from mmt.arrays import BoolArray, FloatArray, IntArray
+from mmt.texture.selection.leave_one_out import leave_each_out
+from mmt.texture.selection.outliers import Memory, find_outliers
+from mmt.texture.selection.points import ModelPoints, amplitude_of
+from mmt.texture.selection.published import spectral_error
+from mmt.texture.settings import OnlineSelectionSettings
+
+_TINY: Final = float(np.finfo(np.float64).tiny)
+
+
+class Chosen(NamedTuple):
+    """Of n samples: ``outlier`` (n,) stay out of the model, ``redundant`` (n,) leave for good."""
+
+    outlier: BoolArray
+    redundant: BoolArray
+
+
+class OnlineSelection:
+    """Choose the samples of a model that grows.
+
+    Parameters
+    ----------
+    settings
+        ``limit`` on the score (None for the usual one), ``largest`` number of samples.
+    """
+
+    def __init__(self, settings: OnlineSelectionSettings) -> None:
+        self._settings = settings
+        self._memory = Memory()
+
+    def choose(
+        self,
+        points: FloatArray,
+        lsf: FloatArray,
+        variance: FloatArray,
+        segments: Sequence[FloatArray],
+        numbers: Sequence[int],
+    ) -> Chosen:
+        """Say which of n samples are to stay out of the model, and which may leave.
+
+        Parameters
+        ----------
+        points, lsf, variance, segments
+            See `ModelPoints`.
+        numbers
+            One for each sample, which stays the same as long as the sample does.
+
+        Notes
+        -----
+        A sample without any vibration has nothing to be compared, and is kept. Where there
+        are more than ``largest`` good ones, those leave that the others predict best.
+        """
+        n = len(points)
+        outlier = np.zeros(n, dtype=np.bool_)
+        sound = np.flatnonzero(variance > 0.0)
+        data = ModelPoints(
+            points[sound], lsf[sound], variance[sound], [segments[i] for i in sound.tolist()]
+        )
+        order = data.canonical()
+        data, sound = data.taken(order), sound[order]
+        self._memory.name([numbers[i] for i in sound.tolist()])
+        found = find_outliers(data, self._settings.limit, self._memory)
+        if found is not None:
+            outlier[sound[found.outlier]] = True
+        redundant = np.zeros(n, dtype=np.bool_)
+        good = np.flatnonzero(~outlier)
+        surplus = len(good) - self._settings.largest
+        if surplus > 0:
+            redundant[good[best_predicted(points[good], lsf[good], variance[good], surplus)]] = True
+        return Chosen(outlier, redundant)
+
+
+def best_predicted(
+    points: FloatArray, lsf: FloatArray, variance: FloatArray, count: int
+) -> IntArray:
+    """Return the numbers of the points that the others predict best, one leaving at a time.
+
+    Corners of the hull leave only where nothing else is left. O(n log n) for each sweep, in
+    which no two leave that predict each other; one sweep for a few points.
+    """
+    values = np.column_stack([lsf, variance])
+    left = np.arange(len(points))
+    gone: list[int] = []
+    while len(gone) < count:
+        members, weights, _ = leave_each_out(points[left])
+        error = np.full(len(left), np.inf)
+        inner = np.flatnonzero(members[:, 0] >= 0)
+        predicted = np.einsum("nk,nkv->nv", weights[inner], values[left][members[inner]])
+        error[inner] = spectral_error(
+            amplitude_of(predicted[:, :-1], predicted[:, -1]),
+            amplitude_of(lsf[left[inner]], np.maximum(variance[left[inner]], _TINY)),
+        )
+        touched = np.zeros(len(left), dtype=np.bool_)
+        leaving: list[int] = []
+        for index in np.lexsort((*points[left].T[::-1], error)).tolist():
+            if len(gone) + len(leaving) == count or (leaving and np.isinf(error[index])):
+                break
+            if not touched[members[index]].any():  # what predicts it stays
+                leaving.append(index)
+                touched[index] = True
+        gone += left[leaving].tolist()
+        left = np.delete(left, leaving)
+    return np.array(gone, dtype=np.int64)
