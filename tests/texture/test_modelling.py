@@ -10,6 +10,7 @@ from mmt.devices.simulated.textures import get_surface
 from mmt.frames import empty_frames
 from mmt.hand_table import Hand
 from mmt.scene import Scene
+from mmt.texture.autoregression import lsf_to_reflection, output_power
 from mmt.texture.completion import distance_sum
 from mmt.texture.modelling import ModelUpdate, OnlineModeller
 from mmt.texture.settings import ModellingSettings
@@ -188,3 +189,19 @@ def test_strokes_in_all_directions_give_a_model_of_velocity() -> None:
     assert (np.histogram(headings, 4, (-np.pi, np.pi))[0] > 0).all()
     assert modeller.model.at(0.0, 0.0, 1.5)[1].max() == 0.0
     assert modeller.model.at(100.0, 100.0, 1.5)[1].min() > 0.0
+
+
+def test_a_network_grows_from_update_to_update(frames: RecordArray) -> None:
+    modeller = OnlineModeller(ModellingSettings(interpolator="rbf"))
+    growths = []
+    for update in feed(modeller, frames):
+        assert update.model is not None
+        growths.append(update.model.interpolant.growth)  # type: ignore[attr-defined]
+        _, variance = update.model.at([0.0, 150.0, 300.0], [1.0, 1.5, 3.0])
+        assert variance[0] == 0.0
+        assert (variance[1:] > 0.0).all()
+    assert len(set(map(id, growths[-8:]))) <= 3  # solved anew where the samples have doubled
+    expected = get_surface("plastic").power(150.0, 1.5)[0]
+    lsf, variance = modeller.model.at(150.0, 1.5)  # type: ignore[union-attr]
+    power = output_power(variance, lsf_to_reflection(lsf))[0]
+    assert 0.5 < power / expected < 2.0

@@ -12,6 +12,7 @@ combinations, which are; the networks of ``"rbf"`` are made valid in
 `mmt.texture.radial_basis_evaluation`.
 """
 
+import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -119,6 +120,12 @@ BUILDERS: Final[Mapping[Interpolation, Builder]] = MappingProxyType(
     {"delaunay": _build_delaunay, "nearest": _build_nearest, "rbf": _build_radial_basis}
 )
 """Every interpolator by its name in the scene."""
+
+
+def load(interpolator: Interpolation) -> None:
+    """Load what an interpolator has compiled, so that no update of a model waits for it."""
+    if interpolator == "rbf":
+        importlib.import_module("mmt.texture.radial_basis_model")
 
 
 @kernel("i8(f8[:, ::1], f8[::1], f8[::1])")

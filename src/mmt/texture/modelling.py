@@ -24,6 +24,7 @@ from mmt.texture.burg import burg_batch
 from mmt.texture.completion import CompletionMonitor
 from mmt.texture.filtering import StreamFilter
 from mmt.texture.inputs import InputSpace
+from mmt.texture.interpolators import load
 from mmt.texture.model import TextureModel, TextureSamples
 from mmt.texture.ordering import choose_order
 from mmt.texture.segmentation import OnlineSegmenter, Segment, SegmentationSettings
@@ -98,6 +99,7 @@ class OnlineModeller:
         accept: Callable[[Segment], bool] | None = None,
     ) -> None:
         self.settings = settings or ModellingSettings()
+        load(self.settings.interpolator)
         self._accept = accept
         self.space = InputSpace(self.settings.inputs)
         self._filter = StreamFilter(
