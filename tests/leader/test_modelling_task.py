@@ -247,3 +247,20 @@ async def test_an_update_that_fails_comes_out_of_the_task(
     made.task.take(made_frames(0, 100))
     with pytest.raises(ZeroDivisionError):
         await asyncio.wait_for(made.task.run(), 10)
+
+
+async def test_a_frozen_model_takes_no_frames_until_it_may_grow(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async with modelled(monkeypatch) as made:
+        made.task.take(made_frames(0, 50))
+        made.task.freeze(True)
+        made.task.take(made_frames(50, 100))
+        made.task.fill(made_frames(150, 100))
+        made.task.freeze(False)
+        made.task.take(made_frames(500, 100))
+        await made.settle(1)
+        np.testing.assert_array_equal(made.modeller.updates[0]["sequence"], np.arange(500, 600))
+        made.task.freeze(True)
+        made.task.reset()
+        assert not made.task.frozen

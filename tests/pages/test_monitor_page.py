@@ -4,6 +4,7 @@ import asyncio
 import shutil
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from mmt.leader.service import LeaderService
 from mmt.link.access import TOKEN_VARIABLE
 from mmt.scene import Scene
 from mmt.scene_files import scene_from_tables
+from mmt.texture.model import TextureModel
 
 api = pytest.importorskip("playwright.async_api", reason="playwright is not installed")
 CHROMIUM = shutil.which("chromium")
@@ -67,6 +69,7 @@ def scene(port: int = 0) -> Scene:
             "playout": {},
             "actuator": {},
             "monitor": {},
+            "network": {"profile": "lan"},
         }
     )
 
@@ -88,8 +91,12 @@ class Leading:
         await self.running
 
     @property
+    def origin(self) -> str:
+        return f"http://127.0.0.1:{self.service.port}/"
+
+    @property
     def url(self) -> str:
-        return f"http://127.0.0.1:{self.service.port}/monitor/"
+        return f"{self.origin}monitor/"
 
     async def model(self, seconds: float) -> None:
         """Let the model take a simulated session of this length."""
@@ -186,5 +193,43 @@ async def test_nothing_is_loaded_from_elsewhere(browser: Any) -> None:
         await page.goto(leading.url)
         await shows(page, "#connection", "live")
         assert asked
-        assert [url for url in asked if not url.startswith(leading.url)] == []
+        assert [url for url in asked if not url.startswith(leading.origin)] == []
+        assert problems == []
+
+
+async def test_a_person_controls_the_run(
+    browser: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    async with a_page(browser, TABLET) as (page, problems), Leading() as leading:
+        await page.goto(leading.url)
+        await page.click("#save")
+        await shows(page, "#answer", "there is no model yet")
+        await api.expect(page.locator("#answer")).to_have_attribute("data-good", "false")
+        await leading.model(6.0)
+        await shows(page, "#plane-text", "samples, order")
+        await page.click("#save")
+        await shows(page, "#answer", "samples as mmt-monitor/shown-model-1.npz")
+        assert TextureModel.load(Path("mmt-monitor/shown-model-1.npz")).order > 0
+        await page.keyboard.press("r")
+        await shows(page, "#answer", "recording into mmt-monitor/shown-1.mcap")
+        await shows(page, "#record", "Stop recording")
+        await page.keyboard.press("m")  # which goes to the field
+        await page.keyboard.type("wood begins")
+        await page.keyboard.press("Enter")
+        await shows(page, "#answer", "marked: wood begins")
+        await shows(page, "#events", "marked: wood begins")
+        await page.click("#record")
+        await shows(page, "#answer", "recorded 0 frames into")
+        await page.select_option("#force", "streamed")
+        await shows(page, "#answer", "held to streamed vibration")
+        await page.select_option("#network", "bad")
+        await shows(page, "#answer", "emulated network: bad")
+        await shows(page, "#events", "emulated network: delay 150")
+        await page.click("#freeze")
+        await shows(page, "#freeze", "Let the model grow")
+        page.on("dialog", lambda dialog: dialog.accept())
+        await page.click("#reset")
+        await shows(page, "#plane-text", "No model yet")
+        await shows(page, "#freeze", "Freeze model")
         assert problems == []

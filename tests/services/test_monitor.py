@@ -2,16 +2,13 @@
 
 import asyncio
 import base64
-import json
 from collections.abc import AsyncIterator
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import aiohttp
 import pytest
 from frame_samples import made_frames
-from monitor_messages import unpack
+from monitor_browser import Browser, address, monitored, open_browser, until
 from service_runs import MadeSource, Together, small_scene
 
 from mmt.leader.monitor.viewers import MOST_VIEWERS
@@ -20,48 +17,10 @@ from mmt.link.access import TOKEN_VARIABLE
 TOKEN = "a token that nobody guesses"
 
 
-@dataclass
-class Browser:
-    """Opens sockets as the page does."""
-
-    http: aiohttp.ClientSession
-    sockets: list[aiohttp.ClientWebSocketResponse] = field(default_factory=list)
-
-    async def look_on(
-        self, together: Together, token: str | None = None
-    ) -> aiohttp.ClientWebSocketResponse:
-        socket = await self.http.ws_connect(address(together))
-        self.sockets.append(socket)
-        await socket.send_str(json.dumps({"token": token}))
-        return socket
-
-
 @pytest.fixture
 async def browser() -> AsyncIterator[Browser]:
-    async with aiohttp.ClientSession() as session:
-        browser = Browser(session)
+    async with open_browser() as browser:
         yield browser
-        for socket in browser.sockets:
-            await socket.close()
-
-
-async def monitored(directory: Path, **tables: dict[str, Any]) -> Together:
-    together = Together.of(small_scene(directory, monitor={"updates_hz": 50}, **tables))
-    await together.listen()
-    return together
-
-
-def address(together: Together, path: str = "/monitor/socket") -> str:
-    return f"http://127.0.0.1:{together.leader.port}{path}"
-
-
-async def until(socket: aiohttp.ClientWebSocketResponse, kind: str) -> dict[str, Any]:
-    """Return the next message of a kind."""
-    async with asyncio.timeout(30):
-        while True:
-            message = unpack(await socket.receive_bytes())
-            if message["kind"] == kind:
-                return message
 
 
 async def test_a_run_is_shown_while_it_lasts(tmp_path: Path, browser: Browser) -> None:

@@ -63,10 +63,12 @@ class ModellingTask:
         """Frames that were filled in after an update had gone on without them."""
         self.working = False
         self.finished = False
+        self.frozen = False
+        """Whether frames are not modelled for now, because a person wants it."""
 
     def take(self, frames: RecordArray) -> None:
         """Queue frames; never blocks."""
-        if self.finished:
+        if self.finished or self.frozen:
             return
         self.dropped_frames += self._queue.put(frames)
         first = self._queue.first_sequence
@@ -75,7 +77,7 @@ class ModellingTask:
 
     def fill(self, frames: RecordArray) -> None:
         """Queue frames that came late at their place; never blocks."""
-        if self.finished:
+        if self.finished or self.frozen:
             return
         early = frames[frames["sequence"] > self._newest]
         self.late_frames += len(frames) - len(early)
@@ -85,12 +87,18 @@ class ModellingTask:
         """Go on if that which was missing has come, or will not come."""
         self._due.set()
 
+    def freeze(self, frozen: bool) -> None:
+        """Leave the model as it is, or let it grow again; an update under way still counts."""
+        self.frozen = frozen
+        if frozen:
+            self._queue.take_all()
+
     def reset(self) -> None:
         """Start a new model; an update that is under way is thrown away."""
         self._generation += 1
         self._modeller = OnlineModeller(self._settings)
         self._queue.take_all()
-        self.finished = False
+        self.finished = self.frozen = False
 
     async def finish(self, timeout_s: float) -> None:
         """Wait until whole periods that wait are modelled, for at most this long."""

@@ -2,8 +2,9 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
+from mmt.errors import InputError
 from mmt.leader.parts import LeaderParts
 from mmt.leader.summary import RunLog
 
@@ -29,6 +30,10 @@ class ModelUse:
         self._log = log
         self._event = event
         self._since_s = 0.0
+        synthesizer = parts.synthesizer
+        self._takes_over = synthesizer is not None and synthesizer.model is not None
+        self.forced: Literal["streamed", "synthesized"] | None = None
+        """Which vibration a person holds on to, None where the criterion decides."""
 
     def take(self, update: "ModelUpdate", seconds: float) -> None:
         """Take an update of the model, which took so many seconds.
@@ -41,14 +46,15 @@ class ModelUse:
         log.update = update
         log.update_seconds.append(seconds)
         usable = update.started and update.model is not None
-        if usable and parts.synthesizer is not None:
+        wanted = usable or (self.forced == "synthesized" and update.model is not None)
+        if wanted and parts.synthesizer is not None:
             parts.synthesizer.model = update.model
         if usable and log.start_s is None:
             log.start_s = update.time_s
             self._event(f"start criterion met at {update.time_s:.1f} s", distance=update.distance)
             self._record(update)
-            if parts.switch is not None:
-                parts.switch.use_model(True)
+            self._takes_over = True
+            self._choose()
         if update.stopped:
             log.stop_s = update.time_s
             self._event(f"stop criterion met at {update.time_s:.1f} s", distance=update.distance)
@@ -61,9 +67,39 @@ class ModelUse:
         self._parts.modelling.reset()
         self._since_s = time_s
         self._log.update = self._log.start_s = self._log.stop_s = None
-        if self._parts.switch is not None:
-            self._parts.switch.use_model(False)
+        self._takes_over = False
+        self.forced = None
+        self._choose()
         self._event("model reset")
+
+    def force(self, mode: Literal["streamed", "synthesized"] | None) -> None:
+        """Hold on to one vibration, or let the start criterion decide (None).
+
+        Raises
+        ------
+        InputError
+            The scene streams none, or there is no model to render from.
+        """
+        parts, update = self._parts, self._log.update
+        if parts.switch is None:
+            raise InputError("this scene plays no vibration: it has no [actuator]")
+        if mode == "streamed" and parts.playout is None:
+            raise InputError("this scene streams no vibration: it has no [playout]")
+        if mode == "synthesized":
+            if parts.synthesizer is None:
+                raise InputError("this scene renders from no model: it has no [rendering]")
+            if update is not None and update.model is not None:
+                parts.synthesizer.model = update.model
+            if parts.synthesizer.model is None:
+                raise InputError("there is no model yet: stroke the surface first")
+        self.forced = mode
+        self._choose()
+
+    def _choose(self) -> None:
+        """Let the switch play what is forced, or else what the criterion says."""
+        if self._parts.switch is not None:
+            model = self._takes_over if self.forced is None else self.forced == "synthesized"
+            self._parts.switch.use_model(model)
 
     def record_last(self) -> None:
         """Attach the newest model to the recording."""

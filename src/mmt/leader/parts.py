@@ -49,6 +49,8 @@ class LeaderParts:
     switch: VibrationSwitch | None = None
     make_recorder: "Callable[..., McapRecorder] | None" = None
     recorder: "McapRecorder | None" = None
+    ended_recorder: "McapRecorder | None" = None
+    """The last one that was ended before the session."""
     tap: "MonitorTap | None" = None
     """Takes what the monitor shows."""
 

@@ -58,7 +58,7 @@ class LeaderService:
         self.log = RunLog()
         self._journal = Journal(self.parts, on_event or (lambda _: None), lambda: self.time_s)
         self.parts.watch(self._journal.event)
-        self._models = ModelUse(self.parts, self.log, self._journal.event)
+        self.models = ModelUse(self.parts, self.log, self._journal.event)
         self.remote: RemoteFollower | None = None
         if scene.link is not None:
             self.remote = RemoteFollower(scene, self.parts, self.log, self._journal, self.ending)
@@ -132,7 +132,7 @@ class LeaderService:
 
     def reset_model(self) -> None:
         """Forget the model and return to streamed vibration, for a new surface."""
-        self._models.reset(self.time_s)
+        self.models.reset(self.time_s)
 
     def status(self) -> LeaderStatus:
         """Return the live status."""
@@ -195,7 +195,7 @@ class LeaderService:
             await self.monitor.stop()
         if self.remote is not None:
             await self.remote.close()
-        self._models.record_last()
+        self.models.record_last()
         for problem in self.parts.close():
             self._journal.say(problem)
 
@@ -207,7 +207,7 @@ class LeaderService:
             self.ending.stop("completed")
 
     def _on_update(self, update: "ModelUpdate", seconds: float) -> None:
-        self._models.take(update, seconds)
+        self.models.take(update, seconds)
 
     async def _report_status(self) -> None:
         while True:

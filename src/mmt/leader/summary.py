@@ -162,7 +162,7 @@ def _handle(parts: LeaderParts) -> dict[str, Any]:
 
 
 def _recording(parts: LeaderParts) -> dict[str, Any]:
-    recorder = parts.recorder
+    recorder = parts.recorder or parts.ended_recorder
     if recorder is None:
         return {}
     return {

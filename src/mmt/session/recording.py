@@ -66,6 +66,8 @@ class McapRecorder:
         Records that may wait; when there are more, the oldest are dropped and counted.
     clock
         The monotonic clock (ns).
+    begins_s
+        Session time of the first frame, where the session has begun before its recording.
 
     Raises
     ------
@@ -83,6 +85,7 @@ class McapRecorder:
         on_error: Callable[[str], None] | None = None,
         queue_limit: int = QUEUE_LIMIT,
         clock: Callable[[], int] = time.monotonic_ns,
+        begins_s: float = 0.0,
     ) -> None:
         self.path = path
         self.frames = 0
@@ -93,6 +96,7 @@ class McapRecorder:
         self._on_error = on_error
         self._clock = clock
         self._limit = queue_limit
+        self._begins_s = begins_s
         self._stream_queue: deque[_Record] = deque()
         self._rare_queue: deque[_Record] = deque(maxlen=queue_limit)
         self._recorded_frames = 0
@@ -195,7 +199,7 @@ class McapRecorder:
     def _log_time_ns(self, time_s: float | None) -> int:
         if time_s is None or self._start_ns is None:
             return self._clock()
-        return max(0, self._start_ns + round(time_s * 1e9))
+        return max(0, self._start_ns + round((time_s - self._begins_s) * 1e9))
 
     def _put(self, record: _Record) -> None:
         if self.error is not None:

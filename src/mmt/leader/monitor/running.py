@@ -3,10 +3,11 @@
 import asyncio
 import logging
 from collections import deque
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from mmt.leader.journal import Journal
 from mmt.leader.monitor import states
+from mmt.leader.monitor.controls import Controls
 from mmt.leader.monitor.live import LiveMessages
 from mmt.leader.monitor.packing import pack
 from mmt.leader.monitor.tap import MonitorTap
@@ -53,6 +54,8 @@ class LeaderMonitor:
         self._history: deque[tuple[float, float]] = deque(maxlen=_HISTORY)
         self._events: deque[tuple[float, str]] = deque(maxlen=_EVENTS)
         self._looks = 0
+        self._controls = Controls(service, journal)
+        self._controls_state: dict[str, Any] = {}
         self._task: asyncio.Task[None] | None = None
         journal.listen(self._note)
         self.viewers.publish("hello", states.hello(service.scene, service.log.session_id))
@@ -65,7 +68,7 @@ class LeaderMonitor:
         """The page for the leader's port."""
         from mmt.leader.monitor.site import monitor_page
 
-        return monitor_page(self.viewers, self._service.scene)
+        return monitor_page(self.viewers, self._controls, self._service.scene)
 
     def start(self) -> None:
         """Look from now on."""
@@ -99,6 +102,10 @@ class LeaderMonitor:
             self._live.restart()
             self.tap.watched = True
             self._looks = 0
+        state = self._controls.state()
+        if state != self._controls_state:
+            self._controls_state = state
+            self.viewers.publish("controls", pack("controls", state, {}))
         self.viewers.publish("live", self._live_message(), retain=False)
         # one of the two that take longest at a time, so that no look is long
         turn = self._looks % self._slow
@@ -146,10 +153,7 @@ class LeaderMonitor:
         self.viewers.publish("completion", pack("completion", header, arrays))
 
     def _publish_model(self) -> None:
-        update, synthesizer = self._update, self._service.parts.synthesizer
-        model = update.model if update is not None else None
-        if model is None and synthesizer is not None:
-            model = synthesizer.model
+        model = states.model_of(self._service)
         if model is not None and model is self._model:
             return
         self._model = model

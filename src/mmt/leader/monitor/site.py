@@ -18,6 +18,7 @@ from urllib.parse import urlsplit
 from aiohttp import WSMsgType, web
 
 from mmt import pages
+from mmt.leader.monitor.controls import Controls
 from mmt.leader.monitor.viewers import Viewer, Viewers
 from mmt.link.access import Access
 from mmt.scene import Scene
@@ -39,7 +40,7 @@ _HEADERS: Final = {
 }
 
 
-def monitor_page(viewers: Viewers, scene: Scene) -> "Page":
+def monitor_page(viewers: Viewers, controls: Controls, scene: Scene) -> "Page":
     """Return the page ``/monitor/`` and its socket ``/monitor/socket``."""
     files = pages.monitor_files()
     host = scene.link.host if scene.link is not None else ""
@@ -60,7 +61,7 @@ def monitor_page(viewers: Viewers, scene: Scene) -> "Page":
                 raise web.HTTPForbidden(text=problem)
             if viewers.full:
                 raise web.HTTPServiceUnavailable(text="too many viewers\n")
-            return await _serve(request, access, viewers)
+            return await _serve(request, access, viewers, controls)
 
         application.router.add_get("/monitor", redirect)
         application.router.add_get("/monitor/socket", look_on)
@@ -89,7 +90,9 @@ def _is_address(name: str) -> bool:
     return True
 
 
-async def _serve(request: web.Request, access: Access, viewers: Viewers) -> web.WebSocketResponse:
+async def _serve(
+    request: web.Request, access: Access, viewers: Viewers, controls: Controls
+) -> web.WebSocketResponse:
     """Let one browser look on until it leaves or the session ends."""
     socket = web.WebSocketResponse(
         timeout=1.0, heartbeat=_HEARTBEAT_S, compress=False, max_msg_size=_MOST_BYTES
@@ -107,6 +110,7 @@ async def _serve(request: web.Request, access: Access, viewers: Viewers) -> web.
         async for message in socket:
             if message.type is not WSMsgType.TEXT:
                 break
+            viewer.offer(*await controls.answer(message.data))
     finally:
         viewers.remove(viewer)
         sending.cancel()

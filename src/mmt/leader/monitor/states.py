@@ -40,13 +40,13 @@ def hello(scene: Scene, session_id: str) -> bytes:
 
 def explain(service: "LeaderService") -> str:
     """Say why the actuator plays what it plays, and what will change it."""
-    log, switch = service.log, service.parts.switch
+    log, switch, forced = service.log, service.parts.switch, service.models.forced
     if service.remote is not None and not service.remote.connected:
         return "no follower is connected"
     if switch is None:
         return "this scene has no actuator"
-    if switch.mode == "fading":
-        return "crossfade"
+    if switch.mode == "fading" or forced is not None:
+        return "crossfade" if switch.mode == "fading" else f"held to {forced} by hand"
     if switch.mode != "synthesized":
         return _why_not_synthesized(service)
     if log.start_s is None:
@@ -64,6 +64,14 @@ def _why_not_synthesized(service: "LeaderService") -> str:
         f"the model is not complete enough: completion sum {update.distance:.2f}, "
         f"it takes over at {texture.start_distance:g}"
     )
+
+
+def model_of(service: "LeaderService") -> "TextureModel | None":
+    """Return the model that grows; until the first update the saved one, if there is one."""
+    log, synthesizer = service.log, service.parts.synthesizer
+    if log.update is not None:
+        return log.update.model
+    return synthesizer.model if synthesizer is not None and not log.update_seconds else None
 
 
 def model_message(model: "TextureModel | None") -> bytes:

@@ -36,6 +36,13 @@ export class Link {
     this.open();
   }
 
+  /** Send an order; false where there is no connection. */
+  send(order) {
+    if (this.socket.readyState !== WebSocket.OPEN) return false;
+    this.socket.send(JSON.stringify(order));
+    return true;
+  }
+
   open() {
     clearTimeout(this.timer);
     const scheme = location.protocol === "https:" ? "wss:" : "ws:";

@@ -1,5 +1,6 @@
 // The live monitor's page: takes the leader's messages and shows them.
 
+import { Controls } from "./controls.js";
 import { Link } from "./link.js";
 import { Plane } from "./plane.js";
 import { Plot, drawBars } from "./plots.js";
@@ -108,6 +109,14 @@ const take = {
     }));
   },
 
+  controls(message) {
+    controls.show(message);
+  },
+
+  answer(message) {
+    controls.answered(message);
+  },
+
   end(message) {
     text("why", `the session is over: ${message.outcome}`);
   },
@@ -157,6 +166,8 @@ const link = new Link((message) => take[message.kind]?.(message), showState, (gi
   text("token-problem", given ? "That is not the leader's token." : "");
   $("token").focus();
 });
+
+const controls = new Controls(link);
 
 $("token-form").addEventListener("submit", (event) => {
   event.preventDefault();

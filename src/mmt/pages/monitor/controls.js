@@ -1,0 +1,118 @@
+// The controls: each order is sent to the leader, and what it answers is shown in words.
+
+const ANSWER_MS = 15000;
+const $ = (id) => document.getElementById(id);
+
+export class Controls {
+  /** `link` sends orders and knows the token. */
+  constructor(link) {
+    this.link = link;
+    this.state = {};
+    this.waiting = new Map();
+    this.number = 0;
+    $("record").onclick = () => this.order({ do: "record", on: !this.state.recording });
+    $("save").onclick = () => this.order({ do: "save" });
+    $("freeze").onclick = () => this.order({ do: "freeze", on: !this.state.frozen });
+    $("reset").onclick = () => {
+      if (confirm("Forget the model and begin anew?")) this.order({ do: "reset" });
+    };
+    $("force").onchange = async () => {
+      await this.order({ do: "mode", mode: $("force").value });
+      $("force").value = this.state.forced; // as it is, should the leader have refused
+    };
+    $("network").onchange = () => this.#changeNetwork($("network").value);
+    $("mark-form").onsubmit = (event) => {
+      event.preventDefault();
+      this.order({ do: "mark", text: $("mark").value });
+      $("mark").value = "";
+    };
+    addEventListener("keydown", (event) => this.#shortcut(event));
+  }
+
+  /** Show what the controls stand at; those that the scene lacks cannot be used. */
+  show(state) {
+    const first = this.state.network === undefined;
+    this.state = state;
+    press("record", state.recording !== null, state.recording === null ? "Record" : "Stop recording");
+    press("freeze", state.frozen, state.frozen ? "Let the model grow" : "Freeze model");
+    $("record").disabled = !state.records;
+    $("freeze").disabled = $("reset").disabled = !state.models;
+    $("save").disabled = !state.models && !state.renders;
+    $("force").disabled = !state.renders;
+    $("force").value = state.forced;
+    $("network").disabled = !state.network;
+    $("controls").hidden = false;
+    if (first && state.network) this.#readNetwork();
+  }
+
+  /** Send an order, and show the answer. */
+  async order(order) {
+    const id = this.number++;
+    const answered = new Promise((resolve) => {
+      this.waiting.set(id, resolve);
+      setTimeout(() => resolve({ ok: false, text: "the leader has not answered" }), ANSWER_MS);
+    });
+    if (!this.link.send({ id, ...order })) {
+      this.waiting.get(id)({ ok: false, text: "there is no connection to the leader" });
+    }
+    const answer = await answered;
+    this.waiting.delete(id);
+    say(answer.text, answer.ok);
+  }
+
+  /** Take the leader's answer to an order. */
+  answered(message) {
+    this.waiting.get(message.id)?.(message);
+  }
+
+  async #changeNetwork(profile) {
+    try {
+      const settings = await this.#network({
+        method: "PUT",
+        body: JSON.stringify(profile === "none" ? {} : { profile }),
+      });
+      say(`emulated network: ${settings.profile ?? "none"}`, true);
+    } catch (error) {
+      say(error.message, false);
+      this.#readNetwork();
+    }
+  }
+
+  async #readNetwork() {
+    try {
+      const settings = await this.#network({});
+      const plain = !settings.delay_ms && !settings.loss && !settings.bandwidth_kbit_s;
+      $("network").value = settings.profile ?? (plain ? "none" : "own");
+    } catch (error) {
+      say(error.message, false);
+    }
+  }
+
+  async #network(request) {
+    const headers = { "Content-Type": "application/json" };
+    if (this.link.token !== null) headers.Authorization = `Bearer ${this.link.token}`;
+    const answer = await fetch("/network", { ...request, headers });
+    const content = await answer.json();
+    if (!answer.ok) throw new Error(content.error ?? `the leader answered ${answer.status}`);
+    return content;
+  }
+
+  #shortcut(event) {
+    const typing = event.target.closest("input, select, textarea");
+    if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
+    const id = { r: "record", s: "save", f: "freeze", m: "mark" }[event.key];
+    if (id === undefined || $("controls").hidden) return;
+    event.preventDefault();
+    id === "mark" ? $(id).focus() : $(id).click();
+  }
+}
+
+function press(id, pressed, label) {
+  $(id).setAttribute("aria-pressed", String(pressed));
+  if ($(id).firstChild.data !== label) $(id).firstChild.data = label;
+}
+
+function say(sentence, good) {
+  $("answer").textContent = sentence;
+  $("answer").dataset.good = String(good);
+}
