@@ -10,6 +10,7 @@ from selection_samples import sampled_texture
 from mmt.devices.simulated.offline import simulate_session
 from mmt.scene import Scene
 from mmt.texture.modelling import OnlineModeller
+from mmt.texture.samples import TextureSamples
 from mmt.texture.selection import select
 from mmt.texture.selection.leave_one_out import hull_of
 from mmt.texture.selection.online import OnlineSelection, best_predicted
@@ -18,14 +19,14 @@ from mmt.texture.settings import ModellingSettings, OnlineSelectionSettings
 KNOCKS = (2500, 5100, 9100, 12400)  # well inside of segments
 
 
+def samples_of(data, count, variance=None):
+    variance = data.variance if variance is None else variance
+    inputs = data.points[:count] * np.array([300.0, 3.0])
+    return TextureSamples(inputs, data.lsf[:count], variance[:count], variance[:count])
+
+
 def chosen(selection, data, count):
-    return selection.choose(
-        data.points[:count],
-        data.lsf[:count],
-        data.variance[:count],
-        data.segments[:count],
-        range(count),
-    )
+    return selection.choose(samples_of(data, count), data.segments[:count], range(count))
 
 
 def knocked_session(seconds=16.0):
@@ -83,7 +84,7 @@ def test_samples_without_vibration_are_kept_and_do_no_harm():
     variance = data.variance.copy()
     variance[:5] = 0.0
     found = OnlineSelection(OnlineSelectionSettings()).choose(
-        data.points, data.lsf, variance, data.segments, range(30)
+        samples_of(data, 30, variance), data.segments, range(30)
     )
     assert not found.outlier[:5].any()
 

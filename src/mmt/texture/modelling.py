@@ -10,7 +10,6 @@ memory nor the cost of an update grows without end where the criteria are never 
 """
 
 import itertools
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
@@ -29,6 +28,7 @@ from mmt.texture.model import TextureModel, TextureSamples
 from mmt.texture.ordering import choose_order
 from mmt.texture.segmentation import OnlineSegmenter, Segment, SegmentationSettings
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.stopwatch import Stopwatch
 
 if TYPE_CHECKING:
     from mmt.texture.selection.online import OnlineSelection
@@ -156,7 +156,7 @@ class OnlineModeller:
         A service that must keep its ticks runs them one by one, so that the interpreter lock
         is never contended for longer than a stage.
         """
-        clock = _Stopwatch()
+        clock = Stopwatch()
         if len(frames):
             if self._first_sequence is None:
                 self._first_sequence = int(frames["sequence"][0])
@@ -255,11 +255,8 @@ class OnlineModeller:
         self._chosen = everything
         if self._selection is None or not everything:
             return False
-        samples = self._samples(everything)
         found = self._selection.choose(
-            samples.points,
-            samples.lsf,
-            samples.variance,
+            self._samples(everything),
             [fit.segment.vibration_m_s2 for fit in everything],
             [fit.number for fit in everything],
         )
@@ -313,17 +310,3 @@ def _is_filter(fit: Fit) -> bool:
     """Say whether a fit can stand in a model: no power that overflows, no merged LSF."""
     ascending = bool((np.diff(fit.lsf, prepend=0.0, append=np.pi) > 0).all())
     return ascending and bool(np.isfinite(fit.power))
-
-
-class _Stopwatch:
-    def __init__(self) -> None:
-        self.laps: dict[str, float] = {}
-        self.resume()
-
-    def resume(self) -> None:
-        self._last = time.perf_counter()
-
-    def lap(self, name: str) -> None:
-        now = time.perf_counter()
-        self.laps[name] = now - self._last
-        self._last = now

@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mmt.arrays import BoolArray, FloatArray, IntArray
+from mmt.texture.samples import TextureSamples
 from mmt.texture.selection.leave_one_out import leave_each_out
 from mmt.texture.selection.outliers import Memory, find_outliers
 from mmt.texture.selection.points import ModelPoints, amplitude_of
@@ -44,9 +45,7 @@ class OnlineSelection:
 
     def choose(
         self,
-        points: FloatArray,
-        lsf: FloatArray,
-        variance: FloatArray,
+        samples: TextureSamples,
         segments: Sequence[FloatArray],
         numbers: Sequence[int],
     ) -> Chosen:
@@ -54,8 +53,8 @@ class OnlineSelection:
 
         Parameters
         ----------
-        points, lsf, variance, segments
-            See `ModelPoints`.
+        samples, segments
+            The fits, and what each was fitted to.
         numbers
             One for each sample, which stays the same as long as the sample does.
 
@@ -64,6 +63,7 @@ class OnlineSelection:
         A sample without any vibration has nothing to be compared, and is kept. Where there
         are more than ``largest`` good ones, those leave that the others predict best.
         """
+        points, lsf, variance = samples.points, samples.lsf, samples.variance
         n = len(points)
         outlier = np.zeros(n, dtype=np.bool_)
         sound = np.flatnonzero(variance > 0.0)
