@@ -14,6 +14,7 @@ from mmt.evaluation.stability.figures import contact_map, loop_map
 PANELS: Final = {
     "burg": ("batch", "offset"),
     "lines": ("to_lsf", "low_pass"),
+    "networks": ("speed_power", "velocity_power", "velocity_spectrum", "velocity_adding"),
     "conceal": ("spectrum", "alone"),
     "contact": None,
     "pipeline": None,
