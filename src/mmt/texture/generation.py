@@ -7,6 +7,7 @@ of 4 ms, so that nothing clicks where a hand stops, and ends at exactly zero. Th
 near zero: nothing becomes denormal. Cost: O(order) a sample.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -102,7 +103,7 @@ class Generator:
     @property
     def release(self) -> float:
         """By what the amplitude may fall from one sample to the next."""
-        return float(np.exp(-1.0 / (_RELEASE_S * self.rate_hz)))
+        return math.exp(-1.0 / (_RELEASE_S * self.rate_hz))
 
     def use(self, wanted: VibrationFilter | None) -> None:
         """Go on with another filter, or with none: the last one, falling silent."""

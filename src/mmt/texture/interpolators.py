@@ -144,31 +144,55 @@ def _nearest_into(rows: FloatArray, point: FloatArray, values: FloatArray) -> in
     return nearest
 
 
-@kernel("void(f8[:, ::1], i8[:, ::1], i8, i8, f8[::1], f8[::1])")
-def _mix_into(
+@kernel("i8(f8[:, ::1], i8[:, ::1], i8, f8, f8, f8[::1], f8[::1])")
+def planar_into(
     rows: FloatArray,
     links: IntArray,
-    simplex: int,
-    dimensions: int,
-    weights: FloatArray,
+    hint: int,
+    x: float,
+    y: float,
     values: FloatArray,
-) -> None:
-    """Write the mean of the corners' values.
-
-    Frequencies that rounding has let meet are moved apart by a rounding.
-    """
-    values[:] = 0.0
-    for corner in range(dimensions + 1):
-        vertex = links[simplex, corner]
-        weight = weights[corner]
-        for k in range(len(values)):
-            values[k] += weight * rows[vertex, dimensions + k]
-    before = 0.0
+    weights: FloatArray,
+) -> int:
+    """Do `evaluate_into` for Delaunay in the plane, with less to pass on."""
+    found = locate(rows, links, hint, x, y, weights)
+    a, b, c = links[found, 0], links[found, 1], links[found, 2]
+    of_a, of_b, of_c = weights[0], weights[1], weights[2]
+    before, apart = 0.0, True
+    values[0] = of_a * rows[a, 2] + of_b * rows[b, 2] + of_c * rows[c, 2]
     for k in range(1, len(values)):
-        if not before < values[k] < np.pi:
-            separate(values[1:])
-            break
-        before = values[k]
+        value = of_a * rows[a, 2 + k] + of_b * rows[b, 2 + k] + of_c * rows[c, 2 + k]
+        apart = apart and before < value < np.pi
+        values[k] = before = value
+    if not apart:  # rounding has let frequencies meet
+        separate(values[1:])
+    return found
+
+
+@kernel("i8(f8[:, ::1], i8[:, ::1], i8, f8[::1], f8[::1], f8[::1])")
+def _spatial_into(
+    rows: FloatArray,
+    links: IntArray,
+    hint: int,
+    point: FloatArray,
+    values: FloatArray,
+    weights: FloatArray,
+) -> int:
+    """Do `evaluate_into` for Delaunay in space."""
+    found = locate_3d(rows, links, hint, point, weights)
+    a, b, c, d = links[found, 0], links[found, 1], links[found, 2], links[found, 3]
+    of_a, of_b, of_c, of_d = weights[0], weights[1], weights[2], weights[3]
+    before, apart = 0.0, True
+    for k in range(len(values)):
+        value = of_a * rows[a, 3 + k] + of_b * rows[b, 3 + k]
+        value += of_c * rows[c, 3 + k] + of_d * rows[d, 3 + k]
+        values[k] = value
+        if k > 0:
+            apart = apart and before < value < np.pi
+            before = value
+    if not apart:
+        separate(values[1:])
+    return found
 
 
 @kernel("i8(i8, f8[:, ::1], i8[:, ::1], f8[:, ::1], i8, f8[::1], f8[::1], f8[::1])")
@@ -197,31 +221,11 @@ def evaluate_into(
     scratch
         Shape (`LARGEST_SCRATCH`,) or longer.
     """
+    if kind == DELAUNAY and len(point) == 2:
+        return planar_into(rows, links, hint, point[0], point[1], values, scratch)
+    if kind == DELAUNAY:
+        return _spatial_into(rows, links, hint, point, values, scratch)
     if kind == NEAREST:
         return _nearest_into(rows, point, values)
-    if kind == RADIAL_BASIS:
-        radial_basis_into(rows, links, tail, point, values, scratch)
-        return 0
-    if len(point) == 2:
-        found = locate(rows, links, hint, point[0], point[1], scratch)
-        _mix_into(rows, links, found, 2, scratch, values)
-    else:
-        found = locate_3d(rows, links, hint, point, scratch)
-        _mix_into(rows, links, found, 3, scratch, values)
-    return found
-
-
-@kernel("void(i8, f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[:, ::1], f8[:, ::1])")
-def evaluate_each_into(
-    kind: int,
-    rows: FloatArray,
-    links: IntArray,
-    tail: FloatArray,
-    points: FloatArray,
-    values: FloatArray,
-) -> None:
-    """Do `evaluate_into` for every point (k, d) and row of values (k, 1 + order)."""
-    scratch = np.empty(LARGEST_SCRATCH)
-    hint = 0
-    for row in range(len(points)):
-        hint = evaluate_into(kind, rows, links, tail, hint, points[row], values[row], scratch)
+    radial_basis_into(rows, links, tail, point, values, scratch)
+    return 0

@@ -20,19 +20,30 @@ from mmt.compiled import kernel
 from mmt.errors import InputError
 from mmt.texture.inputs import InputSpace
 from mmt.texture.interpolation import Triangulation, triangulate
-from mmt.texture.interpolators import BUILDERS, Interpolant, evaluate_each_into
+from mmt.texture.interpolators import (
+    BUILDERS,
+    DELAUNAY,
+    LARGEST_SCRATCH,
+    Interpolant,
+    evaluate_into,
+    planar_into,
+)
 from mmt.texture.lsf import lsf_inverse_gain
 from mmt.texture.model_file import pack, unpack
 from mmt.texture.samples import TextureSamples
-from mmt.texture.settings import LARGEST_ORDER, Interpolated, Interpolation
+from mmt.texture.settings import Interpolated, Interpolation
 from mmt.texture.spectra import lsf_spectrum
-from mmt.texture.trend import NO_TREND, fit_trend, with_trend, without_trend
+from mmt.texture.trend import NO_TREND, fit_trend, trend_at, without_trend
 from mmt.texture.vertices import vertex_table
 
 __all__ = ["LEVELS", "TextureModel", "TextureSamples"]
 
 LEVELS: Final[dict[Interpolated, int]] = {"variance": 0, "power": 1, "amplitude": 2}
 """What is interpolated linearly, by its number in the compiled kernels."""
+
+KIND, LEVEL_KIND, SPEED_EXPONENT, FORCE_EXPONENT, PER_SPEED, PER_FORCE = range(6)
+DIMENSIONS, MODEL_ORDER, LAW_SIZE = 6, 7, 8
+"""Places in `TextureModel.law`: one array costs a compiled call less than eight numbers."""
 
 
 class TextureModel:
@@ -101,6 +112,17 @@ class TextureModel:
             previous.interpolant if previous is not None and grown else None,
         )
 
+    @cached_property
+    def law(self) -> FloatArray:
+        """What the rendering needs beside the interpolant's arrays, by the numbers below."""
+        law = np.empty(LAW_SIZE)
+        law[KIND], law[LEVEL_KIND] = self.interpolant.kind, LEVELS[self.interpolate]
+        law[SPEED_EXPONENT], law[FORCE_EXPONENT] = self.trend
+        law[PER_SPEED] = 1.0 / self.space.maximum_speed_mm_s
+        law[PER_FORCE] = 1.0 / self.space.maximum_force_n
+        law[DIMENSIONS], law[MODEL_ORDER] = self.space.dimensions, self.order
+        return law
+
     @property
     def _alike(self) -> tuple[object, ...]:
         """What an earlier model must share to be grown from."""
@@ -150,12 +172,9 @@ class TextureModel:
             There are not d inputs.
         """
         points = np.ascontiguousarray(self.space.normalise(self.space.stack(*inputs)))
-        values = np.empty((len(points), 1 + self.order))
+        lsf, variance = np.empty((len(points), self.order)), np.empty(len(points))
         by = self.interpolant
-        evaluate_each_into(by.kind, by.rows, by.links, by.tail, points, values)
-        lsf, variance = np.ascontiguousarray(values[:, 1:]), np.empty(len(points))
-        level = with_trend(values[:, 0], points, *self.trend)
-        _excitation_variances(level, LEVELS[self.interpolate], lsf, variance)
+        _filters_into(by.rows, by.links, by.tail, self.law, points, lsf, variance)
         return lsf, variance
 
     def spectrum(self, *inputs: npt.ArrayLike, frequencies_hz: FloatArray) -> FloatArray:
@@ -197,16 +216,36 @@ class TextureModel:
         return cls(samples, **settings)
 
 
-@kernel("void(f8[::1], i8, f8[:, ::1], f8[::1])")
-def _excitation_variances(
-    level: FloatArray, level_kind: int, lsf: FloatArray, variance: FloatArray
+@kernel("void(f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[::1], f8[:, ::1], f8[:, ::1], f8[::1])")
+def _filters_into(
+    rows: FloatArray,
+    links: IntArray,
+    tail: FloatArray,
+    law: FloatArray,
+    points: FloatArray,
+    lsf: FloatArray,
+    variance: FloatArray,
 ) -> None:
-    """Write the excitation's variances (k,): the gain of a mean of LSF is no mean of gains."""
-    work = np.empty(2 * LARGEST_ORDER)
-    for row in range(len(level)):
-        value = level[row]
-        if level_kind != 0 and value != 0.0:
+    """Write LSF (k, m) and excitation variances (k,) at points.
+
+    The gain of a mean of LSF is no mean of gains.
+    """
+    kind, level_kind, place = int(law[KIND]), int(law[LEVEL_KIND]), 0
+    work, values = np.empty(LARGEST_SCRATCH), np.empty(1 + lsf.shape[1])
+    planar = kind == DELAUNAY and points.shape[1] == 2
+    for row in range(len(points)):
+        if planar:
+            x, y = points[row, 0], points[row, 1]
+            place = planar_into(rows, links, place, x, y, values, work)
+        else:
+            place = evaluate_into(kind, rows, links, tail, place, points[row], values, work)
+        for k in range(lsf.shape[1]):
+            lsf[row, k] = values[1 + k]
+        level = values[0]
+        if law[SPEED_EXPONENT] > 0.0:
+            level *= trend_at(law[SPEED_EXPONENT], law[FORCE_EXPONENT], points[row])
+        if level_kind != 0 and level != 0.0:
             if level_kind == 2:
-                value *= value
-            value *= lsf_inverse_gain(lsf[row], work)
-        variance[row] = value
+                level *= level
+            level *= lsf_inverse_gain(lsf[row], work)
+        variance[row] = level

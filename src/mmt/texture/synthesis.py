@@ -27,16 +27,26 @@ from mmt.texture.generation import (
     Generator,
     scaled,
 )
-from mmt.texture.inputs import normalise_into
-from mmt.texture.interpolators import LARGEST_SCRATCH, evaluate_into
+from mmt.texture.inputs import from_zero, normalise_into
+from mmt.texture.interpolators import DELAUNAY, LARGEST_SCRATCH, evaluate_into, planar_into
 from mmt.texture.lattice import lattice_step, lsf_to_lattice_into
-from mmt.texture.model import LEVELS, TextureModel
+from mmt.texture.model import (
+    DIMENSIONS,
+    FORCE_EXPONENT,
+    KIND,
+    LEVEL_KIND,
+    MODEL_ORDER,
+    PER_FORCE,
+    PER_SPEED,
+    SPEED_EXPONENT,
+    TextureModel,
+)
 from mmt.texture.settings import LARGEST_ORDER
 from mmt.texture.trend import trend_at
 
-_COUNTER, _PLACE = 0, 1
-
-_POINT = LARGEST_SCRATCH  # scratch: that of the interpolator, point, level and LSF, work
+_COUNTER = LARGEST_SCRATCH  # scratch: that of the interpolator, samples, where it was found,
+_PLACE = _COUNTER + 1  # then point, level and LSF, work
+_POINT = _PLACE + 1
 _VALUES = _POINT + 3
 _WORK = _VALUES + 1 + LARGEST_ORDER
 
@@ -67,7 +77,6 @@ class Synthesizer:
         self.model = model
         self._renewal = renewal_samples
         self._generator = Generator(seed=seed, limit_m_s2=limit_m_s2)
-        self._search = np.zeros(2)
         self._scratch = np.zeros(_WORK + 5 * LARGEST_ORDER)
 
     @property
@@ -96,33 +105,27 @@ class Synthesizer:
         if model is None:
             generator.use(None)
             return generator.generate(count)
-        space, by = model.space, model.interpolant
-        if len(inputs) != space.dimensions:
+        law, by = model.law, model.interpolant
+        if len(inputs) != law[DIMENSIONS]:
             raise InputError(
-                f"{len(inputs)} inputs were given: the model takes {', '.join(space.channels)}"
+                f"{len(inputs)} inputs were given: the model takes "
+                f"{', '.join(model.space.channels)}"
             )
         generator.rate_hz = model.rate_hz
         output = np.empty(count)
         _render(
-            by.kind,
             by.rows,
             by.links,
             by.tail,
-            LEVELS[model.interpolate],
-            *model.trend,
-            model.order,
-            len(inputs),
+            law,
             inputs[0],
             inputs[1],
             inputs[-1],
-            1.0 / space.maximum_speed_mm_s,
-            1.0 / space.maximum_force_n,
             self._renewal,
             generator.limit_m_s2,
             generator.release,
             generator.draw(count),
             generator.state,
-            self._search,
             self._scratch,
             output,
         )
@@ -146,50 +149,51 @@ def _amplitude(level: float, level_kind: int, complement: FloatArray) -> float:
 
 
 @kernel(
-    "void(i8, f8[:, ::1], i8[:, ::1], f8[:, ::1], i8, f8, f8, i8, i8, f8[::1], f8[::1], f8[::1],"
-    " f8, f8, i8, f8, f8, f8[::1], f8[::1], f8[::1], f8[::1], f8[::1])"
+    "void(f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[::1], f8[::1], f8[::1], f8[::1], i8, f8, f8,"
+    " f8[::1], f8[::1], f8[::1], f8[::1])"
 )
 def _render(
-    kind: int,
     rows: FloatArray,
     links: IntArray,
     tail: FloatArray,
-    level_kind: int,
-    speed_exponent: float,
-    force_exponent: float,
-    order: int,
-    dimensions: int,
+    law: FloatArray,
     first: FloatArray,
     second: FloatArray,
     third: FloatArray,
-    per_speed: float,
-    per_force: float,
     renewal: int,
     limit: float,
     release: float,
     noise: FloatArray,
     state: FloatArray,
-    search: FloatArray,
     scratch: FloatArray,
     output: FloatArray,
 ) -> None:
-    point = scratch[_POINT : _POINT + dimensions]
+    kind, level_kind, order = int(law[KIND]), int(law[LEVEL_KIND]), int(law[MODEL_ORDER])
+    per_speed, per_force, speed_exponent = law[PER_SPEED], law[PER_FORCE], law[SPEED_EXPONENT]
+    planar = kind == DELAUNAY and law[DIMENSIONS] == 2.0
+    point = scratch[_POINT : _POINT + int(law[DIMENSIONS])]
     values, work = scratch[_VALUES : _VALUES + 1 + order], scratch[_WORK:]
     lsf = values[1:]
     reflection = state[REFLECTION : REFLECTION + order]
     complement = state[COMPLEMENT : COMPLEMENT + order]
     past = state[PAST:]
     for index in range(len(output)):
-        if int(search[_COUNTER]) % renewal == 0:
-            normalise_into(first[index], second[index], third[index], per_speed, per_force, point)
-            place = int(search[_PLACE])
-            search[_PLACE] = evaluate_into(kind, rows, links, tail, place, point, values, scratch)
+        if int(scratch[_COUNTER]) % renewal == 0:
+            place = int(scratch[_PLACE])
+            if planar:
+                x, y = from_zero(first[index], per_speed), from_zero(second[index], per_force)
+                place = planar_into(rows, links, place, x, y, values, scratch)
+            else:
+                now = first[index], second[index], third[index]
+                normalise_into(now[0], now[1], now[2], per_speed, per_force, point)
+                place = evaluate_into(kind, rows, links, tail, place, point, values, scratch)
+            scratch[_PLACE] = place
             lsf_to_lattice_into(lsf, reflection, complement, work)
             state[ORDER] = order
             level = values[0]
             if speed_exponent > 0.0:
-                level *= trend_at(speed_exponent, force_exponent, point)
+                level *= trend_at(speed_exponent, law[FORCE_EXPONENT], point)
             state[WANTED] = _amplitude(level, level_kind, complement)
-        search[_COUNTER] += 1.0
+        scratch[_COUNTER] += 1.0
         value = lattice_step(reflection, complement, past, int(state[ORDER]), noise[index])
         output[index] = scaled(state, value, release, limit)

@@ -46,18 +46,6 @@ def trend_at(speed_exponent: float, force_exponent: float, point: FloatArray) ->
     return float(law * min(speed / _SLOWEST, 1.0) * min(force / _SLOWEST, 1.0))
 
 
-@kernel("f8[::1](f8[:], f8[:, ::1], f8, f8)")
-def with_trend(
-    level: FloatArray, points: FloatArray, speed_exponent: float, force_exponent: float
-) -> FloatArray:
-    """Return interpolated levels (k,), the power law put back at their points (k, d)."""
-    whole = level.copy()
-    if speed_exponent > 0.0:
-        for row in range(len(whole)):
-            whole[row] *= trend_at(speed_exponent, force_exponent, points[row])
-    return whole
-
-
 def fit_trend(points: FloatArray, level: FloatArray, *, is_amplitude: bool) -> Trend:
     """Fit the exponents to samples.
 
