@@ -48,7 +48,9 @@ def import_model(
 
 
 def export_model(
-    source: Annotated[Path, typer.Argument(metavar="MODEL", help="A model, a .npz file.")],
+    source: Annotated[
+        Path, typer.Argument(metavar="MODEL", help="A .npz file, or a shipped model.")
+    ],
     target: Annotated[
         Path,
         typer.Argument(metavar="OUT", help="A .xml file (HaTT), or a .wav file of its vibration."),
@@ -80,9 +82,10 @@ def export_model(
     seed: Annotated[int, typer.Option(min=0, help="WAV: of the vibration.")] = 0,
 ) -> None:
     """Write a model for the Penn toolkit (.xml), or its vibration as sound (.wav)."""
+    from mmt.shipped_models import find_model
     from mmt.texture.model import TextureModel
 
-    model = TextureModel.load(source)
+    model = TextureModel.load(find_model(source))
     suffix = target.suffix.lower()
     if suffix == ".xml":
         _write_xml(model, target, material if material is not None else source.stem, friction)

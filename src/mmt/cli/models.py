@@ -74,14 +74,38 @@ def build_model(
 
 @app.command()
 def info(
-    source: Annotated[Path, typer.Argument(metavar="FILE", help="A model, a .npz file.")],
+    source: Annotated[
+        Path, typer.Argument(metavar="MODEL", help="A .npz file, or the name of a shipped model.")
+    ],
     json_file: Annotated[Path | None, typer.Option("--json", help="Write it there.")] = None,
 ) -> None:
     """Say what a model file holds."""
+    from mmt.shipped_models import find_model
     from mmt.texture.model import TextureModel
 
-    figures = describe(TextureModel.load(source))
+    figures = describe(TextureModel.load(find_model(source)))
     output.print(summary_table(source.name, {"model": figures}))
+    write_json(json_file, figures)
+
+
+@app.command("list")
+def list_models(
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write it there.")] = None,
+) -> None:
+    """Name the shipped models."""
+    from mmt.shipped_models import shipped_models
+    from mmt.texture.model_file import unpack
+
+    figures = {}
+    for name, path in shipped_models().items():
+        samples, _ = unpack(path.read_bytes())
+        figures[name] = {
+            "inputs": samples.space.name,
+            "samples": len(samples),
+            "order": int(samples.lsf.shape[1]),
+            "file_bytes": path.stat().st_size,
+        }
+    output.print(summary_table("shipped models", figures))
     write_json(json_file, figures)
 
 

@@ -66,12 +66,17 @@ def by_heading(model: str, strokes: Strokes, errors: GridErrors) -> HeadingError
     sectors = strokes.sector
     return HeadingErrors(
         model=model,
-        overall=_gathered(None, errors, np.ones(len(sectors), np.bool_)),
+        overall=overall(errors),
         sectors=tuple(
             _gathered((number + 0.5) * SECTOR_DEG, errors, sectors == number)
             for number in range(SECTORS)
         ),
     )
+
+
+def overall(errors: GridErrors) -> SectorErrors:
+    """Gather the errors at all strokes."""
+    return _gathered(None, errors, np.ones(len(errors.gfc), np.bool_))
 
 
 def _gathered(heading_deg: float | None, errors: GridErrors, chosen: BoolArray) -> SectorErrors:

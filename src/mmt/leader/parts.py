@@ -247,9 +247,10 @@ def _build_vibration(scene: Scene, parts: LeaderParts) -> None:
             limit_m_s2=limit_m_s2,
         )
         if scene.rendering.model is not None:
+            from mmt.shipped_models import find_model
             from mmt.texture.model import TextureModel
 
-            parts.synthesizer.model = TextureModel.load(scene.rendering.model)
+            parts.synthesizer.model = TextureModel.load(find_model(scene.rendering.model))
     parts.switch = VibrationSwitch(
         parts.playout.pull if parts.playout is not None else None,
         parts.synthesizer,

@@ -13,10 +13,11 @@ from mmt.arrays import FloatArray
 from mmt.errors import InputError, MmtError
 from mmt.library.estimating import Estimator, Touch
 from mmt.library.generating import OutputGenerator
+from mmt.shipped_models import find_model
 from mmt.texture.model import TextureModel
 
 Source = Path | str | TextureModel
-"""A model file, or a model."""
+"""A model file or the name of a shipped model, or a model."""
 
 Sink = Callable[[FloatArray], object]
 
@@ -123,7 +124,8 @@ def open_textures(
     Parameters
     ----------
     sources
-        Model files or models, at least one; their order numbers them from 0.
+        Model files, names of shipped models, or models, at least one; their order numbers
+        them from 0.
     output_hz
         Rate of what `render` returns. A model is rendered at its own rate, and converted.
     estimate_hz
@@ -151,7 +153,7 @@ def open_textures(
         if not 0.0 < value < float("inf"):
             raise InputError(f"{name} is {value}: it must be positive and finite")
     models = [
-        source if isinstance(source, TextureModel) else TextureModel.load(Path(source))
+        source if isinstance(source, TextureModel) else TextureModel.load(find_model(Path(source)))
         for source in sources
     ]
     output = OutputGenerator(
