@@ -3,7 +3,7 @@
 A model is valid at one rate, 1 kHz as a rule; sound cards want 44.1 or 48 kHz, others 2 kHz.
 The filter is a Kaiser-windowed sinc in polyphase form, 16 samples of the slower of the two rates
 long, which delays by half of that. Below 0.39 of the slower rate it is flat within 0.05 dB,
-above 0.61 of it at least 55 dB down. Cost: 16 multiplications a sample, or as many more as the
+above 0.61 of it at least 53 dB down. Cost: 16 multiplications a sample, or as many more as the
 device is slower.
 """
 
