@@ -34,7 +34,9 @@ SWITCH_INTERVAL_S = sys.getswitchinterval()
 
 # how long an example takes says more of the machine's load than of the example
 settings.register_profile("mmt", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("mmt")
+# where a change is judged, the same examples before and after it
+settings.register_profile("repeatable", settings.get_profile("mmt"), derandomize=True)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "mmt"))
 
 
 @pytest.hookimpl(optionalhook=True)

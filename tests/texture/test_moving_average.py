@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.signal import freqz, lfilter
 
@@ -24,7 +24,8 @@ def test_the_autocorrelation_is_that_of_the_impulse_response(
     seed: int, poles: int, zeros: int, lags: int
 ) -> None:
     ar, ma = random_filter(seed, poles, zeros)
-    impulse = np.zeros(20_000)
+    assume(np.abs(np.roots(np.append(1.0, ar))).max() < 0.9995)  # or the response is not over
+    impulse = np.zeros(40_000)
     impulse[0] = 1.0
     response = lfilter(ma, np.append(1.0, ar), impulse)
     wanted = [response[: len(response) - k] @ response[k:] for k in range(lags + 1)]
