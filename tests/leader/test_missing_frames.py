@@ -102,6 +102,16 @@ def test_an_answer_that_does_not_come_is_asked_for_again_and_then_given_up() -> 
     assert account.missing.summary["lost"] == 1
 
 
+def test_a_follower_that_still_has_the_frames_is_waited_for() -> None:
+    account = Account(most=30_000, keeps=10_000)
+    account.missing.lack(3, 5)
+    account.wait(9900)
+    assert account.asked == [[(3, 5)]] * 10
+    assert account.missing.take(numbered(3))["sequence"].tolist() == [3]
+    account.wait(10_100)
+    assert account.missing.summary["filled"] == account.missing.summary["lost"] == 1
+
+
 def test_after_a_reconnection_everything_is_asked_for_anew() -> None:
     account = Account()
     account.missing.lack(3, 5)

@@ -16,8 +16,11 @@ PERIOD_TICKS: Final = 50
 AGAIN_TICKS: Final = 1000
 """What was asked for is asked for again after so long without any of it."""
 
-ATTEMPTS: Final = 3
-"""After so many requests without an answer it is given up."""
+LEAST_PATIENCE_TICKS: Final = 3000
+"""After so long without an answer it is given up, or when the follower has it no longer.
+
+A link that is stalled, or that has no time but for live frames, does not answer either.
+"""
 
 MOST_RANGES: Final = 200
 """Of more ranges the oldest are given up, so that a bad link cannot fill the memory."""
@@ -68,7 +71,7 @@ class MissingFrames:
         self._unasked = RangeSet()
         self._unnoted: list[Range] = []
         self._gaps: list[_Gap] = []
-        self._idle_ticks = self._ticks = self._attempts = 0
+        self._idle_ticks = self._ticks = 0
         self._resolved = False
         self._seen = self._filled = self._lost = self._unwanted = 0
 
@@ -92,7 +95,7 @@ class MissingFrames:
         """Expect the answers of a follower that keeps so many frames; ask it for everything."""
         self._keeps = min(keep_frames, self._most)
         self._unasked = RangeSet(self._missing)
-        self._idle_ticks = self._attempts = 0
+        self._idle_ticks = 0
 
     def forget(self) -> None:
         """Give up everything: the follower that had it is gone."""
@@ -126,14 +129,14 @@ class MissingFrames:
         self._unwanted += len(frames) - len(taken)
         if len(taken):
             self._filled += len(taken)
-            self._idle_ticks = self._attempts = 0
+            self._idle_ticks = 0
             self._resolved = True
             taken = taken[np.argsort(taken["sequence"], kind="stable")]
         return taken
 
     def gone(self, ranges: list[Range]) -> None:
         """Give up what the follower has not got."""
-        self._idle_ticks = self._attempts = 0
+        self._idle_ticks = 0
         self._lose(ranges)
 
     def tick(self, elapsed: int) -> bool:
@@ -146,11 +149,9 @@ class MissingFrames:
             self._note_gaps()
         if self._missing:
             self._idle_ticks += PERIOD_TICKS
-            if self._idle_ticks >= AGAIN_TICKS:
-                self._idle_ticks = 0
-                self._attempts += 1
+            if self._idle_ticks % AGAIN_TICKS == 0:
                 self._unasked = RangeSet(self._missing)
-            if self._attempts >= ATTEMPTS:
+            if self._idle_ticks >= max(self._keeps, LEAST_PATIENCE_TICKS):
                 self.forget()
             elif self._unasked:
                 self._ask(list(self._unasked))
