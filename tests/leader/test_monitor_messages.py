@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from monitor_messages import unpack
 from mmt.devices.protocols import InterfaceState
 from mmt.leader.monitor.live import MOST_SAMPLES, LiveMessages
 from mmt.leader.monitor.packing import pack
-from mmt.leader.monitor.states import model_message, thinned
+from mmt.leader.monitor.states import explain, hello, model_message, thinned
 from mmt.leader.monitor.tap import MonitorTap
 from mmt.leader.monitor.viewers import MOST_VIEWERS, Viewers
 from mmt.scene_files import scene_from_tables
@@ -113,6 +114,25 @@ def test_a_scene_without_these_channels_has_no_point() -> None:
     message = unpack(live.make({}))
     assert message["point"] is None
     assert message["arrays"]["measured"].shape == (4,)
+
+
+def test_automatic_thresholds_are_told_as_numbers() -> None:
+    assert SCENE.texture is not None
+    assert SCENE.texture.start_distance == "auto"
+    message = unpack(hello(SCENE, "some-id"))
+    assert (message["start_distance"], message["stop_distance"]) == pytest.approx(
+        (7.5, 4.243), abs=1e-3
+    )
+    update = SimpleNamespace(distance=9.25)
+    service = SimpleNamespace(
+        remote=None,
+        scene=SCENE,
+        log=SimpleNamespace(update=update, start_s=None),
+        models=SimpleNamespace(forced=None),
+        parts=SimpleNamespace(switch=SimpleNamespace(mode="streamed"), synthesizer=object()),
+    )
+    why = explain(service)  # type: ignore[arg-type]  # the part of a leader that it reads
+    assert why.endswith("completion sum 9.25, it takes over at 7.5")
 
 
 def test_the_model_is_shown_with_its_cells_and_triangles() -> None:

@@ -3,6 +3,7 @@
 import itertools
 import math
 from dataclasses import asdict
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
 import mmt
@@ -16,15 +17,21 @@ if TYPE_CHECKING:
     from mmt.texture.model import TextureModel
     from mmt.ticking import TimeHistogram
 
-_LATENCY_MS: Final = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
+LATENCY_MS: Final = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
+"""Bounds of the histogram of latencies."""
 _PERIOD_MS: Final = (0.5, 0.7, 0.8, 0.9, 0.95, 1.05, 1.1, 1.2, 1.3, 1.5, 2, 5, 10)
 _COUNTS: Final = ("frames", "lost", "out_of_order", "repeated", "dropped", "commands")
 
 
 def hello(scene: Scene, session_id: str) -> bytes:
     """Return what a page must know before anything else."""
-    texture = scene.texture or Texture()
-    header = {
+    return pack("hello", hello_header(scene, session_id), {})
+
+
+def hello_header(scene: Scene, session_id: str) -> dict[str, Any]:
+    """Return names, limits and thresholds of a session."""
+    start_distance, stop_distance = _thresholds(scene.texture or Texture())
+    return {
         "session": scene.session.name,
         "id": session_id,
         "version": mmt.__version__,
@@ -32,10 +39,9 @@ def hello(scene: Scene, session_id: str) -> bytes:
         "rate_hz": scene.session.rate_hz,
         "maximum_speed_mm_s": MAXIMUM_SPEED_MM_S,
         "maximum_force_n": MAXIMUM_FORCE_N,
-        "start_distance": texture.start_distance,
-        "stop_distance": texture.stop_distance,
+        "start_distance": start_distance,
+        "stop_distance": stop_distance,
     }
-    return pack("hello", header, {})
 
 
 def explain(service: "LeaderService") -> str:
@@ -62,8 +68,15 @@ def _why_not_synthesized(service: "LeaderService") -> str:
         return "no model yet"
     return (
         f"the model is not complete enough: completion sum {update.distance:.2f}, "
-        f"it takes over at {texture.start_distance:g}"
+        f"it takes over at {_thresholds(texture)[0]:g}"
     )
+
+
+@lru_cache(1)
+def _thresholds(texture: Texture) -> tuple[float, float]:
+    """Return the start and the stop distance as numbers, also where they are automatic."""
+    settings = texture.settings(1000.0)  # they do not depend on the rate
+    return settings.start_distance, settings.stop_distance
 
 
 def model_of(service: "LeaderService") -> "TextureModel | None":
@@ -114,7 +127,7 @@ def link_message(service: "LeaderService") -> bytes | None:
         "latency_p99_ms": statistics["latency_p99_ms"],
         "clock": statistics["clock"],
     }
-    return pack("link", header | _histogram(server.latency, _LATENCY_MS), {})
+    return pack("link", header | _histogram(server.latency, LATENCY_MS), {})
 
 
 def ticks_message(service: "LeaderService") -> bytes:
