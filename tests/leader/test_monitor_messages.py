@@ -14,10 +14,10 @@ from monitor_messages import unpack
 
 from mmt.devices.protocols import InterfaceState
 from mmt.leader.monitor.live import MOST_SAMPLES, LiveMessages
-from mmt.leader.monitor.packing import pack
 from mmt.leader.monitor.states import explain, hello, model_message, thinned
 from mmt.leader.monitor.tap import MonitorTap
 from mmt.leader.monitor.viewers import MOST_VIEWERS, Viewers
+from mmt.pages.packing import pack
 from mmt.scene_files import scene_from_tables
 from mmt.texture.completion import distance_sum
 from mmt.texture.model import TextureModel, TextureSamples

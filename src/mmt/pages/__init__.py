@@ -4,6 +4,7 @@ The libraries under ``vendor`` are copies of published releases, each beside its
 the pages work without a network.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -33,11 +34,16 @@ class PageFile:
 
 def monitor_files() -> dict[str, PageFile]:
     """Return the monitor's files by their names in its page; some 200 KB."""
-    own = {
-        path.name: path for path in sorted((_FOLDER / "monitor").iterdir()) if path.suffix in _TYPES
+    return _files("monitor", _VENDORED)
+
+
+def _files(page: str, vendored: Mapping[str, str]) -> dict[str, PageFile]:
+    """Return a page's own files, those that pages share, and libraries by the names given."""
+    paths = {
+        path.name: path
+        for folder in ("shared", page)
+        for path in sorted((_FOLDER / folder).iterdir())
+        if path.suffix in _TYPES
     }
-    vendored = {name: _FOLDER / path for name, path in _VENDORED.items()}
-    return {
-        name: PageFile(path.read_bytes(), _TYPES[path.suffix])
-        for name, path in {**own, **vendored}.items()
-    }
+    paths |= {name: _FOLDER / path for name, path in vendored.items()}
+    return {name: PageFile(path.read_bytes(), _TYPES[path.suffix]) for name, path in paths.items()}

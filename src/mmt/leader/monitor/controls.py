@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mmt.errors import InputError, MmtError
 from mmt.leader.journal import Journal
-from mmt.leader.monitor.packing import pack
 from mmt.leader.monitor.states import model_of
+from mmt.pages.packing import pack
 
 if TYPE_CHECKING:
     from mmt.leader.service import LeaderService

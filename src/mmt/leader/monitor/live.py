@@ -5,8 +5,8 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.arrays import FloatArray, RecordArray
-from mmt.leader.monitor.packing import pack
 from mmt.leader.monitor.tap import MonitorTap
+from mmt.pages.packing import pack
 from mmt.scene import Scene
 from mmt.texture.biquad import BiquadFilter, butterworth_high_pass
 from mmt.texture_table import Texture

@@ -9,9 +9,9 @@ from mmt.leader.journal import Journal
 from mmt.leader.monitor import states
 from mmt.leader.monitor.controls import Controls
 from mmt.leader.monitor.live import LiveMessages
-from mmt.leader.monitor.packing import pack
 from mmt.leader.monitor.tap import MonitorTap
 from mmt.leader.monitor.viewers import Viewers
+from mmt.pages.packing import pack
 from mmt.scene import Monitor
 
 if TYPE_CHECKING:

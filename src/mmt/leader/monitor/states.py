@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
 import mmt
-from mmt.leader.monitor.packing import pack
+from mmt.pages.packing import pack
 from mmt.scene import Scene
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
 from mmt.texture_table import Texture

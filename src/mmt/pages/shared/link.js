@@ -1,4 +1,4 @@
-// The socket to the leader: decodes messages, asks for the token, comes back by itself.
+// A page's socket to its server: decodes messages, asks for the token, comes back by itself.
 
 const RETRY_MS = [300, 600, 1000, 2000, 3000];
 const SILENT_MS = 5000;
@@ -45,8 +45,9 @@ export class Link {
 
   open() {
     clearTimeout(this.timer);
-    const scheme = location.protocol === "https:" ? "wss:" : "ws:";
-    const socket = new WebSocket(`${scheme}//${location.host}/monitor/socket`);
+    const address = new URL("socket", location.href); // beside the page
+    address.protocol = location.protocol === "https:" ? "wss:" : "ws:";
+    const socket = new WebSocket(address);
     socket.binaryType = "arraybuffer";
     this.socket = socket;
     this.heard = performance.now();

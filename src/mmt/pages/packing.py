@@ -2,8 +2,8 @@
 
 A message is the header's length (uint32), the header padded with spaces to a multiple of
 four bytes, and the arrays one after the other, all little-endian float32. ``arrays`` in the
-header lists name and shape of each. Arrays as JSON text would cost the leader's event loop
-some ten times as long.
+header lists name and shape of each. Arrays as JSON text would cost a service's event
+loop some ten times as long.
 """
 
 import json
