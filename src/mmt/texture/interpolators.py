@@ -23,6 +23,7 @@ import numpy as np
 from mmt.arrays import FloatArray, IntArray
 from mmt.compiled import kernel
 from mmt.texture.interpolation import locate, triangulate
+from mmt.texture.radial_basis import RadialBasisSettings
 from mmt.texture.radial_basis_evaluation import SCRATCH, radial_basis_into
 from mmt.texture.settings import Interpolation
 from mmt.texture.split import separate
@@ -60,12 +61,22 @@ class Interpolant:
     links: IntArray
     tail: FloatArray
 
+    @property
+    def networks(self) -> tuple[RadialBasisSettings, ...]:
+        """Settings of the networks it consists of: level, filters; none for the others."""
+        return ()
+
 
 class Builder(Protocol):
     """Build an interpolant."""
 
     def __call__(
-        self, points: FloatArray, values: FloatArray, samples: int, previous: Interpolant | None
+        self,
+        points: FloatArray,
+        values: FloatArray,
+        samples: int,
+        previous: Interpolant | None,
+        networks: tuple[RadialBasisSettings, ...],
     ) -> Interpolant:
         """Build it from distinct points that span the space.
 
@@ -82,34 +93,50 @@ class Builder(Protocol):
             What the same builder returned for an earlier state of the model, None at first:
             most of its points are still there, and boundary points have kept their place,
             but not their values.
+        networks
+            What `Interpolant.networks` was of the same points and values, by which it is
+            built as it was; empty where it is to be chosen.
         """
         ...
 
 
 def _build_delaunay(
-    points: FloatArray, values: FloatArray, samples: int, previous: Interpolant | None
+    points: FloatArray,
+    values: FloatArray,
+    samples: int,
+    previous: Interpolant | None,
+    networks: tuple[RadialBasisSettings, ...],
 ) -> Interpolant:
     """Triangulate anew, which costs O(n log n)."""
-    del samples, previous
+    del samples, previous, networks
     return Interpolant(DELAUNAY, _joined(points, values), triangulate(points).triangles, _NO_TAIL)
 
 
 def _build_nearest(
-    points: FloatArray, values: FloatArray, samples: int, previous: Interpolant | None
+    points: FloatArray,
+    values: FloatArray,
+    samples: int,
+    previous: Interpolant | None,
+    networks: tuple[RadialBasisSettings, ...],
 ) -> Interpolant:
-    del samples, previous
+    del samples, previous, networks
     return Interpolant(NEAREST, _joined(points, values), _NO_LINKS, _NO_TAIL)
 
 
 def _build_radial_basis(
-    points: FloatArray, values: FloatArray, samples: int, previous: Interpolant | None
+    points: FloatArray,
+    values: FloatArray,
+    samples: int,
+    previous: Interpolant | None,
+    networks: tuple[RadialBasisSettings, ...],
 ) -> Interpolant:
     """Solve for samples and silence, or let an earlier solution grow, O(n^2) a sample."""
     from mmt.texture.radial_basis_model import build_radial_basis  # it needs `Interpolant`
 
     is_silent = values[:, 0] == 0.0
     is_silent[:samples] = False
-    return build_radial_basis(points[:samples], values[:samples], points[is_silent], previous)
+    silent = points[is_silent]
+    return build_radial_basis(points[:samples], values[:samples], silent, previous, networks)
 
 
 def _joined(points: FloatArray, values: FloatArray) -> FloatArray:

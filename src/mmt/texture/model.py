@@ -18,6 +18,7 @@ import numpy.typing as npt
 from mmt.arrays import FloatArray, IntArray
 from mmt.compiled import kernel
 from mmt.errors import InputError
+from mmt.texture.fitted import Fitted
 from mmt.texture.inputs import InputSpace
 from mmt.texture.interpolation import Triangulation, triangulate
 from mmt.texture.interpolators import (
@@ -63,6 +64,8 @@ class TextureModel:
         Sampling rate of the filters.
     previous
         An earlier state of the same model, from which some interpolators grow at less cost.
+    fitted
+        What `fitted` was of a model of the same samples: nothing is fitted or chosen anew.
 
     Raises
     ------
@@ -79,6 +82,7 @@ class TextureModel:
         interpolator: Interpolation = "delaunay",
         rate_hz: float = 1000.0,
         previous: "TextureModel | None" = None,
+        fitted: Fitted | None = None,
     ) -> None:
         for name, value, allowed in (
             ("interpolate", interpolate, list(LEVELS)),
@@ -100,7 +104,10 @@ class TextureModel:
         }[interpolate]
         self.trend = NO_TREND
         if self.space.directed:
-            self.trend = fit_trend(self.points, level, is_amplitude=interpolate == "amplitude")
+            is_amplitude = interpolate == "amplitude"
+            self.trend = (
+                fitted.trend if fitted else fit_trend(self.points, level, is_amplitude=is_amplitude)
+            )
             level = without_trend(self.points, level, self.trend)
         self.vertices, samples_alone = vertex_table(self.points, level, self.samples.lsf)
         dimensions = self.space.dimensions
@@ -110,7 +117,13 @@ class TextureModel:
             self.vertices[:, dimensions:],
             samples_alone,
             previous.interpolant if previous is not None and grown else None,
+            fitted.networks if fitted else (),
         )
+
+    @property
+    def fitted(self) -> Fitted:
+        """What was found in the samples."""
+        return Fitted(self.trend, self.interpolant.networks)
 
     @cached_property
     def law(self) -> FloatArray:

@@ -7,14 +7,23 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from mmt.errors import InputError
+from mmt.texture.fitted import Fitted
 from mmt.texture.inputs import InputSpace
+from mmt.texture.radial_basis import RadialBasisSettings
 from mmt.texture.samples import TextureSamples
+from mmt.texture.trend import NO_TREND, Trend
 
 if TYPE_CHECKING:
     from mmt.texture.model import TextureModel
 
-FORMAT_VERSION: Final = 2
-"""Of what is written. Version 1, whose models are isotropic and by Delaunay, is read too."""
+FORMAT_VERSION: Final = 3
+"""Of what is written. Version 2, without what was fitted, is read too, and so is version 1,
+whose models are isotropic and by Delaunay."""
+
+_NETWORK: Final = ("network_kernel", "network_degree", "network_epsilon", "network_smoothing")
+"""Arrays of the networks' settings, in their order in `RadialBasisSettings`."""
+
+_Arrays = dict[str, Any]
 
 
 def pack(model: "TextureModel") -> bytes:
@@ -34,6 +43,7 @@ def pack(model: "TextureModel") -> bytes:
         rate_hz=np.float64(model.rate_hz),
         interpolate=np.str_(model.interpolate),
         interpolator=np.str_(model.interpolator),
+        **_fitted_arrays(model.fitted, directed=space.directed),
     )
     return buffer.getvalue()
 
@@ -44,19 +54,15 @@ def unpack(data: bytes) -> tuple[TextureSamples, dict[str, Any]]:
     Raises
     ------
     InputError
-        It is no model, has another version, or lacks an array.
+        It is no model, has another version, lacks an array, or one is out of its range.
     """
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
             content = {name: arrays[name] for name in arrays.files}
     except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
         raise InputError("not a texture model (.npz), or cut off") from error
-    version = int(content.get("format_version", 0))
-    if not 1 <= version <= FORMAT_VERSION:
-        raise InputError(f"format version is {version}, this program reads 1 to {FORMAT_VERSION}")
-    if version == 1:
-        content.update(inputs=np.str_("isotropic"), interpolator=np.str_("delaunay"))
     try:
+        version = _version(content)
         space = InputSpace(
             str(content["inputs"]),  # type: ignore[arg-type] # checked by the class
             float(content["maximum_speed_mm_s"]),
@@ -73,8 +79,44 @@ def unpack(data: bytes) -> tuple[TextureSamples, dict[str, Any]]:
             "interpolate": str(content["interpolate"]),
             "interpolator": str(content["interpolator"]),
             "rate_hz": float(content["rate_hz"]),
+            "fitted": _fitted(content, directed=space.directed) if version > 2 else None,
         }
     except KeyError as error:
         raise InputError(f"the array {error} is missing") from error
     except (ValueError, TypeError) as error:
         raise InputError(f"its arrays do not fit together: {error}") from error
+
+
+def _version(content: _Arrays) -> int:
+    """Return the version of a file, whose arrays are completed where it is the first."""
+    version = int(content.get("format_version", 0))
+    if not 1 <= version <= FORMAT_VERSION:
+        raise InputError(f"format version is {version}, this program reads 1 to {FORMAT_VERSION}")
+    if version == 1:
+        content.update(inputs=np.array("isotropic"), interpolator=np.array("delaunay"))
+    return version
+
+
+def _fitted_arrays(fitted: Fitted, *, directed: bool) -> _Arrays:
+    arrays: _Arrays = {}
+    if directed:
+        arrays["trend_exponents"] = np.array(fitted.trend)
+    if fitted.networks:
+        rows = [(n.kernel, n.highest_degree, n.epsilon, n.smoothing) for n in fitted.networks]
+        columns = map(np.array, zip(*rows, strict=True))
+        arrays.update(zip(_NETWORK, columns, strict=True))
+    return arrays
+
+
+def _fitted(content: _Arrays, *, directed: bool) -> Fitted:
+    trend, networks = NO_TREND, []
+    if directed:
+        trend = Trend(*content["trend_exponents"].astype(np.float64).tolist())
+        trend.check()
+    if str(content["interpolator"]) == "rbf":
+        columns = [content[name] for name in _NETWORK]
+        if any(column.shape != (2,) for column in columns) or columns[1].dtype.kind != "i":
+            raise InputError("its networks are not two, or their degrees no integers")
+        rows = zip(*(column.tolist() for column in columns), strict=True)
+        networks = [RadialBasisSettings(*row) for row in rows]
+    return Fitted(trend, tuple(networks))

@@ -55,15 +55,25 @@ class RadialBasisInterpolant(Interpolant):
     growth: "_Growth" = field(repr=False)
     state: int = field(repr=False)
 
+    @property
+    def networks(self) -> tuple[RadialBasisSettings, ...]:
+        """Settings of level and filters."""
+        return self.level.settings, self.filters.settings
+
 
 def build_radial_basis(
-    points: FloatArray, values: FloatArray, silent: FloatArray, previous: Interpolant | None
+    points: FloatArray,
+    values: FloatArray,
+    silent: FloatArray,
+    previous: Interpolant | None,
+    networks: tuple[RadialBasisSettings, ...] = (),
 ) -> RadialBasisInterpolant:
     """Build the networks of distinct samples (n, d) with level and LSF (n, 1 + order).
 
     At the points `silent` (s, d) the level is zero. The systems of `previous` go on where they
     have not grown elsewhere since; where many of the samples are new or gone, they are solved
-    anew. Costs O(n^2) for every sample more or less, or O(n^3).
+    anew. Costs O(n^2) for every sample more or less, or O(n^3). With the settings of level and
+    filters given, they are not chosen, which is most of what solving anew costs.
     """
     growth = previous.growth if isinstance(previous, RadialBasisInterpolant) else None
     if (
@@ -72,14 +82,20 @@ def build_radial_basis(
         or not np.array_equal(growth.silent, silent)
         or not growth.follow(points, values)
     ):
-        growth = _Growth(points, values, silent)
+        growth = _Growth(points, values, silent, networks)
     return growth.interpolant(points, values)
 
 
 class _Growth:
     """The systems of level and filters over the same samples."""
 
-    def __init__(self, points: FloatArray, values: FloatArray, silent: FloatArray) -> None:
+    def __init__(
+        self,
+        points: FloatArray,
+        values: FloatArray,
+        silent: FloatArray,
+        networks: tuple[RadialBasisSettings, ...],
+    ) -> None:
         self.silent = silent
         largest = float(values[:, 0].max())
         self._unit = 2.0 ** float(np.floor(np.log2(largest))) if largest > 0.0 else 1.0
@@ -88,8 +104,9 @@ class _Growth:
         around = np.vstack([points, silent])
         levels = np.vstack([values[:, :1] / self._unit, np.zeros((len(silent), 1))])
         filters = values[:, 1:]
-        self._level = RadialBasisSystem(around, levels, _chosen(around, levels))
-        self._filters = RadialBasisSystem(points, filters, _chosen(points, filters))
+        of_level, of_filters = networks or (_chosen(around, levels), _chosen(points, filters))
+        self._level = RadialBasisSystem(around, levels, of_level)
+        self._filters = RadialBasisSystem(points, filters, of_filters)
         handles = enumerate(_rows(points, filters))
         self._handles = {row: (index, index) for index, row in handles}
         self._levels = dict(zip(self._handles, values[:, 0] / self._unit, strict=True))

@@ -15,6 +15,7 @@ its inverse, O(n^2), give
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -142,10 +143,13 @@ class RadialBasisSystem:
         return errors
 
     def network(self) -> RadialBasisNetwork:
-        """Return the network of the samples as they are."""
+        """Return the network of the samples as they are.
+
+        The smoothing of its settings is what was needed, not only what was asked for.
+        """
         rank, size = self._basis.rank, self._size
         return RadialBasisNetwork(
-            settings=self.settings,
+            settings=replace(self.settings, smoothing=self.settings.smoothing + self._added),
             centres=self._table.points.copy(),
             weights=self._solution[rank:size].copy(),
             exponents=self._basis.exponents,

@@ -17,6 +17,7 @@ import numpy as np
 
 from mmt.arrays import FloatArray
 from mmt.compiled import kernel
+from mmt.errors import InputError
 
 USUAL: Final = (1.0, 0.7)
 """Exponents of the power in speed and force about which the fit is drawn."""
@@ -33,6 +34,12 @@ class Trend(NamedTuple):
 
     speed_exponent: float
     force_exponent: float
+
+    def check(self) -> None:
+        """Raise `InputError` where these cannot come from `fit_trend`."""
+        least, largest = 0.5 * _BOUNDS[0], _BOUNDS[1]  # of an amplitude, of a power
+        if not all(least <= exponent <= largest for exponent in self):
+            raise InputError(f"exponents {tuple(self)} of the level: {least} to {largest}")
 
 
 NO_TREND: Final = Trend(0.0, 0.0)
