@@ -3,6 +3,7 @@
 import logging
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 
@@ -98,6 +99,21 @@ def test_the_force_stays_below_the_smaller_of_both_limits(
     before = emulated.ticks
     until(lambda: emulated.ticks > before + 50, push)
     assert largest_n == pytest.approx(expected_n, rel=1e-6)
+
+
+def test_the_librarys_thread_keeps_its_state_between_two_calls(make) -> None:
+    arm = make()
+    arm.connect()
+    servo, kept = arm._device.servo, threading.local()
+
+    def count() -> int:
+        kept.calls = getattr(kept, "calls", 0) + 1
+        return kept.calls
+
+    for calls in range(1, 4):
+        servo.ask(count)
+        until(lambda: servo.request is None)
+        assert servo.answer == calls
 
 
 def test_stale_commands_fade_and_new_ones_do_not_throw_the_arm(make, emulated) -> None:

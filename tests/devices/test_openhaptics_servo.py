@@ -74,7 +74,7 @@ def settled_mm(frame: Frame, made: PositionServo, ticks: int = 3000) -> float:
     """Return how far the mass still swings around its target at the end."""
     largest = 0.0
     for tick in range(ticks):
-        made.target[:] = [1.0, 0.0, 0.0]
+        made.target = [1.0, 0.0, 0.0]
         made.command_ns = frame.now_ns
         assert made.tick(None) == CONTINUE
         if tick > ticks - 300:
@@ -133,7 +133,7 @@ def test_the_force_fades_when_commands_stop_and_returns_as_slowly() -> None:
     forces = []
     for tick in range(600):
         if tick < 200 or tick > 450:
-            made.target[:] = [2.0, 0.0, 0.0]
+            made.target = [2.0, 0.0, 0.0]
             made.command_ns = frame.now_ns
         made.tick(None)
         forces.append(frame.f)
@@ -154,7 +154,7 @@ def test_the_force_never_exceeds_its_limit(target: float, velocity: float, limit
     made.limit_n = limit
     frame.v = velocity * 1e-3
     for _ in range(120):
-        made.target[:] = [target, -target, target]
+        made.target = [target, -target, target]
         made.command_ns = frame.now_ns
         made.tick(None)
         assert math.hypot(*made.displayed[:]) <= limit * (1 + 1e-9)
@@ -164,7 +164,7 @@ def test_a_force_error_takes_the_force_away_for_a_second() -> None:
     made = servo(frame := Frame(1e9))
     forces = []
     for tick in range(1500):
-        made.target[:] = [5.0, 0.0, 0.0]
+        made.target = [5.0, 0.0, 0.0]
         made.command_ns = frame.now_ns
         if tick == 200:
             frame.errors = [(0x0203, 7), (0x0202, 8)]
@@ -189,7 +189,7 @@ def pushed(frame: Frame, spoil) -> tuple[PositionServo, list[float]]:
     made._get = spoilt
     forces: list[float] = []
     for _ in range(700):
-        made.target[:] = [5.0, 0.0, 0.0]
+        made.target = [5.0, 0.0, 0.0]
         made.command_ns = frame.now_ns
         made.tick(None)
         forces.append(frame.f)
@@ -238,7 +238,7 @@ def test_a_position_that_stays_the_same_under_the_largest_force_is_stuck() -> No
     made = servo(frame := Frame(math.inf))
     forces = []
     for tick in range(900):
-        made.target[:] = [40.0, 0.0, 0.0]  # beyond what the limit allows
+        made.target = [40.0, 0.0, 0.0]  # beyond what the limit allows
         made.command_ns = frame.now_ns
         made.tick(None)
         forces.append(frame.f)
@@ -257,7 +257,7 @@ def test_a_device_with_a_fault_gets_no_force_again() -> None:
     made = servo(frame := Frame(1e9))
     forces = []
     for tick in range(400):
-        made.target[:] = [5.0, 0.0, 0.0]
+        made.target = [5.0, 0.0, 0.0]
         made.command_ns = frame.now_ns
         if tick == 200:
             frame.errors = [(0x0300, 7)]
@@ -307,4 +307,4 @@ def test_axes_turn_there_and_back(text, position, origin) -> None:
 def test_up_is_the_surfaces_normal_by_default() -> None:
     axes = Axes("x,-z,y")
     assert axes.to_scene([1.0, 2.0, 3.0]) == (1.0, -3.0, 2.0)
-    assert axes.to_device((1.0, -3.0, 2.0)) == [1.0, 2.0, 3.0]
+    assert axes.to_device((1.0, -3.0, 2.0)) == (1.0, 2.0, 3.0)

@@ -1,6 +1,7 @@
 """Between the axes of HD (+x right, +y up, +z to the user) and those of a scene."""
 
 import re
+from collections.abc import Sequence
 from typing import Final
 
 from mmt.devices.protocols import Vector
@@ -40,24 +41,25 @@ class Axes:
             raise ValueError(f"axes are {text!r}, which mirrors: turn the sign of one of them")
         self._origin = origin_mm
 
-    def to_scene(self, values: list[float]) -> Vector:
+    def to_scene(self, values: Sequence[float]) -> Vector:
         """Turn a velocity or a force of the device into the scene's axes."""
         (a, b, c), (p, q, r) = self._from, self._signs
         return (p * values[a], q * values[b], r * values[c])
 
-    def to_device(self, vector: Vector) -> list[float]:
+    def to_device(self, vector: Vector) -> Vector:
         """Turn a velocity or a force of the scene into the device's axes."""
         turned = [0.0, 0.0, 0.0]
         for index, sign, value in zip(self._from, self._signs, vector, strict=True):
             turned[index] = sign * value
-        return turned
+        x, y, z = turned
+        return (x, y, z)
 
-    def place_in_scene(self, values: list[float]) -> Vector:
+    def place_in_scene(self, values: Sequence[float]) -> Vector:
         """Turn a position of the device (mm) into one of the scene."""
         (x, y, z), (u, v, w) = self.to_scene(values), self._origin
         return (x - u, y - v, z - w)
 
-    def place_on_device(self, position_mm: Vector) -> list[float]:
+    def place_on_device(self, position_mm: Vector) -> Vector:
         """Turn a position of the scene (mm) into one of the device."""
         (x, y, z), (u, v, w) = position_mm, self._origin
         return self.to_device((x + u, y + v, z + w))

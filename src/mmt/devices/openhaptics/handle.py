@@ -132,8 +132,8 @@ class OpenHapticsHandle:
             It does not answer any more.
         """
         servo, options = self._device.check(), self._options
-        position = self._axes.place_in_scene(servo.position[:])
-        velocity = self._axes.to_scene(servo.velocity[:])
+        position = self._axes.place_in_scene(servo.position)
+        velocity = self._axes.to_scene(servo.velocity)
         if options.hand_force == "depth":
             force_n = max(-position[2], 0.0) * options.depth_stiffness_n_mm
         else:
@@ -156,7 +156,7 @@ class OpenHapticsHandle:
             servo.counts["commands that are not finite"] += 1
             return
         scale = 1.0 if size <= self._limit_n else self._limit_n / size
-        servo.force[:] = self._axes.to_device((scale * x, scale * y, scale * z))
+        servo.force = self._axes.to_device((scale * x, scale * y, scale * z))
         servo.command_ns = servo.clock()
 
     @property

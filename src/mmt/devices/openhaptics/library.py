@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import struct
 import threading
 import time
 from collections.abc import Iterator
@@ -17,6 +18,8 @@ EMULATED: Final = "emulated"
 
 CALLBACK: Final = ctypes.CFUNCTYPE(ctypes.c_uint32, ctypes.c_void_p)
 Vector3: Final[Any] = ctypes.c_double * 3
+VECTOR: Final = struct.Struct("3d")
+"""Takes the numbers out of one, all at once."""
 
 _MOST_ERRORS: Final = 64
 
@@ -35,12 +38,12 @@ _DOUBLES: Final = ctypes.POINTER(ctypes.c_double)
 _COPIES: Final[dict[str, tuple[Any, list[Any]]]] = {
     "hdGetDoublev": (None, [ctypes.c_uint32, _DOUBLES]),
     "hdSetDoublev": (None, [ctypes.c_uint32, _DOUBLES]),
+    "hdGetError": (ErrorInfo, []),
 }
 _PROTOTYPES: Final[dict[str, tuple[Any, list[Any]]]] = {
     **_COPIES,
     "hdBeginFrame": (None, [ctypes.c_uint32]),
     "hdEndFrame": (None, [ctypes.c_uint32]),
-    "hdGetError": (ErrorInfo, []),
     "hdInitDevice": (ctypes.c_uint32, [ctypes.c_char_p]),
     "hdDisableDevice": (None, [ctypes.c_uint32]),
     "hdMakeCurrentDevice": (None, [ctypes.c_uint32]),
@@ -71,8 +74,8 @@ class Stack:
         The library. Its calls let go of the interpreter, so that one that waits, for the
         servo loop or the device, holds up nobody.
     copies
-        The same library for what only copies numbers. These calls keep the interpreter, so
-        that no other thread sees a position half written.
+        The same library for what only copies numbers. These calls keep the interpreter, which
+        to let go of and to wait for costs more than they do.
     running_since_ns
         When the scheduler was started the last time, None while it stands.
 

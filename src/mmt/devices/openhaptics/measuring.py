@@ -11,6 +11,9 @@ FASTEST_MM_S: Final = 5000.0
 
 _FARTHEST_MM: Final = 2000.0
 """Nor does any reach so far."""
+_LEAST_NS: Final = 1_000_000
+"""A tick; in less, a tip may still have moved for a whole one."""
+_LEAST_MM2: Final = (FASTEST_MM_S * 1e-9 * _LEAST_NS) ** 2
 _SLACK_NS: Final = 5_000_000
 """After senseless measurements a tip may have gone on for so long."""
 
@@ -48,16 +51,19 @@ class Watch:
         passed_ns, self._newest_ns = now_ns - self._newest_ns, now_ns
         x, y, z = position
         u, v, w = velocity
-        if not (math.isfinite(x + y + z) and math.isfinite(u + v + w)):
+        if not math.isfinite(x + y + z + u + v + w):
             return NOT_FINITE
-        if max(x, y, z) > _FARTHEST_MM or min(x, y, z) < -_FARTHEST_MM:
+        far = _FARTHEST_MM
+        if not (-far <= x <= far and -far <= y <= far and -far <= z <= far):
             return OUT_OF_REACH
         if self.position is not None:
             a, b, c = self.position
-            moved_ns = min(now_ns - self._good_ns, passed_ns + _SLACK_NS)
-            reach_mm = FASTEST_MM_S * 1e-9 * max(moved_ns, 1_000_000)
-            if (x - a) ** 2 + (y - b) ** 2 + (z - c) ** 2 > reach_mm * reach_mm:
-                return JUMP
+            moved_mm2 = (x - a) ** 2 + (y - b) ** 2 + (z - c) ** 2
+            if moved_mm2 > _LEAST_MM2:  # else it could in any case
+                moved_ns = min(now_ns - self._good_ns, passed_ns + _SLACK_NS)
+                reach_mm = FASTEST_MM_S * 1e-9 * max(moved_ns, _LEAST_NS)
+                if moved_mm2 > reach_mm * reach_mm:
+                    return JUMP
         self.position = (x, y, z)
         self._good_ns = now_ns
         return None

@@ -7,7 +7,7 @@ from typing import Any, Final
 from mmt.devices.loading import read_options
 from mmt.devices.openhaptics.axes import Axes
 from mmt.devices.openhaptics.device import HdDevice
-from mmt.devices.openhaptics.library import Stack, Vector3
+from mmt.devices.openhaptics.library import Stack
 from mmt.devices.openhaptics.measuring import STUCK
 from mmt.devices.openhaptics.options import RobotOptions
 from mmt.devices.openhaptics.servo import Servo
@@ -43,7 +43,7 @@ class PositionServo(Servo):
             stale_ns=round(options.stale_ms * 1e6),
             ramp_ns=round(options.ramp_ms * 1e6),
         )
-        self.target = Vector3()
+        self.target: Vector = (0.0, 0.0, 0.0)
         self.limit_n = limit_n
         self._stiffness = options.stiffness_n_mm
         self._damping = options.damping_n_s_m / 1000.0
@@ -148,7 +148,7 @@ class OpenHapticsRobot:
         DeviceLost
             It does not answer any more.
         """
-        return self._axes.place_in_scene(self._device.check().position[:])
+        return self._axes.place_in_scene(self._device.check().position)
 
     def write(self, position_mm: Vector) -> None:
         """Command a position (mm); one that is not finite is counted and not obeyed.
@@ -163,7 +163,7 @@ class OpenHapticsRobot:
         if not math.isfinite(target[0] + target[1] + target[2]):
             servo.counts["commands that are not finite"] += 1
             return
-        servo.target[:] = target
+        servo.target = target
         servo.command_ns = servo.clock()
 
     @property

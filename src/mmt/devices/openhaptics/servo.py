@@ -1,5 +1,7 @@
 """What runs in the library's thread a thousand times a second: state out, force in."""
 
+import ctypes
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -14,9 +16,10 @@ from mmt.devices.openhaptics.constants import (
     DEVICE_FAULT,
     DONE,
 )
-from mmt.devices.openhaptics.library import Vector3
+from mmt.devices.openhaptics.library import VECTOR, Vector3
 from mmt.devices.openhaptics.measuring import STUCK, Watch
 from mmt.devices.openhaptics.sentences import HdError, name_of, only_force
+from mmt.devices.protocols import Vector
 from mmt.realtime import follow_real_time
 
 _LONGEST_STEP_NS: Final = 10_000_000
@@ -27,9 +30,9 @@ _MOST_ERRORS: Final = 8
 class Servo:
     """One device's callback; the force is `force`, faded while commands are stale.
 
-    Other threads read `position`, `velocity` and `displayed` by slicing and write `force` by
-    assigning a slice: each happens as a whole, under the interpreter's lock. The velocity may
-    be a tick newer than the position that is read beside it.
+    Other threads read `position` and `velocity`, which are replaced as a whole, and `displayed` by
+    slicing it; they write `force` as a whole. The velocity may be a tick newer than the position
+    that is read beside it.
 
     A `request` runs once, within the next frame, and leaves its `answer`: HD allows one frame a
     tick and has calls that belong into one.
@@ -58,15 +61,18 @@ class Servo:
         clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         self._handle, self.clock = handle, clock
-        self._begin, self._end, self._error = hd.hdBeginFrame, hd.hdEndFrame, hd.hdGetError
+        self._begin, self._end, self._error = hd.hdBeginFrame, hd.hdEndFrame, copies.hdGetError
         self._get, self._set = copies.hdGetDoublev, copies.hdSetDoublev
+        self._thread = 0
         self._stale_ns, self._ramp_ns = stale_ns, ramp_ns
-        self.position, self.velocity = Vector3(), Vector3()
+        self.position: Vector = (0.0, 0.0, 0.0)
+        self.velocity: Vector = (0.0, 0.0, 0.0)
         self._measured = Vector3(), Vector3()
         self._watch = Watch()
         self.senseless: tuple[str, int] | None = None
         """What is wrong with the measurements, and since when."""
-        self.force, self.displayed = Vector3(), Vector3()
+        self.force: Vector = (0.0, 0.0, 0.0)
+        self.displayed = Vector3()
         self.command_ns: int | None = None
         self.share = 0.0
         self.ticks = 0
@@ -88,8 +94,8 @@ class Servo:
         """Do one frame; the library calls it."""
         try:
             now_ns = self.clock()
-            if not self.ticks:  # the thread is the library's own
-                follow_real_time()
+            if threading.get_ident() != self._thread:
+                self._settle_in()
             self._begin(self._handle)
             self._measure(now_ns)
             if self.request is not None:
@@ -111,16 +117,28 @@ class Servo:
             return DONE
         return CONTINUE
 
+    def _settle_in(self) -> None:
+        """Prepare the library's own thread, another one after each start of its scheduler.
+
+        The interpreter makes itself a state of a foreign thread for each call, and maps memory for
+        it, unless one is held: a quarter of what a tick costs. It is held until the process ends.
+        """
+        self._thread = threading.get_ident()
+        ctypes.pythonapi.PyGILState_Ensure()
+        follow_real_time()
+
     def _measure(self, now_ns: int) -> None:
         """Take position and velocity where they make sense; else the last ones stay."""
-        position, velocity = self._measured
-        self._get(CURRENT_POSITION, position)
-        self._get(CURRENT_VELOCITY, velocity)
+        of_position, of_velocity = self._measured
+        self._get(CURRENT_POSITION, of_position)
+        self._get(CURRENT_VELOCITY, of_velocity)
+        position: Vector = VECTOR.unpack_from(of_position)
+        velocity: Vector = VECTOR.unpack_from(of_velocity)
         problem = self._watch.problem(position, velocity, now_ns)
         if problem is None:
             if self.senseless is not None and self._moves(position):
                 self.senseless = None
-            self.position[:], self.velocity[:] = position, velocity
+            self.position, self.velocity = position, velocity
         else:
             self.distrust(problem, now_ns)
 
@@ -128,10 +146,10 @@ class Servo:
         """Believe the next position wherever it is: a calibration moves the zero."""
         self._watch = Watch()
 
-    def _moves(self, position: Any) -> bool:
+    def _moves(self, position: Vector) -> bool:
         """Whether a position that makes sense ends what was wrong: one that is stuck goes on."""
         stuck = self.senseless is not None and self.senseless[0] == STUCK
-        return not stuck or position[:] != self.position[:]
+        return not stuck or position != self.position
 
     def distrust(self, problem: str, since_ns: int) -> None:
         """Take the force away: the measurements make no sense, since then at the latest."""
