@@ -1,13 +1,20 @@
 """The emulated HD library keeps the rules of the real one, so that a driver learns them."""
 
 import ctypes
+import threading
+import time
 from collections.abc import Iterator
 
 import pytest
 
 from mmt.devices.emulated.hd import EmulatedHd, build_library
-from mmt.devices.openhaptics.constants import CURRENT_FORCE, CURRENT_POSITION, FORCE_OUTPUT
-from mmt.devices.openhaptics.library import Stack, Vector3, open_stack
+from mmt.devices.openhaptics.constants import (
+    CURRENT_FORCE,
+    CURRENT_POSITION,
+    DONE,
+    FORCE_OUTPUT,
+)
+from mmt.devices.openhaptics.library import CALLBACK, Stack, Vector3, open_stack
 from mmt.devices.openhaptics.sentences import name_of
 from mmt.errors import MmtError
 
@@ -94,6 +101,29 @@ def test_a_wall_stops_the_tip_and_a_hand_moves_it(stack) -> None:
     else:
         pytest.fail(f"the tip is at {position[1]} mm")
     stack.hd.hdStopScheduler()
+
+
+def test_its_own_processor_time_is_told_without_that_of_callbacks(stack) -> None:
+    spent = threading.Event()
+
+    def spend(_: object) -> int:
+        end_ns = time.thread_time_ns() + 200_000_000
+        while time.thread_time_ns() < end_ns:
+            pass
+        spent.set()
+        return DONE
+
+    emulated = EmulatedHd()
+    began_ns = emulated.own_ns
+    callback = CALLBACK(spend)
+    stack.hd.hdScheduleAsynchronous(callback, None, 0)
+    stack.hd.hdStartScheduler()
+    assert spent.wait(30.0)
+    wanted = emulated.ticks + 20
+    while emulated.ticks < wanted:
+        time.sleep(0.001)
+    stack.hd.hdStopScheduler()
+    assert 0 < emulated.own_ns - began_ns < 150_000_000
 
 
 def test_a_compiler_that_is_missing_or_fails_is_explained(tmp_path, monkeypatch) -> None:

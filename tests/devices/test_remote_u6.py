@@ -44,6 +44,7 @@ def test_its_driver_reads_it_as_if_it_were_here(server: U6Server) -> None:
     sensor.close()
     remote.close()
     assert readings[-1].value[2] == pytest.approx(9.8, abs=0.3)
+    assert 0 < remote.own_ns < time.process_time_ns()
     steps = {b.time_ns - a.time_ns for a, b in pairwise(readings)}
     assert steps == {500_000}
 

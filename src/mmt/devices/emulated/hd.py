@@ -111,6 +111,7 @@ class EmulatedHd:
         self._stub.mmt_stub_place.argtypes = [ctypes.c_uint, doubles]
         self._stub.mmt_stub_look.argtypes = [ctypes.c_uint, doubles]
         self._stub.mmt_stub_ticks.restype = ctypes.c_ulong
+        self._stub.mmt_stub_own_ns.restype = ctypes.c_longlong
         self._truth, self._hand_n_mm = truth, hand_n_mm
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
@@ -190,3 +191,8 @@ class EmulatedHd:
     def ticks(self) -> int:
         """How often the servo loop has run, in this process."""
         return int(self._stub.mmt_stub_ticks())
+
+    @property
+    def own_ns(self) -> int:
+        """Processor time of the servo loop so far, in this process, without its callbacks."""
+        return int(self._stub.mmt_stub_own_ns())

@@ -15,6 +15,7 @@ int running;
 static pthread_mutex_t tick = PTHREAD_MUTEX_INITIALIZER;   /* held while callbacks run */
 static pthread_t thread;
 static Job jobs[JOBS];
+static long long own_ns;   /* processor time of the servo thread outside the callbacks */
 static unsigned long next_id = 0x100000001UL;   /* a handle that 32 bits cannot hold */
 static const double MASS_KG = 0.075, DAMPING_N_S_M = 0.5;
 
@@ -45,9 +46,17 @@ static void run_jobs(void)
         if (jobs[i].call && jobs[i].call(jobs[i].data) == 0) jobs[i].call = NULL;
 }
 
+static long long processor_ns(void)
+{
+    struct timespec used;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &used);
+    return used.tv_sec * 1000000000LL + used.tv_nsec;
+}
+
 static void *loop(void *unused)
 {
     struct timespec due, now;
+    long long began_ns, returned_ns = processor_ns();
     (void)unused;
     clock_gettime(CLOCK_MONOTONIC, &due);
     while (__atomic_load_n(&running, __ATOMIC_ACQUIRE)) {
@@ -63,7 +72,10 @@ static void *loop(void *unused)
             for (int i = 0; i < DEVICES; i++) move(&devices[i]);
         pthread_mutex_unlock(&state);
         pthread_mutex_lock(&tick);
+        began_ns = processor_ns();
+        __atomic_add_fetch(&own_ns, began_ns - returned_ns, __ATOMIC_RELAXED);
         run_jobs();
+        returned_ns = processor_ns();
         pthread_mutex_unlock(&tick);
     }
     return NULL;
@@ -164,6 +176,8 @@ void mmt_stub_look(Enum handle, double *values)
 }
 
 unsigned long mmt_stub_ticks(void) { return ticks; }
+
+long long mmt_stub_own_ns(void) { return __atomic_load_n(&own_ns, __ATOMIC_RELAXED); }
 
 void mmt_stub_reset(void)
 {

@@ -120,12 +120,13 @@ class EmulatedU6(OneDeviceBackend):
             self.check(dev_handle)
             with self._lock:
                 packet = self._next(ep)
+                wait_s = self._until_due_s() if ep == ENDPOINTS[2] else _SLICE_S
             if packet:
                 buff[: len(packet)] = array("B", packet)
                 return len(packet)
             if time.monotonic() >= end:
                 raise usb.core.USBTimeoutError("Operation timed out", errno=errno.ETIMEDOUT)
-            time.sleep(_SLICE_S)
+            time.sleep(min(max(wait_s, 0.0), _SLICE_S))
 
     def _reset_stream(self) -> None:
         self._counter = self._scan = 0
@@ -167,15 +168,19 @@ class EmulatedU6(OneDeviceBackend):
     def _next(self, endpoint: int) -> bytes:
         if endpoint == ENDPOINTS[1]:
             return self._replies.pop(0) if self._replies else b""
-        while self._streaming and not self._stalled:
-            scans = self._per_packet // len(self._table)
-            due_s = (self._scan + scans - 1) * self._period_s / self._speed  # of its last scan
-            if (time.monotonic_ns() - self._begun_ns) * 1e-9 < due_s:
-                break
-            wire = self._spoil(encode_stream(self._packet(scans)))
+        while self._streaming and not self._stalled and self._until_due_s() <= 0.0:
+            wire = self._spoil(encode_stream(self._packet(self._per_packet // len(self._table))))
             if wire:
                 return wire
         return b""
+
+    def _until_due_s(self) -> float:
+        """Return for how long the next packet is not there yet, by its last scan."""
+        if not self._streaming or self._stalled:
+            return _SLICE_S
+        last = self._scan + self._per_packet // len(self._table) - 1
+        passed_s = (time.monotonic_ns() - self._begun_ns) * 1e-9
+        return last * self._period_s / self._speed - passed_s
 
     def _packet(self, scans: int) -> StreamPacket:
         samples: list[int] = []

@@ -62,9 +62,10 @@ def run(plan: Plan | None = None) -> StageResult:
             f"acceleration at 1 kHz, {plan.duration_s:g} s. The emulated values turn 20 times a "
             "second, so that each tells when it was measured, by the clock that both processes "
             "have; noise is switched off. Share: all processor time of the process that reads "
-            "and forms frames, beside that of its tick alone, which tells how busy the machine "
-            "is. Latency: from the instant of a frame's oldest value to the frame, less what the "
-            "slowest sensor states of itself. Jitter: how far the error of a frame's time is "
+            "and forms frames; of it what stands for the library of a U6 or an arm there; and "
+            "that of its tick alone, which tells how busy the machine is. Latency: from the "
+            "instant of a frame's oldest value to the frame, less what the slowest sensor states "
+            "of itself. Jitter: how far the error of a frame's time is "
             "from its median. Seen: from when a sensor stops to when the follower knows, the "
             f"longest of {2 * plan.stops} times."
             + (" By real-time scheduling." if plan.realtime else "")
@@ -83,6 +84,7 @@ def _frames(found: Mapping[str, Measured]) -> list[dict[str, Cell]]:
         {
             "set-up": name,
             "share of a core": one.core_share,
+            "emulation": one.emulated_share,
             "tick alone": one.bare_share,
             "latency p50 (ms)": one.times.latency_p50_ms,
             "p99 (ms)": one.times.latency_p99_ms,

@@ -9,11 +9,12 @@ import asyncio
 import json
 import sys
 import time
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 import numpy as np
 
 from mmt.arrays import RecordArray
+from mmt.devices.emulated.hd import EmulatedHd
 from mmt.devices.emulated.remote_u6 import RemoteU6
 from mmt.devices.emulated.robot_driver import DatagramRobot
 from mmt.devices.loading import load_device
@@ -25,6 +26,14 @@ from mmt.realtime import be_real_time
 from mmt.ticking import Ticker
 
 _COMMAND_MM: Final = (0.0, 0.0, 5.0)
+
+
+class _Emulation(Protocol):
+    """What stands for a device in this process."""
+
+    @property
+    def own_ns(self) -> int:
+        """Processor time that it has taken so far."""
 
 
 class Reader:
@@ -39,8 +48,9 @@ class Reader:
     """
 
     def __init__(self, job: dict[str, Any]) -> None:
+        self._emulations: list[_Emulation] = []
         robot, force, acceleration = (
-            _load(job[key]) for key in ("robot", "force_sensor", "accelerometer")
+            self._load(job[key]) for key in ("robot", "force_sensor", "accelerometer")
         )
         self.sensors = {"force_sensor": force, "accelerometer": acceleration}
         self.source = DeviceSource(robot, force, acceleration, CHANNELS, on_lost="hold")
@@ -49,7 +59,7 @@ class Reader:
         self._frames: list[RecordArray] = []
         self._formed: list[tuple[int, int]] = []
         self._measured: dict[str, float] = {}
-        self._begun = (0, 0)
+        self._begun = (0, 0, 0)
         self._keeps = False
         self._realtime: bool = job["realtime"]
         self._bare_s: float = job["bare_s"]
@@ -84,12 +94,14 @@ class Reader:
 
     def _hear(self) -> None:
         word = sys.stdin.readline().strip()
-        now = (time.monotonic_ns(), time.process_time_ns())
+        emulated_ns = sum(each.own_ns for each in self._emulations)
+        now = (time.monotonic_ns(), time.process_time_ns(), emulated_ns)
         if word == "begin":
             self._begun, self._keeps = now, True
         elif word == "end":
-            wall_ns, busy_ns = (now[i] - self._begun[i] for i in range(2))
+            wall_ns, busy_ns, emulated_ns = (now[i] - self._begun[i] for i in range(3))
             self._measured["core_share"] = busy_ns / wall_ns
+            self._measured["emulated_share"] = emulated_ns / wall_ns
             self._keeps = False
             say({"ended": True})
         else:
@@ -103,6 +115,17 @@ class Reader:
 
     def _note(self, lost: bool, sentence: str) -> None:
         say({"lost": lost, "at_ns": time.monotonic_ns(), "sentence": sentence})
+
+    def _load(self, device: dict[str, Any]) -> Any:
+        options = dict(device["options"])
+        if device["driver"] == "datagrams":
+            return DatagramRobot(**options)
+        if device["driver"] == "openhaptics":
+            self._emulations.append(EmulatedHd())
+        if "socket" in options:
+            options["backend"] = RemoteU6(options.pop("socket"))
+            self._emulations.append(options["backend"])
+        return load_device(device["driver"], options)
 
     def _write(self, file: str) -> None:
         formed = [at_ns for at_ns, count in self._formed for _ in range(count)]
@@ -119,15 +142,6 @@ async def _bare_share(duration_s: float) -> float:
     share = (time.process_time_ns() - busy_ns) / (time.monotonic_ns() - begun_ns)
     ticker.stop()
     return share
-
-
-def _load(device: dict[str, Any]) -> Any:
-    options = dict(device["options"])
-    if device["driver"] == "datagrams":
-        return DatagramRobot(**options)
-    if "socket" in options:
-        options["backend"] = RemoteU6(options.pop("socket"))
-    return load_device(device["driver"], options)
 
 
 if __name__ == "__main__":

@@ -47,8 +47,10 @@ class Measured:
 
     core_share: float
     """Of one core, by the process that reads and forms frames."""
+    emulated_share: float
+    """The part of it that emulation takes within that process."""
     bare_share: float
-    """Likewise by its tick alone, beforehand."""
+    """By the process's tick alone, beforehand."""
     frames: int
     missing: int
     """Frames that could not be formed."""
@@ -158,6 +160,7 @@ def _evaluate(file: Path, found: dict[str, Any], seen_after_ms: list[float]) -> 
     span = int(frames["sequence"][-1]) - int(frames["sequence"][0]) + 1
     return Measured(
         core_share=found["core_share"],
+        emulated_share=found["emulated_share"],
         bare_share=found["bare_share"],
         frames=len(frames),
         missing=span - len(frames),
