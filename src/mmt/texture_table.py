@@ -9,6 +9,7 @@ from mmt.texture.settings import (
     Inputs,
     Interpolated,
     Interpolation,
+    Level,
     ModellingSettings,
     OnlineSelectionSettings,
 )
@@ -46,6 +47,7 @@ class Texture(BaseModel):
     stop_distance: _Distance = "auto"
     interpolate: Interpolated = "power"
     interpolator: Interpolation = "delaunay"
+    level: Level = "interpolated"
     selection: Selection | None = None
 
     @model_validator(mode="after")
@@ -57,6 +59,11 @@ class Texture(BaseModel):
             raise ValueError(
                 f"stop_distance is {settings.stop_distance:g} and start_distance "
                 f"{settings.start_distance:g}: stop_distance must not exceed start_distance"
+            )
+        if self.level != "interpolated" and self.interpolate != "power":
+            raise ValueError(
+                f'interpolate is "{self.interpolate}" and level "{self.level}": with this level '
+                'nothing is interpolated beside the spectrum\'s shape; leave interpolate at "power"'
             )
         if self.longest_samples < 2 * self.shortest_samples:
             raise ValueError("longest_samples must be at least twice shortest_samples")

@@ -6,6 +6,7 @@ them takes; and a model that has grown may have been told its own at fewer sampl
 
 from dataclasses import dataclass
 
+from mmt.arrays import FloatArray
 from mmt.texture.radial_basis import RadialBasisSettings
 from mmt.texture.trend import Trend
 
@@ -20,7 +21,11 @@ class Fitted:
         The power law over which its level is interpolated, `NO_TREND` for an isotropic one.
     networks
         Settings of the networks of level and filters; empty with another interpolator.
+    level
+        Logarithms of the hyperparameters of `mmt.texture.level_process.LevelProcess`; None where
+        the level is interpolated.
     """
 
     trend: Trend
     networks: tuple[RadialBasisSettings, ...]
+    level: FloatArray | None = None

@@ -10,41 +10,44 @@ changes: modelling builds a new one and hands it over by one assignment.
 
 from functools import cached_property
 from pathlib import Path
-from typing import Final, Self
+from typing import TYPE_CHECKING, Self, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from mmt.arrays import FloatArray, IntArray
-from mmt.compiled import kernel
 from mmt.errors import InputError
 from mmt.texture.fitted import Fitted
 from mmt.texture.inputs import InputSpace
 from mmt.texture.interpolation import Triangulation, triangulate
 from mmt.texture.interpolators import (
     BUILDERS,
-    DELAUNAY,
-    LARGEST_SCRATCH,
     Interpolant,
-    evaluate_into,
-    planar_into,
 )
-from mmt.texture.lsf import lsf_inverse_gain
+from mmt.texture.law import (
+    DIMENSIONS,
+    FORCE_EXPONENT,
+    KIND,
+    LEVEL_KIND,
+    LEVELS,
+    MODEL_ORDER,
+    PER_FORCE,
+    PER_SPEED,
+    SPEED_EXPONENT,
+    filters_into,
+)
+from mmt.texture.level_table import TABLE, TABLE_SIZES
 from mmt.texture.model_file import pack, unpack
 from mmt.texture.samples import TextureSamples
-from mmt.texture.settings import Interpolated, Interpolation
+from mmt.texture.settings import Interpolated, Interpolation, Level
 from mmt.texture.spectra import lsf_spectrum
-from mmt.texture.trend import NO_TREND, fit_trend, trend_at, without_trend
+from mmt.texture.trend import NO_TREND, fit_trend, without_trend
 from mmt.texture.vertices import vertex_table
 
+if TYPE_CHECKING:
+    from mmt.texture.level_process import LevelProcess
+
 __all__ = ["LEVELS", "TextureModel", "TextureSamples"]
-
-LEVELS: Final[dict[Interpolated, int]] = {"variance": 0, "power": 1, "amplitude": 2}
-"""What is interpolated linearly, by its number in the compiled kernels."""
-
-KIND, LEVEL_KIND, SPEED_EXPONENT, FORCE_EXPONENT, PER_SPEED, PER_FORCE = range(6)
-DIMENSIONS, MODEL_ORDER, LAW_SIZE = 6, 7, 8
-"""Places in `TextureModel.law`: one array costs a compiled call less than eight numbers."""
 
 
 class TextureModel:
@@ -60,6 +63,9 @@ class TextureModel:
         With the latter two the variance follows from the interpolated filter's own gain.
     interpolator
         How: one of `mmt.texture.interpolators.BUILDERS`.
+    level
+        What the level follows: ``"interpolated"`` as said above, or ``"gaussian_process"``, the
+        posterior mean of `mmt.texture.level_process`, for which `interpolate` is ``"power"``.
     rate_hz
         Sampling rate of the filters.
     previous
@@ -71,7 +77,7 @@ class TextureModel:
     ------
     InputError
         Shapes disagree, a number is not finite or negative, an LSF set is not ascending
-        inside (0, pi), or there is no such interpolation.
+        inside (0, pi), there is no such interpolation or level, or the two exclude each other.
     """
 
     def __init__(
@@ -80,6 +86,7 @@ class TextureModel:
         *,
         interpolate: Interpolated = "power",
         interpolator: Interpolation = "delaunay",
+        level: Level = "interpolated",
         rate_hz: float = 1000.0,
         previous: "TextureModel | None" = None,
         fitted: Fitted | None = None,
@@ -87,9 +94,12 @@ class TextureModel:
         for name, value, allowed in (
             ("interpolate", interpolate, list(LEVELS)),
             ("interpolator", interpolator, list(BUILDERS)),
+            ("level", level, get_args(Level)),
         ):
             if value not in allowed:
                 raise InputError(f"{name} is {value!r}, allowed are {', '.join(allowed)}")
+        if level != "interpolated" and interpolate != "power":
+            raise InputError(f'level {level!r} needs interpolate "power", not {interpolate!r}')
         samples.check()
         self.samples = samples.frozen()
         self.interpolate: Interpolated = interpolate
@@ -97,7 +107,8 @@ class TextureModel:
         self.rate_hz = float(rate_hz)
         self.points = self.samples.points
         self.points.setflags(write=False)
-        level = {
+        self.level: Level = level
+        values = {
             "variance": self.samples.variance,
             "power": self.samples.power,
             "amplitude": np.sqrt(self.samples.power),
@@ -106,10 +117,12 @@ class TextureModel:
         if self.space.directed:
             is_amplitude = interpolate == "amplitude"
             self.trend = (
-                fitted.trend if fitted else fit_trend(self.points, level, is_amplitude=is_amplitude)
+                fitted.trend
+                if fitted
+                else fit_trend(self.points, values, is_amplitude=is_amplitude)
             )
-            level = without_trend(self.points, level, self.trend)
-        self.vertices, samples_alone = vertex_table(self.points, level, self.samples.lsf)
+            values = without_trend(self.points, values, self.trend)
+        self.vertices, samples_alone = vertex_table(self.points, values, self.samples.lsf)
         dimensions = self.space.dimensions
         grown = previous is not None and previous._alike == self._alike
         self.interpolant: Interpolant = BUILDERS[interpolator](
@@ -120,21 +133,64 @@ class TextureModel:
             fitted.networks if fitted else (),
         )
 
+        self._hyperparameters = fitted.level if fitted else None
+        self._process_before = None if previous is None else previous._made_process
+        if level == "gaussian_process":
+            _ = self.law  # made now, where modelling has the time
+
     @property
     def fitted(self) -> Fitted:
         """What was found in the samples."""
-        return Fitted(self.trend, self.interpolant.networks)
+        process = self.level_process if self.level == "gaussian_process" else None
+        hyperparameters = None if process is None else process.hyperparameters
+        return Fitted(self.trend, self.interpolant.networks, hyperparameters)
 
     @cached_property
     def law(self) -> FloatArray:
         """What the rendering needs beside the interpolant's arrays, by the numbers below."""
-        law = np.empty(LAW_SIZE)
+        process = self.level_process if self.level == "gaussian_process" else None
+        table = np.zeros((0, 0, 0)) if process is None else process.table()
+        law = np.empty(TABLE + table.size)
+        law[TABLE_SIZES:TABLE], law[TABLE:] = table.shape, table.ravel()
         law[KIND], law[LEVEL_KIND] = self.interpolant.kind, LEVELS[self.interpolate]
         law[SPEED_EXPONENT], law[FORCE_EXPONENT] = self.trend
         law[PER_SPEED] = 1.0 / self.space.maximum_speed_mm_s
         law[PER_FORCE] = 1.0 / self.space.maximum_force_n
         law[DIMENSIONS], law[MODEL_ORDER] = self.space.dimensions, self.order
         return law
+
+    @cached_property
+    def level_process(self) -> "LevelProcess | None":
+        """The level with its uncertainty, whatever is rendered; None where no sample has power.
+
+        A sample whose length is not known counts as `mmt.texture.effective_length.UNKNOWN`.
+        """
+        from mmt.texture.level_process import level_process
+
+        before, self._process_before = self._process_before, None
+        return level_process(self.samples, before, self._hyperparameters)
+
+    def level_db(self, *inputs: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return mean and standard deviation of the level in dB, each of shape (k,).
+
+        The level of `level_process`, 0 dB being 1 (m/s2)^2: where the model's level is
+        ``"interpolated"`` it is not the one that is rendered. The inputs are those of `at`.
+
+        Raises
+        ------
+        InputError
+            There are not d inputs, or no sample has any power.
+        """
+        points = self.space.normalise(self.space.stack(*inputs))
+        if self.level_process is None:
+            raise InputError("no sample of the model has any power: its level has no logarithm")
+        return self.level_process.level_db(points)
+
+    @property
+    def _made_process(self) -> "LevelProcess | None":
+        """The process where it has been made, from which that of the next model grows."""
+        made = self.__dict__.get("level_process")
+        return self._process_before if made is None else made
 
     @property
     def _alike(self) -> tuple[object, ...]:
@@ -187,7 +243,7 @@ class TextureModel:
         points = np.ascontiguousarray(self.space.normalise(self.space.stack(*inputs)))
         lsf, variance = np.empty((len(points), self.order)), np.empty(len(points))
         by = self.interpolant
-        _filters_into(by.rows, by.links, by.tail, self.law, points, lsf, variance)
+        filters_into(by.rows, by.links, by.tail, self.law, points, lsf, variance)
         return lsf, variance
 
     def spectrum(self, *inputs: npt.ArrayLike, frequencies_hz: FloatArray) -> FloatArray:
@@ -227,38 +283,3 @@ class TextureModel:
         """Rebuild a model from `to_bytes`; raises `InputError` as `load` does."""
         samples, settings = unpack(data)
         return cls(samples, **settings)
-
-
-@kernel("void(f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[::1], f8[:, ::1], f8[:, ::1], f8[::1])")
-def _filters_into(
-    rows: FloatArray,
-    links: IntArray,
-    tail: FloatArray,
-    law: FloatArray,
-    points: FloatArray,
-    lsf: FloatArray,
-    variance: FloatArray,
-) -> None:
-    """Write LSF (k, m) and excitation variances (k,) at points.
-
-    The gain of a mean of LSF is no mean of gains.
-    """
-    kind, level_kind, place = int(law[KIND]), int(law[LEVEL_KIND]), 0
-    work, values = np.empty(LARGEST_SCRATCH), np.empty(1 + lsf.shape[1])
-    planar = kind == DELAUNAY and points.shape[1] == 2
-    for row in range(len(points)):
-        if planar:
-            x, y = points[row, 0], points[row, 1]
-            place = planar_into(rows, links, place, x, y, values, work)
-        else:
-            place = evaluate_into(kind, rows, links, tail, place, points[row], values, work)
-        for k in range(lsf.shape[1]):
-            lsf[row, k] = values[1 + k]
-        level = values[0]
-        if law[SPEED_EXPONENT] > 0.0:
-            level *= trend_at(law[SPEED_EXPONENT], law[FORCE_EXPONENT], points[row])
-        if level_kind != 0 and level != 0.0:
-            if level_kind == 2:
-                level *= level
-            level *= lsf_inverse_gain(lsf[row], work)
-        variance[row] = level

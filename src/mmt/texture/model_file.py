@@ -6,19 +6,24 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from mmt.arrays import FloatArray
 from mmt.errors import InputError
 from mmt.texture.fitted import Fitted
 from mmt.texture.inputs import InputSpace
 from mmt.texture.radial_basis import RadialBasisSettings
 from mmt.texture.samples import TextureSamples
+from mmt.texture.settings import Level
 from mmt.texture.trend import NO_TREND, Trend
 
 if TYPE_CHECKING:
     from mmt.texture.model import TextureModel
 
-FORMAT_VERSION: Final = 3
-"""Of what is written. Version 2, without what was fitted, is read too, and so is version 1,
-whose models are isotropic and by Delaunay."""
+FORMAT_VERSION: Final = 4
+"""Of what is written where the level is a process of its own. Version 2, without what was fitted,
+is read too, and so is version 1, whose models are isotropic and by Delaunay."""
+
+INTERPOLATED_VERSION: Final = 3
+"""Of what is written where the level is interpolated, as earlier programs render it."""
 
 _NETWORK: Final = ("network_kernel", "network_degree", "network_epsilon", "network_smoothing")
 """Arrays of the networks' settings, in their order in `RadialBasisSettings`."""
@@ -32,7 +37,7 @@ def pack(model: "TextureModel") -> bytes:
     buffer = io.BytesIO()
     np.savez_compressed(
         buffer,
-        format_version=np.int64(FORMAT_VERSION),
+        format_version=np.int64(_written_version(model.level)),
         inputs=np.str_(space.name),
         **dict(zip(space.channels, samples.inputs.T, strict=True)),
         lsf_rad=samples.lsf,
@@ -43,6 +48,7 @@ def pack(model: "TextureModel") -> bytes:
         rate_hz=np.float64(model.rate_hz),
         interpolate=np.str_(model.interpolate),
         interpolator=np.str_(model.interpolator),
+        **_level_arrays(model),
         **_fitted_arrays(model.fitted, directed=space.directed),
     )
     return buffer.getvalue()
@@ -74,11 +80,13 @@ def unpack(data: bytes) -> tuple[TextureSamples, dict[str, Any]]:
             content["variance"],
             content["power"],
             space,
+            _numbers(content, "effective_samples"),
         )
         return samples, {
             "interpolate": str(content["interpolate"]),
             "interpolator": str(content["interpolator"]),
             "rate_hz": float(content["rate_hz"]),
+            "level": str(content["level"]) if version > INTERPOLATED_VERSION else "interpolated",
             "fitted": _fitted(content, directed=space.directed) if version > 2 else None,
         }
     except KeyError as error:
@@ -97,6 +105,23 @@ def _version(content: _Arrays) -> int:
     return version
 
 
+def _numbers(content: _Arrays, name: str) -> FloatArray | None:
+    return np.asarray(content[name], dtype=np.float64) if name in content else None
+
+
+def _written_version(level: Level) -> int:
+    return INTERPOLATED_VERSION if level == "interpolated" else FORMAT_VERSION
+
+
+def _level_arrays(model: "TextureModel") -> _Arrays:
+    arrays: _Arrays = {}
+    if model.samples.effective is not None:
+        arrays["effective_samples"] = model.samples.effective
+    if model.level != "interpolated":
+        arrays["level"] = np.array(model.level)
+    return arrays
+
+
 def _fitted_arrays(fitted: Fitted, *, directed: bool) -> _Arrays:
     arrays: _Arrays = {}
     if directed:
@@ -105,6 +130,8 @@ def _fitted_arrays(fitted: Fitted, *, directed: bool) -> _Arrays:
         rows = [(n.kernel, n.highest_degree, n.epsilon, n.smoothing) for n in fitted.networks]
         columns = map(np.array, zip(*rows, strict=True))
         arrays.update(zip(_NETWORK, columns, strict=True))
+    if fitted.level is not None:
+        arrays["level_hyperparameters"] = fitted.level
     return arrays
 
 
@@ -119,4 +146,4 @@ def _fitted(content: _Arrays, *, directed: bool) -> Fitted:
             raise InputError("its networks are not two, or their degrees no integers")
         rows = zip(*(column.tolist() for column in columns), strict=True)
         networks = [RadialBasisSettings(*row) for row in rows]
-    return Fitted(trend, tuple(networks))
+    return Fitted(trend, tuple(networks), _numbers(content, "level_hyperparameters"))

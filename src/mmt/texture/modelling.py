@@ -21,6 +21,7 @@ from mmt.arrays import FloatArray, RecordArray
 from mmt.texture.autoregression import reflection_to_lsf
 from mmt.texture.burg import burg_batch
 from mmt.texture.completion import CompletionMonitor
+from mmt.texture.effective_length import effective_samples
 from mmt.texture.filtering import StreamFilter
 from mmt.texture.inputs import InputSpace
 from mmt.texture.interpolators import load
@@ -53,6 +54,8 @@ class Fit:
     lsf: FloatArray
     variance: float
     power: float
+    effective: float
+    """Independent samples that the power is worth."""
     number: int = 0
     """Its own among the fits of a modeller."""
 
@@ -225,12 +228,14 @@ class OnlineModeller:
             return
         fits = burg_batch([s.vibration_m_s2 for s in usable], order)
         lsf = reflection_to_lsf(fits.reflection)
+        effective = effective_samples(lsf, np.array([len(s.vibration_m_s2) for s in usable]))
         for index, segment in enumerate(usable):
             fit = Fit(
                 segment,
                 lsf[index],
                 float(fits.variance[index]),
                 float(fits.power[index]),
+                float(effective[index]),
                 next(self._numbers),
             )
             if _is_filter(fit):
@@ -277,6 +282,7 @@ class OnlineModeller:
             self._samples(self._chosen),
             interpolate=self.settings.interpolate,
             interpolator=self.settings.interpolator,
+            level=self.settings.level,
             previous=self.model,
             rate_hz=self.settings.rate_hz,
         )
@@ -288,6 +294,7 @@ class OnlineModeller:
             variance=np.array([fit.variance for fit in fits]),
             power=np.array([fit.power for fit in fits]),
             space=self.space,
+            effective=np.array([fit.effective for fit in fits]),
         )
 
     def _points(self, fits: list[Fit]) -> FloatArray:

@@ -27,6 +27,9 @@ class TextureSamples:
         Mean square of the vibration in (m/s2)^2, shape (n,).
     space
         What the inputs are.
+    effective
+        Independent samples that each power is worth, shape (n,), positive; None where it is
+        not known. See `mmt.texture.effective_length`.
     """
 
     inputs: FloatArray
@@ -34,6 +37,7 @@ class TextureSamples:
     variance: FloatArray
     power: FloatArray
     space: InputSpace = ISOTROPIC
+    effective: FloatArray | None = None
 
     @classmethod
     def isotropic(
@@ -76,6 +80,7 @@ class TextureSamples:
             lsf=_read_only(self.lsf),
             variance=_read_only(self.variance),
             power=_read_only(self.power),
+            effective=None if self.effective is None else _read_only(self.effective),
         )
 
     def check(self) -> None:
@@ -100,6 +105,10 @@ class TextureSamples:
             _check_numbers(name, values, len(lsf), signed=signed)
         for name in ("variance", "power"):
             _check_numbers(name, getattr(self, name), len(lsf))
+        if self.effective is not None:
+            _check_numbers("effective", self.effective, len(lsf))
+            if not (np.asarray(self.effective) > 0.0).all():
+                raise InputError("effective must be positive")
         inside = np.isfinite(lsf).all() and (lsf > 0).all() and (lsf < np.pi).all()
         if not inside or (np.diff(lsf, axis=1) <= 0).any():
             raise InputError("lsf must ascend strictly inside (0, pi)")

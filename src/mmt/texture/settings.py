@@ -8,6 +8,7 @@ VibrationAxis = Literal["x", "y", "z", "dft321"]
 Interpolated = Literal["variance", "power", "amplitude"]
 Inputs = Literal["isotropic", "anisotropic"]
 Interpolation = Literal["delaunay", "nearest", "rbf"]
+Level = Literal["interpolated", "gaussian_process"]
 
 MAXIMUM_SPEED_MM_S = 300.0
 """Paper A, section V.B: the plane ends here; faster strokes count as this fast."""
@@ -51,7 +52,7 @@ class ModellingSettings:
     (tau_2), ``shortest_samples``, ``longest_samples``, ``least_speed_mm_s``,
     ``least_force_n``, ``start_distance`` and ``stop_distance`` (`AUTOMATIC` for what belongs
     to the inputs), ``interpolate``, ``inputs``,
-    ``interpolator``, ``selection`` (None for none), ``rate_hz``.
+    ``interpolator``, ``level``, ``selection`` (None for none), ``rate_hz``.
     """
 
     axis: VibrationAxis = "z"
@@ -69,6 +70,7 @@ class ModellingSettings:
     interpolate: Interpolated = "power"
     inputs: Inputs = "isotropic"
     interpolator: Interpolation = "delaunay"
+    level: Level = "interpolated"
     selection: OnlineSelectionSettings | None = None
     rate_hz: float = 1000.0
 

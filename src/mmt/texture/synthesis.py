@@ -30,7 +30,7 @@ from mmt.texture.generation import (
 from mmt.texture.inputs import from_zero, normalise_into
 from mmt.texture.interpolators import DELAUNAY, LARGEST_SCRATCH, evaluate_into, planar_into
 from mmt.texture.lattice import lattice_step, lsf_to_lattice_into
-from mmt.texture.model import (
+from mmt.texture.law import (
     DIMENSIONS,
     FORCE_EXPONENT,
     KIND,
@@ -39,8 +39,9 @@ from mmt.texture.model import (
     PER_FORCE,
     PER_SPEED,
     SPEED_EXPONENT,
-    TextureModel,
 )
+from mmt.texture.level_table import TABLE_SIZES, tabulated_level
+from mmt.texture.model import TextureModel
 from mmt.texture.settings import LARGEST_ORDER
 from mmt.texture.trend import trend_at
 
@@ -171,6 +172,7 @@ def _render(
     kind, level_kind, order = int(law[KIND]), int(law[LEVEL_KIND]), int(law[MODEL_ORDER])
     per_speed, per_force, speed_exponent = law[PER_SPEED], law[PER_FORCE], law[SPEED_EXPONENT]
     planar = kind == DELAUNAY and law[DIMENSIONS] == 2.0
+    tabulated = law[TABLE_SIZES] > 0.0
     point = scratch[_POINT : _POINT + int(law[DIMENSIONS])]
     values, work = scratch[_VALUES : _VALUES + 1 + order], scratch[_WORK:]
     lsf = values[1:]
@@ -191,7 +193,12 @@ def _render(
             lsf_to_lattice_into(lsf, reflection, complement, work)
             state[ORDER] = order
             level = values[0]
-            if speed_exponent > 0.0:
+            if tabulated:
+                now = first[index], second[index], third[index]
+                normalise_into(now[0], now[1], now[2], per_speed, per_force, point)
+                across = point[1] if len(point) == 3 else 0.0
+                level = tabulated_level(law, point[0], across, point[len(point) - 1])
+            elif speed_exponent > 0.0:
                 level *= trend_at(speed_exponent, law[FORCE_EXPONENT], point)
             state[WANTED] = _amplitude(level, level_kind, complement)
         scratch[_COUNTER] += 1.0

@@ -23,6 +23,7 @@ from mmt.evaluation.bench.results import (
     Target,
 )
 from mmt.evaluation.bench.textures import exact_samples, scattered, session
+from mmt.texture.effective_length import UNKNOWN
 from mmt.texture.model import TextureModel, TextureSamples
 from mmt.texture.modelling import Fit, OnlineModeller
 from mmt.texture.segmentation import Segment
@@ -130,7 +131,11 @@ def _fits(count: int, plan: Plan) -> dict[tuple[int, int], Fit]:
             final=True,
         )
         fits[segment.start, segment.stop] = Fit(
-            segment, samples.lsf[index], float(samples.variance[index]), float(samples.power[index])
+            segment=segment,
+            lsf=samples.lsf[index],
+            variance=float(samples.variance[index]),
+            power=float(samples.power[index]),
+            effective=UNKNOWN,
         )
     return fits
 

@@ -1,0 +1,285 @@
+"""The level of a texture over speed, force and heading, with its uncertainty.
+
+A model's segments tell their power with sampling noise that is known from their effective
+length (`mmt.texture.effective_length`), and power is smooth in the logarithms of speed and
+force. So the level is estimated as a Gaussian process whose noise differs from sample to sample
+(Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, sections 2.2 and 5.4; the
+prior is in `mmt.texture.level_covariance`).
+
+Assumptions: within a segment the vibration is stationary and Gaussian; segments are independent;
+the level's logarithm has the prior's smoothness. What speed and force vary within a segment, and
+what else scatters, is taken up by one factor on the noise, which the samples choose.
+
+Hyperparameters are those of the largest posterior, by a bounded quasi-Newton search with exact
+slopes over at most `LARGEST_CHOICE` samples, and chosen anew when the samples have grown by a
+quarter. In between an update costs one Cholesky factorisation, O(n^3 / 3) for n samples, at most
+`LARGEST`: more are pooled first.
+"""
+
+from typing import Final
+
+import numpy as np
+from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.optimize import minimize
+
+from mmt.arrays import FloatArray
+from mmt.errors import InputError
+from mmt.texture.effective_length import UNKNOWN, log_power_scatter
+from mmt.texture.level_covariance import (
+    NOISE,
+    PLANAR,
+    PRIOR,
+    Departures,
+    Features,
+    covariance,
+    covariance_and_slopes,
+    departure_variance,
+    departures,
+    features,
+    law_variance,
+    mean_on_grid,
+)
+from mmt.texture.level_pooling import LevelSamples, pooled
+from mmt.texture.level_table import table_grid
+from mmt.texture.samples import TextureSamples
+
+DB: Final = 10.0 / np.log(10.0)
+"""Decibel in a neper of power."""
+
+LARGEST: Final = 400
+"""Samples of the process; where there are more, those that lie closest are pooled."""
+
+LARGEST_CHOICE: Final = 100
+"""Samples, evenly chosen among all, that choose the hyperparameters."""
+
+_GROWTH: Final = 1.25
+_SEARCH_STEPS: Final = 25
+_BOUND: Final = 3.0  # standard deviations of the prior
+_LEAST_EXPONENT: Final = 0.2
+_RISE: Final = 6.0  # nepers above the loudest sample, at most
+_LEAST: Final = -690.0  # nepers, above what underflows
+_JITTER: Final = 1e-10
+
+
+class LevelProcess:
+    """The posterior of the level's logarithm; immutable.
+
+    Parameters
+    ----------
+    points
+        Normalised inputs of the samples, shape (n, 2) or (n, 3), finite.
+    power
+        Mean square of each, shape (n,); samples of zero power say nothing, at least one is
+        above zero.
+    effective
+        Independent samples that each power is worth, shape (n,), positive.
+    previous
+        An earlier state, whose hyperparameters are kept until there is much more to learn.
+    hyperparameters
+        Their logarithms, shape (4,) or (10,), where they are known: none are then chosen.
+
+    Raises
+    ------
+    InputError
+        Hyperparameters are of another shape or not finite.
+    """
+
+    def __init__(
+        self,
+        points: FloatArray,
+        power: FloatArray,
+        effective: FloatArray,
+        *,
+        previous: "LevelProcess | None" = None,
+        hyperparameters: FloatArray | None = None,
+    ) -> None:
+        known = power > 0.0
+        self.directed = points.shape[1] == 3
+        bias, variance = log_power_scatter(effective[known])
+        logarithm = np.log(power[known]) - bias
+        self._loudest = float(logarithm.max())
+        every = LevelSamples(features(points[known]), logarithm, variance)
+        self._samples = every = pooled(every, LARGEST)
+        self._middle = float(np.mean(every.logarithm - every.at.law))
+        residuals = every.logarithm - every.at.law - self._middle
+        self.chosen_at = int(known.sum())
+        if hyperparameters is not None:
+            self.hyperparameters = _checked(hyperparameters, directed=self.directed)
+        elif previous is not None and not self._outgrown(previous):
+            self.hyperparameters, self.chosen_at = previous.hyperparameters, previous.chosen_at
+        else:
+            start = None if previous is None else previous.hyperparameters
+            self.hyperparameters = choose_hyperparameters(
+                every, residuals, start, directed=self.directed
+            )
+        between = departures(every.at, every.at, directed=self.directed)
+        self._factor = _factor(between, every.variance, self.hyperparameters)
+        self._weights = cho_solve((self._factor, True), residuals, check_finite=False)
+
+    def level_db(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return mean and standard deviation of the level, each shape (k,), in dB.
+
+        Of the level itself, not of what a further sample would measure; 0 dB is 1 (m/s2)^2.
+
+        Parameters
+        ----------
+        points
+            Normalised, shape (k, 2) or (k, 3), speed and force above zero; below `SLOWEST` they
+            count as that.
+        """
+        at = features(points)
+        between = departures(at, self._samples.at, directed=self.directed)
+        prior = covariance(between, self.hyperparameters)
+        mean = prior @ self._weights + self._middle + at.law
+        explained = solve_triangular(
+            self._factor, prior.T, lower=True, check_finite=False, overwrite_b=True
+        )
+        variance = law_variance(at) + departure_variance(self.hyperparameters)
+        variance -= np.einsum("ij,ij->j", explained, explained)
+        return DB * mean, DB * np.sqrt(np.maximum(variance, 0.0))
+
+    def table(self) -> FloatArray:
+        """Return the mean, in nepers, on the grid of `mmt.texture.level_table`.
+
+        Shape (headings, speeds, forces). Below the slowest and the lightest sample it falls
+        towards zero at least as speed^0.2 and force^0.2, whatever the samples say.
+        """
+        grid, at = table_grid(directed=self.directed), self._samples.at
+        total = mean_on_grid(grid, at, self._weights, self.hyperparameters)
+        law = Features(grid.speed[:, None], grid.force[None, :], grid.heading).law
+        total += self._middle + law
+        _fall(np.moveaxis(total, 1, 0), grid.speed, float(at.speed.min()))
+        _fall(np.moveaxis(total, 2, 0), grid.force, float(at.force.min()))
+        return np.clip(total, _LEAST, self._loudest + _RISE)
+
+    def _outgrown(self, previous: "LevelProcess") -> bool:
+        """Say whether hyperparameters of an earlier state are to be chosen anew."""
+        if previous.directed != self.directed:
+            return True
+        return not self.chosen_at < _GROWTH * previous.chosen_at
+
+
+def level_process(
+    samples: TextureSamples,
+    previous: LevelProcess | None = None,
+    hyperparameters: FloatArray | None = None,
+) -> LevelProcess | None:
+    """Return the process of a model's samples, None where none has any power.
+
+    A sample whose length is not known counts as `UNKNOWN`. The others are as in `LevelProcess`.
+    """
+    if not (samples.power > 0.0).any():
+        return None
+    effective = samples.effective
+    return LevelProcess(
+        samples.points,
+        samples.power,
+        np.full(len(samples), UNKNOWN) if effective is None else effective,
+        previous=previous,
+        hyperparameters=hyperparameters,
+    )
+
+
+def _checked(hyperparameters: FloatArray, *, directed: bool) -> FloatArray:
+    """Return hyperparameters brought into their bounds."""
+    middle, spread = PRIOR[: len(PRIOR) if directed else PLANAR].T
+    values = np.asarray(hyperparameters, dtype=np.float64)
+    if values.shape != middle.shape or not np.isfinite(values).all():
+        raise InputError(
+            f"hyperparameters have shape {values.shape}: {middle.shape} and finite numbers needed"
+        )
+    return np.clip(values, middle - _BOUND * spread, middle + _BOUND * spread)
+
+
+def _fall(levels: FloatArray, axis: FloatArray, lowest: float) -> None:
+    """Let levels (nodes, ...) fall below the lowest sample of an axis, towards its zero."""
+    first = int(np.searchsorted(axis, lowest))
+    step = _LEAST_EXPONENT * (axis[1] - axis[0])
+    for node in range(min(first, len(axis) - 1) - 1, -1, -1):
+        np.minimum(levels[node], levels[node + 1] - step, out=levels[node])
+
+
+def _factor(between: Departures, variance: FloatArray, logarithms: FloatArray) -> FloatArray:
+    """Return the lower Cholesky factor of the samples' covariance, noise included."""
+    total = covariance(between, logarithms)
+    _add_noise(total, variance, logarithms)
+    return np.asarray(cholesky(total, lower=True, overwrite_a=True, check_finite=False))
+
+
+def _add_noise(total: FloatArray, variance: FloatArray, logarithms: FloatArray) -> FloatArray:
+    """Add the samples' noise to their covariance; return it, shape (n,)."""
+    noise = np.exp(2.0 * logarithms[NOISE]) * variance
+    diagonal = np.einsum("ii->i", total)
+    diagonal += noise + _JITTER * diagonal
+    return np.asarray(noise)
+
+
+def log_posterior(
+    between: Departures, residuals: FloatArray, variance: FloatArray, logarithms: FloatArray
+) -> tuple[float, FloatArray]:
+    """Return the log of the hyperparameters' posterior, but for a constant, and its slopes.
+
+    Rasmussen and Williams, eq. 5.8 and 5.9, plus the logarithm of the prior.
+
+    Parameters
+    ----------
+    between
+        Among the samples.
+    residuals, variance
+        Logarithms of power without the usual law, and their variances, shape (n,).
+    logarithms
+        Of the hyperparameters, shape (4,) or (10,).
+    """
+    total, slopes = covariance_and_slopes(between, logarithms)
+    noise = _add_noise(total, variance, logarithms)
+    factor = cholesky(total, lower=True, overwrite_a=True, check_finite=False)
+    weights = cho_solve((factor, True), residuals, check_finite=False)
+    inverse = cho_solve((factor, True), np.eye(len(residuals)), check_finite=False)
+    gain = np.multiply.outer(weights, weights) - inverse
+    slope = np.empty(len(logarithms))
+    for number, matrix in slopes.items():
+        slope[number] = 0.5 * np.einsum("ij,ij->", gain, matrix)
+    slope[NOISE] = np.einsum("ii,i->", gain, noise)
+    value = -0.5 * float(residuals @ weights) - float(np.log(np.einsum("ii->i", factor)).sum())
+    middle, spread = PRIOR[: len(logarithms)].T
+    off = (logarithms - middle) / spread
+    return value - 0.5 * float(off @ off), slope - off / spread
+
+
+def choose_hyperparameters(
+    samples: LevelSamples,
+    residuals: FloatArray,
+    start: FloatArray | None = None,
+    *,
+    directed: bool,
+) -> FloatArray:
+    """Return the logarithms of the likeliest hyperparameters, shape (4,) or (10,).
+
+    Parameters
+    ----------
+    samples, residuals
+        The samples and their logarithms without the usual law; `LARGEST_CHOICE` of them count.
+    start
+        Where the search begins, None for the middle of the prior.
+    directed
+        Whether the heading counts.
+    """
+    middle, spread = PRIOR[: len(PRIOR) if directed else PLANAR].T
+    count = len(residuals)
+    chosen = np.unique(np.linspace(0, count - 1, min(count, LARGEST_CHOICE)).round().astype(int))
+    at = Features(*(values[chosen] for values in samples.at))
+    between = departures(at, at, directed=directed)
+
+    def cost(logarithms: FloatArray) -> tuple[float, FloatArray]:
+        found = log_posterior(between, residuals[chosen], samples.variance[chosen], logarithms)
+        return -found[0], -found[1]
+
+    result = minimize(
+        cost,
+        middle if start is None else start,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=np.column_stack([middle - _BOUND * spread, middle + _BOUND * spread]),
+        options={"maxiter": _SEARCH_STEPS},
+    )
+    return np.asarray(result.x)
