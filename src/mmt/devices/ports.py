@@ -8,6 +8,7 @@ from typing import Any, Final
 from mmt.devices.merging import Lane, PolledLane
 from mmt.devices.protocols import (
     Accelerometer,
+    ArrivalStamping,
     Device,
     ForceSensor,
     Robot,
@@ -172,9 +173,15 @@ class SampledPort(Port):
 
     def __init__(self, role: str, device: SampledSensor, kind: type[Lane] = Lane) -> None:
         super().__init__(role, device, kind(device.latency_ns))
+        self._stamping = device if isinstance(device, ArrivalStamping) else None
         self._last_ns = 0
         self._empty = 0
         self._settles = False
+
+    @property
+    def knows_arrivals(self) -> bool:
+        """Whether it need not be looked at to know when a reading has come."""
+        return self._stamping is not None
 
     def begin(self, now_ns: int) -> None:
         """Begin to wait for readings."""
@@ -203,7 +210,10 @@ class SampledPort(Port):
         """Take what has come; return whether anything has."""
         readings = self.device.read()
         if readings:  # a time from before the call might be before they came
-            self.lane.take(readings, time.monotonic_ns())
+            stamping = self._stamping
+            self.lane.take(
+                readings, time.monotonic_ns() if stamping is None else stamping.arrival_ns
+            )
         return bool(readings)
 
     def lose(self, now_ns: int, reason: str) -> None:

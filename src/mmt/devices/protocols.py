@@ -94,6 +94,19 @@ class SampledSensor(Device, Protocol):
 
 
 @runtime_checkable
+class ArrivalStamping(Protocol):
+    """A sensor that knows when its readings came; no driver must.
+
+    What comes to a thread or a socket bears its time; what waits in a serial port until it is
+    looked at does not. Who knows it need not be looked at between the ticks.
+    """
+
+    @property
+    def arrival_ns(self) -> int:
+        """When the newest reading that `read` has returned had come: the host's monotonic clock."""
+
+
+@runtime_checkable
 class Remarking(Protocol):
     """A device that knows what is doubtful about its own set-up; no driver must."""
 
@@ -206,6 +219,8 @@ class FollowerSource(Protocol):
 
 LossWatcher = Callable[[bool, str], None]
 """Called with whether a device is lost now, and a sentence."""
+FrameTaker = Callable[[RecordArray], None]
+"""Given frames (n,), n >= 1, between two ticks."""
 
 
 @runtime_checkable
@@ -214,6 +229,9 @@ class DeviceBackedSource(FollowerSource, Protocol):
 
     def watch(self, callback: LossWatcher) -> None:
         """Have a function called when a device is lost and when it is back."""
+
+    def hand_on(self, callback: FrameTaker) -> None:
+        """Have a function given, before `start`, the frames that a tick came too early for."""
 
     @property
     def summary(self) -> Mapping[str, Any]:

@@ -55,6 +55,11 @@ class U6Adxl335(Adxl335):
         channels = [Channel(number) for number in checked.inputs]
         self._source = U6Voltages(channels, checked.rate_hz, checked.box, backend)
 
+    @property
+    def arrival_ns(self) -> int:
+        """When the newest reading that `read` has returned had come, by the host's clock."""
+        return self._source.arrival_ns
+
     def connect(self) -> None:
         """Open the U6 and start its stream.
 

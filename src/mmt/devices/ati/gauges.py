@@ -1,5 +1,6 @@
 """Force from bare gauge voltages on an acquisition board, by the sensor's ``.cal`` file."""
 
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -100,6 +101,12 @@ class Gauges(AtiSensor):
         if self._open:
             self._open = False
             self._board.close()
+
+    @property
+    def arrival_ns(self) -> int:
+        """When the newest reading had come, by the host's clock, as far as the board tells."""
+        told: int | None = getattr(self._board, "arrival_ns", None)
+        return time.monotonic_ns() if told is None else told
 
     def _where(self) -> str:
         return "check the board's cable and its driver's options"

@@ -25,6 +25,7 @@ from mmt.devices.ati.net_settings import NetPages, NetSettings, filter_delay_ns
 from mmt.devices.ati.options import AtiOptions
 from mmt.devices.ati.sensor import AtiSensor, Stamped
 from mmt.devices.ati.wrench import WrenchConverter
+from mmt.devices.datagrams import StampedSocket
 from mmt.devices.loading import read_options
 from mmt.errors import DeviceLost, MmtError
 
@@ -70,12 +71,16 @@ class NetFt(AtiSensor):
         self._options = options
         self._pages = NetPages(options.host, options.http_port, self.name)
         self._socket: socket.socket | None = None
+        self._packets: StampedSocket | None = None
         self._clock: SequenceClock | None = None
         self._bias_in_box: str | None = None
         self._started_ns = 0  # when records were asked for, 0 before
         self._heard_ns = 0  # when a record came, usable or not
         self._usable_ns = 0
         self._broken_status = 0  # of the newest record that was not usable
+        self._looked_ns = 0
+        self.arrival_ns = 0
+        """When the newest record had come, by the host's monotonic clock."""
         self._buffer = bytearray(2048)
         self.settings: NetSettings | None = None
         """What the box says of itself, once it is connected."""
@@ -122,7 +127,7 @@ class NetFt(AtiSensor):
             with contextlib.suppress(OSError):
                 self._socket.send(request(STOP))
             self._socket.close()
-            self._socket = None
+            self._socket = self._packets = None
 
     def _settle(self) -> NetSettings:
         """Bring the box to the options' settings and return what it then has."""
@@ -164,6 +169,7 @@ class NetFt(AtiSensor):
             self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
             self._socket.setblocking(False)
+            self._packets = StampedSocket(self._socket)
             self._socket.connect(address)
             self._socket.send(request(RESET_LATCH))
         except OSError as error:
@@ -193,14 +199,14 @@ class NetFt(AtiSensor):
         )
 
     def _receive(self, now_ns: int) -> list[Stamped]:
-        udp, clock = self._socket, self._clock
-        if udp is None or clock is None:
+        udp, packets, clock = self._socket, self._packets, self._clock
+        if udp is None or packets is None or clock is None:
             raise DeviceLost(f"{self.name} is closed: connect it again")
         if not self._started_ns:
             self._ask(udp, now_ns)
         buffer = self._buffer
         records: list[Stamped] = []
-        receive_into, unpack, stamp = udp.recv_into, RECORD.unpack_from, clock.stamp
+        receive_into, unpack, stamp = packets.receive_into, RECORD.unpack_from, clock.stamp
         try:
             for _ in range(_MOST_RECORDS):
                 if receive_into(buffer) != RECORD.size:
@@ -218,8 +224,10 @@ class NetFt(AtiSensor):
             raise DeviceLost(
                 f"{self.name}: the network reports {error.strerror or error}; {self._where()}"
             ) from error
+        looked_ns, self._looked_ns = self._looked_ns, now_ns
         if records:
             self._usable_ns = now_ns
+            self.arrival_ns = packets.arrival_ns(looked_ns)
         elif now_ns - max(self._heard_ns, self._started_ns) > _REPEAT_START_NS:
             self._count("start request repeated")
             clock.interrupt()

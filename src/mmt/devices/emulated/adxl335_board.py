@@ -17,7 +17,7 @@ from mmt.devices.protocols import Vector
 
 NOISE_DENSITY: Final = 150e-6 * GRAVITY_M_S2
 """m/s2 per root hertz (data sheet, X and Y)."""
-_WAIT_S: Final = 0.0005
+_LEAST_WAIT_S: Final = 0.0001
 
 
 class EmulatedAdxl335Board:
@@ -161,7 +161,8 @@ class EmulatedAdxl335Board:
         self._stuck = self._convert(time.monotonic_ns()) if stuck else None
 
     def _run(self) -> None:
-        while not self._stopping.wait(_WAIT_S):
+        wait_s = 0.0
+        while not self._stopping.wait(max(wait_s, _LEAST_WAIT_S)):
             with self._lock:
                 now_ns = time.monotonic_ns()
                 due = int((now_ns - self._begun_ns) * 1e-9 * self._rate_hz)
@@ -169,6 +170,8 @@ class EmulatedAdxl335Board:
                     self._sequence = due - 1
                 while self._sequence < due:
                     self._sample()
+                next_ns = self._begun_ns + (due + 1) / self._rate_hz * 1e9
+                wait_s = (next_ns - time.monotonic_ns()) * 1e-9  # a board sends when it has sampled
 
     def _sample(self) -> None:
         self._sequence += 1

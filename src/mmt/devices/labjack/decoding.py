@@ -63,14 +63,15 @@ class StreamDecoder:
 
     def _take(self, packet: StreamPacket) -> list[VoltageReading]:
         scans: list[VoltageReading] = []
-        number = len(self._volts)
-        for at in range(0, len(packet.samples), number):
-            counts = packet.samples[at : at + number]
+        of_channels, samples = self._volts, packet.samples
+        number = len(of_channels)
+        for at in range(0, len(samples), number):
+            counts = samples[at : at + number]
             if self._missed and all(count == DUMMY for count in counts):
                 self._scan += self._missed  # the dummy is one of those that were thrown away
                 self._missed = 0
                 continue
-            volts = tuple([line(count) for line, count in zip(self._volts, counts, strict=True)])
+            volts = tuple([line(count) for line, count in zip(of_channels, counts, strict=True)])
             scans.append(VoltageReading(self._scanning.time_ns(self._scan), volts))
             self._scan += 1
         return scans

@@ -5,6 +5,7 @@ After the low-level function reference of the vendor's U6 data sheet, section 5.
 
 import struct
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 CONFIG_U6: Final = 0x08
@@ -171,17 +172,17 @@ def stream_config(scanning: Scanning) -> bytes:
 
 def decode_stream(packet: bytes, number: int) -> StreamPacket | None:
     """Return a packet of the stream with so many samples, None where it is none."""
-    if (
-        len(packet) != 14 + 2 * number
-        or packet[1] != _STREAMED
-        or packet[2] != 4 + number
-        or packet[3] != 0xC0
-        or not is_sound(packet)
-    ):
+    layout, head = _stream_layout(number)
+    if len(packet) != layout.size or packet[1:4] != head or not is_sound(packet):
         return None
-    missed, counter, error = struct.unpack_from("<IBB", packet, 6)
-    samples = struct.unpack_from(f"<{number}H", packet, 12)
-    return StreamPacket(counter, error, missed if error == RECOVERED else 0, samples)
+    missed, counter, error, *samples = layout.unpack(packet)
+    return StreamPacket(counter, error, missed if error == RECOVERED else 0, tuple(samples))
+
+
+@lru_cache(maxsize=MOST_SAMPLES)
+def _stream_layout(number: int) -> tuple[struct.Struct, bytes]:
+    """Return how so many samples lie in a packet of the stream, and its bytes 1 to 3."""
+    return struct.Struct(f"<6xIBB{number}H2x"), bytes((_STREAMED, 4 + number, 0xC0))
 
 
 def encode_stream(packet: StreamPacket) -> bytes:

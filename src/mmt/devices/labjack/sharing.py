@@ -59,6 +59,8 @@ class Reader:
         self.faults: Counter[str] = Counter()
         """What befell the stream while it was read, see `StreamDecoder`."""
         self.waiting: deque[VoltageReading] = deque(maxlen=_MOST_WAITING)
+        self.arrival_ns = 0
+        """When the newest of them had come, by the host's monotonic clock."""
         self.number = next(_NUMBERS)
         """In the order in which the drivers were made."""
         _READERS.add(self)
@@ -68,8 +70,9 @@ class Reader:
         """The inputs that its channels take, a differential one two."""
         return terminals(self.channels)
 
-    def give(self, scans: Sequence[VoltageReading]) -> None:
-        """Keep scans until the driver reads them."""
+    def give(self, scans: Sequence[VoltageReading], arrival_ns: int) -> None:
+        """Keep scans until the driver reads them, the newest of which had come at that time."""
+        self.arrival_ns = arrival_ns
         dropped = len(self.waiting) + len(scans) - _MOST_WAITING
         if dropped > 0:
             self.faults["lost scans"] += dropped
@@ -128,7 +131,7 @@ class SharedU6:
         self._link: U6Link | None = None
         self._decoder: StreamDecoder | None = None
         self._channels: tuple[Channel, ...] = ()
-        self._picks: list[tuple[Reader, tuple[int, ...]]] = []
+        self._picks: list[tuple[Reader, tuple[int, ...] | None]] = []
         self._feeding = threading.Lock()
 
     def serves(self, reader: Reader) -> bool:
@@ -178,13 +181,21 @@ class SharedU6:
         link, decoder = self._link, self._decoder
         if link is None or decoder is None:
             return
-        scans = [scan for raw in link.packets() for scan in decoder.decode(raw)]
+        packets = link.packets()
+        if not packets:
+            return
+        scans = [scan for _, raw in packets for scan in decoder.decode(raw)]
         for reader, columns in self._picks:
             if decoder.faults:
                 reader.faults.update(decoder.faults)
-            reader.give(
-                [VoltageReading(t, tuple([volts[at] for at in columns])) for t, volts in scans]
-            )
+            if not scans:
+                continue
+            of_reader = scans
+            if columns is not None:
+                of_reader = [
+                    VoltageReading(t, tuple([volts[at] for at in columns])) for t, volts in scans
+                ]
+            reader.give(of_reader, packets[-1][0])
         decoder.faults.clear()
 
     def _begin(self, readers: Sequence[Reader]) -> None:
@@ -220,8 +231,13 @@ class SharedU6:
     def _route(self, readers: Sequence[Reader]) -> None:
         with self._feeding:
             self.readers = tuple(readers)
-            index = self._channels.index
-            self._picks = [(each, tuple(index(c) for c in each.channels)) for each in readers]
+            self._picks = [(each, self._columns(each)) for each in readers]
+
+    def _columns(self, reader: Reader) -> tuple[int, ...] | None:
+        """Return where a reader's channels are in a scan, None where they are the scan."""
+        if reader.channels == self._channels:
+            return None
+        return tuple(self._channels.index(channel) for channel in reader.channels)
 
 
 def terminals(channels: Iterable[Channel]) -> set[int]:

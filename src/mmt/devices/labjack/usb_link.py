@@ -4,6 +4,7 @@ import contextlib
 import errno
 import threading
 import time
+from array import array
 from collections import deque
 from collections.abc import Sequence
 from typing import Any, Final
@@ -38,6 +39,10 @@ _MOST_WAITING: Final = 8192
 """Packets; the oldest are dropped, and their numbers tell that they are missing."""
 
 
+Arrived = tuple[int, bytes]
+"""When a packet of the stream had come, by the host's monotonic clock (ns), and the packet."""
+
+
 class U6Link:
     """One U6.
 
@@ -56,7 +61,7 @@ class U6Link:
         self._thread: threading.Thread | None = None
         self._ending = threading.Event()
         self._lost = threading.Event()
-        self._packets: deque[bytes] = deque(maxlen=_MOST_WAITING)
+        self._packets: deque[Arrived] = deque(maxlen=_MOST_WAITING)
         self._heard_ns = 0
         self.serial = 0
         """Of the one that is open."""
@@ -130,8 +135,8 @@ class U6Link:
         silent_ns = time.monotonic_ns() - self._heard_ns
         return self._thread is not None and not self._lost.is_set() and silent_ns < _SILENT_NS
 
-    def packets(self) -> list[bytes]:
-        """Return the stream's packets that have come.
+    def packets(self) -> list[Arrived]:
+        """Return the stream's packets that have come, oldest first.
 
         Raises
         ------
@@ -157,15 +162,17 @@ class U6Link:
 
     def _run(self, device: Any) -> None:
         follow_real_time()
+        buffer = array("B", bytes(_PACKET))
         while not self._ending.is_set():
             try:
-                self._packets.append(device.read(_STREAM, _PACKET, _STREAM_MS).tobytes())
-                self._heard_ns = time.monotonic_ns()
+                size = device.read(_STREAM, buffer, _STREAM_MS)
             except usb.core.USBTimeoutError:
                 continue
             except usb.core.USBError:
                 self._lost.set()
                 return
+            self._heard_ns = arrival_ns = time.monotonic_ns()
+            self._packets.append((arrival_ns, buffer[:size].tobytes()))
 
     def _greet(self) -> int:
         """End a stream that runs, throw away what waits, return the serial number."""

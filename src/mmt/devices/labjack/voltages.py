@@ -62,6 +62,11 @@ class U6Voltages:
         return 0 if self._board is None else self._board.serial
 
     @property
+    def arrival_ns(self) -> int:
+        """When the newest scan that `read` has returned had come, by the host's clock."""
+        return self._reader.arrival_ns
+
+    @property
     def faults(self) -> Counter[str]:
         """``bad packets``, ``lost scans``, ``overflows`` and, by their number, errors."""
         return Counter(self._reader.faults)  # which another driver's thread may be adding to
