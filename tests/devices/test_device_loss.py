@@ -220,6 +220,49 @@ def test_what_a_probe_finds_is_told_by_the_next_tick(monkeypatch: pytest.MonkeyP
     bench.source.close()
 
 
+def test_a_frame_whose_reading_just_missed_its_tick_comes_between_two_ticks(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bench = Bench(monkeypatch)
+    blocks = [bench.run(50)]
+    late: list[RecordArray] = []
+    bench.source.hand_on(late.append)
+    under_way_ns = 1_300_000
+    monkeypatch.setattr(
+        bench.sensor, "read", lambda: bench.sensor.arrived(bench.time.now_ns - under_way_ns)
+    )
+    for _ in range(100):
+        blocks.append(bench.run(1))
+        bench.time.now_ns += 900_000
+        lacking = bench.source.look_again(bench.time.now_ns)
+        assert lacking != bool(late)
+        blocks += late
+        late.clear()
+        bench.time.now_ns -= 900_000
+    frames = np.concatenate(blocks)
+    assert len(frames) >= 140  # ten of a hundred readings may be later still
+    assert sum(len(block) == 0 for block in blocks) > 80  # those of ticks
+    assert np.all(np.diff(frames["sequence"]) == 1)
+    assert np.all(np.diff(frames["time_ns"]) == MS)
+    bench.source.close()
+
+
+def test_a_sensor_that_knows_when_its_readings_came_is_believed() -> None:
+    class Stamping(SyntheticSensor):
+        arrival_ns = 0
+
+        def read(self) -> list[SensorReading]:
+            self.arrival_ns = real_time.monotonic_ns() - 5 * MS
+            return [SensorReading(1000, (1.0, 2.0, 3.0))]
+
+    sensor = Stamping(1000)
+    port = ports_module.SampledPort("force sensor", sensor)
+    assert port.knows_arrivals
+    assert not ports_module.SampledPort("force sensor", SyntheticSensor(1000)).knows_arrivals
+    assert port.poll()
+    assert port.lane.clock.sensor_time(sensor.arrival_ns) == 1000
+
+
 def test_a_sensor_that_gives_nothing_at_the_start_is_explained(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from service_runs import Together, small_scene
 
+from mmt.arrays import RecordArray
 from mmt.devices.loading import load_device
-from mmt.devices.protocols import DeviceBackedSource, SensorReading, Vector
+from mmt.devices.protocols import DeviceBackedSource, FrameTaker, SensorReading, Vector
 from mmt.devices.source import DeviceSource
 from mmt.errors import DeviceLost, InputError, MmtError
+from mmt.follower.driving import DrivenSource
 from mmt.follower.sources import build_source
 from mmt.frames import CHANNELS
 from mmt.scene import Scene
@@ -74,6 +76,31 @@ def test_every_device_is_read_once_a_tick() -> None:
     assert source.describe() == (
         "devices: robot Instrument, force sensor Instrument, accelerometer Instrument"
     )
+
+
+def test_a_frame_that_comes_between_two_ticks_is_sent_at_once(tmp_path: Path) -> None:
+    class Source(DeviceSource):
+        def hand_on(self, callback: FrameTaker) -> None:
+            self.taker = callback
+
+    class News:
+        def measured(self, frames: RecordArray) -> RecordArray:
+            return frames[:0]
+
+    source = Source(*[Instrument() for _ in range(3)], CHANNELS)
+    sent: list[tuple[RecordArray, RecordArray | None]] = []
+
+    def send(frames: RecordArray, news: RecordArray | None) -> None:
+        sent.append((frames, news))
+
+    for feedback in (None, News()):
+        driven = DrivenSource(small_scene(tmp_path), source, feedback, print, send)
+        source.start(0)
+        frames = source.step(1, 1000, None)
+        source.taker(frames)
+        assert sent[-1][0] is frames
+        assert (sent[-1][1] is None) == (feedback is None)
+        assert driven._measured() == (0.0, 1.0, 2.0)
 
 
 def test_ticks_that_were_missed_show_as_a_gap() -> None:

@@ -15,12 +15,12 @@ from mmt.arrays import RecordArray
 from mmt.devices.clocks import SensorClock
 from mmt.devices.protocols import SensorReading, Vector
 
-HOLD_BACK_NS: Final = 1_350_000
+HOLD_BACK_NS: Final = 1_250_000
 """A frame is of the instant so long before its tick, so that the readings on both sides of it
 have arrived: enough for a sensor of 1 kHz, or one whose readings come in a bundle each
 millisecond."""
 
-MARGIN_NS: Final = 350_000
+MARGIN_NS: Final = 250_000
 """Of a slower sensor, beyond the spacing of its readings."""
 
 SPACING_NS: Final = 1_000_000
@@ -219,6 +219,11 @@ class FrameMerger:
         """Leave out the frames that wait: a device is lost."""
         self.left_out += self._due - self._next
         self._next = self._due
+
+    @property
+    def lacking(self) -> bool:
+        """Whether a frame of a tick that has passed waits for a reading."""
+        return self._next < self._due
 
     def frames(self) -> RecordArray:
         """Return the frames (n,) that are complete, the oldest first."""

@@ -9,10 +9,11 @@ import numpy as np
 from mmt.arrays import RecordArray
 from mmt.devices.merging import FrameMerger, PolledLane
 from mmt.devices.ports import Port, RobotPort, SampledPort, failure, port_of, summaries
-from mmt.devices.probing import Prober
+from mmt.devices.probing import Prober, Retry
 from mmt.devices.protocols import (
     Accelerometer,
     ForceSensor,
+    FrameTaker,
     LossWatcher,
     Robot,
     SampledSensor,
@@ -68,6 +69,7 @@ class DeviceSource:
                 raise InputError(f"[devices] has no {key}, but the scene needs {channel}")
         self._on_lost = on_lost
         self._watcher: LossWatcher = lambda _lost, _sentence: None
+        self._taker: FrameTaker | None = None
         robot_port = RobotPort("robot", robot, measures="position" in self._channels)
         self._all: dict[str, Port] = {"robot": robot_port}
         if force_sensor is not None:
@@ -83,12 +85,14 @@ class DeviceSource:
         }
         self._stepped = list(dict.fromkeys([robot_port, *self._measuring.values()]))
         self._sampled = [port for port in self._stepped if isinstance(port, SampledPort)]
+        self._looked_at = [port for port in self._sampled if not port.knows_arrivals]
         self._lost: list[Port] = []
         self._probed: tuple[Port, Exception] | None = None
         self._dtype = frame_dtype(self._channels)
         self._sequence = 0
         self._merger = self._make_merger()
         self._prober = Prober(self.probe, PERIOD_NS)
+        self._retry = Retry(self.look_again)
 
     def _make_merger(self) -> FrameMerger | None:
         if not self._sampled:
@@ -99,6 +103,10 @@ class DeviceSource:
     def watch(self, callback: LossWatcher) -> None:
         """Have a function called when a device is lost and when it is back."""
         self._watcher = callback
+
+    def hand_on(self, callback: FrameTaker) -> None:
+        """Have a function given the frames whose last reading came between two ticks."""
+        self._taker = callback
 
     def start(self, start_time_ns: int) -> None:  # noqa: ARG002 - devices keep their own time
         """Connect and calibrate the devices, and learn the clocks of those that have one.
@@ -119,7 +127,10 @@ class DeviceSource:
         self._merger = self._make_merger()
         if self._sampled:
             self._warm_up()
-            self._prober.start()
+            if self._looked_at:
+                self._prober.start()
+            if self._taker is not None:
+                self._retry.start()
 
     def _warm_up(self) -> None:
         """Read often for a moment: the quickest arrivals tell the clocks apart."""
@@ -141,13 +152,27 @@ class DeviceSource:
             port.begin(time.monotonic_ns())
 
     def probe(self, now_ns: int) -> None:  # noqa: ARG002 - each read tells its own time
-        """Look at the sampled sensors between two ticks; a fault is left to the next tick."""
-        for port in self._sampled:
+        """Look at sampled sensors between two ticks; a fault is left to the next tick."""
+        self._look(self._looked_at)
+
+    def _look(self, ports: Iterable[SampledPort]) -> None:
+        for port in ports:
             if port.lost_ns is None and self._probed is None:
                 try:
                     port.poll()
                 except Exception as error:  # noqa: BLE001 - raised by the next step
                     self._probed = (port, error)
+
+    def look_again(self, now_ns: int) -> bool:  # noqa: ARG002 - as above
+        """Look for what the last tick lacked; return whether it is still lacking."""
+        merger, taker = self._merger, self._taker
+        if merger is None or taker is None or not merger.lacking:
+            return False
+        self._look(self._sampled)
+        frames = merger.frames()
+        if len(frames):
+            taker(frames)
+        return merger.lacking and self._probed is None
 
     def step(self, elapsed: int, now_ns: int, command_position_mm: Vector | None) -> RecordArray:
         """Command the robot and read every device; see `FollowerSource`.
@@ -177,7 +202,9 @@ class DeviceSource:
             self._merger.tick(elapsed, now_ns)
             if self._lost:
                 self._merger.give_up()
-            return self._merger.frames()
+            frames = self._merger.frames()
+            self._retry.tick(lacking=self._merger.lacking)
+            return frames
         return self._polled_frame(now_ns)
 
     def _polled_frame(self, now_ns: int) -> RecordArray:
@@ -233,6 +260,7 @@ class DeviceSource:
             One or more could not be closed.
         """
         self._prober.stop()
+        self._retry.stop()
         problems = []
         for port in self._all.values():
             try:

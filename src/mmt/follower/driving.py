@@ -28,6 +28,9 @@ class DrivenSource:
         The follower's side of force feedback, None where it has none.
     say
         Called with a sentence for the person.
+    send
+        Given what `step` returns where it comes between two ticks: frames that a tick came too
+        early for.
     """
 
     def __init__(
@@ -36,8 +39,10 @@ class DrivenSource:
         source: FollowerSource,
         feedback: "FollowerFeedback | None",
         say: Callable[[str], None],
+        send: Callable[[RecordArray, RecordArray | None], None],
     ) -> None:
         self._source = source
+        self._send = send
         self._feedback = feedback
         self._say = say
         self._devices = scene.devices
@@ -47,6 +52,7 @@ class DrivenSource:
         self._of_devices = source if isinstance(source, DeviceBackedSource) else None
         if self._of_devices is not None:
             self._of_devices.watch(self._on_device)
+            self._of_devices.hand_on(self._take_late)
 
     @property
     def summary(self) -> dict[str, dict[str, Any]]:
@@ -77,10 +83,15 @@ class DrivenSource:
         if feedback is not None:
             command = feedback.command(command)
         frames = self._source.step(elapsed, time.monotonic_ns(), command)
-        if not len(frames):
-            return frames, None
+        return frames, self._measure(frames) if len(frames) else None
+
+    def _take_late(self, frames: RecordArray) -> None:
+        self._send(frames, self._measure(frames))
+
+    def _measure(self, frames: RecordArray) -> RecordArray | None:
+        """Note frames (n,), n >= 1, and return the feedback's news of them."""
         self._newest = frames
-        return frames, None if feedback is None else feedback.measured(frames)
+        return None if self._feedback is None else self._feedback.measured(frames)
 
     def _measured(self) -> Vector | None:
         """Return the robot's newest measured position, None before there is one."""

@@ -22,6 +22,7 @@ from mmt.scene import Link, Scene
 from mmt.ticking import Ticker
 
 if TYPE_CHECKING:
+    from mmt.arrays import RecordArray
     from mmt.follower.feedback import FollowerFeedback
     from mmt.link.listening import Listener
 
@@ -60,7 +61,7 @@ class FollowerService:
         self._access = Access.of(self._link)
         self.source = build_source(scene)
         feedback = _build_feedback(scene)
-        self.driven = DrivenSource(scene, self.source, feedback, self._say)
+        self.driven = DrivenSource(scene, self.source, feedback, self._say, self._send)
         self.ending = Ending("source ended")
         self.client = self._make_client(feedback)
         self.ticker = Ticker(round(1e9 / scene.session.rate_hz), self._tick)
@@ -184,13 +185,15 @@ class FollowerService:
             self._say(str(error))
 
     def _tick(self, elapsed: int) -> None:
-        frames, news = self.driven.step(elapsed)
+        self._send(*self.driven.step(elapsed))
+        if self.source.finished:
+            self.ending.stop("source ended")
+
+    def _send(self, frames: "RecordArray", news: "RecordArray | None") -> None:
         if news is not None:
             self.client.send_extra(news)
         if len(frames):
             self.client.send_frames(frames)
-        if self.source.finished:
-            self.ending.stop("source ended")
 
     def _on_stop(self, reason: str) -> None:
         self._say(f"the leader ended the session: {reason}")

@@ -55,6 +55,7 @@ class Reader:
         self.sensors = {"force_sensor": force, "accelerometer": acceleration}
         self.source = DeviceSource(robot, force, acceleration, CHANNELS, on_lost="hold")
         self.source.watch(self._note)
+        self.source.hand_on(self._take)
         self.ticker = Ticker(PERIOD_NS, self._tick)
         self._frames: list[RecordArray] = []
         self._formed: list[tuple[int, int]] = []
@@ -108,7 +109,9 @@ class Reader:
             self.ticker.stop()
 
     def _tick(self, elapsed: int) -> None:
-        frames = self.source.step(elapsed, time.monotonic_ns(), _COMMAND_MM)
+        self._take(self.source.step(elapsed, time.monotonic_ns(), _COMMAND_MM))
+
+    def _take(self, frames: RecordArray) -> None:
         if self._keeps and len(frames):
             self._frames.append(frames)
             self._formed.append((time.monotonic_ns(), len(frames)))

@@ -1,0 +1,89 @@
+"""Looks between the ticks: how many there are, and when they end."""
+
+import asyncio
+import time
+
+import pytest
+
+from mmt.devices.probing import LoopTimer, Retry
+from mmt.timer_file import open_timer
+
+PATIENCE_S = 20.0
+
+
+@pytest.fixture(autouse=True)
+def _precise_timers() -> None:
+    timer = open_timer()
+    if timer is None:
+        pytest.skip("this system has no precise timers")
+    timer.close()
+
+
+async def until(condition) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline, "it has not come to pass"
+        await asyncio.sleep(0.001)
+
+
+def tried(ticks: int, lacks: int) -> int:
+    """Return the looks after so many ticks without need and one that lacks something.
+
+    `lacks` says how many looks find nothing.
+    """
+
+    async def run() -> int:
+        looks = 0
+
+        def look(_: int) -> bool:
+            nonlocal looks
+            looks += 1
+            return looks <= lacks
+
+        retry = Retry(look)
+        retry.start()
+        for _ in range(ticks):
+            retry.tick(lacking=False)
+        retry.tick(lacking=True)
+        if ticks >= 10:
+            await until(lambda: looks > 0)
+        await asyncio.sleep(0.02)
+        retry.stop()
+        return looks
+
+    return asyncio.run(run())
+
+
+def test_a_tick_that_lacks_a_reading_is_followed_by_looks_until_it_is_there() -> None:
+    assert tried(100, 0) == 1
+    assert 1 <= tried(100, 2) <= 3  # a machine held up for 20 ms sees fewer
+
+
+def test_looks_that_find_nothing_are_bounded() -> None:
+    assert tried(0, 1000) == 0
+    assert 1 <= tried(25, 1000) <= 2
+    assert 1 <= tried(10_000, 1000) <= 5
+
+
+def test_nothing_is_looked_for_after_the_end() -> None:
+    async def run() -> list[int]:
+        calls: list[int] = []
+        timer = LoopTimer(calls.append)
+        timer.start()
+        timer.set(time.monotonic_ns() + 1_000_000)
+        await until(lambda: calls)
+        timer.set(time.monotonic_ns() + 1_000_000)
+        timer.stop()
+        timer.stop()
+        timer.set(time.monotonic_ns() + 1_000_000)
+        await asyncio.sleep(0.02)
+        return calls
+
+    assert len(asyncio.run(run())) == 1
+
+
+def test_without_a_loop_there_are_no_looks() -> None:
+    timer = LoopTimer(lambda _: None)
+    timer.start()
+    timer.set(1)
+    timer.stop()
