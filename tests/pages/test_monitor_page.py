@@ -1,15 +1,12 @@
 """The monitor's page in a real browser: what is on the screen while a leader runs."""
 
 import asyncio
-import shutil
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import pytest_asyncio
+from page_browser import DESKTOP, MARKS, TABLET, a_page, api, browser, shows
 
 from mmt.devices.simulated.offline import simulate_session
 from mmt.leader.service import LeaderService
@@ -18,43 +15,9 @@ from mmt.scene import Scene
 from mmt.scene_files import scene_from_tables
 from mmt.texture.model import TextureModel
 
-api = pytest.importorskip("playwright.async_api", reason="playwright is not installed")
-CHROMIUM = shutil.which("chromium")
-pytestmark = [
-    pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed"),
-    pytest.mark.asyncio(loop_scope="module"),
-]
-
-DESKTOP, TABLET = (1440, 900), (820, 1180)
-LONGEST_MS = 60_000
+__all__ = ["browser"]
+pytestmark = MARKS
 TOKEN = "a token that nobody guesses"
-
-
-@pytest_asyncio.fixture(scope="module", loop_scope="module")
-async def browser() -> AsyncIterator[Any]:
-    async with api.async_playwright() as playwright:
-        browser = await playwright.chromium.launch(
-            executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"]
-        )
-        yield browser
-        await browser.close()
-
-
-@asynccontextmanager
-async def a_page(
-    browser: Any, size: tuple[int, int] = DESKTOP, scheme: str = "light"
-) -> AsyncIterator[tuple[Any, list[str]]]:
-    """A page of that size, and what it complains of."""
-    page = await browser.new_page(
-        viewport={"width": size[0], "height": size[1]}, color_scheme=scheme
-    )
-    page.set_default_timeout(LONGEST_MS)
-    problems: list[str] = []
-    page.on("pageerror", lambda error: problems.append(str(error)))
-    try:
-        yield page, problems
-    finally:
-        await page.close()
 
 
 def scene(port: int = 0) -> Scene:
@@ -106,10 +69,6 @@ class Leading:
         for second in np.array_split(frames, round(seconds)):
             self.service.parts.take(second, 0)
             await modelling.finish(10.0)
-
-
-async def shows(page: Any, selector: str, text: str) -> None:
-    await api.expect(page.locator(selector)).to_contain_text(text, timeout=LONGEST_MS)
 
 
 async def inked(page: Any, selector: str) -> int:

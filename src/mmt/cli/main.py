@@ -177,6 +177,47 @@ def sweep(
 
 
 @app.command()
+def play(
+    sources: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="[MODEL]...", help="Files or names of shipped models; all shipped if absent."
+        ),
+    ] = None,
+    results: Annotated[Path, typer.Option(help="Add the scenarios' rows to this file.")] = Path(
+        "mmt-play.csv"
+    ),
+    record: Annotated[
+        Path | None, typer.Option(help="Record touches into this MCAP file, one a texture.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the orders and the excitation.")] = 0,
+    host: Annotated[str, typer.Option(help="Listen on this address.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Listen on this port; 0 takes any free one.")] = 8770,
+    token_file: Annotated[Path | None, typer.Option(help="A file with the token.")] = None,
+    certificate: Annotated[Path | None, typer.Option(help="PEM file: speak TLS.")] = None,
+    key: Annotated[Path | None, typer.Option(help="PEM file of the certificate's key.")] = None,
+    everyone: Annotated[
+        bool, typer.Option("--open", help="Let everyone play who reaches the port.")
+    ] = False,
+) -> None:
+    """Serve a page on which a person strokes textures and hears them."""
+    from mmt.cli.playing import play as serve
+
+    serve(
+        sources or [],
+        results=results,
+        record=record,
+        seed=seed,
+        host=host,
+        port=port,
+        token_file=token_file,
+        certificate=certificate,
+        key=key,
+        everyone=everyone,
+    )
+
+
+@app.command()
 def soak(
     duration: Annotated[float, typer.Option(help="Seconds.")] = 3600.0,
     every: Annotated[float, typer.Option(help="Mean seconds from one fault to the next.")] = 20.0,

@@ -139,8 +139,33 @@ class Access:
                 ) from error
 
 
-def check_listening(host: str, port: int, access: Access, *, allowed: bool) -> None:
-    """Refuse to listen where strangers can connect, unless the scene allows it.
+FOLLOWER_KEYS: Final = (
+    f"set a token ({TOKEN_VARIABLE}, or token_file of [link]), or certificates "
+    "(certificate, key and authority of [link]), or allow it by open = true of [link]"
+)
+
+
+def check_listening(
+    host: str,
+    port: int,
+    access: Access,
+    *,
+    allowed: bool,
+    whom: str = "the follower",
+    remedy: str = FOLLOWER_KEYS,
+) -> None:
+    """Refuse to listen where strangers can connect, unless they may.
+
+    Parameters
+    ----------
+    host, port
+        Where to listen.
+    access
+        What is asked of who connects.
+    allowed
+        Whether strangers may.
+    whom, remedy
+        For the error: who they could be, and what to do.
 
     Raises
     ------
@@ -150,9 +175,8 @@ def check_listening(host: str, port: int, access: Access, *, allowed: bool) -> N
     if allowed or access.knows_its_peer or _is_loopback(host):
         return
     raise InputError(
-        f"listening on {host or 'all addresses'} lets everyone who reaches port {port} be the "
-        f"follower: set a token ({TOKEN_VARIABLE}, or token_file of [link]), or certificates "
-        "(certificate, key and authority of [link]), or allow it by open = true of [link]"
+        f"listening on {host or 'all addresses'} lets everyone who reaches port {port} be "
+        f"{whom}: {remedy}"
     )
 
 

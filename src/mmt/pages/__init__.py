@@ -37,6 +37,11 @@ def monitor_files() -> dict[str, PageFile]:
     return _files("monitor", _VENDORED)
 
 
+def player_files() -> dict[str, PageFile]:
+    """Return the texture player's files by their names in its page."""
+    return _files("player", {})
+
+
 def _files(page: str, vendored: Mapping[str, str]) -> dict[str, PageFile]:
     """Return a page's own files, those that pages share, and libraries by the names given."""
     paths = {

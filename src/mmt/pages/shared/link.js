@@ -3,6 +3,7 @@
 const RETRY_MS = [300, 600, 1000, 2000, 3000];
 const SILENT_MS = 5000;
 const REFUSED = 4401;
+const TAKEN_OVER = 4409;
 
 /** Decode a message: header length, JSON header, then little-endian float32 arrays. */
 export function decode(buffer) {
@@ -75,6 +76,10 @@ export class Link {
       sessionStorage.removeItem("mmt-token");
       this.onState("refused", "token needed");
       this.onRefused(given);
+      return;
+    }
+    if (code === TAKEN_OVER) { // coming back by itself would take it from the other page again
+      this.onState("taken", "used by another page: load this one again to come back");
       return;
     }
     const sentence = this.ended === null ? "connection lost, trying again" : `session over: ${this.ended}`;

@@ -1,0 +1,95 @@
+"""``mmt play``: the texture player's page."""
+
+import asyncio
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mmt.cli.common import messages, stop_on_signals
+from mmt.errors import InputError, MmtError
+from mmt.kernel_cache import kernels_are_compiled
+from mmt.link.access import Access
+from mmt.scene import Link
+from mmt.scene_files import table_from
+from mmt.shipped_models import find_model, shipped_models
+
+MCAP = ".mcap"
+
+if TYPE_CHECKING:
+    from mmt.player.player import Player
+
+
+def play(
+    sources: list[Path],
+    *,
+    results: Path,
+    record: Path | None,
+    seed: int,
+    host: str,
+    port: int,
+    token_file: Path | None,
+    certificate: Path | None,
+    key: Path | None,
+    everyone: bool,
+) -> None:
+    """Serve the page until Ctrl-C.
+
+    Raises
+    ------
+    InputError
+        A model, a file or an address cannot be used.
+    """
+    link = _link(host, port, token_file, certificate, key)
+    if record is not None and record.suffix.lower() != MCAP:
+        raise InputError(f"--record {record}: the name of a recording must end in {MCAP}")
+    if not kernels_are_compiled():
+        messages.print("compiling the numerics, at the first start only (15 to 60 s)")
+    from mmt.player.player import Player
+    from mmt.player.results import ResultsFile
+    from mmt.texture.model import TextureModel
+
+    files = [find_model(source) for source in sources] or list(shipped_models().values())
+    names = [file.stem for file in files]
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        raise InputError(f"{', '.join(repeated)}: two textures have this name")
+    player = Player(
+        names,
+        [TextureModel.load(file) for file in files],
+        results=ResultsFile(results),
+        record=record,
+        seed=seed,
+        access=Access.of(link),
+    )
+    asyncio.run(_serve(player, link, everyone))
+
+
+async def _serve(player: "Player", link: Link, everyone: bool) -> None:
+    ended = asyncio.Event()
+    await player.start(link.host, link.port, everyone=everyone)
+    stop_on_signals(ended.set)
+    messages.print(f"player:   {link.url(player.port)}/player/", highlight=False)
+    try:
+        await ended.wait()
+    finally:
+        for path, seconds in await player.stop():
+            messages.print(f"recorded: {path}, {seconds:.1f} s", highlight=False)
+        if player.results.rows:
+            messages.print(
+                f"results:  {player.results.path}, {player.results.rows} rows more",
+                highlight=False,
+            )
+    if player.recording_problem is not None:
+        raise MmtError(player.recording_problem)
+
+
+def _link(
+    host: str, port: int, token_file: Path | None, certificate: Path | None, key: Path | None
+) -> Link:
+    given = {
+        "host": host,
+        "port": port,
+        "token_file": token_file,
+        "certificate": certificate,
+        "key": key,
+    }
+    return table_from(Link, "link", {k: v for k, v in given.items() if v is not None})

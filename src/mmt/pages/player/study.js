@@ -1,0 +1,130 @@
+// The scenarios: what is asked of the participant, and the answers.
+
+const ANSWER_MS = 15000;
+const $ = (id) => document.getElementById(id);
+const letter = (tile) => String.fromCharCode(65 + tile);
+
+export class Study {
+  constructor(link, grid) {
+    Object.assign(this, { link, grid });
+    this.state = { scenario: null };
+    this.waiting = new Map();
+    this.number = 0;
+    this.sample = null;
+    $("begin-form").onsubmit = (event) => {
+      event.preventDefault();
+      this.order({ do: "begin", scenario: $("scenario").value, participant: $("participant").value });
+    };
+    $("leave").onclick = () => {
+      if (this.state.done || confirm("Leave the scenario before its end?")) this.order({ do: "leave" });
+    };
+    $("finish").onclick = () => this.order({ do: "finish" });
+    $("answer-tile").onclick = () => this.match();
+  }
+
+  /** Make the scale of ratings. */
+  make(names, best) {
+    this.names = names;
+    $("rating-buttons").replaceChildren(...Array.from({ length: best }, (_, i) => {
+      const button = document.createElement("button");
+      button.textContent = String(i + 1);
+      button.onclick = () => this.order({ do: "rate", rating: i + 1 });
+      return button;
+    }));
+  }
+
+  /** Show how the scenario stands. */
+  show(state) {
+    this.state = state;
+    const runs = state.scenario !== null, matches = state.scenario === "matching";
+    $("begin-form").hidden = runs;
+    $("leave").hidden = !runs;
+    $("leave").textContent = state.done ? "Done" : "Leave";
+    $("ratings").hidden = !runs || state.done || (matches && state.matches === null);
+    for (const button of $("rating-buttons").children) button.disabled = !state.rates;
+    const asks = matches && state.matches === null;
+    $("samples").hidden = $("answer-tile").hidden = !asks;
+    const all = asks && Object.keys(state.tiles).length === this.names.length;
+    $("finish").hidden = !all;
+    this.grid.show(matches ? state.textures : this.names.map((_, index) => index));
+    this.grid.mark((tile) => this.#marks(tile));
+    if (asks) this.#samples();
+    $("prompt").textContent = this.#prompt();
+  }
+
+  /** Answer which tile feels like the sample that is asked for. */
+  match() {
+    const { scenario, matches } = this.state;
+    if (scenario !== "matching" || matches !== null) return;
+    if (this.grid.chosen === null) say("stroke a tile first", false);
+    else this.order({ do: "answer", sample: this.sample, tile: this.grid.chosen });
+  }
+
+  /** Rate by a digit's key; true where there was something to rate. */
+  rate(rating) {
+    if (!this.state.rates) return false;
+    $("rating-buttons").children[rating - 1]?.click();
+    return true;
+  }
+
+  async order(order) {
+    const id = this.number++;
+    const answered = new Promise((resolve) => {
+      this.waiting.set(id, resolve);
+      setTimeout(() => resolve({ ok: false, text: "the player has not answered" }), ANSWER_MS);
+    });
+    if (!this.link.send({ id, ...order })) {
+      this.waiting.get(id)({ ok: false, text: "there is no connection to the player" });
+    }
+    const answer = await answered;
+    this.waiting.delete(id);
+    say(answer.text, answer.ok);
+    if (answer.ok && order.do === "answer") this.sample = null; // on to one without a tile
+    if (answer.ok && order.do === "answer") this.show(this.state);
+  }
+
+  answered(message) {
+    this.waiting.get(message.id)?.(message);
+  }
+
+  #samples() {
+    const { samples, tiles } = this.state;
+    if (this.sample === null) this.sample = samples.find((sample) => !(sample in tiles)) ?? samples[0];
+    $("samples").replaceChildren(...samples.map((sample) => {
+      const button = document.createElement("button"), tile = document.createElement("span");
+      tile.textContent = sample in tiles ? letter(tiles[sample]) : "–";
+      button.append(this.names[sample], tile);
+      button.setAttribute("role", "radio");
+      button.setAttribute("aria-checked", String(sample === this.sample));
+      button.onclick = () => {
+        this.sample = sample;
+        this.show(this.state);
+      };
+      return button;
+    }));
+  }
+
+  #marks(tile) {
+    const { scenario, matches, textures, tiles, done } = this.state;
+    if (scenario === "exploration" && !done) return [tile === this.state.tile ? "asked" : "off"];
+    if (scenario !== "matching" || matches === null) return [];
+    return [tiles[textures[tile]] === tile ? "right" : "wrong"];
+  }
+
+  #prompt() {
+    const { scenario, done, trial, trials, tile, matches } = this.state;
+    if (scenario === "exploration") {
+      if (done) return `All ${trials} textures are rated. Thank you.`;
+      return `${trial} of ${trials}: compare the real ${this.names[tile]} with tile ${letter(tile)}, then rate how real it feels.`;
+    }
+    if (scenario !== "matching") return "";
+    if (matches === null) return `Which tile feels like ${this.names[this.sample]}?`;
+    const counted = `${matches} of ${this.names.length} match.`;
+    return done ? `${counted} Thank you.` : `${counted} How real did the textures feel?`;
+  }
+}
+
+export function say(sentence, good) {
+  $("answer").textContent = sentence;
+  $("answer").dataset.good = String(good);
+}
