@@ -48,6 +48,7 @@ def test_errors_are_gathered_sector_by_sector():
         gfc_fine=1.0 - 0.02 * sectors,
         power_error_db=np.where(np.arange(864) % 2, 1.0, -1.0) * sectors,
         log_spectral_db=3.0 * sectors,
+        bands_db=np.zeros((864, 9)),
     )
     found = by_heading("some", strokes, errors)
     assert [sector.heading_deg for sector in found.sectors] == list(range(15, 360, 30))

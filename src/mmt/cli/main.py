@@ -84,7 +84,17 @@ def evaluate(
     selection: Annotated[
         bool, typer.Option("--selection", help="Sample selection, published against ours.")
     ] = False,
-    seeds: Annotated[int, typer.Option(min=1, help="Of --selection: how many.")] = 20,
+    compare: Annotated[
+        str | None,
+        typer.Option("--compare", metavar="METHOD,METHOD", help="Methods of modelling."),
+    ] = None,
+    textures: Annotated[
+        str | None, typer.Option(help="Of --compare: some of the known textures.")
+    ] = None,
+    workers: Annotated[int | None, typer.Option(help="Of --compare: processes.")] = None,
+    seeds: Annotated[
+        int | None, typer.Option(min=1, help="Of --selection (20) and --compare (10).")
+    ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
     report: Annotated[Path | None, typer.Option(help="Write a report there.")] = None,
 ) -> None:
@@ -97,10 +107,23 @@ def evaluate(
     if selection:
         from mmt.cli.selection_table import print_selection
 
-        print_selection(sessions or [], seeds=seeds, json_file=json_file, report=report)
+        print_selection(sessions or [], seeds=seeds or 20, json_file=json_file, report=report)
+        return
+    if compare is not None:
+        from mmt.cli.method_tables import print_methods
+
+        print_methods(
+            compare,
+            sessions or [],
+            seeds=seeds or 10,
+            textures=textures,
+            workers=workers,
+            json_file=json_file,
+            report=report,
+        )
         return
     if not sessions:
-        raise InputError("evaluate: name a session, or give --feedback or --selection")
+        raise InputError("evaluate: name a session, or give --feedback, --selection or --compare")
     from mmt.cli.evaluating import evaluate_files
 
     evaluate_files(

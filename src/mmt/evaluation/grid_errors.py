@@ -15,13 +15,15 @@ class GridErrors:
     """Errors at k strokes, each of shape (k,).
 
     ``gfc`` compares the spectra at the resolution of every measured GFC (Welch, 64 samples),
-    ``gfc_fine`` at 2 Hz; ``power_error_db`` and ``log_spectral_db`` are in dB.
+    ``gfc_fine`` at 2 Hz; ``power_error_db`` and ``log_spectral_db`` are in dB, and so is
+    ``bands_db``, shape (k, 9), of `mmt.evaluation.bands`.
     """
 
     gfc: FloatArray
     gfc_fine: FloatArray
     power_error_db: FloatArray
     log_spectral_db: FloatArray
+    bands_db: FloatArray
 
 
 @dataclass(frozen=True)

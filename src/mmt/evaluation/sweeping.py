@@ -7,9 +7,9 @@ numbers.
 import multiprocessing
 import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import mmt
 from mmt.errors import InputError, MmtError
@@ -17,6 +17,8 @@ from mmt.evaluation.sweep import Job, Outcome, evaluate_job
 from mmt.session.recorded import RecordedSession
 
 CONNECT_S: Final = 10
+
+Result = TypeVar("Result")
 
 
 def run_locally(
@@ -38,17 +40,43 @@ def run_locally(
     MmtError
         A process has died.
     """
+    calls = {number: (sessions[job.path], job) for number, job in enumerate(jobs)}
+    for number, future in in_processes(evaluate_job, calls, workers):
+        yield _outcome(jobs[number], future.result)
+
+
+def in_processes(
+    function: Callable[..., Result], calls: Mapping[int, tuple[Any, ...]], workers: int
+) -> Iterator[tuple[int, Future[Result]]]:
+    """Call a function in processes of this machine; yield each call's number as it is done.
+
+    Parameters
+    ----------
+    function
+        Of a module, with arguments and a result that can be pickled.
+    calls
+        Arguments by number.
+    workers
+        Number of processes.
+
+    Raises
+    ------
+    MmtError
+        A process has died.
+    """
     pool = ProcessPoolExecutor(
         max_workers=workers,
         mp_context=multiprocessing.get_context("spawn"),
         initializer=_leave_interrupts,
     )
     try:
-        futures = {pool.submit(evaluate_job, sessions[job.path], job): job for job in jobs}
+        futures = {pool.submit(function, *call): number for number, call in calls.items()}
         for future in as_completed(futures):
-            yield _outcome(futures[future], future.result)
+            if isinstance(future.exception(), BrokenProcessPool):
+                raise MmtError("a process has died; start it again to go on")
+            yield futures[future], future
     except BrokenProcessPool as error:
-        raise MmtError("a process of the sweep has died; start it again to go on") from error
+        raise MmtError("a process has died; start it again to go on") from error
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 

@@ -13,6 +13,7 @@ import numpy as np
 from mmt.arrays import FloatArray
 from mmt.devices.simulated.surfaces import Surface, surface_from_annotations
 from mmt.errors import InputError
+from mmt.evaluation.bands import band_errors_db
 from mmt.evaluation.grid_errors import GridErrors, HeadingErrors, by_heading
 from mmt.evaluation.levels import bounded_error_db
 from mmt.evaluation.results import PowerMap, Worst
@@ -201,6 +202,7 @@ def _errors(own: _Spectra, truth: _Spectra) -> GridErrors:
         gfc_fine=gfc_of_rows(np.sqrt(own.fine), np.sqrt(truth.fine)),
         power_error_db=bounded_error_db(own.power, truth.power),
         log_spectral_db=np.sqrt(np.mean(np.square(ratio_db), axis=1)),
+        bands_db=band_errors_db(own.fine, truth.fine, DENSITY_HZ[_FINE]),
     )
 
 

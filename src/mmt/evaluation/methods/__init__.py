@@ -1,0 +1,1 @@
+"""Methods of texture modelling side by side, on the same sessions of known texture."""

@@ -1,0 +1,37 @@
+"""Run all sessions of a comparison in processes of this machine."""
+
+from collections.abc import Callable, Sequence
+
+from mmt.evaluation.methods.cases import Case
+from mmt.evaluation.methods.judging import Judged, judge
+from mmt.evaluation.sweeping import in_processes
+
+
+def run_cases(
+    cases: Sequence[Case],
+    methods: Sequence[str],
+    workers: int,
+    progress: Callable[[int], None] = lambda _done: None,
+) -> list[Judged]:
+    """Judge every case; the result is in the order of the cases, whatever finished first.
+
+    Parameters
+    ----------
+    cases, methods
+        See `judge`.
+    workers
+        Number of processes.
+    progress
+        Called with how many are done.
+
+    Raises
+    ------
+    MmtError
+        A process has died.
+    """
+    results: dict[int, list[Judged]] = {}
+    jobs = {number: (case, tuple(methods)) for number, case in enumerate(cases)}
+    for number, future in in_processes(judge, jobs, workers):
+        results[number] = future.result()
+        progress(len(results))
+    return [one for number in sorted(results) for one in results[number]]
