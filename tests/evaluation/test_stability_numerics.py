@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from spectrum import arburg
 
-from mmt.evaluation.stability import autoregression, lines, models
+from mmt.evaluation.stability import anisotropic, autoregression, lines, models, networks
 from mmt.evaluation.stability.cases import Case, run_case
 from mmt.evaluation.stability.exact import exact_burg, exact_residual
 from mmt.texture.burg import ReflectionFit, burg
+from mmt.texture.model import TextureModel
 
 
 def those_that_do_not_hold(family: str, cases: list[Case]) -> list[str]:
@@ -120,3 +121,54 @@ def test_a_plane_with_a_hole_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> N
     cases = models.cases(many=100, queries=100)
     monkeypatch.setattr(models, "build", with_a_hole)
     assert not case_of(cases, "3 samples").run().held
+
+
+def test_models_of_velocity_hold() -> None:
+    assert those_that_do_not_hold("anisotropic", anisotropic.cases(many=200, queries=200)) == []
+
+
+def test_a_space_with_a_hole_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    build = anisotropic.build
+
+    def with_a_hole(*arguments: object) -> TextureModel:
+        model = build(*arguments)  # type: ignore[arg-type] # handed through
+        model.triangulation.triangles[0] = model.triangulation.triangles[1]
+        return model
+
+    case = case_of(anisotropic.cases(many=100, queries=100), "60 of one heading")
+    monkeypatch.setattr(anisotropic, "build", with_a_hole)
+    assert not case.run().held
+
+
+def test_a_vibration_at_rest_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    case = case_of(anisotropic.cases(many=100, queries=100), "30 at rest")
+    at = TextureModel.at
+
+    def with_a_floor(model: TextureModel, *inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        lsf, variance = at(model, *inputs)
+        return lsf, np.maximum(variance, 1e-12)
+
+    monkeypatch.setattr(TextureModel, "at", with_a_floor)
+    assert not case.run().held
+
+
+def test_networks_hold() -> None:
+    cases = networks.cases(samples=30, steps=100)
+    timed = case_of(cases, "come and go")
+    assert those_that_do_not_hold("networks", [case for case in cases if case is not timed]) == []
+    assert timed.run().figures["off"] < 1e-6
+
+
+def test_networks_that_miss_their_samples_do_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    at, remove = networks._at, networks.RadialBasisSystem.remove
+    cases = networks.cases(samples=30, steps=20)
+    monkeypatch.setattr(networks, "_at", lambda network, points: at(network, points) + 1e-6)
+    assert not case_of(cases, "on a line").run().held
+    assert not case_of(cases, "without each").run().held
+    monkeypatch.setattr(networks, "_at", at)
+    monkeypatch.setattr(networks.RadialBasisSystem, "remove", lambda *_: None)
+    assert not case_of(cases, "anywhere, cubic").run().held
+    assert not case_of(cases, "come and go").run().held
+    monkeypatch.setattr(networks.RadialBasisSystem, "remove", remove)
+    monkeypatch.setattr(networks, "nearest_valid_lsf", lambda *_: None)
+    assert not run_case("networks", case_of(cases, "of order 8")).held

@@ -150,3 +150,17 @@ def test_values_may_be_replaced():
         system.network().at(QUERIES[3]), other.network().at(QUERIES[3]), atol=1e-12
     )
     assert system.solutions == 1
+
+
+@pytest.mark.parametrize("kernel", ["gaussian", "multiquadric", "inverse_multiquadric"])
+def test_a_function_that_is_all_but_constant_is_smoothed_by_what_it_was_rounded_by(kernel):
+    generator = np.random.default_rng(2)
+    points, values = generator.random((60, 3)), generator.standard_normal((60, 2))
+    system = RadialBasisSystem(points, values, RadialBasisSettings(kernel, 0, 1e-3))
+    network = system.network()
+    assert 0.0 < network.settings.smoothing < 1e-8
+    off = values - network.at(points) - network.settings.smoothing * network.weights
+    assert np.abs(off).max() < 1e-13 * np.abs(network.weights).max()
+    handle = system.add(np.full(3, 0.5), np.zeros(2))
+    system.remove(handle)
+    assert np.isfinite(system.network().at(points)).all()

@@ -90,8 +90,8 @@ class Generator:
     """
 
     def __init__(self, *, seed: int = 0, rate_hz: float = 1000.0, limit_m_s2: float = 60.0) -> None:
-        self.rate_hz = rate_hz
         self.limit_m_s2 = limit_m_s2
+        self.set_rate(rate_hz)
         self._random = np.random.default_rng(seed)
         self.state = np.zeros(STATE_SIZE)
         self.state[ORDER] = 1.0
@@ -100,10 +100,11 @@ class Generator:
         self._noise = self._random.standard_normal(_NOISE_BLOCK)
         self._used = 0
 
-    @property
-    def release(self) -> float:
+    def set_rate(self, rate_hz: float) -> None:
+        """Generate at another sampling rate from here on."""
+        self.rate_hz = rate_hz
+        self.release = math.exp(-1.0 / (_RELEASE_S * rate_hz))
         """By what the amplitude may fall from one sample to the next."""
-        return math.exp(-1.0 / (_RELEASE_S * self.rate_hz))
 
     def use(self, wanted: VibrationFilter | None) -> None:
         """Go on with another filter, or with none: the last one, falling silent."""

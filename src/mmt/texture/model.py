@@ -123,7 +123,7 @@ class TextureModel:
             )
             values = without_trend(self.points, values, self.trend)
         self.vertices, samples_alone = vertex_table(self.points, values, self.samples.lsf)
-        dimensions = self.space.dimensions
+        self.dimensions = dimensions = self.space.dimensions
         grown = previous is not None and previous._alike == self._alike
         self.interpolant: Interpolant = BUILDERS[interpolator](
             self.vertices[:, :dimensions],
@@ -156,7 +156,7 @@ class TextureModel:
         law[SPEED_EXPONENT], law[FORCE_EXPONENT] = self.trend
         law[PER_SPEED] = 1.0 / self.space.maximum_speed_mm_s
         law[PER_FORCE] = 1.0 / self.space.maximum_force_n
-        law[DIMENSIONS], law[MODEL_ORDER] = self.space.dimensions, self.order
+        law[DIMENSIONS], law[MODEL_ORDER] = self.dimensions, self.order
         return law
 
     @cached_property
@@ -215,7 +215,7 @@ class TextureModel:
     @cached_property
     def triangulation(self) -> Triangulation:
         """The triangulation of samples and boundary points, whatever the interpolator."""
-        points = np.ascontiguousarray(self.vertices[:, : self.space.dimensions])
+        points = np.ascontiguousarray(self.vertices[:, : self.dimensions])
         if self.interpolator == "delaunay":
             return Triangulation(points, self.interpolant.links)
         return triangulate(points)

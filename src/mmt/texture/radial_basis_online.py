@@ -30,7 +30,6 @@ from mmt.texture.radial_basis_functions import (
 from mmt.texture.radial_basis_samples import SampleTable
 from mmt.texture.radial_basis_solving import (
     INDISPENSABLE,
-    LEAST_RECIPROCAL_CONDITION,
     REFINABLE,
     PolynomialBasis,
     solve,
@@ -161,7 +160,7 @@ class RadialBasisSystem:
         solved = solve(self._table.points, self._table.counts, self.settings)
         self.solutions += 1
         self._basis: PolynomialBasis = solved.basis
-        self._added, self._scale = solved.added_smoothing, solved.scale
+        self._added, self._scale, self._least = solved.added_smoothing, solved.scale, solved.least
         self._size = len(solved.matrix)
         self._matrix, self._inverse = solved.matrix, solved.inverse
         self._norm = float(np.abs(solved.matrix).sum(axis=0).max())
@@ -196,7 +195,7 @@ class RadialBasisSystem:
         self._norm = max(self._norm, float(np.abs(column).sum()))
         if _largest(correction) > REFINABLE * _largest(solved):
             return False
-        if not schur > LEAST_RECIPROCAL_CONDITION * self._scale:
+        if not schur > self._least:
             return False
         weight = (self._table.values[centre] - column @ self._solution[:size]) / schur
         self._solution[:size] -= np.outer(solved, weight)

@@ -77,7 +77,7 @@ class Solved:
     """A system and its inverse, polynomials first; shapes (r + n, r + n).
 
     ``added_smoothing`` is what stands on the diagonal beyond the settings' own, ``scale`` the
-    largest column sum of H.
+    largest column sum of H, ``least`` the eigenvalue below which H counts as singular.
     """
 
     basis: PolynomialBasis
@@ -85,6 +85,7 @@ class Solved:
     inverse: FloatArray
     added_smoothing: float
     scale: float
+    least: float
 
 
 def usable_degree(count: int, dimensions: int, settings: RadialBasisSettings) -> int:
@@ -167,16 +168,19 @@ def solve(points: FloatArray, counts: FloatArray, settings: RadialBasisSettings)
 
     Where H is too close to singular for its inverse to be worth anything (flat functions,
     centres all but coincident), as much smoothing is added as gives it twice the least
-    reciprocal condition, so that there is room for further centres.
+    eigenvalue, so that there is room for further centres. Beside what H itself calls for, that
+    is what the rounding of K calls for: of flat functions, all but constant, little is left in H.
     """
     basis, polynomials = polynomial_basis(points, settings)
     radial = smoothed_matrix(points, counts, settings)
     complement = Complement(polynomials)
     block = complement.reduce(radial)
     scale = float(np.abs(block).sum(axis=0).max(initial=0.0))
-    inverted, added = _invert(block, scale), 0.0
+    rounding = float(np.finfo(np.float64).eps * np.abs(radial).sum(axis=0).max())
+    least = max(LEAST_RECIPROCAL_CONDITION * scale, rounding / REFINABLE)
+    inverted, added = _invert(block, scale, least), 0.0
     if inverted is None:
-        added = 2.0 * LEAST_RECIPROCAL_CONDITION * scale
+        added = 2.0 * least
         radial[np.diag_indices_from(radial)] += added
         inverted = _cholesky_inverse(_cholesky(complement.reduce(radial)))
     upper = complement.expand(inverted)
@@ -189,10 +193,11 @@ def solve(points: FloatArray, counts: FloatArray, settings: RadialBasisSettings)
         np.block([[0.5 * (corner + corner.T), side.T], [side, upper]]),
         added,
         scale,
+        least,
     )
 
 
-def _invert(block: FloatArray, scale: float) -> FloatArray | None:
+def _invert(block: FloatArray, scale: float, least: float) -> FloatArray | None:
     """Return the inverse of a positive definite block, None where it is all but singular."""
     if not len(block):
         return np.zeros((0, 0))
@@ -200,7 +205,7 @@ def _invert(block: FloatArray, scale: float) -> FloatArray | None:
     if factor is None:
         return None
     reciprocal, _ = lapack.dpocon(factor, scale, uplo="L")
-    return None if reciprocal < LEAST_RECIPROCAL_CONDITION else _cholesky_inverse(factor)
+    return None if reciprocal * scale < least else _cholesky_inverse(factor)
 
 
 def _cholesky(block: FloatArray) -> FloatArray | None:

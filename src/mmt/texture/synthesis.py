@@ -92,49 +92,60 @@ class Synthesizer:
         ----------
         *inputs
             What the hand does at each sample, in the model's input space: its speed and
-            normal force, or its velocity x, y and normal force; each of shape (n,), float64.
-            Brought to the end of the space where beyond; a speed or force that is negative,
-            and what is no number, count as zero.
+            normal force, or its velocity x, y and normal force; each of shape (n,), float64,
+            a column of an array too. Brought to the end of the space where beyond; a speed or
+            force that is negative, and what is no number, count as zero.
 
         Raises
         ------
         InputError
-            There are not as many inputs as the model's space has.
+            There are not as many inputs as the model's space has, or not all are float64 and
+            of the same length.
         """
         count = len(inputs[0])
         model, generator = self.model, self._generator
         if model is None:
             generator.use(None)
             return generator.generate(count)
-        law, by = model.law, model.interpolant
-        if len(inputs) != law[DIMENSIONS]:
+        if len(inputs) != model.dimensions:
             raise InputError(
                 f"{len(inputs)} inputs were given: the model takes "
                 f"{', '.join(model.space.channels)}"
             )
-        generator.rate_hz = model.rate_hz
-        output = np.empty(count)
-        _render(
-            by.rows,
-            by.links,
-            by.tail,
-            law,
-            inputs[0],
-            inputs[1],
-            inputs[-1],
-            self._renewal,
-            generator.limit_m_s2,
-            generator.release,
-            generator.draw(count),
-            generator.state,
-            self._scratch,
-            output,
-        )
+        if generator.rate_hz != model.rate_hz:
+            generator.set_rate(model.rate_hz)
+        by, output = model.interpolant, np.empty(count)
+        try:
+            is_rendered = _render(
+                by.rows,
+                by.links,
+                by.tail,
+                model.law,
+                inputs[0],
+                inputs[1],
+                inputs[-1],
+                self._renewal,
+                generator.limit_m_s2,
+                generator.release,
+                generator.draw(count),
+                generator.state,
+                self._scratch,
+                output,
+            )
+        except TypeError as error:
+            raise InputError(_unfit(inputs)) from error
+        if not is_rendered:
+            raise InputError(_unfit(inputs))
         return output
 
     def reset(self) -> None:
         """Be silent at once; the excitation goes on."""
         self._generator.reset()
+
+
+def _unfit(inputs: tuple[FloatArray, ...]) -> str:
+    given = ", ".join(f"{np.shape(v)} {np.asarray(v).dtype}" for v in inputs)
+    return f"inputs are arrays of {given}: each must be (n,) float64, with the same n"
 
 
 @kernel("f8(f8, i8, f8[::1])")
@@ -150,7 +161,7 @@ def _amplitude(level: float, level_kind: int, complement: FloatArray) -> float:
 
 
 @kernel(
-    "void(f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[::1], f8[::1], f8[::1], f8[::1], i8, f8, f8,"
+    "b1(f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[::1], f8[:], f8[:], f8[:], i8, f8, f8,"
     " f8[::1], f8[::1], f8[::1], f8[::1])"
 )
 def _render(
@@ -168,7 +179,11 @@ def _render(
     state: FloatArray,
     scratch: FloatArray,
     output: FloatArray,
-) -> None:
+) -> bool:
+    """Write vibration (n,); false, and nothing, where the inputs are not all of shape (n,)."""
+    count = len(output)
+    if len(first) != count or len(second) != count or len(third) != count:
+        return False
     kind, level_kind, order = int(law[KIND]), int(law[LEVEL_KIND]), int(law[MODEL_ORDER])
     per_speed, per_force, speed_exponent = law[PER_SPEED], law[PER_FORCE], law[SPEED_EXPONENT]
     planar = kind == DELAUNAY and law[DIMENSIONS] == 2.0
@@ -179,7 +194,7 @@ def _render(
     reflection = state[REFLECTION : REFLECTION + order]
     complement = state[COMPLEMENT : COMPLEMENT + order]
     past = state[PAST:]
-    for index in range(len(output)):
+    for index in range(count):
         if int(scratch[_COUNTER]) % renewal == 0:
             place = int(scratch[_PLACE])
             if planar:
@@ -204,3 +219,4 @@ def _render(
         scratch[_COUNTER] += 1.0
         value = lattice_step(reflection, complement, past, int(state[ORDER]), noise[index])
         output[index] = scaled(state, value, release, limit)
+    return True

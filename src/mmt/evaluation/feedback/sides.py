@@ -5,9 +5,9 @@ from typing import Final, Literal
 
 from mmt.contact.estimation import EstimationSettings
 from mmt.contact.passivity import PassivitySettings
-from mmt.devices.protocols import InterfaceState, LeaderInterface, Vector
+from mmt.devices.protocols import InterfaceState, Vector
 from mmt.follower.feedback import ContactReporter, FollowerFeedback, PassiveFollower
-from mmt.leader.feedback import Feedback, StreamedForce
+from mmt.leader.feedback import Feedback, ForceDisplay, StreamedForce
 from mmt.leader.feedback_model import ModelForce, ModelSettings
 from mmt.leader.feedback_passive import PassiveForce
 
@@ -31,7 +31,7 @@ class Sides:
 
 
 def make_sides(
-    method: Method, interface: LeaderInterface, *, limit_n: float, opening_j: float = 0.0
+    method: Method, interface: ForceDisplay, *, limit_n: float, opening_j: float = 0.0
 ) -> Sides:
     """Return both sides of a method, with the scene's defaults.
 
@@ -68,23 +68,10 @@ def make_sides(
 
 
 class Display:
-    """A handle that remembers the force along the normal; implements `LeaderInterface`."""
+    """What is shown to a hand: the last force along the normal."""
 
     def __init__(self) -> None:
         self.force_n = 0.0
-
-    def connect(self) -> None:
-        """Do nothing: there is no device."""
-
-    def calibrate(self) -> None:
-        """Do nothing: there is no device."""
-
-    def close(self) -> None:
-        """Do nothing: there is no device."""
-
-    def read(self, elapsed_ticks: int) -> InterfaceState:
-        """Raise: nobody holds it."""
-        raise NotImplementedError
 
     def write(self, force_n: Vector) -> None:
         """Remember a force."""

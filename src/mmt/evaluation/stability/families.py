@@ -21,6 +21,8 @@ FAMILIES: Final[dict[str, Family]] = {
     "ar": Family("autoregression", "Fits of difficult signals, against 120 digits"),
     "lsf": Family("lines", "Line spectral frequencies and rendering"),
     "model": Family("models", "Texture models of any samples"),
+    "anisotropic": Family("anisotropic", "Models of velocity and force"),
+    "networks": Family("networks", "Radial basis networks"),
     "contact": Family("contact", "Stiff contact"),
     "loop": Family("closed_loop", "Force feedback over a delay"),
     "services": Family("services", "Clocks, bursts and uptime"),
