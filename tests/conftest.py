@@ -23,6 +23,7 @@ SLOWEST_FIRST = (
     "test_backfill.py",
     "test_scenes.py",
     "test_service_namespaces.py",
+    "test_player_page.py",
     "test_fuzz_leader.py",
 )
 """Files of ten seconds and more: begun last, they would keep one process alone at the end.

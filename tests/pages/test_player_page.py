@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import pytest_asyncio
 from page_browser import DESKTOP, LONGEST_MS, MARKS, TABLET, a_page, api, browser, shows
 from player_samples import NAMES, address, playing
 
@@ -34,6 +35,23 @@ async def a_player(
         assert problems == []
 
 
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def silent(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Any]:
+    """A page at a player, without sound, for what takes none."""
+    directory = tmp_path_factory.mktemp("silent")
+    async with playing(directory) as player, a_page(browser) as (page, problems):
+        await page.goto(address(player))
+        await api.expect(page.locator(".tile")).to_have_count(3)
+        yield page
+        assert problems == []
+
+
+async def fits(page: Any) -> bool:
+    """Whether nothing has to be scrolled sideways."""
+    overflow = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+    return bool(await page.evaluate(overflow) <= 0)
+
+
 async def hears(page: Any, least: float, most: float) -> None:
     """Wait until a quarter of a second has a level (m/s2) within these."""
     async with asyncio.timeout(LONGEST_MS / 1000):
@@ -51,13 +69,8 @@ def rows(directory: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-@pytest.mark.parametrize(
-    ("size", "scheme"), [(DESKTOP, "light"), (TABLET, "dark")], ids=["desktop", "tablet"]
-)
-async def test_arrow_keys_stroke_each_texture_at_its_level(
-    browser: Any, tmp_path: Path, size: tuple[int, int], scheme: str
-) -> None:
-    async with a_player(browser, tmp_path, size, scheme=scheme) as (page, _):
+async def test_arrow_keys_stroke_each_texture_at_its_level(browser: Any, tmp_path: Path) -> None:
+    async with a_player(browser, tmp_path) as (page, _):
         await stroke(page, 0)  # 1 m/s2
         await hears(page, 0.7, 1.3)
         await page.keyboard.up("ArrowRight")
@@ -69,20 +82,16 @@ async def test_arrow_keys_stroke_each_texture_at_its_level(
         latency = page.locator("#latency")
         await api.expect(latency).to_have_attribute("data-by", "worklet")
         text = await latency.text_content()
-        assert 8.0 < float(text.split("pointer to sound ")[1].split(" ms")[0]) < 5000.0
-        overflow = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
-        assert await page.evaluate(overflow) <= 0
-        dark = await page.evaluate("getComputedStyle(document.body).backgroundColor")
-        assert (dark == "rgb(20, 24, 27)") is (scheme == "dark")
+        assert 8.0 < float(text.split("pointer to sound ")[1].split(" ms")[0]) < 10_000.0
+        assert await fits(page)
 
 
-async def test_pictures_differ(browser: Any, tmp_path: Path) -> None:
-    async with a_player(browser, tmp_path) as (page, _):
-        pictures = await page.evaluate(
-            "[...document.querySelectorAll('.tile canvas')].map(canvas => canvas.toDataURL())"
-        )
-        assert len(set(pictures)) == 3
-        assert min(map(len, pictures)) > 2000
+async def test_pictures_differ(silent: Any) -> None:
+    pictures = await silent.evaluate(
+        "[...document.querySelectorAll('.tile canvas')].map(canvas => canvas.toDataURL())"
+    )
+    assert len(set(pictures)) == 3
+    assert min(map(len, pictures)) > 2000
 
 
 async def test_a_mouse_is_heard_while_it_strokes_and_not_beyond_the_grid(
@@ -127,7 +136,9 @@ async def test_a_pen_presses(browser: Any, tmp_path: Path) -> None:
 
 
 async def test_exploration_from_begin_to_the_last_rating(browser: Any, tmp_path: Path) -> None:
-    async with a_player(browser, tmp_path, TABLET) as (page, player):
+    async with a_player(browser, tmp_path, TABLET, scheme="dark") as (page, player):
+        dark = await page.evaluate("getComputedStyle(document.body).backgroundColor")
+        assert dark == "rgb(20, 24, 27)"
         await page.fill("#participant", "P1")
         await page.click("#begin-form button")
         for trial in range(3):
@@ -147,6 +158,7 @@ async def test_exploration_from_begin_to_the_last_rating(browser: Any, tmp_path:
         assert [row["event"] for row in written] == ["begin", "rating", "rating", "rating"]
         assert [row["rating"] for row in written[1:]] == ["1", "2", "3"]
         assert [row["sample"] for row in written[1:]] == [NAMES[texture] for texture in study.order]
+        assert await fits(page)
         await page.click("#leave")
         await api.expect(page.locator("#begin-form")).to_be_visible()
 
@@ -208,49 +220,47 @@ async def test_without_a_worklet_the_page_plays_by_itself(browser: Any, tmp_path
         await shows(page, "#latency", "no worklet")
 
 
-async def test_what_is_played_is_bounded_and_never_breaks_off(browser: Any, tmp_path: Path) -> None:
-    async with a_player(browser, tmp_path) as (page, _):
-        bounds = await page.evaluate(
-            """async () => {
-                const { limited } = await import('/player/playout.js');
-                return [0, 0.5, -0.5, 0.9, 1e9, -1e9, NaN, Infinity].map(limited);
-            }"""
-        )
-        assert bounds[:3] == [0, 0.5, -0.5]
-        assert bounds[3:] == pytest.approx([0.8924, 1, -1, 0, 1], abs=1e-4)
-        played, lacked = await page.evaluate(
-            """async () => {
-                const { Playout } = await import('/player/playout.js');
-                const playout = new Playout(), output = new Float32Array(1024);
-                playout.add(new Float32Array(500).fill(15), 1, 1 / 30);
-                playout.fill(output, 0);
-                playout.add(new Float32Array(500).fill(15), 2, 1 / 30);
-                const more = new Float32Array(256);
-                playout.fill(more, 1024);
-                return [[...output, ...more], playout.report().lacked];
-            }"""
-        )
-        steps = [abs(b - a) for a, b in zip([0.0, *played], played, strict=False)]
-        assert max(steps) < 0.02  # of 0.5: no click at the start, the gap, and the return
-        assert max(played) == pytest.approx(0.5)
-        assert max(played[900:1024]) < 1e-3
-        assert lacked == 524
+async def test_what_is_played_is_bounded_and_never_breaks_off(silent: Any) -> None:
+    bounds = await silent.evaluate(
+        """async () => {
+            const { limited } = await import('/player/playout.js');
+            return [0, 0.5, -0.5, 0.9, 1e9, -1e9, NaN, Infinity].map(limited);
+        }"""
+    )
+    assert bounds[:3] == [0, 0.5, -0.5]
+    assert bounds[3:] == pytest.approx([0.8924, 1, -1, 0, 1], abs=1e-4)
+    played, lacked = await silent.evaluate(
+        """async () => {
+            const { Playout } = await import('/player/playout.js');
+            const playout = new Playout(), output = new Float32Array(1024);
+            playout.add(new Float32Array(500).fill(15), 1, 1 / 30);
+            playout.fill(output, 0);
+            playout.add(new Float32Array(500).fill(15), 2, 1 / 30);
+            const more = new Float32Array(256);
+            playout.fill(more, 1024);
+            return [[...output, ...more], playout.report().lacked];
+        }"""
+    )
+    steps = [abs(b - a) for a, b in zip([0.0, *played], played, strict=False)]
+    assert max(steps) < 0.02  # of 0.5: no click at the start, the gap, and the return
+    assert max(played) == pytest.approx(0.5)
+    assert max(played[900:1024]) < 1e-3
+    assert lacked == 524
 
 
-async def test_the_buffer_follows_what_is_lacking_and_spare(browser: Any, tmp_path: Path) -> None:
-    async with a_player(browser, tmp_path) as (page, _):
-        first, more, most, least = await page.evaluate(
-            """async () => {
-                const { Lead } = await import('/player/sound.js');
-                const lead = new Lead(48000), sizes = [lead.samples];
-                lead.take({ lacked: 300, least: 0, counted: 256 });
-                sizes.push(lead.samples);
-                for (let i = 0; i < 99; i++) lead.take({ lacked: 256, least: 0, counted: 256 });
-                sizes.push(lead.samples);
-                for (let i = 0; i < 9999; i++) {
-                    lead.take({ lacked: 0, least: lead.samples, counted: 256 });
-                }
-                return [...sizes, lead.samples];
-            }"""
-        )
-        assert (first, more, most, least) == (960, 1260, 14_400, 288)
+async def test_the_buffer_follows_what_is_lacking_and_spare(silent: Any) -> None:
+    first, more, most, least = await silent.evaluate(
+        """async () => {
+            const { Lead } = await import('/player/sound.js');
+            const lead = new Lead(48000), sizes = [lead.samples];
+            lead.take({ lacked: 300, least: 0, counted: 256 });
+            sizes.push(lead.samples);
+            for (let i = 0; i < 99; i++) lead.take({ lacked: 256, least: 0, counted: 256 });
+            sizes.push(lead.samples);
+            for (let i = 0; i < 9999; i++) {
+                lead.take({ lacked: 0, least: lead.samples, counted: 256 });
+            }
+            return [...sizes, lead.samples];
+        }"""
+    )
+    assert (first, more, most, least) == (960, 1260, 14_400, 288)

@@ -116,9 +116,9 @@ class Player:
         if self._visit is not None:
             await self._visit.socket.close()
         await self._listener.stop()
-        if self.study is not None:
-            self.leave()
-        return [] if self._recorder is None else self._recorder.close()
+        recorded = [] if self._recorder is None else self._recorder.close()
+        self.leave()
+        return recorded
 
     def hello(self) -> bytes:
         """Return what a page needs to know at first."""

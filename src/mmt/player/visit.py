@@ -3,6 +3,7 @@
 import asyncio
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
 from aiohttp import WSMsgType, web
@@ -122,15 +123,16 @@ class Visit:
 
     async def _order(self, message: dict[str, Any]) -> None:
         """Carry out an order; rows are on the disk before it is answered."""
+        good = False
         try:
             async with self._one:
-                work = self._work(message)
-                sentence = await asyncio.to_thread(work)
+                sentence = await asyncio.to_thread(self._work(message))
+            good = True
         except MmtError as error:
-            await self._answer(message, str(error), good=False)
-        else:
+            sentence = str(error)
+        with suppress(ConnectionError):  # the page has gone meanwhile
             await self._show_study()  # first, so that the page goes on from there
-            await self._answer(message, sentence, good=True)
+            await self._answer(message, sentence, good=good)
 
     def _work(self, message: dict[str, Any]) -> Callable[[], str]:
         player, what, last = self._player, message["do"], len(self._player.names) - 1

@@ -3,7 +3,7 @@
 import { Grid } from "./grid.js";
 import { Link } from "./link.js";
 import { Pointer } from "./pointer.js";
-import { Sound } from "./sound.js";
+import { OPENING, Sound } from "./sound.js";
 import { Study, say } from "./study.js";
 
 const MM_PER_PX = 25.4 / 96;
@@ -42,7 +42,7 @@ const take = {
     sound.open();
   },
   study: (message) => study.show(message),
-  answer: (message) => (message.id === undefined ? undefined : study.answered(message)),
+  answer: (message) => (message.id === OPENING ? say(`no sound: ${message.text}`, false) : study.answered(message)),
   status(message) {
     const recorded = message.recorded_s === null ? "" : `recorded ${message.recorded_s.toFixed(1)} s`;
     text("recording", message.problem ?? recorded);

@@ -2,6 +2,9 @@
 
 import { Playout } from "./playout.js";
 
+/** Number of the order that opens the sound; those of the scenarios count from 0. */
+export const OPENING = -1;
+
 const FADE_S = 0.008;
 const MOST_UNSENT_BYTES = 16384;
 const SCRIPT_FRAMES = 256;
@@ -75,7 +78,7 @@ export class Sound {
   open() {
     if (!this.running) return;
     this.opened = false;
-    this.link.send({ do: "open", rate_hz: this.context.sampleRate });
+    this.link.send({ do: "open", id: OPENING, rate_hz: this.context.sampleRate });
   }
 
   setVolume(volume) {
