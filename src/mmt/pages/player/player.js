@@ -67,9 +67,10 @@ function report({ rms, counted }) {
   $("level").value = played;
   text("level-text", `${played.toFixed(2)} m/s²`);
   text("force-name", pointer.presses ? "Force at full pressure" : "Force");
-  const { total, trip, buffer, conversion, output, by } = sound.figures();
+  const { total, trip, ahead, conversion, output, by } = sound.figures();
   $("latency").dataset.by = by;
-  text("latency", `pointer to sound ${ms(total)} ms: round trip ${ms(trip)}, buffer ${ms(buffer)}, conversion ${ms(conversion)}, output ${ms(output)}${by === "script" ? " (no worklet: open by https)" : ""}`);
+  const worklet = by === "script" ? " (no worklet: open by https)" : "";
+  text("latency", `pointer to sound ${ms(total)} ms: ahead ${ms(ahead)}, of which round trip ${ms(trip)}; conversion ${ms(conversion)}, output ${ms(output)}${worklet}`);
 }
 
 async function toggleSound() {

@@ -6,11 +6,11 @@ import { Playout } from "./playout.js";
 export const OPENING = -1;
 
 const FADE_S = 0.008;
-const MOST_UNSENT_BYTES = 16384;
 const SCRIPT_FRAMES = 256;
 const MARGIN_S = 0.004;
 const SETTLE_S = 1;
 const MEMORY = 512;
+const MOST_UNANSWERED = 4; // more would queue up where machine or network are busy
 
 /** How many samples are to wait: as few as the last second needed. */
 export class Lead {
@@ -91,6 +91,7 @@ export class Sound {
       this.opened = true;
       this.delayMs = message.delay_ms;
       this.asked.clear();
+      this.unanswered = 0;
       this.lead = new Lead(message.rate_hz);
       this.port.postMessage({ reset: true });
       this.played = 0;
@@ -100,6 +101,7 @@ export class Sound {
       const asked = this.asked.get(message.number);
       if (asked) remember(this.trips, performance.now() - asked.sent);
       if (!this.opened) return;
+      this.unanswered--;
       this.port.postMessage({ samples: message.arrays.sound, number: message.number, scale: this.scale });
     },
   };
@@ -152,12 +154,13 @@ export class Sound {
   }
 
   #ask() {
-    if (this.link.socket.bufferedAmount > MOST_UNSENT_BYTES) return;
+    if (this.unanswered >= MOST_UNANSWERED) return;
     const number = this.number++;
     const { tile, points, moved } = this.touch();
     const now = performance.now();
     const asked = this.link.send({ do: "play", number, now_ms: now, played: this.played, lead: this.lead.samples, tile, points });
     if (!asked) return;
+    this.unanswered++;
     this.asked.set(number, { sent: now, moved });
     if (this.asked.size > MEMORY) this.asked.delete(this.asked.keys().next().value);
   }
@@ -186,7 +189,7 @@ export class Sound {
     return {
       total: median(this.latencies),
       trip: median(this.trips),
-      buffer: this.lead ? (1e3 * this.lead.samples) / this.context.sampleRate : null,
+      ahead: this.lead ? (1e3 * this.lead.samples) / this.context.sampleRate : null,
       conversion: this.delayMs ?? null,
       output: this.context ? 1e3 * this.#outputS() : null,
       by: this.by,
