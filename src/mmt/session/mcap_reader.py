@@ -4,15 +4,13 @@ Reading does not need the index at the end of the file, so a file that lacks it 
 far as it goes: `scan_mcap` says how far that is, and what is wrong.
 """
 
-import json
 import os
 import struct
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any, BinaryIO
+from typing import IO, BinaryIO
 
 import numpy as np
-import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError, UnsupportedCompressionError
 from mcap.records import (
@@ -28,11 +26,11 @@ from mcap.stream_reader import StreamReader, breakup_chunk, read_magic
 
 from mmt.arrays import RecordArray
 from mmt.errors import InputError
+from mmt.session.mcap_checks import DAMAGE, frame_schema, parse_json
 from mmt.session.mcap_writer import (
     ANNOTATIONS_ATTACHMENT,
     BACKFILL_TOPIC,
     EVENTS_TOPIC,
-    FORMAT_VERSION,
     FRAMES_TOPIC,
     MODEL_MEDIA_TYPE,
     OUTPUT_TOPIC,
@@ -40,12 +38,8 @@ from mmt.session.mcap_writer import (
     SCENE_METADATA,
     SESSION_METADATA,
 )
-from mmt.session.messages import FRAME_BLOCK, FrameCodec, OutputCodec
+from mmt.session.messages import FrameCodec, OutputCodec
 from mmt.session.recorded import JsonObject, OutputBlock, RecordedSession
-
-_DAMAGE = (McapError, struct.error, ValueError, zstandard.ZstdError)
-"""What the MCAP library raises on bytes that make no sense; ValueError holds its CRC and
-Unicode errors."""
 
 
 @dataclass
@@ -146,7 +140,7 @@ def _scan(scan: Scan, stream: BinaryIO) -> Scan:
                 _keep(scan, record)
     except EndOfFile:
         scan.problem = "it ends before it was finished"
-    except _DAMAGE as error:
+    except DAMAGE as error:
         scan.problem = f"a record cannot be read ({error})"
     return scan
 
@@ -158,7 +152,7 @@ def _scan_chunk(scan: Scan, chunk: Chunk) -> None:
         raise InputError(
             f"session {scan.path}: {error}; install the Python package lz4 to read it"
         ) from error
-    except _DAMAGE:
+    except DAMAGE:
         scan.damaged += 1
         return
     scan.chunks += 1
@@ -216,7 +210,7 @@ def session_of(scan: Scan) -> RecordedSession:
     scene = scan.metadata_of(SCENE_METADATA).get("json")
     return RecordedSession(
         frames=frames_of(scan),
-        scene=None if scene is None else _json(scan, scene, "the scene"),
+        scene=None if scene is None else parse_json(scan.path, scene, "the scene"),
         annotations=annotations[-1] if annotations else b"",
         models=[((model.log_time - start_ns) / 1e9, model.data) for model in models],
         events=[_event(scan, message, start_ns) for message in scan.on_topic(EVENTS_TOPIC)],
@@ -247,38 +241,17 @@ def frames_of(scan: Scan) -> RecordArray:
 
 
 def _check_kind(scan: Scan) -> None:
-    schema = scan.schema_of(FRAMES_TOPIC)
     if not scan.channels and not scan.whole:
         raise InputError(
             f"session {scan.path}: nothing in it can be read: {scan.problem or 'it is damaged'}"
         )
-    if schema is None or schema.name != FRAME_BLOCK:
-        topics = ", ".join(sorted(c.topic for c in scan.channels.values())) or "none"
-        raise InputError(
-            f"session {scan.path}: an MCAP file without the topic {FRAMES_TOPIC} of "
-            f"{FRAME_BLOCK}; its topics: {topics}"
-        )
-    version = scan.metadata_of(SESSION_METADATA).get("format_version", "1")
-    if not version.isdecimal() or int(version) > FORMAT_VERSION:
-        raise InputError(
-            f"session {scan.path}: format version {version}, this program reads up to "
-            f"{FORMAT_VERSION}; update mmt-haptics"
-        )
+    schemas = {c.topic: scan.schemas.get(c.schema_id) for c in scan.channels.values()}
+    frame_schema(scan.path, schemas, scan.metadata_of(SESSION_METADATA))
 
 
 def _event(scan: Scan, message: Message, start_ns: int) -> JsonObject:
-    event = _json(scan, message.data, "an event")
+    event = parse_json(scan.path, message.data, "an event")
     return {"time_s": (message.log_time - start_ns) / 1e9, **event}
-
-
-def _json(scan: Scan, text: str | bytes, what: str) -> dict[str, Any]:
-    try:
-        value = json.loads(text)
-    except ValueError as error:
-        raise InputError(f"session {scan.path}: {what} is not valid JSON: {error}") from error
-    if not isinstance(value, dict):
-        raise InputError(f"session {scan.path}: {what} is no JSON object")
-    return value
 
 
 def _outputs(scan: Scan, start_ns: int) -> list[OutputBlock]:

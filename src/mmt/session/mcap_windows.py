@@ -1,0 +1,241 @@
+"""Windows of a session file by its index: chunks are read when somebody looks at them."""
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO, Final, Self
+
+import numpy as np
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import UnsupportedCompressionError
+from mcap.reader import make_reader
+from mcap.records import Chunk, ChunkIndex, Message
+from mcap.stream_reader import breakup_chunk
+
+from mmt.arrays import FloatArray, IntArray, RecordArray
+from mmt.errors import InputError
+from mmt.frames import Channel
+from mmt.session.mcap_checks import DAMAGE, frame_schema, parse_json
+from mmt.session.mcap_writer import (
+    BACKFILL_TOPIC,
+    EVENTS_TOPIC,
+    FRAMES_TOPIC,
+    OUTPUT_TOPIC,
+    SCENE_METADATA,
+    SESSION_METADATA,
+)
+from mmt.session.messages import FrameCodec, OutputCodec
+from mmt.session.recorded import JsonObject, OutputBlock
+from mmt.session.windows import Window, overlapping
+
+_CHUNKS_KEPT: Final = 64
+"""Decoded, some 100 KB each: half a minute or more, so that playing reads each once."""
+_RECORD_HEAD: Final = 9
+"""Bytes of an MCAP record's opcode and length."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """The decoded content of one chunk."""
+
+    time_s: FloatArray
+    frames: RecordArray
+    outputs: list[OutputBlock]
+    arrivals: IntArray
+    late: bool
+
+
+class McapWindows:
+    """A session file with an index; see `mmt.session.windows.SessionWindows`."""
+
+    in_memory = False
+
+    def __init__(self, path: Path, stream: BinaryIO, reader: Any, summary: Any) -> None:
+        self.path = path
+        self._stream = stream
+        self._chunks: list[ChunkIndex] = sorted(
+            (index for index in summary.chunk_indexes if index.message_index_offsets),
+            key=lambda index: index.chunk_start_offset,
+        )
+        self._topics = {number: c.topic for number, c in summary.channels.items()}
+        metadata = {record.name: record.metadata for record in reader.iter_metadata()}
+        scene = metadata.get(SCENE_METADATA, {}).get("json")
+        self.scene: JsonObject | None = (
+            None if scene is None else parse_json(path, scene, "the scene")
+        )
+        about = metadata.get(SESSION_METADATA, {})
+        self.session_id: str | None = about.get("session_id")
+        schemas = {c.topic: summary.schemas.get(c.schema_id) for c in summary.channels.values()}
+        self._codec = FrameCodec(frame_schema(path, schemas, about))
+        self.channels: tuple[Channel, ...] = self._codec.channels
+        output_schema = schemas.get(OUTPUT_TOPIC)
+        self._output_codec = OutputCodec(output_schema.data) if output_schema else None
+        self._parts: OrderedDict[int, _Part] = OrderedDict()
+        self._start_ns = self._first_frame_ns()
+        self._begins_s, self._ends_s = (
+            (np.array(times_ns, dtype=np.int64) - self._start_ns) / 1e9
+            for times_ns in (
+                [index.message_start_time for index in self._chunks],
+                [index.message_end_time for index in self._chunks],
+            )
+        )
+        # a message's time is that of the first of its samples, of which it has 20 or few more
+        self.duration_s = float(self._ends_s.max()) + 0.02
+        self.has_output = self._output_codec is not None
+        self.events: Sequence[JsonObject] = self._read_events()
+
+    @classmethod
+    def open(cls, path: Path) -> Self | None:
+        """Open a file; None where it has no index, because it was cut off.
+
+        Raises
+        ------
+        InputError
+            The file is missing, no session, or holds no frames.
+        """
+        try:
+            stream = path.open("rb")
+        except OSError as error:
+            raise InputError(f"session {path}: {error.strerror or error}") from error
+        try:
+            reader = make_reader(stream)
+            summary = reader.get_summary()
+            if summary is None or not summary.chunk_indexes:
+                stream.close()
+                return None
+            return cls(path, stream, reader, summary)
+        except (*DAMAGE, OSError):
+            stream.close()
+            return None
+        except InputError:
+            stream.close()
+            raise
+
+    def window(self, begin_s: float, end_s: float) -> Window:
+        """See `mmt.session.windows.SessionWindows.window`.
+
+        Costs a few milliseconds for each chunk, half a second or a second of the session,
+        that was not looked at lately.
+        """
+        near = (self._begins_s < end_s) & (self._ends_s >= begin_s)
+        # the index knows a message by the time of its first sample: the last one before the
+        # window may reach into it, across a gap from any time
+        before = np.flatnonzero(self._ends_s < begin_s)
+        if len(before):
+            near[before[np.argmax(self._ends_s[before])]] = True
+        parts = [self._part(int(number)) for number in np.flatnonzero(near)]
+        if not parts:
+            return Window(np.zeros(0), np.zeros(0, dtype=self._codec.dtype))
+        frames = np.concatenate([part.frames for part in parts])
+        time_s = np.concatenate([part.time_s for part in parts])
+        inside = (time_s >= begin_s) & (time_s < end_s)
+        frames, time_s = frames[inside], time_s[inside]
+        if any(part.late for part in parts):
+            order = np.argsort(frames["sequence"], kind="stable")
+            frames, time_s = frames[order], np.maximum.accumulate(time_s[order])
+        arrivals = np.concatenate([part.arrivals for part in parts])
+        came_s = (arrivals[:, 0] - self._start_ns) / 1e9
+        outputs = overlapping([o for part in parts for o in part.outputs], begin_s, end_s)
+        return Window(time_s, frames, outputs, arrivals[(came_s >= begin_s) & (came_s < end_s)])
+
+    def again(self) -> Self:
+        """See `mmt.session.windows.SessionWindows.again`."""
+        other = copy(self)
+        other._stream, other._parts = self.path.open("rb"), OrderedDict()
+        return other
+
+    def close(self) -> None:
+        """Close the file."""
+        self._stream.close()
+
+    # ---
+
+    def _first_frame_ns(self) -> int:
+        for index in self._holding(FRAMES_TOPIC):
+            for message in self._messages(index):
+                if self._topics.get(message.channel_id) == FRAMES_TOPIC:
+                    return int(message.log_time)
+        raise InputError(f"session {self.path}: it holds no frames, there is nothing to see")
+
+    def _holding(self, topic: str) -> list[ChunkIndex]:
+        """Return the chunks that hold a topic, in the order of the file."""
+        ids = {number for number, name in self._topics.items() if name == topic}
+        return [index for index in self._chunks if ids & index.message_index_offsets.keys()]
+
+    def _messages(self, index: ChunkIndex) -> list[Message]:
+        """Return the messages of a chunk, none where it is damaged."""
+        try:
+            self._stream.seek(index.chunk_start_offset + _RECORD_HEAD)
+            chunk = Chunk.read(ReadDataStream(self._stream))
+            records = breakup_chunk(chunk, validate_crc=True)
+        except UnsupportedCompressionError as error:
+            raise InputError(
+                f"session {self.path}: {error}; install the Python package lz4 to read it"
+            ) from error
+        except DAMAGE:
+            return []
+        return [record for record in records if isinstance(record, Message)]
+
+    def _read_events(self) -> list[JsonObject]:
+        events: list[JsonObject] = []
+        for index in self._holding(EVENTS_TOPIC):
+            for message in self._messages(index):
+                if self._topics.get(message.channel_id) == EVENTS_TOPIC:
+                    event = parse_json(self.path, message.data, "an event")
+                    at_s = (message.log_time - self._start_ns) / 1e9
+                    events.append({"time_s": at_s, **event, "at_s": at_s})
+        return sorted(events, key=lambda event: float(event["at_s"]))
+
+    def _part(self, number: int) -> _Part:
+        """Return what a chunk holds, from the memory of the newest ones where it is there."""
+        part = self._parts.get(number)
+        if part is None:
+            part = self._decode(self._messages(self._chunks[number]))
+            while len(self._parts) >= _CHUNKS_KEPT:
+                self._parts.popitem(last=False)
+        self._parts[number] = part
+        self._parts.move_to_end(number)
+        return part
+
+    def _decode(self, messages: list[Message]) -> _Part:
+        live = [m for m in messages if self._topics.get(m.channel_id) == FRAMES_TOPIC]
+        late = [m for m in messages if self._topics.get(m.channel_id) == BACKFILL_TOPIC]
+        outputs = [m for m in messages if self._topics.get(m.channel_id) == OUTPUT_TOPIC]
+        frames, time_s = (
+            np.concatenate(c) for c in zip(*map(self._frames, (live, late)), strict=True)
+        )
+        arrivals = np.array([(m.log_time, m.publish_time) for m in live], dtype=np.int64)
+        return _Part(
+            time_s=time_s,
+            frames=frames,
+            outputs=[self._output(m) for m in outputs],
+            arrivals=arrivals.reshape(-1, 2),
+            late=bool(late),
+        )
+
+    def _frames(self, messages: list[Message]) -> tuple[RecordArray, FloatArray]:
+        """Return the frames (n,) of blocks, and the recording time (n,) of each.
+
+        All blocks are parsed in one call, a fiftieth of the time that one after the other
+        takes; the number of its first frame tells where each begins.
+        """
+        frames = self._codec.decode([message.data for message in messages])
+        firsts = np.array([message.sequence for message in messages], dtype=np.int64)
+        numbers = frames["sequence"].astype(np.int64)
+        ascending = bool((np.diff(numbers) > 0).all())
+        if len(messages) > 1 and not (ascending and np.isin(firsts, numbers).all()):
+            pieces = [self._frames([message]) for message in messages]
+            frames, time_s = (np.concatenate(columns) for columns in zip(*pieces, strict=True))
+            return frames, time_s
+        came_ns = np.array([message.log_time for message in messages], dtype=np.int64)
+        begins = np.searchsorted(numbers, firsts)
+        block = np.searchsorted(begins, np.arange(len(frames)), side="right") - 1
+        since_ns = frames["time_ns"] - frames["time_ns"][begins[block]]
+        return frames, np.asarray((came_ns[block] - self._start_ns + since_ns) / 1e9)
+
+    def _output(self, message: Message) -> OutputBlock:
+        assert self._output_codec is not None  # noqa: S101 - the topic has a schema
+        mode, vibration_m_s2 = self._output_codec.decode(message.data)
+        return OutputBlock((message.log_time - self._start_ns) / 1e9, mode, vibration_m_s2)

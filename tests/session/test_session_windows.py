@@ -1,0 +1,147 @@
+"""A window of a recording holds what the whole recording holds there."""
+
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from session_samples import made_frames
+
+from mmt.errors import InputError
+from mmt.frames import CHANNELS
+from mmt.session import read_session, write_session
+from mmt.session.recorded import OutputBlock, RecordedSession
+from mmt.session.recording import McapRecorder
+from mmt.session.windows import SessionWindows, open_windows
+from mmt.session.writing import export_session
+
+COUNT = 3000
+FRAMES = made_frames(COUNT, steps=np.where(np.arange(COUNT - 1) == 1200, 500, 1))
+SECONDS = (int(FRAMES["sequence"][-1]) + 1) / 1e3
+SESSION = RecordedSession(
+    frames=FRAMES,
+    events=[{"time_s": 0.5, "event": "first"}, {"time_s": 2.25, "event": "second", "mark": "m"}],
+    outputs=[
+        OutputBlock(start / 1e3, "streamed" if start < 800 else "synthesized", np.full(20, 1.0))
+        for start in range(0, COUNT, 20)
+    ],
+)
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("session") / "run.mcap"
+    export_session(SESSION, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def windows(recorded: Path) -> Iterator[SessionWindows]:
+    with closing(open_windows(recorded)) as windows:
+        yield windows
+
+
+def test_a_whole_file_is_read_by_its_index(windows: SessionWindows) -> None:
+    assert not windows.in_memory
+    assert windows.channels == CHANNELS
+    assert windows.duration_s == pytest.approx(SECONDS, abs=0.03)
+    assert [(e["event"], e["at_s"]) for e in windows.events] == [("first", 0.5), ("second", 2.25)]
+
+
+@given(begin=st.floats(-1, 4), length=st.floats(0, 4))
+@settings(max_examples=40)
+def test_a_window_holds_the_frames_and_outputs_of_its_time(
+    windows: SessionWindows, begin: float, length: float
+) -> None:
+    time_s = SESSION.time_s
+    end = begin + length
+    found = windows.window(begin, end)
+    # a block's times are kept to the nanosecond, which seconds as a float are not
+    sure = (time_s >= begin + 1e-6) & (time_s < end - 1e-6)
+    perhaps = (time_s >= begin - 1e-6) & (time_s < end + 1e-6)
+    assert set(FRAMES["sequence"][sure]) <= set(found.frames["sequence"])
+    assert set(found.frames["sequence"]) <= set(FRAMES["sequence"][perhaps])
+    assert (np.diff(found.frames["sequence"].astype(np.int64)) > 0).all()
+    np.testing.assert_allclose(
+        found.time_s, time_s[np.isin(FRAMES["sequence"], found.frames["sequence"])], atol=1e-6
+    )
+    starts = [output.time_s for output in found.outputs]
+    expected = [o.time_s for o in SESSION.outputs if o.time_s + 0.02 > begin and o.time_s < end]
+    assert len(set(np.round(starts, 3)) ^ set(np.round(expected, 3))) <= 2
+
+
+def test_everything_in_one_window_is_the_session(recorded: Path, windows: SessionWindows) -> None:
+    found, whole = windows.window(-1.0, 1e6), read_session(recorded)
+    np.testing.assert_array_equal(found.frames, whole.frames)
+    assert [o.mode for o in found.outputs] == [o.mode for o in whole.outputs]
+    np.testing.assert_array_equal(
+        np.concatenate([o.vibration_m_s2 for o in found.outputs]),
+        np.concatenate([o.vibration_m_s2 for o in whole.outputs]),
+    )
+
+
+def test_frames_that_came_late_stand_at_their_places(tmp_path: Path) -> None:
+    path, frames = tmp_path / "run.mcap", made_frames(100)
+    clock_ns = iter(range(5_000_000_000, 6_000_000_000, 1_000_000))
+    with McapRecorder(path, channels=CHANNELS, clock=lambda: next(clock_ns)) as recorder:
+        for index in [*range(40), *range(60, 100)]:
+            recorder.record_frames(frames[index : index + 1])
+        recorder.record_backfill(frames[40:60], 5_040_000_000)
+    with closing(open_windows(path)) as windows:
+        found = windows.window(0.0, 10.0)
+    np.testing.assert_array_equal(found.frames, frames)
+    assert (np.diff(found.time_s) >= 0).all()
+    assert int(found.arrivals[0, 0]) == 5_000_000_000
+    assert set(found.arrivals[:, 1]) <= set(frames["time_ns"])  # of live blocks alone
+
+
+def test_another_view_is_independent(windows: SessionWindows) -> None:
+    other = windows.again()
+    other.window(0.0, 1.0)
+    other.close()
+    assert len(windows.window(2.9, 3.0).frames) > 0
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".csv"])
+def test_other_kinds_are_held_in_memory(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"run{suffix}"
+    export_session(SESSION, path)
+    windows = open_windows(path)
+    assert windows.in_memory
+    assert len(windows.window(0.0, 0.1).frames) == pytest.approx(100, abs=2)
+    assert windows.again() is windows
+
+
+def test_a_file_that_was_cut_off_shows_what_it_holds(tmp_path: Path, recorded: Path) -> None:
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(recorded.read_bytes()[: recorded.stat().st_size * 2 // 3])
+    windows = open_windows(path)
+    assert windows.in_memory
+    assert 100 < len(windows.window(0.0, 10.0).frames) < COUNT
+
+
+def test_a_damaged_chunk_is_a_gap(tmp_path: Path, recorded: Path) -> None:
+    data = bytearray(recorded.read_bytes())
+    data[len(data) // 3] ^= 0xFF
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(data)
+    with closing(open_windows(path)) as windows:
+        frames = windows.window(0.0, 10.0).frames
+    assert 0 < len(frames) < COUNT
+    assert np.isin(frames["sequence"], FRAMES["sequence"]).all()
+
+
+def test_what_cannot_be_shown_is_said(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="No such file"):
+        open_windows(tmp_path / "none.mcap")
+    (tmp_path / "text.mcap").write_text("no recording")
+    with pytest.raises(InputError, match="no MCAP file"):
+        open_windows(tmp_path / "text.mcap")
+    with pytest.raises(InputError, match="suffix must be one of"):
+        open_windows(tmp_path / "film.mp4")
+    write_session(tmp_path / "empty.mcap", FRAMES[:0])
+    with pytest.raises(InputError, match="no frames"):
+        open_windows(tmp_path / "empty.mcap")
