@@ -19,7 +19,9 @@ from mmt.leader.monitor.tap import MonitorTap
 from mmt.leader.monitor.viewers import MOST_VIEWERS, Viewers
 from mmt.pages.packing import pack
 from mmt.scene_files import scene_from_tables
+from mmt.texture.boundary import RIM
 from mmt.texture.completion import distance_sum
+from mmt.texture.inputs import ANISOTROPIC
 from mmt.texture.model import TextureModel, TextureSamples
 
 SCENE = scene_from_tables(
@@ -158,6 +160,28 @@ def test_the_model_is_shown_with_its_cells_and_triangles() -> None:
     areas = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 2
     assert areas.sum() == pytest.approx(1.0, abs=1e-4)  # they tile the plane
     assert unpack(model_message(None))["samples"] == 0
+
+
+def test_a_model_of_velocity_is_shown_with_its_27_cells_and_tetrahedra() -> None:
+    rng = np.random.default_rng(2)
+    count = 15
+    inputs = np.column_stack([rng.uniform(-200, 200, (count, 2)), rng.uniform(0.2, 2.8, count)])
+    model = TextureModel(
+        TextureSamples(
+            inputs=inputs,
+            lsf=np.tile([0.5, 1.0, 2.0, 2.5], (count, 1)),
+            variance=np.ones(count),
+            power=np.ones(count),
+            space=ANISOTROPIC,
+        )
+    )
+    message = unpack(model_message(model))
+    assert len(message["cells"]) == 27
+    assert sum(message["cells"]) == pytest.approx(distance_sum(model.points), abs=1e-2)
+    np.testing.assert_allclose(message["arrays"]["points"] * [300, 300, 3], inputs, rtol=1e-5)
+    corners = message["arrays"]["vertices"][message["arrays"]["tetrahedra"].astype(int)]
+    volumes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6
+    assert np.pi < volumes.sum() < np.pi * RIM**2  # they fill the cylinder, and a little around it
 
 
 def test_a_long_history_is_thinned_to_its_end() -> None:

@@ -17,6 +17,8 @@ MARKS = [
 
 DESKTOP, TABLET = (1440, 900), (820, 1180)
 LONGEST_MS = 60_000
+LEAST_TARGET_PX = 40
+"""Of what a finger is to meet."""
 
 
 @pytest_asyncio.fixture(scope="module", loop_scope="module")
@@ -48,3 +50,32 @@ async def a_page(
 
 async def shows(page: Any, selector: str, text: str) -> None:
     await api.expect(page.locator(selector)).to_contain_text(text, timeout=LONGEST_MS)
+
+
+async def inked(page: Any, selector: str) -> int:
+    """Return how many pixels of a canvas are not empty."""
+    count: int = await page.evaluate(
+        """selector => {
+            const canvas = document.querySelector(selector);
+            const { width, height } = canvas;
+            const data = canvas.getContext("2d").getImageData(0, 0, width, height).data;
+            return data.filter((value, index) => index % 4 === 3 && value > 0).length;
+        }""",
+        selector,
+    )
+    return count
+
+
+async def fits(page: Any, scheme: str) -> None:
+    """See that a page has the scheme's colours, nothing beside its edge, and room for fingers."""
+    overflow = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+    assert await page.evaluate(overflow) <= 0
+    ground = await page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (ground == "rgb(20, 24, 27)") is (scheme == "dark")
+    heights = await page.evaluate(
+        """() => [...document.querySelectorAll("button, select, input")]
+            .filter((node) => node.checkVisibility())
+            .map((node) => [node.id || node.textContent, node.getBoundingClientRect().height])"""
+    )
+    assert heights
+    assert [item for item in heights if item[1] < LEAST_TARGET_PX] == []

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from page_browser import DESKTOP, MARKS, TABLET, a_page, api, browser, shows
+from page_browser import DESKTOP, MARKS, TABLET, a_page, api, browser, fits, inked, shows
 
 from mmt.devices.simulated.offline import simulate_session
 from mmt.leader.service import LeaderService
@@ -17,17 +17,29 @@ from mmt.texture.model import TextureModel
 
 __all__ = ["browser"]
 pytestmark = MARKS
+
+PICTURES = (
+    "#plane",
+    "#completion canvas",
+    "#vibration canvas",
+    "#spectra canvas",
+    "#force-plot canvas",
+    "#position canvas",
+)
 TOKEN = "a token that nobody guesses"
 
 
-def scene(port: int = 0) -> Scene:
+def scene(port: int = 0, inputs: str = "isotropic") -> Scene:
     return scene_from_tables(
         {
             "session": {"name": "shown"},
             "link": {"port": port},
             "simulated": {},
             "hand": {},
-            "texture": {"start_distance": 30.0},
+            "texture": {
+                "inputs": inputs,
+                "start_distance": 30.0 if inputs == "isotropic" else "auto",
+            },
             "rendering": {},
             "playout": {},
             "actuator": {},
@@ -40,8 +52,8 @@ def scene(port: int = 0) -> Scene:
 class Leading:
     """A leader whose frames a test hands over itself, so that no clock is waited for."""
 
-    def __init__(self, port: int = 0) -> None:
-        self.service = LeaderService(scene(port))
+    def __init__(self, port: int = 0, inputs: str = "isotropic") -> None:
+        self.service = LeaderService(scene(port, inputs))
 
     async def __aenter__(self) -> "Leading":
         ready = asyncio.Event()
@@ -71,20 +83,6 @@ class Leading:
             await modelling.finish(10.0)
 
 
-async def inked(page: Any, selector: str) -> int:
-    """Return how many pixels of a canvas are not empty."""
-    count: int = await page.evaluate(
-        """selector => {
-            const canvas = document.querySelector(selector);
-            const { width, height } = canvas;
-            const data = canvas.getContext("2d").getImageData(0, 0, width, height).data;
-            return data.filter((value, index) => index % 4 === 3 && value > 0).length;
-        }""",
-        selector,
-    )
-    return count
-
-
 @pytest.mark.parametrize(
     ("size", "scheme"), [(DESKTOP, "light"), (TABLET, "dark")], ids=["desktop", "tablet"]
 )
@@ -104,12 +102,9 @@ async def test_a_person_sees_the_model_grow(
         await page.wait_for_function(
             "document.querySelector('#tick-figures').innerText.includes('ms')"
         )
-        for canvas in ("#plane", "#completion canvas", "#vibration canvas", "#spectra canvas"):
+        for canvas in PICTURES:
             assert await inked(page, canvas) > 100, canvas
-        overflow = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
-        assert await page.evaluate(overflow) <= 0
-        dark = await page.evaluate("getComputedStyle(document.body).backgroundColor")
-        assert (dark == "rgb(20, 24, 27)") is (scheme == "dark")
+        await fits(page, scheme)
         assert problems == []
 
 
@@ -191,4 +186,50 @@ async def test_a_person_controls_the_run(
         await page.click("#reset")
         await shows(page, "#plane-text", "No model yet")
         await shows(page, "#freeze", "Freeze model")
+        assert problems == []
+
+
+async def test_a_person_sees_the_headings_of_an_anisotropic_model(browser: Any) -> None:
+    async with a_page(browser) as (page, problems), Leading(inputs="anisotropic") as leading:
+        await page.goto(leading.url)
+        await shows(page, "#plane-text", "No model yet")
+        await leading.model(8.0)
+        await shows(page, "#plane-text", "which is shown. Lacks most: ")
+        await page.wait_for_function("document.querySelector('#plane').width > 300")
+        assert await inked(page, "#plane") > 1000
+        # cells have their colour also where neither sample nor line is
+        blended = await page.evaluate(
+            """() => {
+                const { width, height } = document.querySelector("#plane");
+                const pen = document.querySelector("#plane").getContext("2d");
+                const row = pen.getImageData(0, Math.round(height * 0.45), width, 1).data;
+                return row.filter((value, i) => i % 4 === 3 && value > 20 && value < 200).length;
+            }"""
+        )
+        assert blended > 100
+        assert problems == []
+
+
+async def test_single_keys_change_the_network_and_are_listed(browser: Any) -> None:
+    async with a_page(browser) as (page, problems), Leading() as leading:
+        await page.goto(leading.url)
+        await shows(page, "#connection", "live")
+        await api.expect(page.locator("#network")).to_have_value("lan")
+        await page.keyboard.press("?")
+        await shows(page, "#help", "network: lan, wifi, wan")
+        await api.expect(page.locator("#help")).not_to_contain_text(
+            "play, pause", use_inner_text=True
+        )
+        await page.keyboard.press("4")  # while the list is open keys do nothing
+        await page.keyboard.press("Escape")
+        await api.expect(page.locator("#help")).to_be_hidden()
+        await page.keyboard.press("3")
+        await shows(page, "#answer", "emulated network: wan")
+        await api.expect(page.locator("#network")).to_have_value("wan")
+        assert await page.locator("#events").inner_text() != ""
+        assert "150" not in await page.locator("#events").inner_text()
+        await page.keyboard.press("0")
+        await shows(page, "#answer", "emulated network: none")
+        await page.keyboard.press("v")
+        assert await page.evaluate("document.activeElement.id") == "force"
         assert problems == []

@@ -97,6 +97,22 @@ def info(
 
 
 @app.command()
+def view(
+    source: SourceFile,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Of the page; 0 for any that is free.")
+    ] = 0,
+    show: Annotated[
+        bool, typer.Option("--open/--no-open", help="Open the page in the browser.")
+    ] = True,
+) -> None:
+    """Show a session file in a browser, moment by moment, as the monitor shows a run."""
+    from mmt.cli.viewing import view_file
+
+    view_file(source, port=port, show=show)
+
+
+@app.command()
 def export(source: SourceFile, target: TargetFile) -> None:
     """Export to .csv, .npz, .parquet, .h5 or .mcap, by the suffix of OUT."""
     session = read_session(source)

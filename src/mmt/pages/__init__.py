@@ -32,9 +32,20 @@ class PageFile:
     content_type: str
 
 
-def monitor_files() -> dict[str, PageFile]:
-    """Return the monitor's files by their names in its page; some 200 KB."""
-    return _files("monitor", _VENDORED)
+MAIN: Final = "main.js"
+"""The module that the monitor's page starts with, which differs for a run and a recording."""
+
+
+def monitor_files(main: str = "monitor.js") -> dict[str, PageFile]:
+    """Return the monitor's files by their names in its page; some 200 KB.
+
+    Parameters
+    ----------
+    main
+        The module to start with: ``monitor.js`` for a run, ``recording.js`` for a recording.
+    """
+    files = _files("monitor", _VENDORED)
+    return {**files, MAIN: files[main]}
 
 
 def player_files() -> dict[str, PageFile]:

@@ -16,7 +16,8 @@ _HIGH_PASS_HZ: Final = 10.0
 MOST_SAMPLES: Final = 512
 """Of vibration in a message: what the page shows, also where a replay runs faster than time."""
 
-Motion = tuple[float, float]
+Motion = tuple[float, float, float]
+"""Velocity along the two axes of the surface, and force."""
 
 
 class LiveMessages:
@@ -80,21 +81,22 @@ class LiveMessages:
             table["force_n"] = [round(x, 4) for x in frames["force_n"][-1].tolist()]
         motion = self._hand() or self._streamed(frames)
         if motion is not None:
-            speed_mm_s, force_n = motion
-            table["point"] = [round(speed_mm_s, 2), round(force_n, 4)]
+            x, y, force_n = motion
+            table["velocity_mm_s"] = [round(x, 2), round(y, 2)]
+            table["point"] = [round((x * x + y * y) ** 0.5, 2), round(force_n, 4)]
             table["contact"] = force_n > 0.0
         return table
 
     def _hand(self) -> Motion | None:
-        """Return the speed and force of the hand at the leader."""
+        """Return the velocity and force of the hand at the leader."""
         state = self._tap.state
         if state is None:
             return None
         x, y = (state.velocity_mm_s[axis] for axis in self._tangential)
-        return (x * x + y * y) ** 0.5, state.force_n if state.contact else 0.0
+        return x, y, state.force_n if state.contact else 0.0
 
     def _streamed(self, frames: RecordArray | None) -> Motion | None:
-        """Return the mean speed and force of the newest frames."""
+        """Return the mean velocity and force of the newest frames."""
         if frames is None or not (_has(frames, "position_mm") and _has(frames, "force_n")):
             return None
         frames = frames[-MOST_SAMPLES:]
@@ -104,7 +106,7 @@ class LiveMessages:
             return None
         x, y = ((path[-1] - path[0]) / duration_s).tolist()
         force_n = float(frames["force_n"][:, self._normal].mean())
-        return (x * x + y * y) ** 0.5, max(0.0, force_n)
+        return x, y, max(0.0, force_n)
 
 
 def _joined(blocks: list[RecordArray]) -> RecordArray:

@@ -6,6 +6,8 @@ from dataclasses import asdict
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy.typing as npt
+
 import mmt
 from mmt.pages.packing import pack
 from mmt.scene import Scene
@@ -37,6 +39,7 @@ def hello_header(scene: Scene, session_id: str) -> dict[str, Any]:
         "version": mmt.__version__,
         "parts": [name for name, runs in scene.parts().items() if runs],
         "rate_hz": scene.session.rate_hz,
+        "inputs": (scene.texture or Texture()).inputs,
         "maximum_speed_mm_s": MAXIMUM_SPEED_MM_S,
         "maximum_force_n": MAXIMUM_FORCE_N,
         "start_distance": start_distance,
@@ -88,28 +91,23 @@ def model_of(service: "LeaderService") -> "TextureModel | None":
 
 
 def model_message(model: "TextureModel | None") -> bytes:
-    """Return samples, triangulation and nine cells of a model, None for none.
+    """Return samples, triangulation and cells of a model, None for none.
 
-    A model of the velocity vector is shown by its speed, without triangles or cells, which
-    are of the plane of speed and force alone.
+    Points and vertices are normalised: speed and force, or velocity x, y and force. The cells
+    are the nine of the plane, or the 27 of velocity and force.
     """
     if model is None:
         return pack("model", {"samples": 0, "order": None, "cells": None}, {})
-    import numpy as np
-
     from mmt.texture.completion import cell_distances
 
-    points, space = model.points, model.space
-    header: dict[str, Any] = {"samples": len(points), "order": model.order, "cells": None}
-    speed = np.hypot(points[:, 0], points[:, 1]) if space.directed else points[:, 0]
-    plane = np.column_stack([speed, points[:, -1]])
-    if space.directed:
-        return pack("model", header, {"points": plane})
-    header["cells"] = [round(value, 4) for value in cell_distances(plane).tolist()]
-    arrays = {"points": plane}
+    points, dimensions = model.points, model.space.dimensions
+    header: dict[str, Any] = {"samples": len(points), "order": model.order}
+    header["cells"] = [round(value, 4) for value in cell_distances(points).tolist()]
+    arrays: dict[str, npt.ArrayLike] = {"points": points}
     if model.interpolator == "delaunay":  # it has them: nothing is computed for the page
-        arrays["vertices"] = model.vertices[:, :2]
-        arrays["triangles"] = model.triangulation.triangles[:, :3]
+        arrays["vertices"] = model.vertices[:, :dimensions]
+        links = model.triangulation.triangles[:, : dimensions + 1]
+        arrays["tetrahedra" if model.space.directed else "triangles"] = links
     return pack("model", header, arrays)
 
 

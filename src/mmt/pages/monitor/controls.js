@@ -1,6 +1,11 @@
 // The controls: each order is sent to the leader, and what it answers is shown in words.
 
+import { isTaken } from "./help.js";
+
 const ANSWER_MS = 15000;
+const NETWORKS = ["none", "lan", "wifi", "wan", "bad", "outage"];
+const FOCUSED = { m: "mark", v: "force" };
+const PRESSED = { r: "record", s: "save", f: "freeze" };
 const $ = (id) => document.getElementById(id);
 
 export class Controls {
@@ -98,12 +103,22 @@ export class Controls {
   }
 
   #shortcut(event) {
-    const typing = event.target.closest("input, select, textarea");
-    if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
-    const id = { r: "record", s: "save", f: "freeze", m: "mark" }[event.key];
-    if (id === undefined || $("controls").hidden) return;
+    if (isTaken(event) || $("controls").hidden) return;
+    const { key } = event;
+    if (key in FOCUSED) $(FOCUSED[key]).focus();
+    else if (key in PRESSED) $(PRESSED[key]).click();
+    else if (NETWORKS[key] !== undefined) this.#chooseNetwork(NETWORKS[key]);
+    else return;
     event.preventDefault();
-    id === "mark" ? $(id).focus() : $(id).click();
+  }
+
+  #chooseNetwork(profile) {
+    if ($("network").disabled) {
+      say("this scene emulates no network: it has no [network]", false);
+      return;
+    }
+    $("network").value = profile;
+    this.#changeNetwork(profile);
   }
 }
 

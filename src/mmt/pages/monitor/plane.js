@@ -1,25 +1,15 @@
 // The speed-force plane: samples, triangles, nine cells, the hand and its trail.
 
-const TRAIL = 120;
+import { drawTrail, lack, prepare, shade } from "./canvas.js";
+
 const MARGIN = { left: 48, right: 10, top: 10, bottom: 36 };
 const CELLS = ["slow", "medium", "fast"];
 const FORCES = ["light", "medium", "strong"];
 
 export class Plane {
-  constructor(canvas, text) {
-    this.canvas = canvas;
-    this.text = text;
-    this.model = null;
-    this.trail = [];
-    this.limits = { speed: 300, force: 3, start: 7.5, stop: 4.243 };
-  }
-
-  setLimits(hello) {
-    this.limits = {
-      speed: hello.maximum_speed_mm_s, force: hello.maximum_force_n,
-      start: hello.start_distance, stop: hello.stop_distance,
-    };
-    this.trail = [];
+  /** `limits`: the largest speed and force, the start and the stop distance. */
+  constructor(canvas, text, limits) {
+    Object.assign(this, { canvas, text, limits, model: null });
   }
 
   setModel(model) {
@@ -27,22 +17,9 @@ export class Plane {
     this.text.textContent = describe(model);
   }
 
-  /** Add the hand's [speed, force], null where it is not known. */
-  move(point) {
-    this.trail.push(point);
-    if (this.trail.length > TRAIL) this.trail.shift();
-  }
-
-  draw() {
-    const ratio = devicePixelRatio || 1;
-    const { clientWidth: width, clientHeight: height } = this.canvas;
-    if (this.canvas.width !== Math.round(width * ratio)) this.canvas.width = Math.round(width * ratio);
-    if (this.canvas.height !== Math.round(height * ratio)) this.canvas.height = Math.round(height * ratio);
-    const pen = this.canvas.getContext("2d");
-    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-    pen.clearRect(0, 0, width, height);
-    const style = getComputedStyle(document.documentElement);
-    this.colour = (name) => style.getPropertyValue(`--${name}`).trim();
+  draw(trail) {
+    const { pen, width, height, colour } = prepare(this.canvas);
+    this.colour = colour;
     this.area = {
       x: MARGIN.left, y: MARGIN.top,
       width: width - MARGIN.left - MARGIN.right, height: height - MARGIN.top - MARGIN.bottom,
@@ -50,7 +27,8 @@ export class Plane {
     if (this.model) this.#cells(pen);
     this.#axes(pen);
     if (this.model) this.#samples(pen);
-    this.#hand(pen);
+    const { speed, force } = this.limits;
+    drawTrail(pen, colour, trail.points, (point) => this.#at(point.speed / speed, point.force / force));
   }
 
   #at(u, v) {
@@ -63,9 +41,9 @@ export class Plane {
     if (!cells) return;
     cells.forEach((distance, index) => {
       const column = index % 3, row = Math.floor(index / 3);
-      const need = lack(distance, this.limits);
+      const need = lack(distance, this.limits, cells.length);
       const [x, y] = this.#at(column / 3, (row + 1) / 3);
-      pen.fillStyle = `rgba(${need > 0 ? this.colour("far") : this.colour("near")}, ${need > 0 ? 0.12 + 0.5 * need : 0.18})`;
+      pen.fillStyle = shade(need, this.colour);
       pen.fillRect(x, y, this.area.width / 3, this.area.height / 3);
       pen.fillStyle = this.colour("faint");
       pen.font = "12px system-ui, sans-serif";
@@ -124,33 +102,6 @@ export class Plane {
       pen.fill();
     }
   }
-
-  #hand(pen) {
-    const { speed, force } = this.limits;
-    pen.strokeStyle = pen.fillStyle = this.colour("point");
-    pen.lineWidth = 2;
-    this.trail.forEach((point, i) => {
-      const before = this.trail[i - 1];
-      if (!point || !before) return;
-      pen.globalAlpha = (i + 1) / this.trail.length;
-      pen.beginPath();
-      pen.moveTo(...this.#at(before[0] / speed, before[1] / force));
-      pen.lineTo(...this.#at(point[0] / speed, point[1] / force));
-      pen.stroke();
-    });
-    pen.globalAlpha = 1;
-    const now = this.trail.at(-1);
-    if (!now) return;
-    pen.beginPath();
-    pen.arc(...this.#at(now[0] / speed, now[1] / force), 8, 0, 2 * Math.PI);
-    pen.fill();
-  }
-}
-
-/** How much a cell lacks: 0 at a ninth of the stop distance, 1 at twice a ninth of the start's. */
-function lack(distance, { start, stop }) {
-  const enough = stop / 9, most = (2 * start) / 9;
-  return Math.min(Math.max((distance - enough) / (most - enough), 0), 1);
 }
 
 /** Say in words where the model lacks samples most. */

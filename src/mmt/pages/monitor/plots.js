@@ -20,6 +20,21 @@ export class Plot {
     this.plot.setData(data);
   }
 
+  /** Draw an upright line at a value of x. */
+  mark(x) {
+    this.marked = x;
+    this.plot.redraw(false);
+  }
+
+  #drawMark(plot) {
+    if (this.marked === undefined || !this.data[0].length) return;
+    const at = Math.round(plot.valToPos(this.marked, "x", true));
+    const { left, top, width, height } = plot.bbox;
+    if (at < left || at > left + width) return;
+    plot.ctx.fillStyle = css("point");
+    plot.ctx.fillRect(at - devicePixelRatio, top, 2 * devicePixelRatio, height);
+  }
+
   #size() {
     const legend = this.element.querySelector(".u-legend")?.offsetHeight ?? 24;
     return { width: Math.max(this.element.clientWidth, 50), height: Math.max(this.element.clientHeight - legend, 50) };
@@ -37,6 +52,7 @@ export class Plot {
       ...this.#size(),
       cursor: { show: false },
       legend: { live: false },
+      hooks: { draw: [(plot) => this.#drawMark(plot)] },
       scales: { x: { time: false, ...this.ranges.x }, y: { ...this.ranges.y } },
       axes: [x, axis(this.axes[1])],
       series: [{}, ...this.series.map(([label, colour, dash]) => ({

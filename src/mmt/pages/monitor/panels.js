@@ -1,0 +1,147 @@
+// The panels of the page, whoever fills them: a run that goes on, or a recording.
+
+import { Trail } from "./canvas.js";
+import { Plane } from "./plane.js";
+import { Plot, drawBars } from "./plots.js";
+import { Ring, frequencies, spectrum } from "./signals.js";
+import { VelocityPlane } from "./velocity.js";
+
+const SHOWN = 512;
+const HISTORY = 250;
+const SPECTRA_EVERY_MS = 200;
+
+const $ = (id) => document.getElementById(id);
+const ages = Array.from({ length: SHOWN }, (_, i) => i - SHOWN + 1);
+const axes = [["x", "measured"], ["y", "third"], ["z", "played"]];
+
+/** Put a text where it is not there yet. */
+export function text(id, value) {
+  const node = $(id);
+  if (node.textContent !== value) node.textContent = value;
+}
+
+/** A number in words, a dash where it is not known. */
+export function number(value, digits, unit = "") {
+  return value === null || value === undefined ? "–" : `${value.toFixed(digits)}${unit}`;
+}
+
+/** Fill a list of figures by their names. */
+export function figures(id, rows) {
+  $(id).replaceChildren(...Object.entries(rows).flatMap(([name, value]) => {
+    const dt = document.createElement("dt"), dd = document.createElement("dd");
+    dt.textContent = name;
+    dd.textContent = value;
+    return [dt, dd];
+  }));
+}
+
+export class Panels {
+  constructor() {
+    this.hello = { rate_hz: 1000, start_distance: 7.5, stop_distance: 4.243 };
+    this.rings = { measured: new Ring(SHOWN), played: new Ring(SHOWN), modelled: new Ring(SHOWN) };
+    this.history = { time: [], force: [[], [], []], position: [[], [], []] };
+    this.trail = new Trail();
+    this.plane = null;
+    this.dirty = false;
+    this.spectraAt = 0;
+    this.plots = {
+      completion: new Plot($("completion"), [["sum", "ink"], ["start", "played", [6, 4]], ["stop", "third", [2, 3]]],
+        ["session time, s", "sum of distances"], { y: { range: (_, low, high) => [0, Math.max(high || 0, 12)] } }),
+      vibration: new Plot($("vibration"), [["measured", "measured"], ["played: streamed", "third"], ["played: synthesized", "played"]], ["ms", "m/s²"]),
+      spectra: new Plot($("spectra"), [["measured", "measured"], ["played", "played"]], ["Hz", "dB re 1 (m/s²)²/Hz"]),
+      force: new Plot($("force-plot"), axes, ["session time, s", "N"]),
+      position: new Plot($("position"), axes, ["session time, s", "mm"]),
+    };
+    const redraw = () => { this.dirty = true; };
+    addEventListener("resize", redraw);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
+    requestAnimationFrame((now) => this.#draw(now));
+  }
+
+  /** Begin with a session: its name, limits and thresholds. */
+  begin(hello) {
+    this.hello = hello;
+    text("session", hello.session);
+    document.title = `mmt monitor: ${hello.session}`;
+    const limits = {
+      speed: hello.maximum_speed_mm_s, force: hello.maximum_force_n,
+      start: hello.start_distance, stop: hello.stop_distance,
+    };
+    const View = hello.inputs === "anisotropic" ? VelocityPlane : Plane;
+    this.plane = new View($("plane"), $("plane-text"), limits);
+    this.trail = new Trail();
+    for (const ring of Object.values(this.rings)) ring.clear();
+    this.history.time.length = 0;
+    for (const axis of [...this.history.force, ...this.history.position]) axis.length = 0;
+  }
+
+  model(message) {
+    this.plane.setModel(message);
+    this.dirty = true;
+  }
+
+  /** Show the completion sum against time, with both thresholds. */
+  curve({ time_s, distance }) {
+    const level = (value) => Array.from(time_s, () => value);
+    this.plots.completion.set([
+      Array.from(time_s), Array.from(distance), level(this.hello.start_distance), level(this.hello.stop_distance),
+    ]);
+  }
+
+  /** Say what the sum is, and when the criteria were met. */
+  completion(sum, start_s, stop_s) {
+    const met = [];
+    if (start_s !== null) met.push(`start met at ${start_s.toFixed(1)} s`);
+    if (stop_s !== null) met.push(`stop met at ${stop_s.toFixed(1)} s`);
+    const criteria = met.join(", ") || `start at ${number(this.hello.start_distance, 2)}`;
+    text("completion-text", sum === undefined ? "Nothing is modelled yet." : `${sum.toFixed(2)} now; ${criteria}.`);
+  }
+
+  mode(mode, why, time) {
+    text("mode", mode);
+    $("mode").dataset.mode = mode;
+    text("why", why);
+    text("time", time);
+  }
+
+  /** Add force and position of a moment to what is shown of the past. */
+  remember(message) {
+    const { time, force, position } = this.history;
+    if (time.length > 0 && message.time_s <= time.at(-1)) return;
+    time.push(message.time_s);
+    for (let axis = 0; axis < 3; axis++) {
+      force[axis].push(message.force_n?.[axis] ?? null);
+      position[axis].push(message.position_mm?.[axis] ?? null);
+    }
+    for (const list of [time, ...force, ...position]) {
+      if (list.length > HISTORY) list.shift();
+    }
+  }
+
+  #draw(now) {
+    requestAnimationFrame((next) => this.#draw(next));
+    if (!this.dirty || !this.plane) return;
+    this.dirty = false;
+    this.plane.draw(this.trail);
+    const { plots, rings, history } = this;
+    const played = (modelled) => rings.played.values.map((value, i) => (rings.modelled.values[i] === modelled ? value : null));
+    plots.vibration.set([ages, rings.measured.values, played(0), played(1)]);
+    plots.force.set([history.time, ...history.force]);
+    plots.position.set([history.time, ...history.position]);
+    if (now - this.spectraAt > SPECTRA_EVERY_MS) this.#spectra(now);
+    else this.dirty = true; // the spectra of the newest samples come with the next picture
+  }
+
+  #spectra(now) {
+    this.spectraAt = now;
+    const { rate_hz } = this.hello;
+    const { measured, played } = this.rings;
+    this.plots.spectra.set([frequencies(rate_hz), spectrum(measured.values, rate_hz), spectrum(played.values, rate_hz)]);
+  }
+}
+
+/** Draw a histogram of latencies and list figures beside it. */
+export function showLatencies(bounds_ms, counts, rows) {
+  drawBars($("latency"), bounds_ms, counts);
+  figures("link-figures", rows);
+}

@@ -1,0 +1,163 @@
+// A recording on the monitor's page: asks for one moment after the other and shows it.
+
+import { offerHelp } from "./help.js";
+import { decode } from "./link.js";
+import { Panels, number, showLatencies, text } from "./panels.js";
+import { TimeBar } from "./timebar.js";
+
+const EVERY_MS = 40;
+const GROWTH_EVERY_MS = 400;
+const RETRY_MS = 1000;
+const NO_MODEL = { samples: 0, order: null, cells: null, arrays: {} };
+const SOURCES = {
+  recorded: "as recorded",
+  rendered: "the leader's output was not recorded: rendered from the model of this moment",
+};
+
+const $ = (id) => document.getElementById(id);
+const panels = new Panels();
+const wait = (ms) => new Promise((resolve) => { setTimeout(resolve, ms); });
+
+let bar = null;
+let wanted = 0;
+let stale = true;
+let shownModel = null;
+let events = [];
+let lastEvent = null;
+
+/** Ask the program that shows the recording, again and again while it does not answer. */
+async function ask(path) {
+  for (;;) {
+    try {
+      const answer = await fetch(path);
+      if (!answer.ok) throw new Error((await answer.text()).trim());
+      const message = decode(await answer.arrayBuffer());
+      showState("live", "recording");
+      return message;
+    } catch (error) {
+      const gone = error instanceof TypeError;
+      showState("lost", gone ? "mmt session view has ended" : error.message);
+      await wait(RETRY_MS);
+    }
+  }
+}
+
+function showState(state, sentence) {
+  text("connection", sentence);
+  $("connection").dataset.state = state;
+  document.body.classList.toggle("lost", state !== "live");
+}
+
+/** Show the wanted moment whenever it is another one than is shown. */
+async function follow() {
+  for (;;) {
+    await wait(EVERY_MS);
+    if (!stale) continue;
+    stale = false;
+    const moment = await ask(`moment?time_s=${wanted}`);
+    if (moment.model !== shownModel) {
+      panels.model(moment.model === null ? NO_MODEL : await ask(`model?number=${moment.model}`));
+      shownModel = moment.model;
+    }
+    show(moment);
+  }
+}
+
+const orNull = (values) => Array.from(values, (value) => (Number.isNaN(value) ? null : value));
+const axes = (values) => [0, 1, 2].map((axis) => orNull(values.subarray((axis * values.length) / 3, ((axis + 1) * values.length) / 3)));
+
+function show(moment) {
+  const { arrays } = moment;
+  panels.rings.measured.values = orNull(arrays.measured);
+  panels.rings.played.values = orNull(arrays.played);
+  panels.rings.modelled.values = Array.from(arrays.modelled);
+  panels.history = { time: Array.from(arrays.time_s), force: axes(arrays.force_n), position: axes(arrays.position_mm) };
+  panels.trail.points = [];
+  for (let i = 0; i < arrays.trail.length; i += 3) {
+    const [x, y, force] = arrays.trail.subarray(i, i + 3);
+    panels.trail.add(Number.isNaN(x) ? null : { speed: Math.hypot(x, y), force, velocity: [x, y] });
+  }
+  panels.mode(moment.mode ?? "–", SOURCES[moment.source] ?? "nothing was played", `${moment.time_s.toFixed(2)} s`);
+  const sum = moment.completion;
+  panels.completion(sum?.distance, sum?.start_s ?? null, sum?.stop_s ?? null);
+  panels.plots.completion.mark(moment.time_s);
+  if (!moment.rebuilt) text("plane-text", "The model of this moment is being built.");
+  if (moment.link) showLink(moment.link);
+  showEvents(moment.time_s);
+  panels.dirty = true;
+}
+
+function showLink(link) {
+  showLatencies(link.bounds_ms ?? [], link.counts ?? [], {
+    "frames that did not arrive": String(link.missed),
+    "filled in later": String(link.filled),
+    "lost for good": String(link.lost),
+    "latency p50, p99, last 10 s": `${number(link.latency_p50_ms, 2)}, ${number(link.latency_p99_ms, 2)} ms`,
+    "clock offset": `${number(link.clock?.offset_ms, 3)} ± ${number(link.clock?.uncertainty_ms, 3)} ms`,
+    "clock drift": number(link.clock?.drift_ppm, 1, " ppm"),
+  });
+}
+
+function listEvents(happenings) {
+  events = happenings.map(([time_s, kind, sentence]) => {
+    const item = document.createElement("li");
+    const button = document.createElement("button");
+    const time = document.createElement("time");
+    time.textContent = `${time_s.toFixed(1)} s`;
+    button.append(time, sentence);
+    button.className = kind;
+    button.onclick = () => bar.go(time_s);
+    item.append(button);
+    return { time_s, item };
+  });
+  $("events").replaceChildren(...events.map(({ item }) => item));
+}
+
+/** Tell what has happened up to a time from what is still to come. */
+function showEvents(now_s) {
+  const last = events.findLastIndex(({ time_s }) => time_s <= now_s);
+  if (last === lastEvent) return;
+  lastEvent = last;
+  const list = $("events"), current = events[last]?.item;
+  list.scrollTop = current ? current.offsetTop - list.offsetTop - (list.clientHeight - current.offsetHeight) / 2 : 0;
+  events.forEach(({ item }, i) => {
+    item.classList.toggle("future", i > last);
+    if (i === last) item.setAttribute("aria-current", "time");
+    else item.removeAttribute("aria-current");
+  });
+}
+
+/** Show how the model grew, as far as it has been built again. */
+async function followGrowth(remarks) {
+  for (;;) {
+    const growth = await ask("growth");
+    panels.curve(growth.arrays);
+    if (growth.problem) remarks = [...remarks, `The model could not be built: ${growth.problem}`];
+    const share = Math.floor((100 * growth.reached_s) / bar.duration_s);
+    text("remarks", [...remarks, ...(growth.done ? [] : [`The model is being built: ${share} %.`])].join(" "));
+    stale = true;
+    if (growth.done) return;
+    await wait(GROWTH_EVERY_MS);
+  }
+}
+
+async function start() {
+  for (const part of document.querySelectorAll("[data-live]")) part.hidden = true;
+  $("remarks").hidden = false;
+  offerHelp("recording");
+  const opening = await ask("opening");
+  panels.begin(opening);
+  panels.model(NO_MODEL);
+  document.title = `mmt: ${opening.session}`;
+  $("link-panel").hidden = !opening.link;
+  bar = new TimeBar(opening.duration_s, (time_s) => {
+    wanted = time_s;
+    stale = true;
+  });
+  bar.mark(opening.happenings);
+  listEvents(opening.happenings);
+  followGrowth(opening.remarks);
+  follow();
+}
+
+start();

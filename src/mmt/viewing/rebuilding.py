@@ -1,0 +1,203 @@
+"""Build a recorded session's model again, beside the page, from its beginning to its end.
+
+As the live leader does: an update a period, nothing while the model was frozen, a new model
+where a person has reset it, no more once the stop criterion is met.
+"""
+
+import threading
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mmt.arrays import BoolArray, FloatArray, RecordArray
+from mmt.errors import MmtError
+from mmt.evaluation.building import update_blocks
+from mmt.session.recorded import JsonObject
+from mmt.session.windows import SessionWindows
+from mmt.texture.completion import cells_of
+from mmt.texture.modelling import ModelUpdate, OnlineModeller
+from mmt.texture.settings import ModellingSettings
+from mmt.viewing.snapshots import ModelSnapshots
+
+_SPAN_S: Final = 5.0
+"""Of the recording that are read at a time."""
+
+Span = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class ModelState:
+    """What there was of the model from a recording time on.
+
+    ``number`` is that of its snapshot, None where there was no model; ``start_s`` and
+    ``stop_s`` are the recording times at which the criteria were met, None before.
+    """
+
+    time_s: float
+    distance: float
+    number: int | None
+    start_s: float | None
+    stop_s: float | None
+
+
+class Rebuilding:
+    """Every state that the model of a recording had; states appear while it works.
+
+    Parameters
+    ----------
+    windows
+        The recording; closed at the end.
+    settings
+        Of the modelling.
+    period_s
+        Time between two updates.
+    """
+
+    def __init__(
+        self, windows: SessionWindows, settings: ModellingSettings, period_s: float
+    ) -> None:
+        self._windows = windows
+        self._settings = settings
+        self._period_frames = max(1, round(period_s * settings.rate_hz))
+        self._frozen = frozen_spans(windows.events, windows.duration_s)
+        self._snapshots = ModelSnapshots()
+        self._leave = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="mmt-rebuilding", daemon=True)
+        self.states: list[ModelState] = []
+        """In the order of their times; only appended to."""
+        self.reached_s = 0.0
+        """Recording time up to which the states are known."""
+        self.done = False
+        self.problem: str | None = None
+        """Why it ended early, None where it did not."""
+
+    def start(self) -> None:
+        """Begin, in a thread of its own."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End, also before it is done."""
+        self._leave.set()
+        if self._thread.ident is not None:
+            self._thread.join()
+        self._snapshots.close()
+        self._windows.close()
+
+    def at(self, time_s: float) -> ModelState | None:
+        """Return the state at a recording time, None before the first update."""
+        states = self.states
+        place = bisect_right(states, time_s, key=lambda state: state.time_s)
+        return states[place - 1] if place else None
+
+    @property
+    def snapshots(self) -> ModelSnapshots:
+        """The models, by the number in a state."""
+        return self._snapshots
+
+    # --- in the thread
+
+    def _run(self) -> None:
+        try:
+            resets = [e["at_s"] for e in self._windows.events if e.get("event") == "model reset"]
+            edges_s = [0.0, *sorted(max(0.0, float(at_s)) for at_s in resets), np.inf]
+            for number, begin_s in enumerate(edges_s[:-1]):
+                if number:
+                    empty = cells_of(3 if self._settings.inputs == "anisotropic" else 2).empty
+                    self.states.append(ModelState(begin_s, empty, None, None, None))
+                self._build((begin_s, min(edges_s[number + 1], self._windows.duration_s)))
+                if self._leave.is_set():
+                    return
+        except MmtError as error:
+            self.problem = str(error)
+        except Exception as error:  # noqa: BLE001 - the page goes on without a model, and says why
+            self.problem = f"{type(error).__name__}: {error}"
+        finally:
+            self.reached_s = self._windows.duration_s
+            self.done = True
+
+    def _build(self, span: Span) -> None:
+        """Build one model, from its first frame until it is complete, reset, or the end."""
+        modeller = OnlineModeller(self._settings)
+        number = None
+        last = None
+        for time_s, frames in self._blocks(span):
+            update = modeller.update(frames)
+            self.reached_s = time_s
+            if update.model is not last:
+                last = update.model
+                number = None if last is None else self._snapshots.add(last)
+            self.states.append(self._state(update, time_s, number))
+            if update.stopped or self._leave.is_set():
+                return
+
+    def _state(self, update: ModelUpdate, time_s: float, number: int | None) -> ModelState:
+        before = self.states[-1] if self.states else None
+        start_s = before.start_s if before is not None else None
+        return ModelState(
+            time_s=time_s,
+            distance=update.distance,
+            number=number,
+            start_s=start_s if start_s is not None or not update.started else time_s,
+            stop_s=time_s if update.stopped else None,
+        )
+
+    def _blocks(self, span: Span) -> Iterator[tuple[float, RecordArray]]:
+        """Yield the frames of each update, with the recording time of the newest one.
+
+        Frames that came late may lie a few milliseconds off, so the last two blocks of what
+        was read wait for what is read next. A model that was reset never saw its last,
+        shorter period; at the end of the recording nothing else is left.
+        """
+        begin_s, span_end_s = span
+        waiting: list[tuple[FloatArray, RecordArray]] = []
+        while begin_s < span_end_s:
+            end_s = min(begin_s + _SPAN_S, span_end_s)
+            window = self._windows.window(begin_s, end_s)
+            kept = ~in_spans(window.time_s, self._frozen)
+            waiting.append((window.time_s[kept], window.frames[kept]))
+            times_s, frames = (np.concatenate(columns) for columns in zip(*waiting, strict=True))
+            blocks = list(update_blocks(frames, self._period_frames))
+            done = len(blocks) - self._unused(blocks, end_s, span_end_s)
+            place = 0
+            for block in blocks[:done]:
+                place += len(block)
+                yield float(times_s[place - 1]), block
+            waiting = [(times_s[place:], frames[place:])]
+            begin_s = end_s
+            self.reached_s = max(self.reached_s, begin_s - _SPAN_S)
+
+    def _unused(self, blocks: Sequence[RecordArray], end_s: float, span_end_s: float) -> int:
+        """Return how many of the last blocks are not for an update now."""
+        if end_s < span_end_s:
+            return min(2, len(blocks))
+        if end_s >= self._windows.duration_s or not blocks:
+            return 0
+        last = blocks[-1]["sequence"]
+        return int(int(last[-1]) - int(last[0]) + 1 < self._period_frames)
+
+
+def frozen_spans(events: Sequence[JsonObject], end_s: float) -> list[Span]:
+    """Return from when to when a person had frozen the model, in recording time."""
+    spans: list[Span] = []
+    since_s: float | None = None
+    for event in events:
+        frozen = event.get("frozen")
+        if event.get("event") == "model reset":
+            frozen = False
+        if frozen is True and since_s is None:
+            since_s = float(event["at_s"])
+        elif frozen is False and since_s is not None:
+            spans.append((since_s, float(event["at_s"])))
+            since_s = None
+    return spans if since_s is None else [*spans, (since_s, end_s)]
+
+
+def in_spans(time_s: FloatArray, spans: Sequence[Span]) -> BoolArray:
+    """Say which times (n,) lie in one of the spans."""
+    inside = np.zeros(len(time_s), dtype=np.bool_)
+    for begin_s, end_s in spans:
+        inside |= (time_s >= begin_s) & (time_s < end_s)
+    return inside
