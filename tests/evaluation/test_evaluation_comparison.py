@@ -37,7 +37,7 @@ def test_what_differs_is_said_once_with_its_place_and_size(tmp_path: Path) -> No
         report(tmp_path / "a", evaluation()), report(tmp_path / "b", evaluation(steps=other))
     )
     (only,) = found.differences
-    assert (only.section, only.name) == ("sessions wood / steps 5", "gfc")
+    assert (only.section, only.name) == ("session / steps 5", "gfc")
     assert only.row == ("gfc", "0.95", "0.855", "-0.095", "0.9")
     assert found.equal == 6
     assert found.verdict == "1 figures and settings differ, 6 are equal."

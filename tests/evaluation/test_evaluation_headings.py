@@ -95,7 +95,7 @@ def test_a_model_that_does_not_know_the_heading_misses_what_the_heading_does(rid
 
 def test_by_heading_is_in_tables_report_and_json(ridged, tmp_path):
     write_report(tmp_path, [ridged])
-    assert (tmp_path / "figures" / "1-session-headings.png").exists()
+    assert (tmp_path / "figures" / "headings.png").exists()
     text = (tmp_path / "report.md").read_text(encoding="utf-8")
     assert "mean over headings: power" in text
     summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
@@ -133,7 +133,7 @@ def test_an_anisotropic_session_has_scores_cells_and_pictures(directed, tmp_path
     write_report(tmp_path, [directed])
     text = (tmp_path / "report.md").read_text(encoding="utf-8")
     assert "seen along the force" in text
-    assert (tmp_path / "figures" / "1-session-model.png").exists()
+    assert (tmp_path / "figures" / "model.png").exists()
 
 
 def test_isotropic_textures_have_no_errors_by_heading():

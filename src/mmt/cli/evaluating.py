@@ -22,11 +22,12 @@ def evaluate_files(
     report: Path | None,
 ) -> None:
     """Evaluate session files, print the table, and write what is asked for."""
-    evaluations = []
+    evaluations, scenes = [], []
     for path in track(paths, "evaluating", console=messages, transient=True):
         session = read_session(path)
         scene = scene_of(session, scene_file)
         evaluations.append(evaluate(session, scene, step_s=step_s, seed=seed))
+        scenes.append(scene.dump())
     if len(evaluations) == 1:
         output.print(step_table(evaluations[0]))
     output.print(evaluation_table(evaluations))
@@ -40,5 +41,8 @@ def evaluate_files(
         )
     write_json(json_file, evaluations_as_dict(evaluations))
     if report is not None:
-        write_report(report, evaluations, title="Evaluation")
+        one = all(scene == scenes[0] for scene in scenes)
+        names = [evaluation.name for evaluation in evaluations]
+        shown = scenes[0] if one else dict(zip(names, scenes, strict=True))
+        write_report(report, evaluations, title="Evaluation", scene=shown)
         messages.print(f"report: {report / 'report.html'}", highlight=False)

@@ -1,6 +1,7 @@
 """Evaluate what a run has recorded, and report it."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ def report_recording(directory: Path, recording: Path, run: Mapping[str, Any]) -
     scene = scene_of(session)
     evaluations: list[Evaluation] = []
     if len(session.frames) and scene.texture is not None:
-        evaluations.append(evaluate(session, scene))
+        evaluations.append(replace(evaluate(session, scene), name=scene.session.name))
         output.print(evaluation_table(evaluations))
         output.print(evaluations[0].coverage.remark, highlight=False)
     write_report(

@@ -110,19 +110,22 @@ def compare_reports(left: Path, right: Path) -> Comparison:
         for key in both
         if not _same(first.get(key), second.get(key))
     )
-    names = {path.name for folder in (left, right) for path in (folder / FIGURES).glob("*.png")}
-    return Comparison(left, right, differences, len(both) - len(differences), tuple(sorted(names)))
+    names = sorted(_figure_names(left) | _figure_names(right))
+    return Comparison(left, right, differences, len(both) - len(differences), tuple(names))
 
 
 def figures(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str, str], object]]:
     """Yield ((section, name), value) of every single value, in order.
 
     The section is the path to the innermost table that a value is in. An evaluation's single
-    session stands once, under its name, not at the top as well.
+    session stands once, not at the top as well, and under no name of its own: two sessions are
+    compared whatever their files are called.
     """
     sessions = data.get("sessions")
     if isinstance(sessions, list) and len(sessions) == 1 and isinstance(sessions[0], Mapping):
-        data = {k: v for k, v in data.items() if k not in sessions[0] or k in ("scene", "run")}
+        others = {k: v for k, v in data.items() if k not in sessions[0] or k in ("scene", "run")}
+        del others["sessions"]
+        data = {"session": sessions[0], **others}
     yield from _walk(data, ())
 
 
@@ -161,6 +164,16 @@ def _picture(letter: str, folder: Path, name: str) -> Picture | None:
         return Picture(f"{FIGURES}/{letter}-{name}", path.read_bytes(), f"{letter}: {folder}")
     except OSError as error:
         raise InputError(f"report {path}: {error.strerror or error}") from error
+
+
+def _figure_names(folder: Path) -> set[str]:
+    """Return the figures that a report shows; its folder may have those of an earlier one."""
+    names = {path.name for path in (folder / FIGURES).glob("*.png")}
+    try:
+        text = (folder / "report.md").read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return names
+    return {name for name in names if f"({FIGURES}/{name})" in text}
 
 
 def _load(folder: Path) -> tuple[str, Mapping[str, Any]]:

@@ -4,7 +4,7 @@ import base64
 import html
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 
 @dataclass(frozen=True)
@@ -42,9 +42,37 @@ class Picture:
 
 @dataclass(frozen=True)
 class SideBySide:
-    """Pictures to be compared; one above the other where the page is narrow."""
+    """Pictures to be compared; one above the other where they are wide or the page is narrow."""
 
     pictures: Sequence[Picture]
+
+    @property
+    def inner(self) -> Sequence[Picture]:
+        """Return what stands beside each other."""
+        return self.pictures
+
+    @property
+    def kind(self) -> str:
+        """Return the class in HTML: a picture may be too wide to be read on half a page."""
+        sizes = [(each.png[16:20], each.png[20:24]) for each in self.pictures]  # as PNG has them
+        wide = any(
+            int.from_bytes(width, "big") > _WIDE * int.from_bytes(height, "big")
+            for width, height in sizes
+        )
+        return "beside wide" if wide else "beside"
+
+
+@dataclass(frozen=True)
+class SmallTables:
+    """Tables that stand beside each other where there is room."""
+
+    tables: Sequence[Table]
+    kind: ClassVar = "tables"
+
+    @property
+    def inner(self) -> Sequence[Table]:
+        """Return what stands beside each other."""
+        return self.tables
 
 
 @dataclass(frozen=True)
@@ -55,7 +83,9 @@ class Listing:
     text: str
 
 
-Block = Heading | Paragraph | Table | Picture | SideBySide | Listing
+Block = Heading | Paragraph | Table | Picture | SideBySide | SmallTables | Listing
+
+_WIDE: Final = 2.6
 
 _STYLE: Final = """
 :root { color-scheme: light dark; --line: #c9ced6; --soft: #f3f5f8; --text: #1b1f24;
@@ -75,17 +105,32 @@ table { border-collapse: collapse; font-size: .92rem; font-variant-numeric: tabu
 caption { text-align: left; color: var(--quiet); padding-bottom: .35rem; }
 th, td { padding: .3rem .75rem; border-bottom: 1px solid var(--line); text-align: left;
   vertical-align: top; }
-th { background: var(--soft); font-weight: 600; }
-.number { text-align: right; white-space: nowrap; }
+th { background: var(--soft); font-weight: 600; vertical-align: bottom; }
+.number { text-align: right; }
+td.number { white-space: nowrap; }
+.tables { columns: 19rem; column-gap: 2rem; }
+.tables td { overflow-wrap: anywhere; }
+.tables .scroll { break-inside: avoid; margin-top: 0; }
 figure { margin: 1.2rem 0; }
 figure img { max-width: 100%; height: auto; background: #ffffff; border-radius: 6px;
   border: 1px solid var(--line); }
 .beside { display: grid; gap: 0 1.2rem;
   grid-template-columns: repeat(auto-fit, minmax(min(22rem, 100%), 1fr)); }
+.wide { grid-template-columns: 1fr; }
 figcaption { color: var(--quiet); font-size: .92rem; max-width: 46rem; }
 summary { cursor: pointer; margin-top: 1rem; }
 pre { background: var(--soft); padding: .8rem 1rem; overflow-x: auto; border-radius: 6px;
   font-size: .85rem; line-height: 1.4; }
+@media (max-width: 60rem) { th, td { padding: .3rem .4rem; } }
+@media print {
+  body { max-width: none; margin: 0; padding: 0; font-size: 10pt; }
+  .scroll, pre { overflow: visible; }
+  pre { white-space: pre-wrap; }
+  th, td { padding: .15rem .4rem; }
+  h2, h3, caption { break-after: avoid; }
+  figure, tr { break-inside: avoid; }
+  details::details-content { display: block; content-visibility: visible; }
+}
 """
 
 
@@ -112,8 +157,8 @@ def _markdown(block: Block) -> str:
         return f"{block.text}\n"
     if isinstance(block, Picture):
         return f"![{block.caption}]({block.source})\n\n*{block.caption}*\n"
-    if isinstance(block, SideBySide):
-        return "\n".join(_markdown(each) for each in block.pictures)
+    if isinstance(block, SideBySide | SmallTables):
+        return "\n".join(map(_markdown, block.inner))
     if isinstance(block, Listing):
         return f"{block.title}:\n\n```\n{block.text.rstrip()}\n```\n"
     return _markdown_table(block)
@@ -142,8 +187,8 @@ def _html(block: Block) -> str:
             f'<figure><img src="data:image/png;base64,{data}" alt="{caption}">'
             f"<figcaption>{caption}</figcaption></figure>"
         )
-    if isinstance(block, SideBySide):
-        return f'<div class="beside">{"".join(map(_html, block.pictures))}</div>'
+    if isinstance(block, SideBySide | SmallTables):
+        return f'<div class="{block.kind}">{"".join(map(_html, block.inner))}</div>'
     if isinstance(block, Listing):
         return (
             f"<details><summary>{html.escape(block.title)}</summary>"

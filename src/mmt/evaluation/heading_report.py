@@ -51,6 +51,6 @@ def heading_blocks(evaluation: Evaluation, prefix: str) -> list[Block]:
         return []
     caption = f"Errors against the known texture by heading, at {evaluation.final.time_s:.1f} s."
     return [
-        picture(f"{prefix}-headings", caption, errors_by_heading(evaluation)),
+        picture(f"{prefix}headings", caption, errors_by_heading(evaluation)),
         tables.by_heading(evaluation),
     ]

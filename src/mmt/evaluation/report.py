@@ -74,7 +74,10 @@ def write_report(
     if run:
         blocks += tables.run_blocks(run)
     for place, evaluation in enumerate(evaluations):
-        blocks += _session(evaluation, f"{place + 1}-{_file_name(evaluation.name)}")
+        # a single session's figures bear no name, so that those of two reports make pairs
+        alone = len(evaluations) == 1
+        prefix = "" if alone else f"{place + 1}-{_file_name(evaluation.name)}-"
+        blocks += _session(evaluation, prefix)
     blocks += _appendix(scene, with_scores=bool(evaluations))
     summary = {**evaluations_as_dict(evaluations), "environment": environment()}
     summary |= {"scene": scene} if scene is not None else {}
@@ -139,7 +142,7 @@ def _session(evaluation: Evaluation, prefix: str) -> list[Block]:
         Paragraph(evaluation.coverage.remark),
         tables.moments(evaluation),
         picture(
-            f"{prefix}-model",
+            f"{prefix}model",
             _GROWTH[evaluation.settings.inputs],
             model_growth(evaluation),
         ),
@@ -147,7 +150,7 @@ def _session(evaluation: Evaluation, prefix: str) -> list[Block]:
     if evaluation.held_out:
         blocks += [
             picture(
-                f"{prefix}-spectra",
+                f"{prefix}spectra",
                 "Held-out segments: measured, and synthesized by the model rebuilt without "
                 f"them, at {evaluation.final.time_s:.1f} s.",
                 figures.held_out_spectra(evaluation),
@@ -157,7 +160,7 @@ def _session(evaluation: Evaluation, prefix: str) -> list[Block]:
     if evaluation.power_map is not None:
         blocks += [
             picture(
-                f"{prefix}-errors",
+                f"{prefix}errors",
                 f"The model at {evaluation.final.time_s:.1f} s against the known texture; dots: "
                 "samples; circles: the worst points.",
                 figures.power_error_map(evaluation),

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from mmt.evaluation.document import Block, Heading, Table
+from mmt.evaluation.document import Block, Heading, SmallTables, Table
 from mmt.evaluation.grid_errors import SectorErrors
 from mmt.evaluation.results import Evaluation, Score
 from mmt.evaluation.strokes import SECTOR_DEG
@@ -202,17 +202,18 @@ def _errors(heading: str, models: Sequence[SectorErrors]) -> list[str]:
 
 def run_blocks(run: Mapping[str, object]) -> list[Block]:
     """Return a section for each table of a run; lists of tables inside become tables."""
-    blocks: list[Block] = [Heading("The run")]
-    blocks += _group("", {name: v for name, v in run.items() if not isinstance(v, Mapping)})
+    single = {name: value for name, value in run.items() if not isinstance(value, Mapping)}
+    blocks: list[Block] = [Heading("The run"), *_group("", single)]
     for name, content in run.items():
         if not isinstance(content, Mapping):
             continue
         title = label(name)
         blocks.append(Heading(title[:1].upper() + title[1:], 3))
-        blocks += _group("", {n: v for n, v in content.items() if not isinstance(v, Mapping)})
+        found = _group("", {n: v for n, v in content.items() if not isinstance(v, Mapping)})
         for inner, table in content.items():
             if isinstance(table, Mapping):
-                blocks += _group(label(inner), table)
+                found += _group(label(inner), table)
+        blocks.append(SmallTables(found))
     return blocks
 
 
