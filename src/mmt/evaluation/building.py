@@ -8,6 +8,7 @@ import numpy as np
 from mmt.arrays import RecordArray
 from mmt.texture.model import TextureModel
 from mmt.texture.modelling import ModelUpdate, OnlineModeller
+from mmt.texture.pieces import CELL
 from mmt.texture.segmentation import Segment
 from mmt.texture.settings import ModellingSettings
 
@@ -55,15 +56,16 @@ def update_blocks(frames: RecordArray, period_frames: int) -> Iterator[RecordArr
 def trials(sessions: Sequence[RecordArray]) -> list[RecordArray]:
     """Return the frames of several sessions as blocks of one, a block for each.
 
-    They are numbered on, with a frame left out in between: there filters start anew, and no
-    segment reaches from one session into the next.
+    They are numbered on, with frames left out in between: there filters start anew, and no
+    segment reaches from one session into the next. Each begins on the segmentation's grid, so
+    that it gives the same segments whatever comes before it.
     """
     blocks, following = [], 0
     for frames in sessions:
         block = frames.copy()
         numbers = frames["sequence"].astype(np.int64)
         block["sequence"] = numbers - int(numbers.min()) + following
-        following = int(block["sequence"].max()) + 2
+        following = (int(block["sequence"].max()) + 1 + CELL) // CELL * CELL
         blocks.append(block)
     return blocks
 

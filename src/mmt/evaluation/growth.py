@@ -38,7 +38,7 @@ def model_growth(evaluation: Evaluation, panels: int = 4) -> Figure:
         if model is not None:
             _draw_model(axis, model)
         count = 0 if model is None else len(model.samples)
-        axis.set_title(f"{time_s:g} s, {count} samples", fontsize=10)
+        axis.set_title(f"{round(time_s, 1):g} s, {count} samples", fontsize=10)
         axis.set_xlabel("speed (mm/s)")
         axis.set(xlim=(0, MAXIMUM_SPEED_MM_S), ylim=(0, MAXIMUM_FORCE_N))
     axes[0].set_ylabel("normal force (N)")
@@ -70,7 +70,7 @@ def _velocity_growth(evaluation: Evaluation, panels: int) -> Figure:
             lw=0.4,
             zorder=3,
         )
-        axis.set_title(f"{time_s:g} s, {len(samples)} samples", fontsize=10)
+        axis.set_title(f"{round(time_s, 1):g} s, {len(samples)} samples", fontsize=10)
         axis.set_xlabel("velocity x (mm/s)")
         reach = 1.05 * MAXIMUM_SPEED_MM_S
         axis.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")

@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-import numpy as np
-
 from mmt.arrays import RecordArray
 from mmt.devices.simulated.offline import simulate_session
 from mmt.devices.simulated.surfaces import Surface
 from mmt.devices.simulated.textures import get_surface
 from mmt.errors import InputError
+from mmt.evaluation.building import trials
 from mmt.evaluation.grid_errors import SectorErrors, overall
 from mmt.evaluation.truth import KnownTexture
 from mmt.hand_table import Hand
@@ -46,19 +45,19 @@ def settings_of(surface: Surface) -> ModellingSettings:
     return ModellingSettings(inputs=inputs, interpolator="rbf")
 
 
-def build(trials: Sequence[RecordArray], settings: ModellingSettings) -> TextureModel:
+def build(sessions: Sequence[RecordArray], settings: ModellingSettings) -> TextureModel:
     """Build the model of a surface from trials on it, as it is shipped.
 
     In two passes, so that the common order is chosen from the segments of all trials, where
     a leader settles it when the start criterion is met. The model is made once, of all
     samples, and so is the same as one that is loaded from its file.
     """
-    fits = list(_modelled(trials, settings).fits.values())
+    fits = list(_modelled(sessions, settings).fits.values())
     segments = [fit.segment.vibration_m_s2 for fit in fits]
     order = choose_order(segments, largest=HIGHEST_AUTOMATIC_ORDER)
-    gathered = _modelled(trials, replace(settings, order=order)).model
+    gathered = _modelled(sessions, replace(settings, order=order)).model
     if gathered is None:
-        raise InputError(f"no steady stroke in {len(trials)} trials: nothing can be modelled")
+        raise InputError(f"no steady stroke in {len(sessions)} trials: nothing can be modelled")
     return TextureModel(
         gathered.samples,
         interpolate=settings.interpolate,
@@ -67,16 +66,10 @@ def build(trials: Sequence[RecordArray], settings: ModellingSettings) -> Texture
     )
 
 
-def _modelled(trials: Sequence[RecordArray], settings: ModellingSettings) -> OnlineModeller:
-    """Feed trials to a modeller that interpolates in the cheapest way.
-
-    Each begins at a round number, so that all lie on the same grid of cells; no segment
-    reaches over the gap in between.
-    """
+def _modelled(sessions: Sequence[RecordArray], settings: ModellingSettings) -> OnlineModeller:
+    """Feed trials to a modeller that interpolates in the cheapest way."""
     modeller = OnlineModeller(replace(settings, interpolator="nearest"))
-    for number, frames in enumerate(trials):
-        block = frames.copy()
-        block["sequence"] += np.uint32(number * 10 * round(DURATION_S * settings.rate_hz))
+    for block in trials(sessions):
         modeller.update(block)
     return modeller
 

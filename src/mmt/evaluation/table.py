@@ -41,7 +41,7 @@ def as_rich(table: document.Table) -> rich.console.Group:
             name.replace(" ", "\n"),
             justify="right" if numeric else "left",
             no_wrap=numeric,
-            min_width=12 if place == 0 and not numeric else None,
+            min_width=8 if place == 0 and not numeric else None,
             overflow="fold",
             vertical="bottom",
         )

@@ -82,7 +82,10 @@ def explain(
         )
     elif boundary >= _MUCH:
         limit = "beyond the samples"
-        reason = f"boundary points weigh {boundary:.0%} here; {place} is {far}"
+        beyond = f"boundary points weigh {boundary:.0%} here"
+        if model.interpolator == "rbf":
+            beyond = "the network goes beyond its samples here"
+        reason = f"{beyond}; {place} is {far}"
     elif there.much_of(error, shape=shape):
         limit = "fit"
         reason = f"the model's {what} at {place} itself has {value}"
