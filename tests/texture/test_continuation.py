@@ -7,9 +7,10 @@ from hypothesis.extra import numpy as hnp
 from scipy.signal import lfilter
 
 from mmt.errors import InputError
+from mmt.texture.amplitude_spectra import amplitude_spectra
 from mmt.texture.autoregression import burg, reflection_to_ar, reflection_to_lsf
 from mmt.texture.concealment import continuation
-from mmt.texture.metrics import amplitude_spectra, power_error_db
+from mmt.texture.metrics import power_error_db
 
 finite = st.floats(-1e300, 1e300)
 pasts = st.integers(48, 200).flatmap(

@@ -8,12 +8,10 @@ from hypothesis.extra import numpy as hnp
 from scipy.signal import lfilter, welch
 
 from mmt.errors import InputError
+from mmt.texture.amplitude_spectra import amplitude_spectra, amplitude_spectrum, expected_amplitude
 from mmt.texture.autoregression import reflection_to_ar
 from mmt.texture.metrics import (
     JND_DB,
-    amplitude_spectra,
-    amplitude_spectrum,
-    expected_amplitude,
     gfc,
     gfc_ceiling,
     gfc_of_psd,

@@ -13,7 +13,8 @@ import numpy as np
 
 from mmt.arrays import FloatArray
 from mmt.evaluation.levels import level_error_db
-from mmt.texture.metrics import amplitude_spectra, amplitude_spectrum, gfc_of_rows
+from mmt.texture.amplitude_spectra import amplitude_spectra, amplitude_spectrum
+from mmt.texture.metrics import gfc_of_rows
 from mmt.texture.model import TextureModel
 from mmt.texture.segmentation import Segment
 from mmt.texture.synthesis import Synthesizer

@@ -14,8 +14,9 @@ from mmt.evaluation.grid_errors import SectorErrors, overall
 from mmt.evaluation.truth import KnownTexture
 from mmt.hand_table import Hand
 from mmt.scene import Scene
+from mmt.texture.fits import HIGHEST_AUTOMATIC_ORDER
 from mmt.texture.model import TextureModel
-from mmt.texture.modelling import HIGHEST_AUTOMATIC_ORDER, OnlineModeller
+from mmt.texture.modelling import OnlineModeller
 from mmt.texture.ordering import choose_order
 from mmt.texture.settings import Inputs, ModellingSettings
 

@@ -13,11 +13,10 @@ from mmt.session import RecordedSession
 from mmt.texture.autoregression import reflection_to_lsf
 from mmt.texture.burg import burg_batch
 from mmt.texture.filtering import StreamFilter
+from mmt.texture.fits import automatic_order
 from mmt.texture.inputs import InputSpace
 from mmt.texture.metrics import gfc_of_rows
 from mmt.texture.model import TextureModel
-from mmt.texture.modelling import HIGHEST_AUTOMATIC_ORDER, ORDER_SEGMENTS
-from mmt.texture.ordering import choose_order
 from mmt.texture.samples import TextureSamples
 from mmt.texture.segmentation import Segment, SegmentationSettings, segment
 from mmt.texture.selection import ModelPoints
@@ -86,10 +85,7 @@ def pool_sessions(sessions: Sequence[RecordedSession], settings: ModellingSettin
     if not segments:
         raise MmtError("too few steady strokes: there is no segment to select from")
     vibration = [part.vibration_m_s2 for part in segments]
-    largest = min(HIGHEST_AUTOMATIC_ORDER, settings.shortest_samples // 4)
-    order = settings.order
-    if order == "auto":
-        order = choose_order(vibration[-ORDER_SEGMENTS:], largest=largest)
+    order = automatic_order(segments, settings) if settings.order == "auto" else settings.order
     fits = burg_batch(vibration, order)
     samples = TextureSamples(
         np.array([part.inputs(space) for part in segments]),

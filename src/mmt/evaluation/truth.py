@@ -19,8 +19,9 @@ from mmt.evaluation.levels import bounded_error_db
 from mmt.evaluation.results import PowerMap, Worst
 from mmt.evaluation.strokes import Strokes, all_headings, over_plane
 from mmt.evaluation.worst import Error, explain
+from mmt.texture.amplitude_spectra import expected_amplitude
 from mmt.texture.autoregression import ar_spectrum, lsf_to_ar, lsf_to_reflection, output_power
-from mmt.texture.metrics import expected_amplitude, gfc_of_rows
+from mmt.texture.metrics import gfc_of_rows
 from mmt.texture.model import TextureModel
 from mmt.texture.settings import ModellingSettings
 

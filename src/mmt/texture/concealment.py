@@ -22,7 +22,7 @@ import numpy as np
 from mmt.arrays import FloatArray
 from mmt.compiled import kernel
 from mmt.errors import InputError
-from mmt.texture.burg import burg_into
+from mmt.texture.burg_recursion import burg_into
 from mmt.texture.lattice import lattice_step
 from mmt.texture.settings import LARGEST_ORDER
 

@@ -18,15 +18,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mmt.arrays import FloatArray, RecordArray
-from mmt.texture.autoregression import reflection_to_lsf
-from mmt.texture.burg import burg_batch
 from mmt.texture.completion import CompletionMonitor
-from mmt.texture.effective_length import effective_samples
 from mmt.texture.filtering import StreamFilter
+from mmt.texture.fits import Fit, automatic_order, fit_segments, samples_of
 from mmt.texture.inputs import InputSpace
 from mmt.texture.interpolators import load
-from mmt.texture.model import TextureModel, TextureSamples
-from mmt.texture.ordering import choose_order
+from mmt.texture.model import TextureModel
 from mmt.texture.segmentation import OnlineSegmenter, Segment, SegmentationSettings
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.stopwatch import Stopwatch
@@ -34,30 +31,10 @@ from mmt.texture.stopwatch import Stopwatch
 if TYPE_CHECKING:
     from mmt.texture.selection.online import OnlineSelection
 
-HIGHEST_AUTOMATIC_ORDER: Final = 24
-"""What "auto" may choose at most; a segment has at least four times as many samples."""
-
 LARGEST_MODEL: Final = 1000
 """Samples of a model; of the two that lie closest, the older one leaves for the next."""
 
-ORDER_SEGMENTS: Final = 100
-"""So many of the newest segments choose an automatic order."""
-
 SegmentRange = tuple[int, int]
-
-
-@dataclass(frozen=True)
-class Fit:
-    """One segment as a sample of the model."""
-
-    segment: Segment
-    lsf: FloatArray
-    variance: float
-    power: float
-    effective: float
-    """Independent samples that the power is worth."""
-    number: int = 0
-    """Its own among the fits of a modeller."""
 
 
 @dataclass(frozen=True)
@@ -218,28 +195,12 @@ class OnlineModeller:
         """
         if self.settings.order == "auto" and segments and not self.completion.started:
             everything = [*(fit.segment for fit in self.fits.values()), *segments]
-            newest = [s.vibration_m_s2 for s in everything[-ORDER_SEGMENTS:]]
-            largest = min(HIGHEST_AUTOMATIC_ORDER, self.settings.shortest_samples // 4)
-            before, self.order = self.order, choose_order(newest, largest=largest)
+            before, self.order = self.order, automatic_order(everything, self.settings)
             segments = segments if self.order == before else everything
-        order = self.order
-        usable = [s for s in segments if order is not None and len(s.vibration_m_s2) > order]
-        if order is None or not usable:
+        if self.order is None:
             return
-        fits = burg_batch([s.vibration_m_s2 for s in usable], order)
-        lsf = reflection_to_lsf(fits.reflection)
-        effective = effective_samples(lsf, np.array([len(s.vibration_m_s2) for s in usable]))
-        for index, segment in enumerate(usable):
-            fit = Fit(
-                segment,
-                lsf[index],
-                float(fits.variance[index]),
-                float(fits.power[index]),
-                float(effective[index]),
-                next(self._numbers),
-            )
-            if _is_filter(fit):
-                self.fits[segment.start, segment.stop] = fit
+        for fit in fit_segments(segments, self.order, self._numbers):
+            self.fits[fit.segment.start, fit.segment.stop] = fit
 
     def _thin_out(self) -> int:
         """Keep the model at its largest size; return how many samples leave.
@@ -261,7 +222,7 @@ class OnlineModeller:
         if self._selection is None or not everything:
             return False
         found = self._selection.choose(
-            self._samples(everything),
+            samples_of(everything, self.space),
             [fit.segment.vibration_m_s2 for fit in everything],
             [fit.number for fit in everything],
         )
@@ -279,7 +240,7 @@ class OnlineModeller:
             self.model = None
             return
         self.model = TextureModel(
-            self._samples(self._chosen),
+            samples_of(self._chosen, self.space),
             interpolate=self.settings.interpolate,
             interpolator=self.settings.interpolator,
             level=self.settings.level,
@@ -287,21 +248,11 @@ class OnlineModeller:
             rate_hz=self.settings.rate_hz,
         )
 
-    def _samples(self, fits: list[Fit]) -> TextureSamples:
-        return TextureSamples(
-            inputs=np.array([fit.segment.inputs(self.space) for fit in fits]),
-            lsf=np.array([fit.lsf for fit in fits]),
-            variance=np.array([fit.variance for fit in fits]),
-            power=np.array([fit.power for fit in fits]),
-            space=self.space,
-            effective=np.array([fit.effective for fit in fits]),
-        )
-
     def _points(self, fits: list[Fit]) -> FloatArray:
         """Return the normalised points of fits, shape (n, d)."""
         if not fits:
             return np.empty((0, self.space.dimensions))
-        return self._samples(fits).points
+        return samples_of(fits, self.space).points
 
 
 def _selection(settings: ModellingSettings) -> "OnlineSelection | None":
@@ -311,9 +262,3 @@ def _selection(settings: ModellingSettings) -> "OnlineSelection | None":
     from mmt.texture.selection.online import OnlineSelection
 
     return OnlineSelection(settings.selection)
-
-
-def _is_filter(fit: Fit) -> bool:
-    """Say whether a fit can stand in a model: no power that overflows, no merged LSF."""
-    ascending = bool((np.diff(fit.lsf, prepend=0.0, append=np.pi) > 0).all())
-    return ascending and bool(np.isfinite(fit.power))

@@ -25,7 +25,7 @@ import numpy as np
 
 from mmt.arrays import FloatArray
 from mmt.compiled import kernel
-from mmt.texture.burg import LARGEST_REFLECTION
+from mmt.texture.burg_recursion import LARGEST_REFLECTION
 from mmt.texture.laguerre import LANES, STATE_SIZE, X, begin_search, improve, is_found
 from mmt.texture.qd import add_mass, move_origin
 

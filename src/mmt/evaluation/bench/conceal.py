@@ -15,7 +15,8 @@ from mmt.evaluation.bench.textures import RATE_HZ, session
 from mmt.leader.concealment import Concealment, Continuation, FadeOut, backwards, modelled
 from mmt.leader.playout import PlayoutBuffer
 from mmt.leader.stream import StreamedVibration
-from mmt.texture.metrics import amplitude_spectra, gfc_of_rows, log_spectral_distance_db
+from mmt.texture.amplitude_spectra import amplitude_spectra
+from mmt.texture.metrics import gfc_of_rows, log_spectral_distance_db
 
 MODEL: Final = "mmt, model"
 BACKWARDS: Final = "mmt, repetition"

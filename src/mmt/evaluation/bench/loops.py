@@ -9,7 +9,7 @@ from mmt.arrays import FloatArray
 from mmt.evaluation.bench import native, signals
 from mmt.evaluation.bench.measuring import interleave
 from mmt.evaluation.bench.results import MICROSECONDS, Cell, LeftOut, Records
-from mmt.texture.burg import burg_each_into
+from mmt.texture.burg_recursion import burg_each_into
 from mmt.texture.lsf import lsf_to_ar_each_into
 
 Compared = tuple[tuple[Records, ...], tuple[LeftOut, ...]]

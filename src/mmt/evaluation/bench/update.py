@@ -24,8 +24,9 @@ from mmt.evaluation.bench.results import (
 )
 from mmt.evaluation.bench.textures import exact_samples, scattered, session
 from mmt.texture.effective_length import UNKNOWN
+from mmt.texture.fits import Fit
 from mmt.texture.model import TextureModel, TextureSamples
-from mmt.texture.modelling import Fit, OnlineModeller
+from mmt.texture.modelling import OnlineModeller
 from mmt.texture.segmentation import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.synthesis import Synthesizer

@@ -10,7 +10,8 @@ import numpy as np
 from mmt.arrays import BoolArray, FloatArray
 from mmt.devices.simulated.textures import get_surface
 from mmt.evaluation.selection.trials import Trials, points_of, simulate_trials
-from mmt.texture.metrics import expected_amplitude, gfc_of_rows
+from mmt.texture.amplitude_spectra import expected_amplitude
+from mmt.texture.metrics import gfc_of_rows
 from mmt.texture.selection import ModelPoints, select, select_published
 from mmt.texture.selection.enclosing import enclose_each
 from mmt.texture.spectra import lsf_spectrum

@@ -17,7 +17,7 @@ from mmt.texture.autoregression import (
     output_power,
     reflection_to_lsf,
 )
-from mmt.texture.burg import LARGEST_REFLECTION
+from mmt.texture.burg_recursion import LARGEST_REFLECTION
 from mmt.texture.lsf import lsf_inverse_gain
 from mmt.texture.model import TextureModel, TextureSamples
 from mmt.texture.synthesis import Synthesizer

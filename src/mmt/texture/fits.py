@@ -1,0 +1,88 @@
+"""Segments as samples of a model: fitted filters of one common order.
+
+Burg's method for each (`mmt.texture.burg`), the order chosen from the newest of them where it is
+not given. Cost: O(samples x order).
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mmt.arrays import FloatArray
+from mmt.texture.autoregression import reflection_to_lsf
+from mmt.texture.burg import burg_batch
+from mmt.texture.effective_length import effective_samples
+from mmt.texture.inputs import InputSpace
+from mmt.texture.ordering import choose_order
+from mmt.texture.samples import TextureSamples
+from mmt.texture.segmentation import Segment
+from mmt.texture.settings import ModellingSettings
+
+HIGHEST_AUTOMATIC_ORDER: Final = 24
+"""What "auto" may choose at most; a segment has at least four times as many samples."""
+
+ORDER_SEGMENTS: Final = 100
+"""So many of the newest segments choose an automatic order."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """One segment as a sample of the model."""
+
+    segment: Segment
+    lsf: FloatArray
+    variance: float
+    power: float
+    effective: float
+    """Independent samples that the power is worth."""
+    number: int = 0
+    """Its own among the fits of a modeller."""
+
+
+def automatic_order(segments: Sequence[Segment], settings: ModellingSettings) -> int:
+    """Return the order that the newest segments call for."""
+    newest = [segment.vibration_m_s2 for segment in segments[-ORDER_SEGMENTS:]]
+    largest = min(HIGHEST_AUTOMATIC_ORDER, settings.shortest_samples // 4)
+    return choose_order(newest, largest=largest)
+
+
+def fit_segments(segments: Sequence[Segment], order: int, numbers: Iterator[int]) -> list[Fit]:
+    """Fit segments, each with a number of its own; what gives no filter is left out."""
+    usable = [segment for segment in segments if len(segment.vibration_m_s2) > order]
+    if not usable:
+        return []
+    fits = burg_batch([segment.vibration_m_s2 for segment in usable], order)
+    lsf = reflection_to_lsf(fits.reflection)
+    effective = effective_samples(lsf, np.array([len(s.vibration_m_s2) for s in usable]))
+    fitted = [
+        Fit(
+            segment,
+            lsf[index],
+            float(fits.variance[index]),
+            float(fits.power[index]),
+            float(effective[index]),
+            next(numbers),
+        )
+        for index, segment in enumerate(usable)
+    ]
+    return [fit for fit in fitted if _is_filter(fit)]
+
+
+def samples_of(fits: Sequence[Fit], space: InputSpace) -> TextureSamples:
+    """Return fits as the samples of a model."""
+    return TextureSamples(
+        inputs=np.array([fit.segment.inputs(space) for fit in fits]),
+        lsf=np.array([fit.lsf for fit in fits]),
+        variance=np.array([fit.variance for fit in fits]),
+        power=np.array([fit.power for fit in fits]),
+        space=space,
+        effective=np.array([fit.effective for fit in fits]),
+    )
+
+
+def _is_filter(fit: Fit) -> bool:
+    """Say whether a fit can stand in a model: no power that overflows, no merged LSF."""
+    ascending = bool((np.diff(fit.lsf, prepend=0.0, append=np.pi) > 0).all())
+    return ascending and bool(np.isfinite(fit.power))
