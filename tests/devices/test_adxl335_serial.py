@@ -203,11 +203,15 @@ def test_a_board_that_sends_text_is_told(boards, drivers, monkeypatch) -> None:
         drivers(board, start_s=0.2).connect()
 
 
-def test_saturation_is_counted(boards, drivers) -> None:
-    sensor = drivers(boards(lambda _: (50.0, 0.0, 9.8)))
+def test_an_overload_is_cut_off_counted_and_told_once(boards, drivers, caplog) -> None:
+    sensor = drivers(boards(lambda _: (50.0, 0.0, 9.8)), bandwidth_hz=500.0)
     sensor.connect()
-    readings(sensor, 20)
-    assert sensor.faults["saturated samples"] >= 20
+    with caplog.at_level(logging.WARNING, "mmt.devices"):
+        felt = readings(sensor, 20)
+    assert felt[-1].value[0] == pytest.approx(3.6 * GRAVITY_M_S2, abs=0.1)
+    assert sensor.faults["overload"] >= 20
+    (message,) = [record.getMessage() for record in caplog.records]
+    assert message.startswith("the accelerometer is overloaded: beyond 3 g along an axis")
 
 
 def test_the_boards_capacitors_are_warned_of_once(boards, drivers, caplog) -> None:

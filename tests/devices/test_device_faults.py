@@ -133,11 +133,9 @@ def faulty(bench: Bench, *, bad: bool) -> None:
 def test_a_device_that_gives_nothing_usable_is_lost_and_comes_back(bench, running) -> None:
     running.run(lambda number: number >= 50)
     faulty(bench, bad=True)
-    running.run(lambda _: len(running.told) >= 2)
-    assert re.search(
-        "is not back yet: .*(status 0x80000400|no record was usable|no good frames)",
-        running.told[1][1],
-    )
+    running.run(lambda _: running.is_lost)
+    cause = "status 0x80000400|no record was usable|no good frames"
+    assert re.search(f"is lost: .*({cause})", running.told[0][1])
     bench.felt.value = PRESSED
     faulty(bench, bad=False)
     back_and_right(bench, running)
@@ -219,8 +217,8 @@ def test_overload_and_saturation_on_a_box_are_counted_by_the_driver_that_it_befa
     box.volts[8] = 3.2  # 4.7 g
     read_until_fault(box.gauges, "saturation", 5)
     read_until_fault(box.gauges, "overload", 5)
-    read_until_fault(box.accelerometer, "saturated samples", 5)
-    assert not {"saturation", "overload"} & set(box.accelerometer.faults)
+    read_until_fault(box.accelerometer, "overload", 5)
+    assert "saturation" not in box.accelerometer.faults
 
 
 def test_still_gauges_on_a_box_stay_lost_though_its_clock_begins_anew(box) -> None:

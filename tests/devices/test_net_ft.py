@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -230,12 +231,14 @@ def test_saturation_is_counted_and_the_values_pass(box, sensor):
     assert read_until_fault(sensor, "saturation", 5)
 
 
-def test_an_overload_is_counted():
+def test_an_overload_is_counted_and_told_once(caplog):
     box = EmulatedNetFt(lambda _time_ns: (0.0, 0.0, 20.0))
     box.start()
     sensor = net_ft(**box.options)
     sensor.connect()
     assert read_until_fault(sensor, "overload", 5)[-1].value[2] == pytest.approx(20.0, abs=0.1)
+    (message,) = [record.getMessage() for record in caplog.records]
+    assert re.match("Net F/T at .* is overloaded: beyond the range", message)
     sensor.close()
     box.stop()
 

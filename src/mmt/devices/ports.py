@@ -9,6 +9,7 @@ from mmt.devices.merging import Lane, PolledLane
 from mmt.devices.protocols import (
     Accelerometer,
     ArrivalStamping,
+    Complaining,
     Device,
     ForceSensor,
     Robot,
@@ -201,8 +202,10 @@ class SampledPort(Port):
         self._empty += 1
         silent_ns = now_ns - self._last_ns
         if self._empty >= _EMPTY_READS and silent_ns >= SILENT_NS:
+            complaint = self.device.complaint() if isinstance(self.device, Complaining) else ""
             raise DeviceLost(
-                f"no reading for {silent_ns / 1e6:.0f} ms; check its cable, its power, "
+                complaint
+                or f"no reading for {silent_ns / 1e6:.0f} ms; check its cable, its power, "
                 "and whether this machine has time for it"
             )
 

@@ -107,6 +107,14 @@ class ArrivalStamping(Protocol):
 
 
 @runtime_checkable
+class Complaining(Protocol):
+    """A sensor that can say why it gives no readings; no driver must."""
+
+    def complaint(self) -> str:
+        """Return why what comes cannot be used, empty where nothing comes or all is well."""
+
+
+@runtime_checkable
 class Remarking(Protocol):
     """A device that knows what is doubtful about its own set-up; no driver must."""
 

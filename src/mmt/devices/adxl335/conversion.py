@@ -5,11 +5,18 @@ from typing import Final
 
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, Calibration
 from mmt.devices.adxl335.options import Adxl335Options
+from mmt.devices.overload import OverloadNotice
 from mmt.devices.protocols import SensorReading, Vector
 from mmt.errors import DeviceLost
 
-RANGE_M_S2: Final = 3.6 * GRAVITY_M_S2
-"""Typical full scale by the data sheet; at least 3 g."""
+RANGE_M_S2: Final = 3.0 * GRAVITY_M_S2
+"""Least full scale by the data sheet; a sensor that is typical goes to 3.6 g."""
+TYPICAL_RANGE_M_S2: Final = 3.6 * GRAVITY_M_S2
+
+_OVERLOADED: Final = (
+    f"the accelerometer is overloaded: beyond {RANGE_M_S2 / GRAVITY_M_S2:g} g along an axis it may "
+    "cut off what it feels; touch the surface and move more gently"
+)
 
 
 class Converter:
@@ -29,7 +36,8 @@ class Converter:
         self, calibration: Calibration, options: Adxl335Options, stuck_at: Vector | None = None
     ) -> None:
         self.faults: Counter[str] = Counter()
-        """``saturated samples``: beyond 3.6 g along an axis."""
+        """``overload``: samples beyond 3 g along an axis."""
+        self._notice = OverloadNotice()
         zero, gain = calibration.zero_v, calibration.gain_v_per_m_s2
         axes = [("xyz".index(a[-1]), -1.0 if a[0] == "-" else 1.0) for a in options.axes]
         self._axes = tuple((i, sign / gain[i], sign * zero[i] / gain[i]) for i, sign in axes)
@@ -59,5 +67,6 @@ class Converter:
         (i, a, p), (j, b, q), (k, c, r) = self._axes
         value = (a * volts[i] - p, b * volts[j] - q, c * volts[k] - r)
         if max(value) > RANGE_M_S2 or min(value) < -RANGE_M_S2:
-            self.faults["saturated samples"] += 1
+            self.faults["overload"] += 1
+            self._notice.tell(_OVERLOADED)
         return SensorReading(time_ns, value)

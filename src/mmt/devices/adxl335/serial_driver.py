@@ -42,6 +42,7 @@ class SerialAdxl335(Adxl335):
         self._timeline = Timeline()
         self._earlier: Counter[str] = Counter()
         self._newest: Counts | None = None
+        self._survived = 0  # faults of the line until the newest good frame
         self._stuck_at: Counts | None = None
 
     def connect(self) -> None:
@@ -56,6 +57,7 @@ class SerialAdxl335(Adxl335):
         self._earlier.update(self._timeline.faults)
         self._timeline = Timeline()
         self._decoder = FrameDecoder()
+        self._survived = 0
         self._board.open()
         try:
             self._wait_for_frames()
@@ -77,9 +79,21 @@ class SerialAdxl335(Adxl335):
         placed: list[tuple[int, Vector]] = []
         for frame in self._decoder.feed(self._board.read()):
             self._newest = frame.samples[-1]
+            self._survived = self._decoder.faults.total()
             for time_ns, (x, y, z) in place(frame):
                 placed.append((time_ns, (x * scale, y * scale, z * scale)))
         return placed
+
+    def complaint(self) -> str:
+        """Return what is wrong with what comes, where no frame of it is good."""
+        broken = self._decoder.faults.total() - self._survived
+        if broken <= 0:
+            return ""
+        return (
+            f"the accelerometer's board on {self._board.name} sends no good frames ({broken} were "
+            "broken): check its cable, and that the baud rate is still "
+            f"{self._options.baud_rate}"
+        )
 
     def read(self) -> Sequence[SensorReading]:
         """Return what has come, in m/s2 along the scene's axes; see `Adxl335.read`."""

@@ -85,6 +85,7 @@ class DigitalFt(AtiSensor):
         self._average = options.average or max(1, round(rate_hz / _READINGS_HZ))
         self._sums = [0.0] * 6
         self._summed = 0
+        self._heard_ns = 0  # when bytes came, usable or not
         self._usable_ns = 0
         delay_ms = options.latency_ms
         self.latency_ns = (
@@ -181,6 +182,7 @@ class DigitalFt(AtiSensor):
         content = self._line.read()
         if not content:
             return []
+        self._heard_ns = now_ns
         gauges = self._stream.feed(content)
         self._clock.arrive(len(gauges), now_ns)
         records = self._averaged(gauges)
@@ -189,6 +191,11 @@ class DigitalFt(AtiSensor):
         elif now_ns - self._usable_ns > _BROKEN_NS:
             raise DeviceLost(self._explain_unusable(_BROKEN_NS / 1e9))
         return records
+
+    def complaint(self) -> str:
+        """Return what is wrong with the records, where they have come but could not be used."""
+        broken_ns = self._heard_ns - self._usable_ns
+        return self._explain_unusable(broken_ns / 1e9) if broken_ns > 0 else ""
 
     def _explain_unusable(self, duration_s: float) -> str:
         return (
@@ -211,7 +218,7 @@ class DigitalFt(AtiSensor):
                 continue
             a, b, c, d, e, f = record
             if max(record) == _HIGHEST or min(record) == _LOWEST:
-                self._count("saturation")
+                self._saturate()
             u, v, w, x, y, z = u + a, v + b, w + c, x + d, y + e, z + f
             summed += 1
             if summed == count:

@@ -119,7 +119,7 @@ class Gauges(AtiSensor):
         for time_ns, volts in self._board.read():
             a, b, c, d, e, f = raw = volts[0], volts[1], volts[2], volts[3], volts[4], volts[5]
             if max(a, b, c, d, e, f) >= limit_v or min(raw) <= -limit_v:
-                self._count("saturation")
+                self._saturate()
             records.append((time_ns, raw))
         return records
 

@@ -78,6 +78,7 @@ class NetFt(AtiSensor):
         self._heard_ns = 0  # when a record came, usable or not
         self._usable_ns = 0
         self._broken_status = 0  # of the newest record that was not usable
+        self._broken_ns = 0  # when it came
         self._looked_ns = 0
         self.arrival_ns = 0
         """When the newest record had come, by the host's monotonic clock."""
@@ -242,14 +243,18 @@ class NetFt(AtiSensor):
 
     def _is_usable(self, status: int, now_ns: int) -> bool:
         if status & SATURATED:
-            self._count("saturation")
+            self._saturate()
         if not is_broken(status):
             return True
         self._count("RDT error" if status & RDT_ERROR else "error status")
-        self._broken_status = status
+        self._broken_status, self._broken_ns = status, now_ns
         if now_ns - self._usable_ns > _BROKEN_NS:
             raise DeviceLost(self._explain_broken())
         return False
+
+    def complaint(self) -> str:
+        """Return what the box reports, where its records have come but could not be used."""
+        return self._explain_broken() if self._broken_ns > self._usable_ns else ""
 
     def _explain_broken(self) -> str:
         return (

@@ -7,6 +7,7 @@ from typing import Final
 
 from mmt.devices.ati.options import AtiOptions
 from mmt.devices.ati.wrench import Six, WrenchConverter
+from mmt.devices.overload import OverloadNotice
 from mmt.devices.protocols import SensorReading
 from mmt.errors import DeviceLost, MmtError
 
@@ -37,6 +38,7 @@ class AtiSensor(ABC):
         self._counts: dict[str, int] = {}
         self._overloads = 0
         self._impossible = 0
+        self._notice = OverloadNotice()
         self._arrival_ns = 0
         self._last: Six | None = None
         self._same_since_ns = 0
@@ -89,7 +91,7 @@ class AtiSensor(ABC):
             self._check_silence(now_ns)
             return ()
         readings = []
-        force = converter.force
+        force, overloads = converter.force, converter.overloads
         for time_ns, raw in records:
             if raw != self._last:
                 self._last, self._same_since_ns, self._is_stuck = raw, time_ns, False
@@ -101,6 +103,8 @@ class AtiSensor(ABC):
             value = force(raw)
             if value is not None:
                 readings.append(SensorReading(time_ns, value))
+        if converter.overloads != overloads:
+            self._tell_overload()
         return readings
 
     @property
@@ -121,6 +125,21 @@ class AtiSensor(ABC):
 
     def _count(self, reason: str, number: int = 1) -> None:
         self._counts[reason] = self._counts.get(reason, 0) + number
+
+    def _saturate(self) -> None:
+        """Count a record with a value at the end of its scale."""
+        self._count("saturation")
+        self._tell_overload()
+
+    def _tell_overload(self) -> None:
+        self._notice.tell(
+            f"{self.name} is overloaded: beyond the range of its calibration what it says is not "
+            "to be trusted, and a transducer can be destroyed; press more gently"
+        )
+
+    def complaint(self) -> str:
+        """Return why what comes cannot be used, empty where nothing comes or all is well."""
+        return ""
 
     def _set_converter(self, converter: WrenchConverter) -> None:
         """Convert by it from now on; the bias that was taken stays."""

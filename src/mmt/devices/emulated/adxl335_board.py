@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+from mmt.devices.adxl335.conversion import TYPICAL_RANGE_M_S2
 from mmt.devices.adxl335.framing import Counts, Frame, encode_frame
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, Calibration, nominal
 from mmt.devices.protocols import Vector
@@ -23,9 +24,9 @@ _LEAST_WAIT_S: Final = 0.0001
 class EmulatedAdxl335Board:
     """A board that sends frames until it is stopped; `address` is its port.
 
-    The board's filter delays what is felt by 1 / (2 pi f), as it does well below its corner;
-    it attenuates nothing. On the other end of a pseudo-terminal bytes come at once, whatever the
-    baud rate.
+    The sensor cuts off at 3.6 g along each axis. The board's filter delays what is felt by
+    1 / (2 pi f), as it does well below its corner; it attenuates nothing. On the other end of a
+    pseudo-terminal bytes come at once, whatever the baud rate.
 
     Parameters
     ----------
@@ -193,9 +194,11 @@ class EmulatedAdxl335Board:
     def _convert(self, time_ns: int) -> Counts:
         felt = self._truth(time_ns - self._delay_ns)
         zero, gain = self._calibration.zero_v, self._calibration.gain_v_per_m_s2
+        noisy = (each + self._random.gauss(0.0, self._noise) for each in felt)
+        most = TYPICAL_RANGE_M_S2
         x, y, z = (
-            self._count(zero[i] + gain[i] * (felt[i] + self._random.gauss(0.0, self._noise)))
-            for i in range(3)
+            self._count(zero[i] + gain[i] * min(max(each, -most), most))
+            for i, each in enumerate(noisy)
         )
         return x, y, z
 
