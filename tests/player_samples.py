@@ -41,7 +41,12 @@ def textures() -> list[TextureModel]:
 
 @asynccontextmanager
 async def playing(
-    directory: Path, *, record: Path | None = None, token: str | None = None, count: int = 3
+    directory: Path,
+    *,
+    record: Path | None = None,
+    token: str | None = None,
+    count: int = 3,
+    port: int = 0,
 ) -> AsyncIterator[Player]:
     player = Player(
         NAMES[:count],
@@ -51,7 +56,7 @@ async def playing(
         seed=3,
         access=Access(token),
     )
-    await player.start("127.0.0.1", 0)
+    await player.start("127.0.0.1", port)
     try:
         yield player
     finally:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from player_samples import RATE_HZ, flat_texture, textures
+from player_samples import RATE_HZ, RMS_M_S2, flat_texture, textures
 
 from mmt.errors import InputError
 from mmt.player.motion import PointerMotion
@@ -77,6 +77,21 @@ def test_what_is_left_falls_silent_without_a_click() -> None:
     assert np.abs(after[:240]).max() > 0.1
     assert np.abs(after[4800:]).max() < 1e-6
     assert np.abs(np.diff(after)).max() < 2.0  # as steep as within the vibration
+
+
+def test_quick_changes_between_textures_stay_within_what_each_does() -> None:
+    clock = Clock()
+    stream = Stream(textures(), RATE_HZ, clock=clock)
+    sounds = []
+    for change in range(600):
+        clock.now_s += 0.005
+        sounds.append(stream.next(request(stream.sent, 240), motion(), change % 3).sound_m_s2)
+    sound = np.concatenate(sounds)
+    assert np.abs(sound).max() < 6.0 * max(RMS_M_S2)
+    assert min(RMS_M_S2) < np.sqrt(np.mean(sound**2)) < max(RMS_M_S2)
+    spectrum = np.abs(np.fft.rfft(sound * np.hanning(len(sound)))) ** 2
+    beyond = spectrum[np.fft.rfftfreq(len(sound), 1 / RATE_HZ) > 650.0]
+    assert beyond.sum() < 1e-4 * spectrum.sum()  # a click would be heard there
 
 
 def test_a_rate_of_no_sound_card_is_refused() -> None:

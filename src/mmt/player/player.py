@@ -122,13 +122,7 @@ class Player:
 
     def hello(self) -> bytes:
         """Return what a page needs to know at first."""
-        header = {
-            "names": self.names,
-            "full_scale_m_s2": FULL_SCALE_M_S2,
-            "best": BEST,
-            "scenarios": list(SCENARIOS),
-            "results": str(self.results.path),
-        }
+        header = {"names": self.names, "full_scale_m_s2": FULL_SCALE_M_S2, "best": BEST}
         return pack("hello", header, {"pictures": self._pictures})
 
     @property

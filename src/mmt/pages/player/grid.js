@@ -15,9 +15,11 @@ export class Grid {
     addEventListener("resize", () => this.moved());
   }
 
-  /** Make a tile for each texture. */
+  /** Make a tile for each texture; those that are there already stay, and what is done on them. */
   make(names, pictures) {
+    if (JSON.stringify(names) === JSON.stringify(this.names)) return;
     this.names = names;
+    this.moved();
     this.pictures = names.map((name, index) => painted(name, index, pictures, names.length));
     this.tiles = names.map((_, tile) => this.#tile(tile));
     this.node.replaceChildren(...this.tiles);

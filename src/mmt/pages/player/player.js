@@ -44,8 +44,10 @@ const take = {
   study: (message) => study.show(message),
   answer: (message) => (message.id === OPENING ? say(`no sound: ${message.text}`, false) : study.answered(message)),
   status(message) {
-    const recorded = message.recorded_s === null ? "" : `recorded ${message.recorded_s.toFixed(1)} s`;
-    text("recording", message.problem ?? recorded);
+    const said = [];
+    if (message.problem ?? message.recorded_s !== null) said.push(message.problem ?? `recorded ${message.recorded_s.toFixed(1)} s`);
+    if (message.rows) said.push(`${message.rows} rows of results`);
+    text("recording", said.join(", "));
   },
 };
 
