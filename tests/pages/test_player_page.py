@@ -56,9 +56,10 @@ async def silent(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Asyn
 
 
 async def fits(page: Any) -> bool:
-    """Whether nothing has to be scrolled sideways."""
+    """Whether nothing has to be scrolled sideways, and every tile is on the screen."""
     overflow = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
-    return bool(await page.evaluate(overflow) <= 0)
+    bottom = "innerHeight - document.querySelector('#grid').getBoundingClientRect().bottom"
+    return bool(await page.evaluate(overflow) <= 0 <= await page.evaluate(bottom))
 
 
 async def hears(page: Any, least: float, most: float) -> None:
@@ -181,6 +182,7 @@ async def test_matching_from_begin_to_the_count(browser: Any, tmp_path: Path) ->
         await page.keyboard.press("Enter")
         await shows(page, "#prompt", "Which tile feels like")
         await api.expect(page.locator(".tile.hidden")).to_have_count(3)
+        assert await fits(page)
         grid = await page.locator("#grid").inner_text()
         assert not any(name in grid for name in NAMES)
         study = player.study

@@ -41,7 +41,10 @@ const take = {
     fit();
     sound.open();
   },
-  study: (message) => study.show(message),
+  study(message) {
+    study.show(message);
+    fit(); // the panel above the grid has another height
+  },
   answer: (message) => (message.id === OPENING ? say(`no sound: ${message.text}`, false) : study.answered(message)),
   status(message) {
     const said = [];
