@@ -97,6 +97,7 @@ def test_the_point_is_that_of_the_hand_at_the_leader() -> None:
     tap.hold(InterfaceState((0.0, 0.0, 0.0), (30.0, 40.0, 99.0), 1.5, contact=True))
     message = unpack(live.make({}))
     assert (message["point"], message["contact"]) == ([50.0, 1.5], True)
+    assert message["velocity_mm_s"] == [30.0, 40.0]
 
 
 def test_without_a_hand_the_point_follows_the_stream() -> None:

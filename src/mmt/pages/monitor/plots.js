@@ -20,6 +20,12 @@ export class Plot {
     this.plot.setData(data);
   }
 
+  /** Show x from one value to another, whatever the data. */
+  span(from, to) {
+    this.ranges = { ...this.ranges, x: { range: [from, to] } };
+    this.#make();
+  }
+
   /** Draw an upright line at a value of x. */
   mark(x) {
     this.marked = x;

@@ -111,6 +111,7 @@ function listEvents(happenings) {
     return { time_s, item };
   });
   $("events").replaceChildren(...events.map(({ item }) => item));
+  if (!events.length) $("events").textContent = "No event was recorded.";
 }
 
 /** Tell what has happened up to a time from what is still to come. */
@@ -127,11 +128,17 @@ function showEvents(now_s) {
   });
 }
 
+/** A model that is complete stays as it is until the end. */
+function toTheEnd({ time_s, distance }) {
+  if (!time_s.length) return { time_s, distance };
+  return { time_s: [...time_s, Math.max(bar.duration_s, time_s.at(-1))], distance: [...distance, distance.at(-1)] };
+}
+
 /** Show how the model grew, as far as it has been built again. */
 async function followGrowth(remarks) {
   for (;;) {
     const growth = await ask("growth");
-    panels.curve(growth.arrays);
+    panels.curve(growth.done ? toTheEnd(growth.arrays) : growth.arrays);
     if (growth.problem) remarks = [...remarks, `The model could not be built: ${growth.problem}`];
     const share = Math.floor((100 * growth.reached_s) / bar.duration_s);
     text("remarks", [...remarks, ...(growth.done ? [] : [`The model is being built: ${share} %.`])].join(" "));
@@ -154,6 +161,7 @@ async function start() {
     wanted = time_s;
     stale = true;
   });
+  panels.plots.completion.span(0, opening.duration_s);
   bar.mark(opening.happenings);
   listEvents(opening.happenings);
   followGrowth(opening.remarks);

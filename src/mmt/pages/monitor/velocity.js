@@ -5,6 +5,7 @@ import { drawTrail, lack, prepare, shade } from "./canvas.js";
 const BANDS = ["light", "medium", "strong"];
 const DIVISIONS = 3;
 const MARGIN = 30;
+const LABELS_AT = -Math.PI / 8;
 
 export class VelocityPlane {
   /** `limits`: the largest speed and force, the start and the stop distance. */
@@ -84,7 +85,9 @@ export class VelocityPlane {
       pen.arc(disc.x, disc.y, (disc.radius * i) / 3, 0, 2 * Math.PI);
       pen.stroke();
       pen.textAlign = "left";
-      pen.fillText(`${Math.round((speed * i) / 3)}${i === 3 ? " mm/s" : ""}`, ...within(disc, (i / 3) * 0.72, (-i / 3) * 0.72));
+      // between two spokes, where no cell has its number
+      const [x, y] = within(disc, (i / 3) * Math.cos(LABELS_AT), (i / 3) * Math.sin(LABELS_AT));
+      pen.fillText(`${Math.round((speed * i) / 3)}${i === 3 ? " mm/s" : ""}`, x + 3, y + 4);
     }
     for (let degrees = 0; degrees < 360; degrees += 45) {
       const [c, s] = [Math.cos((degrees * Math.PI) / 180), Math.sin((degrees * Math.PI) / 180)];
