@@ -13,6 +13,8 @@ from session_samples import made_frames
 from mmt.errors import InputError
 from mmt.frames import CHANNELS
 from mmt.session import read_session, write_session
+from mmt.session.mcap_writer import FRAMES_TOPIC, open_writer
+from mmt.session.messages import FRAME_BLOCK, FrameCodec, frame_schema
 from mmt.session.recorded import OutputBlock, RecordedSession
 from mmt.session.recording import McapRecorder
 from mmt.session.windows import SessionWindows, open_windows
@@ -96,6 +98,23 @@ def test_frames_that_came_late_stand_at_their_places(tmp_path: Path) -> None:
     assert (np.diff(found.time_s) >= 0).all()
     assert int(found.arrivals[0, 0]) == 5_000_000_000
     assert set(found.arrivals[:, 1]) <= set(frames["time_ns"])  # of live blocks alone
+
+
+def test_blocks_that_another_writer_has_numbered_otherwise_are_read(tmp_path: Path) -> None:
+    path, frames = tmp_path / "run.mcap", made_frames(100)
+    codec = FrameCodec.of_channels(CHANNELS)
+    with path.open("wb") as stream:
+        writer = open_writer(stream)
+        schema = writer.register_schema(FRAME_BLOCK, "protobuf", frame_schema(CHANNELS))
+        channel = writer.register_channel(FRAMES_TOPIC, "protobuf", schema)
+        for number, block in enumerate(np.split(frames, 5)):
+            came_ns = int(block["time_ns"][0])
+            writer.add_message(channel, came_ns, codec.encode(block), came_ns, 1000 + number)
+        writer.finish()
+    with closing(open_windows(path)) as windows:
+        found = windows.window(0.0, 1.0)
+    np.testing.assert_array_equal(found.frames, frames)
+    np.testing.assert_allclose(found.time_s, (frames["time_ns"] - frames["time_ns"][0]) / 1e9)
 
 
 def test_another_view_is_independent(windows: SessionWindows) -> None:

@@ -230,7 +230,8 @@ class McapWindows:
             frames, time_s = (np.concatenate(columns) for columns in zip(*pieces, strict=True))
             return frames, time_s
         came_ns = np.array([message.log_time for message in messages], dtype=np.int64)
-        begins = np.searchsorted(numbers, firsts)
+        # whoever wrote a single block may have numbered it otherwise
+        begins = np.searchsorted(numbers, firsts) if len(messages) > 1 else np.array([0])
         block = np.searchsorted(begins, np.arange(len(frames)), side="right") - 1
         since_ns = frames["time_ns"] - frames["time_ns"][begins[block]]
         return frames, np.asarray((came_ns[block] - self._start_ns + since_ns) / 1e9)
