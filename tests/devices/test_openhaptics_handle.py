@@ -1,30 +1,19 @@
 """The leader's handle through OpenHaptics HD, against the emulated library."""
 
 import math
-import time
 from collections.abc import Callable, Iterator
 
 import pytest
+from emulated_arm import emulated_arm, until
 from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.devices.emulated.hd import EmulatedHd
 from mmt.devices.loading import load_device
 from mmt.devices.openhaptics.handle import HandForce, OpenHapticsHandle
-from mmt.errors import DeviceLost, InputError, MmtError
+from mmt.errors import DeviceLost, InputError
 
-PATIENCE_S = 20.0
-
-
-@pytest.fixture
-def emulated() -> Iterator[EmulatedHd]:
-    try:
-        device = EmulatedHd()
-    except MmtError as error:
-        pytest.skip(str(error))
-    device.start()
-    yield device
-    device.stop()
+emulated = emulated_arm
 
 
 @pytest.fixture
@@ -41,15 +30,6 @@ def make(emulated: EmulatedHd) -> Iterator[Callable[..., OpenHapticsHandle]]:
     yield handle
     for each in made:
         each.close()
-
-
-def until(condition: Callable[[], bool], act: Callable[[], object] = lambda: None) -> None:
-    """Act every millisecond until the condition holds."""
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        act()
-        assert time.monotonic() < deadline, "it has not come to pass"
-        time.sleep(0.001)
 
 
 def test_the_handle_says_where_it_is_and_how_it_moves(make, emulated) -> None:

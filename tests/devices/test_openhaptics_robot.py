@@ -4,10 +4,10 @@ import logging
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 
 import pytest
+from emulated_arm import emulated_arm, until
 
 from mmt.devices import discovery
 from mmt.devices.discovery import FoundPort
@@ -18,20 +18,10 @@ from mmt.devices.openhaptics.measuring import JUMP, NOT_FINITE, OUT_OF_REACH
 from mmt.devices.openhaptics.robot import OpenHapticsRobot
 from mmt.errors import DeviceLost, InputError, MmtError
 
-PATIENCE_S = 20.0
 ENCODER_RESET, AUTO, INKWELL = 1, 2, 4
 NEEDS_UPDATE, NEEDS_HANDS = 0x5001, 0x5002
 
-
-@pytest.fixture
-def emulated() -> Iterator[EmulatedHd]:
-    try:
-        device = EmulatedHd()
-    except MmtError as error:
-        pytest.skip(str(error))
-    device.start()
-    yield device
-    device.stop()
+emulated = emulated_arm
 
 
 @pytest.fixture
@@ -45,15 +35,6 @@ def make(emulated: EmulatedHd) -> Iterator[Callable[..., OpenHapticsRobot]]:
     yield robot
     for each in made:
         each.close()
-
-
-def until(condition: Callable[[], bool], act: Callable[[], object] = lambda: None) -> None:
-    """Act every millisecond until the condition holds."""
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        act()
-        assert time.monotonic() < deadline, "it has not come to pass"
-        time.sleep(0.001)
 
 
 def distance(a: tuple[float, ...], b: tuple[float, ...]) -> float:

@@ -2,7 +2,6 @@
 
 import time
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -11,10 +10,10 @@ from pydantic import Field
 
 from mmt.arrays import FloatArray
 from mmt.devices.haptuator.board import HaptuatorBoard
-from mmt.devices.haptuator.drive import VoltageDrive
 from mmt.devices.haptuator.framing import FULL_SCALE, MOST_SAMPLES, Report, Reset, Samples
 from mmt.devices.haptuator.interpolation import AFTER
 from mmt.devices.haptuator.options import HaptuatorOptions
+from mmt.devices.haptuator.playing import RATE_HZ, SILENCE_NS, PlayingHaptuator
 from mmt.devices.haptuator.pushing import Pusher
 from mmt.devices.loading import read_options
 from mmt.devices.protocols import ActuatorStatistics
@@ -22,12 +21,8 @@ from mmt.errors import DeviceLost, MmtError
 
 DRIVER: Final = "haptuator-serial"
 
-_RATE_HZ: Final = 1000.0
-"""Of the session, which has no other."""
-_SILENCE_NS: Final = 500_000_000
 _START_S: Final = 2.0
 _REPEAT_RESET_S: Final = 0.1
-_SMOOTHING: Final = 0.02
 
 
 class SerialOptions(HaptuatorOptions):
@@ -72,7 +67,7 @@ def haptuator_serial(**options: Any) -> "SerialHaptuator":
     return SerialHaptuator(read_options(SerialOptions, DRIVER, options))
 
 
-class SerialHaptuator:
+class SerialHaptuator(PlayingHaptuator):
     """A `VibrationActuator` that sends samples to a board's buffer.
 
     How far the board's buffer is filled is known from its newest report, from what was sent after
@@ -81,11 +76,11 @@ class SerialHaptuator:
     """
 
     def __init__(self, options: SerialOptions) -> None:
+        super().__init__(options)
         self._options = options
         self._board = HaptuatorBoard(options.port, options.baud_rate)
         self.port = options.port
         self.name = self._board.name
-        self._drive = VoltageDrive(options, _RATE_HZ)
         self._target = round(options.buffer_ms * options.board_rate_hz / 1000.0)
         self._pusher = self._new_pusher()
         self._report = Report(options.board_rate_hz, 0, 0, 0, 0, 0)
@@ -93,8 +88,6 @@ class SerialHaptuator:
         self._sequence = 0
         self._under_way: deque[tuple[int, int]] = deque()
         self._earlier = (0, 0)
-        self._limited = 0
-        self._latency_s: float | None = None
 
     def connect(self) -> None:
         """Open the port, empty the board's buffer and wait for its report.
@@ -108,7 +101,7 @@ class SerialHaptuator:
         self._board.open()
         try:
             report = self._reset()
-            self._check(report)
+            self._check_settings(report)
         except Exception:
             self._board.close()
             raise
@@ -125,60 +118,30 @@ class SerialHaptuator:
         self._sequence = 0
         self._under_way.clear()
 
-    def calibrate(self) -> None:
-        """Do nothing: what the actuator makes of a volt is an option."""
-
-    def write(self, samples_m_s2: Sequence[float] | FloatArray) -> None:
-        """Play samples (n,), m/s2; never blocks.
-
-        Raises
-        ------
-        DeviceLost
-            The board was unplugged, reports nothing any more, or takes nothing any more.
-        """
-        ahead = self._prepare()
-        self._play(self._drive.convert(samples_m_s2), ahead)
-
-    @property
-    def largest_v(self) -> float:
-        """Largest voltage (V) that the actuator may get."""
-        return self._options.largest_v
-
-    def write_volts(self, volts: Sequence[float] | FloatArray) -> None:
-        """Play voltages (n,), V, as they are; see `VoltageActuator`.
-
-        Raises
-        ------
-        DeviceLost
-            The board was unplugged, or reports nothing any more.
-        """
-        ahead = self._prepare()
-        self._play(self._options.cut(volts), ahead)
-
-    def _prepare(self) -> int:
-        """Hear the board, and return how many samples lie before its converter."""
+    def _check(self) -> None:
+        """Hear the board, and see that it still reports and takes what it is sent."""
         now_ns = time.monotonic_ns()
         for message in self._board.receive():
             if isinstance(message, Report):
                 self._take(message, now_ns)
         silent_ns = now_ns - self._report_ns
-        if silent_ns > _SILENCE_NS:
+        if silent_ns > SILENCE_NS:
             raise DeviceLost(
                 f"the {self.name} has reported nothing for {silent_ns / 1e6:.0f} ms: check its "
                 "cable and its power"
             )
         if not self._under_way:
             self._taken_ns = now_ns
-        elif now_ns - self._taken_ns > _SILENCE_NS:
+        elif now_ns - self._taken_ns > SILENCE_NS:
             raise DeviceLost(
                 f"the {self.name} reports, but has taken no frame for "
                 f"{(now_ns - self._taken_ns) / 1e6:.0f} ms: unplug it and plug it in again"
             )
-        return self._ahead(silent_ns)
 
-    def _play(self, volts: list[float], ahead: int) -> None:
+    def _play(self, volts: list[float]) -> None:
+        ahead = self._ahead(time.monotonic_ns() - self._report_ns)
         self._send(self._pusher.push(volts, ahead))
-        self._note_latency(ahead)
+        self._note_latency(AFTER / RATE_HZ + ahead / self._options.board_rate_hz)
 
     def close(self) -> None:
         """Close the port; the board fades by itself. Calling it twice is harmless."""
@@ -187,7 +150,7 @@ class SerialHaptuator:
     @property
     def statistics(self) -> SerialStatistics:
         """Counts and levels since it was made."""
-        drive, pusher, latency_s = self._drive.statistics, self._pusher, self._latency_s
+        drive, pusher = self._drive.statistics, self._pusher
         return SerialStatistics(
             samples=drive.samples,
             clipped=drive.clipped,
@@ -199,11 +162,11 @@ class SerialHaptuator:
             slips=pusher.slips,
             limited_frames=self._limited,
             drift_ppm=round(1e6 * pusher.follower.drift, 1),
-            latency_ms=None if latency_s is None else round(1e3 * latency_s, 2),
+            latency_ms=self._latency_ms,
         )
 
     def _new_pusher(self) -> Pusher:
-        return Pusher(_RATE_HZ, float(self._options.board_rate_hz), self._options.buffer_ms)
+        return Pusher(RATE_HZ, float(self._options.board_rate_hz), self._options.buffer_ms)
 
     def _reset(self) -> Report:
         """Have the board begin anew, and return its first report after that."""
@@ -222,7 +185,7 @@ class SerialHaptuator:
             f"speaks this framing, and 'baud_rate' ({self._options.baud_rate})"
         )
 
-    def _check(self, report: Report) -> None:
+    def _check_settings(self, report: Report) -> None:
         if report.rate_hz != self._options.board_rate_hz:
             raise MmtError(
                 f"the {self.name} plays {report.rate_hz} samples a second: set 'board_rate_hz' to "
@@ -248,12 +211,9 @@ class SerialHaptuator:
         return max(0, self._report.fill + under_way - played)
 
     def _send(self, volts: FloatArray) -> None:
-        options = self._options
-        beyond = int(np.count_nonzero(np.abs(volts) > options.largest_v))
-        if beyond:
-            self._limited += beyond
-            np.clip(volts, -options.largest_v, options.largest_v, out=volts)
-        values = np.rint(volts * (FULL_SCALE / options.full_scale_v)).astype(np.int64).tolist()
+        self._limit(volts)
+        scale = FULL_SCALE / self._options.full_scale_v
+        values = np.rint(volts * scale).astype(np.int64).tolist()
         frames = []
         for begin in range(0, len(values), MOST_SAMPLES):
             piece = tuple(values[begin : begin + MOST_SAMPLES])
@@ -261,8 +221,3 @@ class SerialHaptuator:
             self._under_way.append((self._sequence, len(piece)))
             frames.append(Samples(self._sequence, piece))
         self._board.send(*frames)
-
-    def _note_latency(self, ahead: int) -> None:
-        latency_s = AFTER / _RATE_HZ + ahead / self._options.board_rate_hz
-        known = self._latency_s
-        self._latency_s = latency_s if known is None else known + _SMOOTHING * (latency_s - known)

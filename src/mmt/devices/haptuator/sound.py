@@ -2,7 +2,7 @@
 
 import contextlib
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -10,10 +10,9 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from mmt.arrays import FloatArray
-from mmt.devices.haptuator.drive import VoltageDrive
 from mmt.devices.haptuator.library import find_output, load_sounddevice
 from mmt.devices.haptuator.options import HaptuatorOptions
+from mmt.devices.haptuator.playing import RATE_HZ, SILENCE_NS, PlayingHaptuator
 from mmt.devices.haptuator.pulling import Puller
 from mmt.devices.loading import read_options
 from mmt.devices.protocols import ActuatorStatistics
@@ -21,13 +20,8 @@ from mmt.errors import DeviceLost, MmtError
 
 DRIVER: Final = "haptuator-sound"
 
-_RATE_HZ: Final = 1000.0
-"""Of the session, which has no other."""
-_SILENCE_NS: Final = 500_000_000
-"""A card that asks for nothing for so long is lost."""
 _FADE_PATIENCE_S: Final = 0.1
 _LONGEST_AHEAD_S: Final = 5.0
-_SMOOTHING: Final = 0.02
 
 
 class SoundOptions(HaptuatorOptions):
@@ -73,7 +67,7 @@ def haptuator_sound(**options: Any) -> "SoundHaptuator":
     return SoundHaptuator(read_options(SoundOptions, DRIVER, options))
 
 
-class SoundHaptuator:
+class SoundHaptuator(PlayingHaptuator):
     """A `VibrationActuator` at a sound card.
 
     The card's thread takes blocks from a `Puller` that `write` fills. Counts go on when it is
@@ -95,20 +89,18 @@ class SoundHaptuator:
         library: Any = None,
         clock_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
+        super().__init__(options)
         self.name = f"sound card {'(default)' if options.device is None else options.device}"
         self._options = options
         self._library = library
         self._clock_ns = clock_ns
-        self._drive = VoltageDrive(options, _RATE_HZ)
         self._block_frames = max(1, round(options.block_ms * options.card_rate_hz / 1000.0))
         self._puller = self._new_puller()
         self._stream: Any = None
         self._ended = False
         self._called_ns = 0
         self._card_underflows = 0
-        self._limited = 0
         self._card_latency_s = 0.0
-        self._latency_s: float | None = None
 
     def connect(self) -> None:
         """Open the output; silence is played until the first samples have come.
@@ -152,45 +144,18 @@ class SoundHaptuator:
                 "no other program holds it, and 'card_rate_hz'"
             ) from error
 
-    def calibrate(self) -> None:
-        """Do nothing: what the actuator makes of a volt is an option."""
-
-    def write(self, samples_m_s2: Sequence[float] | FloatArray) -> None:
-        """Play samples (n,), m/s2; never blocks.
-
-        Raises
-        ------
-        DeviceLost
-            The card asks for nothing any more.
-        """
-        self._check()
-        self._puller.write(self._drive.convert(samples_m_s2))
-
-    @property
-    def largest_v(self) -> float:
-        """Largest voltage (V) that the actuator may get."""
-        return self._options.largest_v
-
-    def write_volts(self, volts: Sequence[float] | FloatArray) -> None:
-        """Play voltages (n,), V, as they are; see `VoltageActuator`.
-
-        Raises
-        ------
-        DeviceLost
-            The card asks for nothing any more.
-        """
-        self._check()
-        self._puller.write(self._options.cut(volts))
-
     def _check(self) -> None:
         """Raise where the card takes nothing."""
         if self._stream is None:
             raise DeviceLost(f"{self.name} is closed: connect it again")
-        if self._ended or self._clock_ns() - self._called_ns > _SILENCE_NS:
+        if self._ended or self._clock_ns() - self._called_ns > SILENCE_NS:
             raise DeviceLost(
                 f"{self.name} asks for no more sound: check its cable, and that the system has not "
                 "switched it off"
             )
+
+    def _play(self, volts: list[float]) -> None:
+        self._puller.write(volts)
 
     def close(self) -> None:
         """Fade out and release the card; calling it twice is harmless."""
@@ -206,7 +171,7 @@ class SoundHaptuator:
     @property
     def statistics(self) -> SoundStatistics:
         """Counts and levels since it was made."""
-        drive, puller, latency_s = self._drive.statistics, self._puller, self._latency_s
+        drive, puller = self._drive.statistics, self._puller
         return SoundStatistics(
             samples=drive.samples,
             clipped=drive.clipped,
@@ -217,12 +182,12 @@ class SoundHaptuator:
             card_underflows=self._card_underflows,
             limited_frames=self._limited,
             drift_ppm=round(1e6 * puller.follower.drift, 1),
-            latency_ms=None if latency_s is None else round(1e3 * latency_s, 2),
+            latency_ms=self._latency_ms,
         )
 
     def _new_puller(self) -> Puller:
         options = self._options
-        return Puller(_RATE_HZ, float(options.card_rate_hz), self._block_frames, options.buffer_ms)
+        return Puller(RATE_HZ, float(options.card_rate_hz), self._block_frames, options.buffer_ms)
 
     def _release(self) -> None:
         stream, self._stream = self._stream, None
@@ -237,23 +202,15 @@ class SoundHaptuator:
         if status.output_underflow:
             self._card_underflows += 1
         self._called_ns = self._clock_ns()
-        limit_v = self._options.largest_v
         volts = self._puller.read(frames)
-        beyond = int(np.count_nonzero(np.abs(volts) > limit_v))
-        if beyond:
-            self._limited += beyond
-            np.clip(volts, -limit_v, limit_v, out=volts)
+        self._limit(volts)
         block.fill(0.0)
         block[:, -1] = volts / self._options.full_scale_v
         if not self._puller.silent:
             ahead_s = times.outputBufferDacTime - times.currentTime
             if not 0.0 < ahead_s < _LONGEST_AHEAD_S:  # not every system fills both in
                 ahead_s = self._card_latency_s
-            latency_s = ahead_s + self._puller.fill / _RATE_HZ
-            known = self._latency_s
-            self._latency_s = (
-                latency_s if known is None else known + _SMOOTHING * (latency_s - known)
-            )
+            self._note_latency(ahead_s + self._puller.fill / RATE_HZ)
 
     def _on_finished(self) -> None:
         self._ended = True

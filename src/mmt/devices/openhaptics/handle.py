@@ -1,12 +1,10 @@
 """The leader's handle: a Phantom or Touch that the operator holds."""
 
 import math
-from collections.abc import Mapping
 from typing import Any, Final
 
 from mmt.devices.loading import read_options
-from mmt.devices.openhaptics.axes import Axes
-from mmt.devices.openhaptics.device import HdDevice
+from mmt.devices.openhaptics.driving import HdDriver
 from mmt.devices.openhaptics.library import Stack
 from mmt.devices.openhaptics.options import HandleOptions
 from mmt.devices.openhaptics.servo import Servo
@@ -58,7 +56,7 @@ class HandForce:
         return max(displayed_n - self._mass * self._acceleration, 0.0)
 
 
-class OpenHapticsHandle:
+class OpenHapticsHandle(HdDriver[Servo]):
     """Implements `LeaderInterface`; the options are those of `HandleOptions`.
 
     `InterfaceState.force_n` is not measured but concluded: see `HandForce`, or with the option
@@ -77,10 +75,9 @@ class OpenHapticsHandle:
 
     def __init__(self, **options: Any) -> None:
         self._options = read_options(HandleOptions, "openhaptics", options)
-        self._axes = Axes(self._options.axes, self._options.origin_mm)
         self._limit_n = self._options.force_limit_n
         self._hand = HandForce(self._options.apparent_mass_kg)
-        self._device = HdDevice(self._options, self._make_servo)
+        super().__init__(self._options)
 
     def _make_servo(
         self,
@@ -98,30 +95,6 @@ class OpenHapticsHandle:
             stale_ns=round(self._options.stale_ms * 1e6),
             ramp_ns=round(self._options.ramp_ms * 1e6),
         )
-
-    def connect(self) -> None:
-        """Open the handle; it displays nothing until a force is written.
-
-        Raises
-        ------
-        MmtError
-            It does not answer.
-        """
-        self._device.connect()
-
-    def calibrate(self) -> None:
-        """Bring the encoders to their zero; the scene's zero is the option `origin_mm`.
-
-        Raises
-        ------
-        MmtError
-            The person must do something first; the message says what.
-        """
-        self._device.calibrate()
-
-    def close(self) -> None:
-        """Take the force away and release the handle."""
-        self._device.close()
 
     def read(self, elapsed_ticks: int) -> InterfaceState:  # noqa: ARG002 - it has its own clock
         """Return the handle's newest state, at most a tick old.
@@ -150,16 +123,10 @@ class OpenHapticsHandle:
             The handle does not answer any more.
         """
         servo = self._device.check()
-        x, y, z = force_n
-        size = math.sqrt(x * x + y * y + z * z)
-        if not math.isfinite(size):
-            servo.counts["commands that are not finite"] += 1
+        if not self._is_finite(servo, force_n):
             return
+        x, y, z = force_n
+        size = math.hypot(x, y, z)
         scale = 1.0 if size <= self._limit_n else self._limit_n / size
         servo.force = self._axes.to_device((scale * x, scale * y, scale * z))
         servo.command_ns = servo.clock()
-
-    @property
-    def faults(self) -> Mapping[str, int]:
-        """Counts by what went wrong and was survived."""
-        return self._device.counts

@@ -1,12 +1,10 @@
 """The follower's arm: a Phantom or Touch that is held at commanded positions."""
 
 import math
-from collections.abc import Mapping
 from typing import Any, Final
 
 from mmt.devices.loading import read_options
-from mmt.devices.openhaptics.axes import Axes
-from mmt.devices.openhaptics.device import HdDevice
+from mmt.devices.openhaptics.driving import HdDriver
 from mmt.devices.openhaptics.library import Stack
 from mmt.devices.openhaptics.measuring import STUCK
 from mmt.devices.openhaptics.options import RobotOptions
@@ -87,7 +85,7 @@ class PositionServo(Servo):
         return self._point
 
 
-class OpenHapticsRobot:
+class OpenHapticsRobot(HdDriver[PositionServo]):
     """Implements `Robot`; the options are those of `RobotOptions`.
 
     Parameters
@@ -103,8 +101,7 @@ class OpenHapticsRobot:
 
     def __init__(self, **options: Any) -> None:
         self._options = read_options(RobotOptions, "openhaptics", options)
-        self._axes = Axes(self._options.axes, self._options.origin_mm)
-        self._device = HdDevice(self._options, self._make_servo)
+        super().__init__(self._options)
 
     def _make_servo(
         self, stack: Stack, handle: int, limit_n: float, stiffness_n_mm: float
@@ -115,30 +112,6 @@ class OpenHapticsRobot:
                 f"device displays at most {stiffness_n_mm:g}: lower it"
             )
         return PositionServo(stack.hd, stack.copies, handle, self._options, limit_n)
-
-    def connect(self) -> None:
-        """Open the arm; it is limp until the first command.
-
-        Raises
-        ------
-        MmtError
-            It does not answer, or the stiffness is beyond what it displays.
-        """
-        self._device.connect()
-
-    def calibrate(self) -> None:
-        """Bring the encoders to their zero; the scene's zero is the option `origin_mm`.
-
-        Raises
-        ------
-        MmtError
-            The person must do something first; the message says what.
-        """
-        self._device.calibrate()
-
-    def close(self) -> None:
-        """Take the force away and release the arm."""
-        self._device.close()
 
     def read(self) -> Vector:
         """Return the tip's position (mm), at most a tick old.
@@ -159,14 +132,6 @@ class OpenHapticsRobot:
             It does not answer any more.
         """
         servo = self._device.check()
-        target = self._axes.place_on_device(position_mm)
-        if not math.isfinite(target[0] + target[1] + target[2]):
-            servo.counts["commands that are not finite"] += 1
-            return
-        servo.target = target
-        servo.command_ns = servo.clock()
-
-    @property
-    def faults(self) -> Mapping[str, int]:
-        """Counts by what went wrong and was survived."""
-        return self._device.counts
+        if self._is_finite(servo, position_mm):
+            servo.target = self._axes.place_on_device(position_mm)
+            servo.command_ns = servo.clock()
