@@ -16,12 +16,17 @@ FULL_COLOUR_BYTES: Final = 60_000
 
 def write(name: str, figure: Figure) -> None:
     """Write a figure as a PNG, in full colour where that is small enough, else in 256."""
+    write_png(name, figures.to_png(figure))
+
+
+def write_png(name: str, png: bytes, colours: int = 256) -> None:
+    """Write a PNG anew, in full colour where that is small enough, else in so many."""
     path = IMAGES / f"{name}.png"
     IMAGES.mkdir(parents=True, exist_ok=True)
-    drawn = Image.open(io.BytesIO(figures.to_png(figure))).convert("RGB")
+    drawn = Image.open(io.BytesIO(png)).convert("RGB")
     drawn.save(path, optimize=True)
     if path.stat().st_size > FULL_COLOUR_BYTES:
-        drawn.quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
+        drawn.quantize(colours, dither=Image.Dither.NONE).save(path, optimize=True)
     size = path.stat().st_size
     if size > LARGEST_BYTES:
         raise SystemExit(f"{path}: {size} bytes, more than {LARGEST_BYTES}")

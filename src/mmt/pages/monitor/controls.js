@@ -46,6 +46,7 @@ export class Controls {
     $("force").disabled = !state.renders;
     $("force").value = state.forced;
     $("network").disabled = !state.network;
+    $("network").title = state.network ? "" : "the scene has no [network]";
     $("controls").hidden = false;
     if (first && state.network) this.#readNetwork();
   }
