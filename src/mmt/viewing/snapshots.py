@@ -28,7 +28,7 @@ class ModelSnapshots:
         return len(self._places)
 
     def add(self, model: TextureModel) -> int:
-        """Keep a model; return its number. A few kilobytes and about a millisecond."""
+        """Keep a model; return its number. Some kilobytes, 100 of the largest model."""
         data = model.to_bytes()
         with self._lock:
             place = self._file.seek(0, 2)
