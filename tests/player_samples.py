@@ -21,6 +21,7 @@ from mmt.texture.model import TextureModel, TextureSamples
 NAMES = ("cork", "linen", "slate")
 RMS_M_S2 = (1.0, 2.0, 4.0)
 RATE_HZ = 48_000
+STEP = RATE_HZ // 200
 LONGEST_S = 60.0
 
 
@@ -99,7 +100,7 @@ class Browserless:
         return await self.until("opened")
 
     async def play(
-        self, tile: int | None, points: list[list[float]] | None = None, lead: int = 240
+        self, tile: int | None, points: list[list[float]] | None = None, lead: int = STEP
     ) -> np.ndarray:
         """Ask for what is next, as if all that came had been played."""
         self.number += 1
@@ -113,26 +114,28 @@ class Browserless:
         self.received += len(sound)
         return sound
 
+    async def step(self, tile: int | None, points: list[list[float]]) -> np.ndarray:
+        """Have 5 ms of sound, which may come no faster than a sound card plays it."""
+        self.now_ms += 5.0
+        sound = await self.play(tile, points, lead=STEP)
+        while len(sound) < STEP:
+            await asyncio.sleep(0.01)
+            more = await self.play(tile, [], lead=STEP - len(sound))
+            sound = np.concatenate([sound, more])
+        return sound
+
     async def rest(self, seconds: float) -> np.ndarray:
         """Touch nothing."""
-        sounds = [np.zeros(0)]
-        while sum(map(len, sounds)) < seconds * RATE_HZ:
-            sounds.append(await self.play(None))
-            await asyncio.sleep(0.005)
-        return np.concatenate(sounds)
+        return np.concatenate([await self.step(None, []) for _ in range(round(seconds * 200))])
 
     async def stroke(self, tile: int, seconds: float, speed_mm_s: float = 120.0) -> np.ndarray:
-        """Stroke to and fro over 20 mm; 200 requests a second of the page's own time."""
+        """Stroke to and fro over 20 mm, with 200 reports a second of the page's own time."""
         sounds, x_mm, way = [], 0.0, 1.0
-        samples = round(seconds * RATE_HZ)
-        while sum(map(len, sounds)) < samples:
-            self.now_ms += 5.0
+        for _ in range(round(seconds * 200)):
             x_mm += way * speed_mm_s * 0.005
             if abs(x_mm) > 10.0:
                 way = -way
-            sounds.append(await self.play(tile, [[self.now_ms, x_mm, 0.0, 1.0]]))
-            if not len(sounds[-1]):
-                await asyncio.sleep(0.01)  # faster than any sound card plays
+            sounds.append(await self.step(tile, [[self.now_ms + 5.0, x_mm, 0.0, 1.0]]))
         return np.concatenate(sounds)
 
 
