@@ -10,6 +10,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
+from mmt.arrays import FloatArray
 from mmt.evaluation.bench.results import Axis as SideOfPanel
 from mmt.evaluation.bench.results import Curve, Panel, Point, StageResult
 from mmt.evaluation.figures import COLOURS
@@ -20,6 +21,8 @@ _GRID: Final = "#e3e6ea"
 _OURS: Final = "mmt"
 _LINEAR_SPAN: Final = 2.5
 _PLAIN_SPAN: Final = 100.0
+_LABEL_PIXELS: Final = (36.0, 14.0)
+"""Labels that are closer than this would stand over each other."""
 
 
 def stage_figure(result: StageResult) -> Figure:
@@ -116,13 +119,19 @@ def _draw_curve(axis: Axes, curve: Curve, number: int, floor: float) -> None:
 
 
 def _name_knob(axis: Axes, panel: Panel, floor: float) -> None:
-    """Write the knob beside the ends of each curve."""
+    """Write the knob beside the ends of each curve, but not over what is written there."""
+    written: list[FloatArray] = []
     for curve in panel.curves:
         ends: list[Point] = list(curve.points[:1]) + list(curve.points[1:][-1:])
         for point in ends:
+            there = point.x.median, max(point.y.median, floor)
+            pixel = axis.transData.transform(there)
+            if any((np.abs(pixel - other) < _LABEL_PIXELS).all() for other in written):
+                continue
+            written.append(pixel)
             axis.annotate(
                 f"{point.knob:g}",
-                (point.x.median, max(point.y.median, floor)),
+                there,
                 xytext=(3, 4),
                 textcoords="offset points",
                 fontsize=7,
