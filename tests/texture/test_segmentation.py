@@ -10,13 +10,8 @@ from mmt.errors import InputError
 from mmt.texture.aligned import AlignedBlock
 from mmt.texture.dft321 import dft321
 from mmt.texture.pieces import CELL
-from mmt.texture.segmentation import (
-    OnlineSegmenter,
-    SampleRange,
-    Segment,
-    SegmentationSettings,
-    segment,
-)
+from mmt.texture.segmentation import OnlineSegmenter, SegmentationSettings, segment
+from mmt.texture.segments import SampleRange, Segment
 
 RATE_HZ = 1000.0
 

@@ -10,7 +10,8 @@ import scipy.signal
 from mmt.frames import empty_frames
 from mmt.texture.aligned import AlignedBlock
 from mmt.texture.filtering import StreamFilter
-from mmt.texture.segmentation import OnlineSegmenter, SampleRange, segment
+from mmt.texture.segmentation import OnlineSegmenter, segment
+from mmt.texture.segments import SampleRange
 
 RATE_HZ = 1000.0
 RECORDED = Path(__file__).parents[2] / "../shared/data/bilateral_1dof"

@@ -9,7 +9,7 @@ from mmt.arrays import RecordArray
 from mmt.texture.model import TextureModel
 from mmt.texture.modelling import ModelUpdate, OnlineModeller
 from mmt.texture.pieces import CELL
-from mmt.texture.segmentation import Segment
+from mmt.texture.segments import Segment
 from mmt.texture.settings import ModellingSettings
 
 

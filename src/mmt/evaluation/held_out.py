@@ -16,7 +16,7 @@ from mmt.evaluation.levels import level_error_db
 from mmt.texture.amplitude_spectra import amplitude_spectra, amplitude_spectrum
 from mmt.texture.metrics import gfc_of_rows
 from mmt.texture.model import TextureModel
-from mmt.texture.segmentation import Segment
+from mmt.texture.segments import Segment
 from mmt.texture.synthesis import Synthesizer
 
 HELD_OUT: Final = 5

@@ -18,7 +18,8 @@ from mmt.texture.inputs import InputSpace
 from mmt.texture.metrics import gfc_of_rows
 from mmt.texture.model import TextureModel
 from mmt.texture.samples import TextureSamples
-from mmt.texture.segmentation import Segment, SegmentationSettings, segment
+from mmt.texture.segmentation import SegmentationSettings, segment
+from mmt.texture.segments import Segment
 from mmt.texture.selection import ModelPoints
 from mmt.texture.selection.leave_one_out import DelaunayNeighbours
 from mmt.texture.selection.points import amplitude_of

@@ -16,7 +16,7 @@ from mmt.evaluation.truth import DENSITY_HZ, KnownTexture
 from mmt.texture.completion import cells_of
 from mmt.texture.inputs import InputSpace
 from mmt.texture.metrics import within_jnd
-from mmt.texture.segmentation import Segment
+from mmt.texture.segments import Segment
 from mmt.texture.settings import Inputs, ModellingSettings
 
 MODEL_NAMES: Final[dict[Inputs, str]] = {

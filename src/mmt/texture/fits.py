@@ -17,7 +17,7 @@ from mmt.texture.effective_length import effective_samples
 from mmt.texture.inputs import InputSpace
 from mmt.texture.ordering import choose_order
 from mmt.texture.samples import TextureSamples
-from mmt.texture.segmentation import Segment
+from mmt.texture.segments import Segment
 from mmt.texture.settings import ModellingSettings
 
 HIGHEST_AUTOMATIC_ORDER: Final = 24

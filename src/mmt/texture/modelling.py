@@ -24,7 +24,8 @@ from mmt.texture.fits import Fit, automatic_order, fit_segments, samples_of
 from mmt.texture.inputs import InputSpace
 from mmt.texture.interpolators import load
 from mmt.texture.model import TextureModel
-from mmt.texture.segmentation import OnlineSegmenter, Segment, SegmentationSettings
+from mmt.texture.segmentation import OnlineSegmenter, SegmentationSettings
+from mmt.texture.segments import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.stopwatch import Stopwatch
 

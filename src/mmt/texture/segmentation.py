@@ -24,12 +24,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mmt.arrays import BoolArray, FloatArray, IntArray
+from mmt.arrays import BoolArray, IntArray
 from mmt.errors import InputError
 from mmt.texture.aligned import AlignedBlock
-from mmt.texture.dft321 import dft321
-from mmt.texture.inputs import InputSpace
 from mmt.texture.pieces import CELL, cell_moments, stationary_pieces, straight_pieces
+from mmt.texture.segments import SampleRange, Segment
 
 
 @dataclass(frozen=True)
@@ -66,40 +65,6 @@ class SegmentationSettings:
                 f"longest_samples is {self.longest_samples}: it must be at least twice "
                 f"shortest_samples ({self.shortest_samples}) and at least {2 * CELL}"
             )
-
-
-class SampleRange(NamedTuple):
-    """Samples by absolute number, `start` included and `stop` not."""
-
-    start: int
-    stop: int
-
-
-@dataclass(frozen=True, eq=False)
-class Segment:
-    """One stationary stretch.
-
-    ``start`` and ``stop`` are absolute sample numbers, half-open. ``speed_mm_s``,
-    ``velocity_mm_s`` (x, y in the plane of the surface) and ``force_n`` are means.
-    ``vibration_m_s2`` (stop - start,) is a copy, one axis or DFT321.
-    ``time_ns`` is the time of the last sample. ``final`` is False where a later update may
-    still replace the segment.
-    """
-
-    start: int
-    stop: int
-    speed_mm_s: float
-    velocity_mm_s: tuple[float, float]
-    force_n: float
-    vibration_m_s2: FloatArray
-    time_ns: int
-    final: bool
-
-    def inputs(self, space: InputSpace) -> tuple[float, ...]:
-        """Return where the segment stands in the input space of a model, shape (d,)."""
-        if space.directed:
-            return (*self.velocity_mm_s, self.force_n)
-        return self.speed_mm_s, self.force_n
 
 
 class SegmentChange(NamedTuple):
@@ -204,7 +169,7 @@ class OnlineSegmenter:
         for new in fresh:
             begin = new.start - int(tail.index[0])
             part = tail[begin : begin + new.stop - new.start]
-            change.added.append(_make_segment(part, new, final=new.stop <= self._settled))
+            change.added.append(Segment.from_block(part, new, final=new.stop <= self._settled))
         self._provisional = [span for span in kept + fresh if span.stop > self._settled]
 
 
@@ -284,20 +249,3 @@ def _find_pieces(grid: AlignedBlock, unsettled: int, settings: SegmentationSetti
     begins = stationary_pieces(edges, moments, settings.stationarity, longest_cells, vector)
     starts = np.flatnonzero(begins) + unsettled
     return _Pieces(whole, usable, lines, starts, np.append(starts, len(whole))[1:])
-
-
-def _make_segment(part: AlignedBlock, span: SampleRange, *, final: bool) -> Segment:
-    vibration = part.vibration_m_s2
-    return Segment(
-        start=span.start,
-        stop=span.stop,
-        speed_mm_s=float(part.speed_mm_s.mean()),
-        velocity_mm_s=(
-            float(part.velocity_mm_s[:, 0].mean()),
-            float(part.velocity_mm_s[:, 1].mean()),
-        ),
-        force_n=float(part.normal_force_n.mean()),
-        vibration_m_s2=dft321(vibration) if vibration.shape[1] == 3 else vibration[:, 0].copy(),
-        time_ns=int(part.time_ns[-1]),
-        final=final,
-    )

@@ -27,7 +27,7 @@ from mmt.texture.effective_length import UNKNOWN
 from mmt.texture.fits import Fit
 from mmt.texture.model import TextureModel, TextureSamples
 from mmt.texture.modelling import OnlineModeller
-from mmt.texture.segmentation import Segment
+from mmt.texture.segments import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.synthesis import Synthesizer
 
