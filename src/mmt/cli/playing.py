@@ -1,8 +1,9 @@
 """``mmt play``: the texture player's page."""
 
 import asyncio
+import socket
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from mmt.cli.common import messages, stop_on_signals
 from mmt.errors import InputError, MmtError
@@ -12,10 +13,11 @@ from mmt.scene import Link
 from mmt.scene_files import table_from
 from mmt.shipped_models import find_model, shipped_models
 
-MCAP = ".mcap"
-
 if TYPE_CHECKING:
     from mmt.player.player import Player
+
+_MCAP: Final = ".mcap"
+_ALL_ADDRESSES: Final = {"", "0.0.0.0", "::"}  # noqa: S104 - compared with, not listened on
 
 
 def play(
@@ -39,8 +41,8 @@ def play(
         A model, a file or an address cannot be used.
     """
     link = _link(host, port, token_file, certificate, key)
-    if record is not None and record.suffix.lower() != MCAP:
-        raise InputError(f"--record {record}: the name of a recording must end in {MCAP}")
+    if record is not None and record.suffix.lower() != _MCAP:
+        raise InputError(f"--record {record}: the name of a recording must end in {_MCAP}")
     if not kernels_are_compiled():
         messages.print("compiling the numerics, at the first start only (15 to 60 s)")
     from mmt.player.player import Player
@@ -67,7 +69,9 @@ async def _serve(player: "Player", link: Link, everyone: bool) -> None:
     ended = asyncio.Event()
     await player.start(link.host, link.port, everyone=everyone)
     stop_on_signals(ended.set)
-    messages.print(f"player:   {link.url(player.port)}/player/", highlight=False)
+    named = link.model_copy(update={"host": socket.gethostname()})
+    shown = named if link.host in _ALL_ADDRESSES else link
+    messages.print(f"player:   {shown.url(player.port)}/player/", highlight=False)
     try:
         await ended.wait()
     finally:
