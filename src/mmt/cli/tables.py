@@ -35,6 +35,10 @@ def as_text(value: object) -> str:
     """Return a value as a person wants to read it."""
     if isinstance(value, float):
         return f"{value:.4g}"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, tuple):
+        return ", ".join(map(as_text, value))
     if isinstance(value, list):
         return "; ".join(
             " ".join(as_text(v) for v in item.values()) if isinstance(item, Mapping) else str(item)
