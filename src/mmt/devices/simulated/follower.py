@@ -5,6 +5,7 @@ from math import isfinite
 
 from mmt.arrays import RecordArray
 from mmt.devices.protocols import Vector
+from mmt.devices.simulated.course import SurfaceCourse
 from mmt.devices.simulated.instruments import Instruments
 from mmt.devices.simulated.robot import START_MM, SimulatedRobot
 from mmt.devices.simulated.surfaces import Surface
@@ -28,7 +29,7 @@ class SimulatedFollower:
     seed
         The scene's seed.
     surface
-        Taken in place of the one that the settings name.
+        Taken in place of the one that the settings name; or a course over several.
 
     Raises
     ------
@@ -42,7 +43,7 @@ class SimulatedFollower:
         *,
         channels: Sequence[str],
         seed: int,
-        surface: Surface | None = None,
+        surface: Surface | SurfaceCourse | None = None,
     ) -> None:
         self._settings = settings
         self._surface = get_surface(settings.surface) if surface is None else surface
@@ -63,6 +64,9 @@ class SimulatedFollower:
         """Return `elapsed` frames; see `FollowerSource.step`."""
         if command_position_mm is not None and all(map(isfinite, command_position_mm)):
             self._command = command_position_mm
+        friction = self._instruments.friction_coefficient
+        if friction is not None:
+            self._robot.friction_coefficient = friction
         return self._instruments.frames(
             [self._robot.advance(self._command) for _ in range(elapsed)]
         )

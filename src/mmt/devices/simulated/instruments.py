@@ -10,6 +10,7 @@ import numpy as np
 from mmt.arrays import RecordArray
 from mmt.devices.protocols import Vector
 from mmt.devices.simulated import PERIOD_NS
+from mmt.devices.simulated.course import CourseVibration, SurfaceCourse
 from mmt.devices.simulated.robot import TipState
 from mmt.devices.simulated.sensors import Encoder, ForceGauge, TiltedAccelerometer
 from mmt.devices.simulated.surfaces import Surface
@@ -29,7 +30,7 @@ class Instruments:
     Parameters
     ----------
     surface
-        The texture under the tool.
+        The texture under the tool, or a course over several.
     channels
         The channels of the frames.
     seed
@@ -39,7 +40,12 @@ class Instruments:
     """
 
     def __init__(
-        self, surface: Surface, channels: Sequence[str], seed: int, *, noise: bool
+        self,
+        surface: Surface | SurfaceCourse,
+        channels: Sequence[str],
+        seed: int,
+        *,
+        noise: bool,
     ) -> None:
         texture, gauge, accelerometer = (
             np.random.default_rng(part) for part in np.random.SeedSequence([seed, 2]).spawn(3)
@@ -50,7 +56,11 @@ class Instruments:
         self._with_position = "position" in chosen
         self._with_force = "force" in chosen
         self._with_acceleration = "acceleration" in chosen
-        self._vibration = Vibration(surface, texture)
+        self._vibration: Vibration | CourseVibration = (
+            CourseVibration(surface, texture)
+            if isinstance(surface, SurfaceCourse)
+            else Vibration(surface, texture)
+        )
         self._encoder = Encoder(exact=not noise)
         self._gauge = ForceGauge(gauge, exact=not noise)
         self._accelerometer = TiltedAccelerometer(accelerometer, exact=not noise)
@@ -58,6 +68,13 @@ class Instruments:
         self._sequence = 0
         self.start_time_ns = 0
         """Time of the frame with sequence number 0."""
+
+    @property
+    def friction_coefficient(self) -> float | None:
+        """Of the surface that a course has reached, None where there is no course."""
+        if isinstance(self._vibration, CourseVibration):
+            return self._vibration.surface.friction_coefficient
+        return None
 
     def frames(self, tips: Sequence[TipState]) -> RecordArray:
         """Return one frame for each tick's state, shape (n,)."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from mmt.arrays import FloatArray, RecordArray
 from mmt.devices.simulated import RATE_HZ
+from mmt.devices.simulated.course import SurfaceCourse
 from mmt.devices.simulated.follower import SimulatedFollower
 from mmt.devices.simulated.hand import SimulatedHand
 from mmt.devices.simulated.instruments import Instruments
@@ -28,7 +29,7 @@ _STILL_MM_S: Final = 4.0
 
 def simulate_session(
     scene: Scene,
-    surface: str | Surface | None = None,
+    surface: str | Surface | SurfaceCourse | None = None,
     duration_s: float | None = None,
     seed: int | None = None,
     *,
@@ -64,7 +65,10 @@ def simulate_session(
         The surface, the duration, a scale or the path's file is not usable.
     """
     settings = scene.simulated or Simulated()
-    known = surface if isinstance(surface, Surface) else get_surface(surface or settings.surface)
+    if surface is None or isinstance(surface, str):
+        known: Surface | SurfaceCourse = get_surface(surface or settings.surface)
+    else:
+        known = surface
     seed = scene.session.seed if seed is None else seed
     duration_s = scene.session.duration_s if duration_s is None else duration_s
     if not (isfinite(duration_s) and duration_s * RATE_HZ >= 1):
@@ -97,7 +101,7 @@ def _stroked(
 
 
 def _replayed(
-    stroke: RecordedPath, settings: Simulated, surface: Surface, seed: int
+    stroke: RecordedPath, settings: Simulated, surface: Surface | SurfaceCourse, seed: int
 ) -> RecordArray:
     instruments = Instruments(surface, CHANNELS, seed, noise=settings.noise)
     tips = _tips(stroke, settings, surface)
@@ -105,7 +109,9 @@ def _replayed(
     return np.concatenate([instruments.frames(tips[start:stop]) for start, stop in pairwise(edges)])
 
 
-def _tips(stroke: RecordedPath, settings: Simulated, surface: Surface) -> list[TipState]:
+def _tips(
+    stroke: RecordedPath, settings: Simulated, surface: Surface | SurfaceCourse
+) -> list[TipState]:
     """Return the true tip at every tick of a recorded stroke.
 
     A recording without height gets the depth that its force presses into the surface.

@@ -76,7 +76,8 @@ class SimulatedRobot:
         self._law = ContactLaw(
             settings.surface_stiffness_n_mm * 1000.0, dissipation_s_m=DISSIPATION_S_M
         )
-        self._friction = friction_coefficient
+        self.friction_coefficient = friction_coefficient
+        """With the surface; may change while it runs."""
         self._count = substeps(self._drive, self._law, PERIOD_S)
         self._smoothing = -math.expm1(-pole_rad_s * PERIOD_S)
         start = tuple(0.001 * part for part in START_MM)
@@ -111,7 +112,7 @@ class SimulatedRobot:
         position[2], velocity[2], normal = step_normal(
             self._drive, self._law, (position[2], velocity[2]), command[2], step_s
         )
-        slope = friction_slope_n_s_m(self._friction, normal, speed, SMOOTHING_M_S)
+        slope = friction_slope_n_s_m(self.friction_coefficient, normal, speed, SMOOTHING_M_S)
         for axis in (0, 1):
             position[axis], velocity[axis], friction = step_tangential(
                 self._drive, slope, (position[axis], velocity[axis]), command[axis], step_s

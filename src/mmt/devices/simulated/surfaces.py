@@ -35,6 +35,9 @@ VERSION: Final = 1
 GRAINED_VERSION: Final = 2
 """Of those of a texture with a grain: an earlier reader would leave the grain out."""
 
+COURSE_VERSION: Final = 3
+"""Of those of several surfaces, see `mmt.devices.simulated.course`."""
+
 _KINDS: Final[dict[str, type[Resonance] | type[Line]]] = {"resonance": Resonance, "line": Line}
 _POWER_GRID: Final = 4096
 
@@ -183,6 +186,8 @@ def surface_from_annotations(annotations: bytes) -> Surface:
     """
     try:
         truth = json.loads(annotations)
+        if truth["version"] == COURSE_VERSION:
+            raise InputError("the session goes over several surfaces: mmt evaluate --surfaces")
         if truth["version"] not in {VERSION, GRAINED_VERSION}:
             raise InputError(
                 f"annotations: version {truth['version']} of the simulated truth is not known, "

@@ -1,0 +1,244 @@
+"""Has the tool come onto another surface: a sequential test with a stated false-alarm rate.
+
+For each moment in the last seconds the hypothesis that the tool has been on another surface ever
+since, a known one or a new one, stands against the one that it has stayed on the current one. The
+evidence is the Bayes factor of all blocks since that moment (`mmt.texture.surfaces.knowledge`),
+and the largest counts: a generalised CUSUM (Page 1954; Lorden, "Procedures for reacting to a
+change in distribution", Annals of Mathematical Statistics 42, 1971).
+
+*Threshold.* Where the current surface's model holds, a Bayes factor that is followed from
+one moment on ever exceeds e^h with a probability of e^-h at most (Ville's inequality), against
+each alternative. So with N moments an hour and M alternatives, h = log(N M / rate) gives at most
+`rate` false alarms an hour. Lift-offs are natural boundaries: half of the rate is spent on the
+touchdowns, which are few, and half on all the other blocks.
+
+No alarm rests on a single block, whatever it says: the evidence must stay above the threshold
+with the block left out that speaks most for it, for a knock is no surface.
+
+*Afterwards.* The alternative of most evidence is taken. A new surface is on trial for its first
+`TRIAL` blocks: where a known one predicts all of them better than nothing known by `SURE`, and
+better than every other known one, it was that one.
+"""
+
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+
+from mmt.arrays import FloatArray
+from mmt.errors import InputError
+from mmt.texture.surfaces.blocks import BLOCK, SurfaceBlock
+from mmt.texture.surfaces.knowledge import SurfaceKnowledge
+
+WINDOW: Final = 15
+"""Blocks that are looked back; older ones are what the current surface is learned from."""
+
+TRIAL: Final = 60
+"""Blocks for which a new surface may still turn out to be a known one."""
+
+SURE: Final = math.log(100.0)
+"""Evidence that a recall takes, against a new surface and every other known one."""
+
+_TOUCHDOWNS_PER_HOUR: Final = 1800.0
+_RATE_HZ: Final = 1000.0
+
+
+@dataclass(frozen=True)
+class SurfaceChange:
+    """The tool was found to be on another surface.
+
+    ``kind``: ``"new"`` one, a known one ``"recalled"``, or the new one on trial ``"identified"``
+    as a known one. ``before`` and ``surface`` are the numbers of the two surfaces.
+    ``from_sample``: the first sample that is no longer the former one's; ``at_sample``: where
+    it was found. ``evidence``: the Bayes factor's natural logarithm.
+    """
+
+    kind: Literal["new", "recalled", "identified"]
+    before: int
+    surface: int
+    from_sample: int
+    at_sample: int
+    evidence: float
+
+
+@dataclass
+class _Window:
+    """The newest blocks of the current surface, oldest first."""
+
+    blocks: list[SurfaceBlock]
+
+    @property
+    def newest_first(self) -> tuple[FloatArray, FloatArray]:
+        inputs = np.array([block.inputs for block in reversed(self.blocks)])
+        return inputs, np.array([block.log_power for block in reversed(self.blocks)])
+
+
+class SurfaceDetector:
+    """Follow on which surface the tool is, block by block.
+
+    Parameters
+    ----------
+    false_alarms_per_hour
+        How often a change may be found where there is none, in an hour of stroking.
+    known
+        Surfaces that are known from the start, by number; the first block decides among them
+        and a new one.
+
+    Raises
+    ------
+    InputError
+        The rate is not above 0.
+    """
+
+    def __init__(
+        self,
+        false_alarms_per_hour: float = 1.0,
+        known: Mapping[int, SurfaceKnowledge] | None = None,
+    ) -> None:
+        if not (math.isfinite(false_alarms_per_hour) and false_alarms_per_hour > 0.0):
+            raise InputError(
+                f"false_alarms_per_hour is {false_alarms_per_hour}: it must be above 0"
+            )
+        self._rate = false_alarms_per_hour
+        self.surfaces: dict[int, SurfaceKnowledge] = dict(known or {})
+        self._numbers = itertools.count(max(self.surfaces, default=0) + 1)
+        self.current = next(self._numbers)
+        self.surfaces[self.current] = SurfaceKnowledge()
+        self._window = _Window([])
+        self._trial: list[SurfaceBlock] | None = []
+        self._unknown = SurfaceKnowledge()
+
+    def take(self, block: SurfaceBlock) -> SurfaceChange | None:
+        """Take the next block; return the change that it brings to light."""
+        window = self._window.blocks
+        window.append(block)
+        change = self._alarm() or self._identify(block)
+        if change is None and len(window) > WINDOW:
+            self.surfaces[self.current].add([window.pop(0)])
+        return change
+
+    def threshold(self, *, touchdown: bool) -> float:
+        """Return the evidence (natural logarithm) that a change takes.
+
+        Parameters
+        ----------
+        touchdown
+            Whether it is to have happened while the tool was off the surface.
+        """
+        per_hour = _TOUCHDOWNS_PER_HOUR if touchdown else 3600.0 * _RATE_HZ / BLOCK
+        return math.log(2.0 * per_hour * len(self.surfaces) / self._rate)
+
+    # --- alarms
+
+    def _alarm(self) -> SurfaceChange | None:
+        blocks = self._window.blocks
+        inputs, log_power = self._window.newest_first
+        stayed = self.surfaces[self.current].log_likelihood(inputs, log_power)
+        margins = np.array([-self.threshold(touchdown=b.touchdown) for b in reversed(blocks)])
+        candidates = {n: k for n, k in self.surfaces.items() if n != self.current}
+        evidence = {
+            number: knowledge.log_likelihood(inputs, log_power) - stayed
+            for number, knowledge in candidates.items()
+        }
+        evidence[0] = self._unknown.log_likelihood(inputs, log_power) - stayed
+        best = {number: float((values + margins).max()) for number, values in evidence.items()}
+        number = max(best, key=lambda n: best[n])
+        if best[number] <= 0.0:
+            return None
+        since = int(np.argmax(evidence[number] + margins)) + 1
+        if since < 2 or not self._without_the_loudest(number, since, -float(margins[since - 1])):
+            return None
+        return self._change(self._best_since(evidence, since), since, evidence)
+
+    def _without_the_loudest(self, number: int, since: int, threshold: float) -> bool:
+        """Say whether the evidence holds whichever single block is left out."""
+        inputs, log_power = (values[:since] for values in self._window.newest_first)
+        other = self.surfaces[number] if number else self._unknown
+        current = self.surfaces[self.current]
+        for left_out in range(since):
+            kept = np.arange(since) != left_out
+            there = other.log_likelihood(inputs[kept], log_power[kept])[-1]
+            here = current.log_likelihood(inputs[kept], log_power[kept])[-1]
+            if there - here <= threshold:
+                return False
+        return True
+
+    @staticmethod
+    def _best_since(evidence: Mapping[int, FloatArray], since: int) -> int:
+        """Return the known surface that is surely meant, 0 for a new one."""
+        at = {number: float(values[since - 1]) for number, values in evidence.items()}
+        ranked = sorted(at, key=lambda n: at[n], reverse=True)
+        if ranked[0] != 0 and at[ranked[0]] - at[ranked[1]] < SURE:
+            return 0
+        return ranked[0]
+
+    def _change(self, number: int, since: int, evidence: Mapping[int, FloatArray]) -> SurfaceChange:
+        blocks = self._window.blocks
+        first = len(blocks) - since
+        change = SurfaceChange(
+            kind="recalled" if number else "new",
+            before=self.current,
+            surface=number or next(self._numbers),
+            from_sample=_change_point(blocks, first),
+            at_sample=blocks[-1].stop,
+            evidence=float(evidence[number][since - 1]),
+        )
+        self.surfaces[self.current].add(blocks[: max(first - 1, 0)])
+        self._window = _Window(blocks[first:])
+        self._trial = None if number else list(self._window.blocks)
+        self.current = change.surface
+        self.surfaces.setdefault(self.current, SurfaceKnowledge())
+        return change
+
+    # --- the trial of a new surface
+
+    def _identify(self, block: SurfaceBlock) -> SurfaceChange | None:
+        """Say whether the surface on trial is a known one."""
+        if self._trial is None:
+            return None
+        self._trial.append(block)
+        known = {n: k for n, k in self.surfaces.items() if n != self.current}
+        trial = self._trial
+        if len(trial) >= TRIAL:
+            self._trial = None
+        if not known or len(trial) < 2:
+            return None
+        inputs = np.array([b.inputs for b in trial])
+        log_power = np.array([b.log_power for b in trial])
+        alone = float(self._unknown.log_likelihood(inputs, log_power)[-1])
+        gains = {
+            n: float(knowledge.log_likelihood(inputs, log_power)[-1]) - alone
+            for n, knowledge in known.items()
+        }
+        number = max(gains, key=lambda n: gains[n])
+        others = [gain for n, gain in gains.items() if n != number]
+        lead = gains[number] - max(0.0, *others)
+        if lead < SURE + math.log(len(known)):
+            return None
+        change = SurfaceChange(
+            kind="identified",
+            before=self.current,
+            surface=number,
+            from_sample=trial[0].start,
+            at_sample=block.stop,
+            evidence=lead,
+        )
+        del self.surfaces[self.current]
+        self.surfaces[number].add(trial[: len(trial) - len(self._window.blocks)])
+        self.current, self._trial = number, None
+        return change
+
+
+def _change_point(blocks: list[SurfaceBlock], first: int) -> int:
+    """Return where the change is taken to be that block `first` is the first one behind.
+
+    Behind a lift-off, where contact began; within contact the block before, which may be of
+    both, is neither's.
+    """
+    block = blocks[first]
+    if block.touchdown or first == 0:
+        return min(block.start, max(block.contact_start, 0))
+    return blocks[first - 1].start
