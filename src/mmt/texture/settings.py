@@ -44,6 +44,18 @@ class OnlineSelectionSettings:
 
 
 @dataclass(frozen=True)
+class SurfaceSettings:
+    """Several surfaces in one session; see `mmt.texture.surfaces`.
+
+    ``false_alarms_per_hour`` of stroking. ``most``: number of surfaces that are kept; beyond,
+    the one on which the tool was not for longest leaves for a new one.
+    """
+
+    false_alarms_per_hour: float = 1.0
+    most: int = 20
+
+
+@dataclass(frozen=True)
 class ModellingSettings:
     """Settings of the online modelling; the meaning of each is in the scene reference.
 

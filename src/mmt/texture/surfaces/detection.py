@@ -33,7 +33,7 @@ from mmt.errors import InputError
 from mmt.texture.surfaces.blocks import BLOCK, SurfaceBlock
 from mmt.texture.surfaces.knowledge import SurfaceKnowledge
 
-WINDOW: Final = 15
+WINDOW: Final = 20
 """Blocks that are looked back; older ones are what the current surface is learned from."""
 
 TRIAL: Final = 60
@@ -41,6 +41,9 @@ TRIAL: Final = 60
 
 SURE: Final = math.log(100.0)
 """Evidence that a recall takes, against a new surface and every other known one."""
+
+_TOGETHER: Final = 5
+"""Blocks that the current surface learns at a time."""
 
 _TOUCHDOWNS_PER_HOUR: Final = 1800.0
 _RATE_HZ: Final = 1000.0
@@ -83,30 +86,29 @@ class SurfaceDetector:
     ----------
     false_alarms_per_hour
         How often a change may be found where there is none, in an hour of stroking.
-    known
-        Surfaces that are known from the start, by number; the first block decides among them
-        and a new one.
+    most
+        Surfaces that are kept, at least 2; for one more, that on which the tool was not for
+        longest is forgotten.
 
     Raises
     ------
     InputError
-        The rate is not above 0.
+        The rate is not above 0, or fewer than two surfaces are to be kept.
     """
 
-    def __init__(
-        self,
-        false_alarms_per_hour: float = 1.0,
-        known: Mapping[int, SurfaceKnowledge] | None = None,
-    ) -> None:
+    def __init__(self, false_alarms_per_hour: float = 1.0, most: int = 20) -> None:
         if not (math.isfinite(false_alarms_per_hour) and false_alarms_per_hour > 0.0):
             raise InputError(
                 f"false_alarms_per_hour is {false_alarms_per_hour}: it must be above 0"
             )
+        if most < 2:
+            raise InputError(f"most is {most}: at least two surfaces must be kept")
         self._rate = false_alarms_per_hour
-        self.surfaces: dict[int, SurfaceKnowledge] = dict(known or {})
-        self._numbers = itertools.count(max(self.surfaces, default=0) + 1)
+        self._most = most
+        self._numbers = itertools.count(1)
         self.current = next(self._numbers)
-        self.surfaces[self.current] = SurfaceKnowledge()
+        self.surfaces: dict[int, SurfaceKnowledge] = {self.current: SurfaceKnowledge()}
+        """Those that are known, by number; the one that the tool was on last stands last."""
         self._window = _Window([])
         self._trial: list[SurfaceBlock] | None = []
         self._unknown = SurfaceKnowledge()
@@ -115,9 +117,12 @@ class SurfaceDetector:
         """Take the next block; return the change that it brings to light."""
         window = self._window.blocks
         window.append(block)
-        change = self._alarm() or self._identify(block)
-        if change is None and len(window) > WINDOW:
-            self.surfaces[self.current].add([window.pop(0)])
+        if self._trial is not None:
+            self._trial.append(block)
+        change = self._alarm() or self._identify()
+        if change is None and len(window) >= WINDOW + _TOGETHER:
+            self.surfaces[self.current].add(window[:_TOGETHER])
+            del window[:_TOGETHER]
         return change
 
     def threshold(self, *, touchdown: bool) -> float:
@@ -145,13 +150,19 @@ class SurfaceDetector:
         }
         evidence[0] = self._unknown.log_likelihood(inputs, log_power) - stayed
         best = {number: float((values + margins).max()) for number, values in evidence.items()}
-        number = max(best, key=lambda n: best[n])
-        if best[number] <= 0.0:
+        leading = max(best, key=lambda n: best[n])
+        if best[leading] <= 0.0:
             return None
-        since = int(np.argmax(evidence[number] + margins)) + 1
-        if since < 2 or not self._without_the_loudest(number, since, -float(margins[since - 1])):
+        since = int(np.argmax(evidence[leading] + margins)) + 1
+        threshold = -float(margins[since - 1])
+        number = self._best_since(evidence, since)
+        if number and self._trial is not None and since >= len(self._trial):
+            return self._identified(number, self._trial, float(evidence[number][since - 1]))
+        if since < 2 or evidence[number][since - 1] <= threshold:
             return None
-        return self._change(self._best_since(evidence, since), since, evidence)
+        if not self._without_the_loudest(number, since, threshold):
+            return None
+        return self._change(number, since, evidence)
 
     def _without_the_loudest(self, number: int, since: int, threshold: float) -> bool:
         """Say whether the evidence holds whichever single block is left out."""
@@ -187,19 +198,25 @@ class SurfaceDetector:
             evidence=float(evidence[number][since - 1]),
         )
         self.surfaces[self.current].add(blocks[: max(first - 1, 0)])
+        if not blocks[first].touchdown:
+            first += 1  # the block in which it happened may be of both
         self._window = _Window(blocks[first:])
         self._trial = None if number else list(self._window.blocks)
-        self.current = change.surface
-        self.surfaces.setdefault(self.current, SurfaceKnowledge())
+        self._go_to(change.surface)
         return change
+
+    def _go_to(self, number: int) -> None:
+        self.current = number
+        self.surfaces[number] = self.surfaces.pop(number, SurfaceKnowledge())
+        if len(self.surfaces) > self._most:
+            del self.surfaces[next(iter(self.surfaces))]
 
     # --- the trial of a new surface
 
-    def _identify(self, block: SurfaceBlock) -> SurfaceChange | None:
+    def _identify(self) -> SurfaceChange | None:
         """Say whether the surface on trial is a known one."""
         if self._trial is None:
             return None
-        self._trial.append(block)
         known = {n: k for n, k in self.surfaces.items() if n != self.current}
         trial = self._trial
         if len(trial) >= TRIAL:
@@ -215,20 +232,27 @@ class SurfaceDetector:
         }
         number = max(gains, key=lambda n: gains[n])
         others = [gain for n, gain in gains.items() if n != number]
-        lead = gains[number] - max(0.0, *others)
+        lead = gains[number] - max([0.0, *others])
         if lead < SURE + math.log(len(known)):
             return None
+        return self._identified(number, trial, lead)
+
+    def _identified(
+        self, number: int, trial: list[SurfaceBlock], evidence: float
+    ) -> SurfaceChange:
+        """Take the surface on trial for a known one; what it has learned goes there."""
         change = SurfaceChange(
             kind="identified",
             before=self.current,
             surface=number,
             from_sample=trial[0].start,
-            at_sample=block.stop,
-            evidence=lead,
+            at_sample=trial[-1].stop,
+            evidence=evidence,
         )
         del self.surfaces[self.current]
         self.surfaces[number].add(trial[: len(trial) - len(self._window.blocks)])
-        self.current, self._trial = number, None
+        self._trial = None
+        self._go_to(number)
         return change
 
 

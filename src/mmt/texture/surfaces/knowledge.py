@@ -1,16 +1,17 @@
 """What is known of one surface, and how likely it makes what the tool hears now.
 
 Blocks that stand close to each other in the plane are merged into *cells*, so that the cost does
-not grow with time: n cells, `LARGEST` at most. The posterior of the Gaussian process of
-`mmt.texture.surfaces.prior` given the cells predicts any further blocks jointly: their
-level and shape may be off together by what is not known of the surface, and each of them by the
-noise of a block. That joint density is what is returned. It is exact for the model assumed, so
-that between two surfaces its ratio is a Bayes factor.
+not grow with time: n cells, `LARGEST` at most. The posterior of the Gaussian processes of
+`mmt.texture.surfaces.prior` given the cells predicts any further blocks jointly: their level
+and shape may be off together by what is not known of the surface, and each of them by the noise
+of a block. How rough the surface is is not known either: the density is the mean over the
+settings, each weighted by the evidence of the cells (Rasmussen and Williams, chapter 5). It is
+exact for the model assumed, so that between two surfaces its ratio is a Bayes factor.
 
-Cost: a factorisation, 2 n^3 / 3, when blocks were added; n^2 for each block that is predicted.
-With n = 150: 2 ms, and 0.1 ms a block. Stability: covariances are positive definite by the
-noise on their diagonal, `NOISE` over the number of blocks in a cell, against a largest prior
-variance of about 50: a condition number below 1e7.
+Cost: with n = 100 about 1 ms for each setting that is still possible after blocks were added,
+mostly one or two, and as much to predict 25 blocks. Stability: covariances are positive
+definite by the noise on their diagonal, `NOISE` over the number of blocks in a cell, against a
+largest prior variance of about 50: a condition number below 1e6.
 """
 
 from collections.abc import Sequence
@@ -19,19 +20,17 @@ from typing import Final
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
+from scipy.special import logsumexp
 
 from mmt.arrays import FloatArray
-from mmt.texture.surfaces.blocks import BANDS, SurfaceBlock
+from mmt.texture.surfaces.blocks import SurfaceBlock
 from mmt.texture.surfaces.prior import (
-    LENGTHS,
-    LEVEL,
     NOISE,
-    NOISES,
-    RESIDUALS,
-    SHAPE,
-    USUAL,
-    Roughness,
-    covariance,
+    PRIORS,
+    SETTINGS,
+    Distances,
+    Prior,
+    Setting,
     mean_of,
     turning,
 )
@@ -42,12 +41,8 @@ LARGEST: Final = 250
 _CELL_WIDTH: Final = 0.2  # of the logarithms of speed and force
 _SECTORS: Final = 12
 _LARGEST_WEIGHT: Final = 30.0
-_LEAST_EVIDENCE: Final = 8
+_IMPOSSIBLE: Final = -12.0
 _LOG_TWO_PI: Final = float(np.log(2.0 * np.pi))
-
-_KINDS: Final = {"level": LEVEL, "shape": SHAPE}
-_SCALES: Final = {"level": float(BANDS), "shape": 1.0}
-"""Variance of a component over that of a band: the level is what all bands have in common."""
 
 
 @dataclass
@@ -66,10 +61,16 @@ class _Cell:
 
 @dataclass(frozen=True, eq=False)
 class _Posterior:
-    """One kind of component given the cells: Cholesky factor (n, n), whitened rests (n, c)."""
+    """One kind of component given n cells: Cholesky factor (n, n), whitened rests (n, c)."""
 
     factor: FloatArray
     whitened: FloatArray
+
+    @property
+    def evidence(self) -> float:
+        """Natural logarithm, but for a constant."""
+        logarithms = float(np.log(np.diag(self.factor)).sum())
+        return -0.5 * float(np.square(self.whitened).sum()) - self.whitened.shape[1] * logarithms
 
 
 class SurfaceKnowledge:
@@ -77,9 +78,11 @@ class SurfaceKnowledge:
 
     def __init__(self) -> None:
         self._cells: dict[tuple[int, ...], _Cell] = {}
-        self._rough: dict[str, Roughness] = dict(USUAL)
-        self._judged_cells = 0
-        self._posteriors: dict[str, _Posterior] | None = None
+        self._places = np.empty((0, 2))
+        self._weights = np.full(len(SETTINGS), -np.log(len(SETTINGS)))
+        self._posteriors: list[dict[str, _Posterior] | None] = [None] * len(SETTINGS)
+        self._judged = 0
+        self._current = True
         self.blocks = 0
         """How many blocks were added."""
 
@@ -101,8 +104,7 @@ class SurfaceKnowledge:
                 cell.merge(block.inputs, values)
             self._cells[key] = cell  # behind those that were touched before
             self.blocks += 1
-        if blocks:
-            self._posteriors = None
+        self._current = self._current and not blocks
 
     def log_likelihood(self, inputs: FloatArray, log_power: FloatArray) -> FloatArray:
         """Return how likely the first block is, the first two, and so on, jointly.
@@ -121,94 +123,107 @@ class SurfaceKnowledge:
         """
         if not len(inputs):
             return np.empty(0)
+        self._condition()
         values = log_power @ turning().T
-        return self._predicted("level", inputs, values[:, :1]) + self._predicted(
-            "shape", inputs, values[:, 1:]
-        )
-
-    def spread(self, inputs: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return how well level and shape are known at inputs (n, d): standard deviations (n,).
-
-        In natural logarithms of the power in a band, without the noise of a block.
-        """
-        found = []
-        for kind in _KINDS:
-            _, spread = self._explain(kind, inputs)
-            found.append(np.sqrt(np.maximum(np.diag(spread), 0.0) / _SCALES[kind]))
-        return found[0], found[1]
-
-    def _predicted(self, kind: str, inputs: FloatArray, values: FloatArray) -> FloatArray:
-        explained, spread = self._explain(kind, inputs)
-        spread[np.diag_indices_from(spread)] += self._rough[kind].noise * NOISE
-        factor = cholesky(spread, lower=True, check_finite=False)
-        rest = values - _mean(kind, inputs) - explained
-        whitened = solve_triangular(factor, rest, lower=True, check_finite=False)
-        each = (whitened**2).sum(axis=1) + values.shape[1] * (
-            2.0 * np.log(np.diag(factor)) + _LOG_TWO_PI
-        )
-        total: FloatArray = -0.5 * np.cumsum(each)
+        within = Distances(inputs, inputs)
+        across = Distances(self._places, inputs) if self._cells else None
+        possible = self._possible()
+        each = np.empty((len(possible), len(inputs)))
+        for row, number in enumerate(possible):
+            setting, posteriors = SETTINGS[number], self._posteriors[number]
+            each[row] = self._weights[number]
+            for kind, prior in PRIORS.items():
+                rest = values[:, prior.first : prior.last] - mean_of(prior, inputs)
+                spread = within.covariance(prior, setting)
+                if across is not None and posteriors is not None:
+                    explained, known = _explain(across.covariance(prior, setting), posteriors[kind])
+                    rest, spread = rest - explained, spread - known
+                each[row] += _log_density(rest, spread, setting.noise * NOISE)
+        total: FloatArray = logsumexp(each, axis=0)
         return total
 
-    def _explain(self, kind: str, inputs: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return what the cells explain at inputs, (n, c), and the covariance left, (n, n)."""
-        if not self._cells:
-            return np.zeros((len(inputs), 1)), _spread(kind, self._rough[kind], inputs, inputs)
-        if self._posteriors is None:
-            self._posteriors = self._condition()
-        posterior, rough = self._posteriors[kind], self._rough[kind]
-        across = _spread(kind, rough, self._places(), inputs)
-        seen = solve_triangular(posterior.factor, across, lower=True, check_finite=False)
-        spread = _spread(kind, rough, inputs, inputs)
-        return seen.T @ posterior.whitened, spread - seen.T @ seen
+    def spread(self, inputs: FloatArray) -> dict[str, FloatArray]:
+        """Return how well each kind of component is known at inputs (n, d).
 
-    def _condition(self) -> dict[str, _Posterior]:
-        """Factorise the cells' covariances, choosing the roughness where there is evidence."""
-        if len(self._cells) >= max(_LEAST_EVIDENCE, 1.5 * self._judged_cells):
-            self._judged_cells = len(self._cells)
-            for kind in _KINDS:
-                self._rough[kind] = self._choose(kind)
-        return {kind: self._given(kind, self._rough[kind]) for kind in _KINDS}
+        Standard deviations (n,) in natural logarithms of the power in a band, without the noise
+        of a block, under the likeliest setting.
+        """
+        self._condition()
+        number = int(np.argmax(self._weights))
+        setting, posteriors = SETTINGS[number], self._posteriors[number]
+        found = {}
+        for kind, prior in PRIORS.items():
+            spread = Distances(inputs, inputs).covariance(prior, setting)
+            if posteriors is not None:
+                across = Distances(self._places, inputs).covariance(prior, setting)
+                spread = spread - _explain(across, posteriors[kind])[1]
+            found[kind] = np.sqrt(np.maximum(np.diag(spread), 0.0) / prior.scale)
+        return found
 
-    def _given(self, kind: str, rough: Roughness) -> _Posterior:
-        places = self._places()
-        weights = np.array([cell.weight for cell in self._cells.values()])
-        values = np.array([cell.values for cell in self._cells.values()])
-        values = values[:, :1] if kind == "level" else values[:, 1:]
-        matrix = _spread(kind, rough, places, places)
-        matrix[np.diag_indices_from(matrix)] += rough.noise * NOISE / weights
-        factor = cholesky(matrix, lower=True, check_finite=False)
-        rest = values - _mean(kind, places)
-        whitened = solve_triangular(factor, rest, lower=True, check_finite=False)
-        return _Posterior(factor, whitened)
+    def _possible(self) -> list[int]:
+        """Return the settings that the cells leave possible."""
+        least = self._weights.max() + _IMPOSSIBLE
+        return np.flatnonzero(self._weights >= least).tolist()
 
-    def _choose(self, kind: str) -> Roughness:
-        """Return the roughness of most evidence (Rasmussen and Williams, section 5.4.1)."""
-        candidates = (
-            Roughness(residual, length, noise)
-            for residual in RESIDUALS[kind]
-            for length in LENGTHS
-            for noise in NOISES
-        )
-        return max(candidates, key=lambda rough: _evidence(self._given(kind, rough)))
-
-    def _places(self) -> FloatArray:
-        return np.array([cell.inputs for cell in self._cells.values()])
-
-
-def _evidence(posterior: _Posterior) -> float:
-    squares = float((posterior.whitened**2).sum())
-    logarithms = float(np.log(np.diag(posterior.factor)).sum())
-    return -0.5 * squares - posterior.whitened.shape[1] * logarithms
+    def _condition(self) -> None:
+        """Bring the posteriors up to date; all settings are judged anew now and then."""
+        if self._current:
+            return
+        self._current = True
+        cells = list(self._cells.values())
+        self._places = np.array([cell.inputs for cell in cells])
+        values = np.array([cell.values for cell in cells])
+        noise = NOISE / np.array([cell.weight for cell in cells])
+        judge = self.blocks >= 1.1 * self._judged
+        within = Distances(self._places, self._places)
+        for number in range(len(SETTINGS)) if judge else self._possible():
+            self._posteriors[number] = {
+                kind: _given(prior, SETTINGS[number], within, self._places, values, noise)
+                for kind, prior in PRIORS.items()
+            }
+        if judge:
+            self._judged = self.blocks
+            evidence = [
+                sum(posterior.evidence for posterior in (posteriors or {}).values())
+                for posteriors in self._posteriors
+            ]
+            self._weights = np.array(evidence) - logsumexp(evidence)
 
 
-def _mean(kind: str, inputs: FloatArray) -> FloatArray:
-    """Return the prior mean of a component at inputs (n, d), shape (n, 1)."""
-    return np.sqrt(_SCALES[kind]) * mean_of(_KINDS[kind], inputs)[:, None]
+def _given(
+    prior: Prior,
+    setting: Setting,
+    within: Distances,
+    places: FloatArray,
+    values: FloatArray,
+    noise: FloatArray,
+) -> _Posterior:
+    matrix = within.covariance(prior, setting)
+    matrix[np.diag_indices_from(matrix)] += setting.noise * noise
+    factor = cholesky(matrix, lower=True, check_finite=False)
+    rest = values[:, prior.first : prior.last] - mean_of(prior, places)
+    return _Posterior(factor, _solve(factor, rest))
 
 
-def _spread(kind: str, rough: Roughness, one: FloatArray, other: FloatArray) -> FloatArray:
-    """Return the prior covariance of a component, shape (n, m)."""
-    return _SCALES[kind] * covariance(_KINDS[kind], rough, one, other)
+def _explain(across: FloatArray, posterior: _Posterior) -> tuple[FloatArray, FloatArray]:
+    """Return what cells explain at n inputs, (n, c), and the variance that goes with it, (n, n)."""
+    seen = _solve(posterior.factor, across)
+    return seen.T @ posterior.whitened, seen.T @ seen
+
+
+def _log_density(rest: FloatArray, spread: FloatArray, noise: float) -> FloatArray:
+    """Return the log densities of the first rest (n, c), the first two, and so on, shape (n,)."""
+    spread[np.diag_indices_from(spread)] += noise
+    factor = cholesky(spread, lower=True, check_finite=False)
+    squares = np.square(_solve(factor, rest)).sum(axis=1)
+    scatter = rest.shape[1] * (2.0 * np.log(np.diag(factor)) + _LOG_TWO_PI)
+    total: FloatArray = -0.5 * np.cumsum(squares + scatter)
+    return total
+
+
+def _solve(factor: FloatArray, right: FloatArray) -> FloatArray:
+    solved: FloatArray = solve_triangular(factor, right, lower=True, check_finite=False)
+    return solved
 
 
 def _key(inputs: FloatArray) -> tuple[int, ...]:

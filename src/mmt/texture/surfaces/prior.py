@@ -1,9 +1,9 @@
-"""What is known of the bands of a surface before it is touched, as a Gaussian process.
+"""What is known of the bands of a surface before it is touched, as Gaussian processes.
 
-The logarithms of nine band powers are turned by an orthonormal cosine transform into the mean,
-the *level*, and eight numbers that say the *shape*. Over the logarithms of speed and force, l
-and g, each is a Gaussian process (Rasmussen and Williams, "Gaussian Processes for Machine
-Learning", 2006, section 2.7):
+The logarithms of nine band powers are turned by an orthonormal cosine transform into nine
+components: the mean (the *level*), the *tilt* of the spectrum, and ever finer features of its
+shape. Over the logarithms of speed and force, l and g, each is a Gaussian process (Rasmussen and
+Williams, "Gaussian Processes for Machine Learning", 2006, section 2.7):
 
     f = c + a l + b g + r(l, g),   c, a, b normal,   r of squared exponential covariance.
 
@@ -11,10 +11,12 @@ The level follows a power law of speed and force as far as is published for text
 speed^0.8..1.4 and force^0.4..1), and bends away from it by a residual r. What a surface is like
 where it was not touched follows: near its samples it is known to within the residual, far
 from them only to within the slopes, and of a surface that was never touched nothing is known but
-the wide prior of c. The widths are a choice, `LEVEL` and `SHAPE`; the residual's size and length
-and the noise of a block are chosen by evidence for each surface.
+the wide prior of c. The widths are a choice: vibration falls towards high frequencies,
+and the finer a feature, the smaller. How rough r is differs between textures (a ribbed one has
+lines that move with the speed through the bands): each of `SETTINGS` is held possible.
 """
 
+from collections.abc import Mapping
 from functools import cache
 from typing import Final, NamedTuple
 
@@ -28,37 +30,47 @@ NOISE: Final = 0.19
 
 
 class Prior(NamedTuple):
-    """Standard deviations of one kind of component, in natural logarithms of power a band.
+    """Of one kind of component, in natural logarithms of the power in a band.
 
-    ``mean`` of c, and the slopes' means over l and g; ``constant``, ``per_speed``,
-    ``per_force`` of c, a and b; ``per_heading`` of a part that varies with the heading, its
-    shape being that of a residual over the unit circle.
+    ``first`` and ``last``: the components that it holds for, half-open. ``mean``: of c, a and b.
+    ``constant``, ``per_speed``, ``per_force``: their standard deviations; ``per_heading``: of a
+    part that varies with the heading. ``scale``: variance of the component over that of a band,
+    for the level is what all bands have in common. ``roughness``: factor on the residual.
     """
 
+    first: int
+    last: int
     mean: tuple[float, float, float]
     constant: float
     per_speed: float
     per_force: float
     per_heading: float
+    scale: float
+    roughness: float
 
 
-LEVEL: Final = Prior((-3.0, 1.1, 0.65), 2.2, 0.35, 0.25, 0.5)
-SHAPE: Final = Prior((0.0, 0.0, 0.0), 1.3, 0.5, 0.35, 0.4)
+PRIORS: Final[Mapping[str, Prior]] = {
+    "level": Prior(0, 1, (-3.0, 1.1, 0.65), 2.2, 0.35, 0.25, 0.5, float(BANDS), 1.0),
+    "tilt": Prior(1, 2, (2.0, 0.0, 0.0), 2.0, 0.6, 0.4, 0.8, 1.0, 2.0),
+    "coarse": Prior(2, 4, (0.0, 0.0, 0.0), 1.0, 0.5, 0.3, 0.5, 1.0, 1.5),
+    "fine": Prior(4, BANDS, (0.0, 0.0, 0.0), 0.5, 0.3, 0.2, 0.3, 1.0, 1.0),
+}
 
 
-class Roughness(NamedTuple):
-    """What evidence chooses: size and length of the residual, and the noise over `NOISE`."""
+class Setting(NamedTuple):
+    """How rough a surface may be: size and length of the residual, and the noise over `NOISE`."""
 
     residual: float
     length: float
     noise: float
 
 
-RESIDUALS: Final = {"level": (0.1, 0.2, 0.4), "shape": (0.15, 0.35, 0.7)}
-LENGTHS: Final = (0.3, 0.7)
-NOISES: Final = (1.0, 1.6, 2.6)
-USUAL: Final = {"level": Roughness(0.2, 0.3, 1.6), "shape": Roughness(0.35, 0.3, 1.6)}
-"""Before there is evidence."""
+SETTINGS: Final = (
+    Setting(0.15, 0.7, 1.2),
+    Setting(0.25, 0.4, 1.6),
+    Setting(0.5, 0.2, 1.8),
+    Setting(0.25, 0.6, 2.8),
+)
 
 _HEADING_LENGTH: Final = 0.7
 
@@ -74,24 +86,37 @@ def turning() -> FloatArray:
 
 
 def mean_of(prior: Prior, inputs: FloatArray) -> FloatArray:
-    """Return the prior mean a band at inputs (n, 2) or (n, 4), shape (n,)."""
+    """Return the prior mean of a component at inputs (n, 2) or (n, 4), shape (n, 1)."""
     constant, per_speed, per_force = prior.mean
-    mean: FloatArray = constant + per_speed * inputs[:, 0] + per_force * inputs[:, 1]
-    return mean
+    mean: FloatArray = constant + per_speed * inputs[:, :1] + per_force * inputs[:, 1:2]
+    return np.asarray(np.sqrt(prior.scale) * mean, dtype=np.float64)
 
 
-def covariance(prior: Prior, rough: Roughness, one: FloatArray, other: FloatArray) -> FloatArray:
-    """Return the prior covariance a band between inputs (n, d) and (m, d), shape (n, m)."""
-    total = np.full((len(one), len(other)), prior.constant**2)
-    total += prior.per_speed**2 * np.outer(one[:, 0], other[:, 0])
-    total += prior.per_force**2 * np.outer(one[:, 1], other[:, 1])
-    apart = (one[:, None, 0] - other[None, :, 0]) ** 2
-    apart += (one[:, None, 1] - other[None, :, 1]) ** 2
-    residual = rough.residual**2 * np.exp(apart / (-2.0 * rough.length**2))
-    if one.shape[1] == 4:
-        turned = 2.0 - 2.0 * (one[:, 2:] @ other[:, 2:].T)  # the chord, squared
-        alike = np.exp(turned / (-2.0 * _HEADING_LENGTH**2))
-        residual *= alike
-        total += prior.per_heading**2 * alike
-    total += residual
-    return total
+class Distances:
+    """What covariances between inputs (n, d) and (m, d) are made of, computed once."""
+
+    def __init__(self, one: FloatArray, other: FloatArray) -> None:
+        self._speeds = np.outer(one[:, 0], other[:, 0])
+        self._forces = np.outer(one[:, 1], other[:, 1])
+        self._apart = np.square(one[:, None, 0] - other[None, :, 0])
+        self._apart += np.square(one[:, None, 1] - other[None, :, 1])
+        self._residuals: dict[float, FloatArray] = {}
+        self._alike: FloatArray | None = None
+        if one.shape[1] == 4:
+            chords = 2.0 - 2.0 * (one[:, 2:] @ other[:, 2:].T)
+            self._alike = np.exp(chords / (-2.0 * _HEADING_LENGTH**2))
+
+    def covariance(self, prior: Prior, setting: Setting) -> FloatArray:
+        """Return the prior covariance of a component, shape (n, m)."""
+        residual = self._residuals.get(setting.length)
+        if residual is None:
+            residual = np.exp(self._apart / (-2.0 * setting.length**2))
+            self._residuals[setting.length] = residual
+        total: FloatArray = (setting.residual * prior.roughness) ** 2 * residual
+        if self._alike is not None:
+            total = (total + prior.per_heading**2) * self._alike
+        total += prior.constant**2
+        total += prior.per_speed**2 * self._speeds
+        total += prior.per_force**2 * self._forces
+        total *= prior.scale
+        return total

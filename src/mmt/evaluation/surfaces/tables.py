@@ -1,0 +1,163 @@
+"""The evaluation of several surfaces as tables, for programs, and as a report."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from mmt.evaluation.document import Block, Heading, Paragraph, Table
+from mmt.evaluation.report import environment
+from mmt.evaluation.report_files import write_report_files
+from mmt.evaluation.surfaces.running import SurfaceResult
+from mmt.evaluation.surfaces.scoring import Stay
+
+TITLE: Final = "More than one surface"
+
+TARGETS: Final = {"delay_s": 0.5, "wrong_recalls": 0.02, "false_alarms_per_hour": 1.0}
+
+DEFINITIONS: Final = {
+    "stays": "stays on a surface but for the first one of each session, and without those of "
+    "under 0.3 s of stroking in which nothing was found",
+    "delay_s": "from the first contact with the other surface until the leader knows that it is "
+    "another one, filters and the leader's period included; _p90: 90th percentile",
+    "within_target": "share of the stays that were found within 0.5 s",
+    "missed": "stays at whose end nothing was found",
+    "recall_s": "from the first contact with a known surface until its model was recalled for good",
+    "recalls": "how often a known model was chosen, also of a surface that was new at first",
+    "wrong_recalls": "share of the recalls that chose the model of another surface",
+    "doubled": "stays on a known surface at whose end the tracker had made a second model of it",
+    "false_alarms": "changes that were found while the tool stayed; in stroked_s of stroking",
+}
+
+
+@dataclass(frozen=True)
+class SurfaceEvaluation:
+    """Every session's result."""
+
+    results: Sequence[SurfaceResult]
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return the figures by number of surfaces, and over all sessions last."""
+        counts = sorted({len(result.surfaces) for result in self.results})
+        groups = [
+            (str(count), [r for r in self.results if len(r.surfaces) == count]) for count in counts
+        ]
+        return [_figures(name, group) for name, group in [*groups, ("all", list(self.results))]]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything for a program."""
+        return {
+            "rows": self.rows(),
+            "sessions": [asdict(result) for result in self.results],
+            "targets": TARGETS,
+            "definitions": DEFINITIONS,
+        }
+
+
+def surface_tables(evaluation: SurfaceEvaluation) -> list[Table]:
+    """Return a row for each number of surfaces."""
+    rows = [
+        [
+            row["surfaces"],
+            str(row["sessions"]),
+            str(row["stays"]),
+            _seconds(row["delay_s"]),
+            _seconds(row["delay_p90_s"]),
+            _share(row["within_target"]),
+            str(row["missed"]),
+            _seconds(row["recall_s"]),
+            f"{row['wrong_recalls']}/{row['recalls']}",
+            str(row["doubled"]),
+            str(row["false_alarms"]),
+            f"{row['stroked_s'] / 60.0:.0f}",
+        ]
+        for row in evaluation.rows()
+    ]
+    columns = ["surfaces", "sessions", "stays", "delay (s)", "delay p90", "in 0.5 s", "missed"]
+    columns += ["recalled (s)", "wrong recalls", "doubled", "false alarms", "stroked (min)"]
+    return [Table(columns, rows, caption="Delays are medians.")]
+
+
+def verdicts(evaluation: SurfaceEvaluation) -> list[str]:
+    """Return in words which targets were met over all sessions."""
+    row = evaluation.rows()[-1]
+    delay, wrong = row["delay_s"], row["wrong_recall_share"]
+    alarms = row["false_alarms_per_hour"]
+    return [
+        f"median delay {_seconds(delay)} s, target {TARGETS['delay_s']} s: "
+        + _met(delay is not None and delay <= TARGETS["delay_s"]),
+        f"wrong recalls {_share(wrong)}, target {TARGETS['wrong_recalls']:.0%}: "
+        + _met(wrong is not None and wrong <= TARGETS["wrong_recalls"]),
+        f"{alarms:.1f} false alarms an hour of stroking, target "
+        f"{TARGETS['false_alarms_per_hour']:g}: "
+        + _met(alarms <= TARGETS["false_alarms_per_hour"]),
+    ]
+
+
+def write_surface_report(directory: Path, evaluation: SurfaceEvaluation) -> Path:
+    """Write ``report.html``, ``report.md`` and ``summary.json``; return the page.
+
+    Raises
+    ------
+    InputError
+        The directory cannot be written.
+    """
+    blocks: list[Block] = [Heading(TITLE, 1)]
+    blocks += [Paragraph(sentence) for sentence in verdicts(evaluation)]
+    blocks += surface_tables(evaluation)
+    blocks += [Heading("Definitions"), Table(("figure", "what"), list(DEFINITIONS.items()))]
+    blocks += [Heading("Made with"), Table(("part", "version"), list(environment().items()))]
+    data = {**evaluation.as_dict(), "environment": environment()}
+    return write_report_files(directory, TITLE, blocks, "summary.json", data)
+
+
+def _figures(name: str, group: Sequence[SurfaceResult]) -> dict[str, Any]:
+    scores = [result.score for result in group]
+    stays = [stay for each in scores for stay in each.stays]
+    delays = [stay.delay_s for stay in stays if stay.delay_s is not None]
+    recalled = [stay.recall_s for stay in stays if stay.recall_s is not None]
+    stroked_s = sum(each.stroked_s for each in scores)
+    recalls, wrong = (sum(getattr(s, n) for s in scores) for n in ("recalls", "wrong_recalls"))
+    false = sum(each.false_alarms for each in scores)
+    in_time = sum(delay <= TARGETS["delay_s"] for delay in delays)
+    return {
+        "surfaces": name,
+        "sessions": len(group),
+        "stays": len(stays),
+        "too_short": sum(each.too_short for each in scores),
+        "delay_s": _quantile(delays, 0.5),
+        "delay_p90_s": _quantile(delays, 0.9),
+        "within_target": in_time / len(stays) if stays else None,
+        "missed": _count(stays, "missed"),
+        "recall_s": _quantile(recalled, 0.5),
+        "recalls": recalls,
+        "wrong_recalls": wrong,
+        "wrong_recall_share": wrong / recalls if recalls else None,
+        "wrong": _count(stays, "wrong"),
+        "doubled": _count(stays, "doubled"),
+        "false_alarms": false,
+        "false_alarms_per_hour": 3600.0 * false / stroked_s if stroked_s else 0.0,
+        "stroked_s": round(stroked_s, 1),
+    }
+
+
+def _count(stays: Sequence[Stay], outcome: str) -> int:
+    return sum(stay.outcome == outcome for stay in stays)
+
+
+def _quantile(values: Sequence[float], share: float) -> float | None:
+    return float(np.quantile(values, share)) if values else None
+
+
+def _seconds(value: float | None) -> str:
+    return "" if value is None else f"{value:.2f}"
+
+
+def _share(value: float | None) -> str:
+    return "" if value is None else f"{value:.1%}"
+
+
+def _met(held: bool) -> str:
+    return "met" if held else "missed"
