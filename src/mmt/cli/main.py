@@ -84,6 +84,9 @@ def evaluate(
     selection: Annotated[
         bool, typer.Option("--selection", help="Sample selection, published against ours.")
     ] = False,
+    surfaces: Annotated[
+        bool, typer.Option("--surfaces", help="Sessions over several known surfaces.")
+    ] = False,
     compare: Annotated[
         str | None,
         typer.Option("--compare", metavar="METHOD,METHOD", help="Methods of modelling."),
@@ -93,7 +96,7 @@ def evaluate(
     ] = None,
     workers: Annotated[int | None, typer.Option(help="Of --compare: processes.")] = None,
     seeds: Annotated[
-        int | None, typer.Option(min=1, help="Of --selection (20) and --compare (10).")
+        int | None, typer.Option(min=1, help="Of --selection (20), --compare (10), --surfaces (2).")
     ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
     report: Annotated[Path | None, typer.Option(help="Write a report there.")] = None,
@@ -109,6 +112,11 @@ def evaluate(
 
         print_selection(sessions or [], seeds=seeds or 20, json_file=json_file, report=report)
         return
+    if surfaces:
+        from mmt.cli.surfaces_table import print_surfaces
+
+        print_surfaces(sessions or [], seeds=seeds or 2, json_file=json_file, report=report)
+        return
     if compare is not None:
         from mmt.cli.method_tables import print_methods
 
@@ -123,7 +131,9 @@ def evaluate(
         )
         return
     if not sessions:
-        raise InputError("evaluate: name a session, or give --feedback, --selection or --compare")
+        raise InputError(
+            "evaluate: name a session, or give --feedback, --selection, --surfaces or --compare"
+        )
     from mmt.cli.evaluating import evaluate_files
 
     evaluate_files(

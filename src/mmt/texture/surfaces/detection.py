@@ -237,9 +237,7 @@ class SurfaceDetector:
             return None
         return self._identified(number, trial, lead)
 
-    def _identified(
-        self, number: int, trial: list[SurfaceBlock], evidence: float
-    ) -> SurfaceChange:
+    def _identified(self, number: int, trial: list[SurfaceBlock], evidence: float) -> SurfaceChange:
         """Take the surface on trial for a known one; what it has learned goes there."""
         change = SurfaceChange(
             kind="identified",

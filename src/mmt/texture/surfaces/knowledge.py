@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg.lapack import dpotrf, dtrtrs
 from scipy.special import logsumexp
 
 from mmt.arrays import FloatArray
@@ -70,7 +70,7 @@ class _Posterior:
     def evidence(self) -> float:
         """Natural logarithm, but for a constant."""
         logarithms = float(np.log(np.diag(self.factor)).sum())
-        return -0.5 * float(np.square(self.whitened).sum()) - self.whitened.shape[1] * logarithms
+        return -0.5 * float(np.square(self.whitened).sum()) - len(self.whitened.T) * logarithms
 
 
 class SurfaceKnowledge:
@@ -199,8 +199,8 @@ def _given(
     noise: FloatArray,
 ) -> _Posterior:
     matrix = within.covariance(prior, setting)
-    matrix[np.diag_indices_from(matrix)] += setting.noise * noise
-    factor = cholesky(matrix, lower=True, check_finite=False)
+    matrix.flat[:: len(matrix) + 1] += setting.noise * noise
+    factor = _factorise(matrix)
     rest = values[:, prior.first : prior.last] - mean_of(prior, places)
     return _Posterior(factor, _solve(factor, rest))
 
@@ -213,16 +213,25 @@ def _explain(across: FloatArray, posterior: _Posterior) -> tuple[FloatArray, Flo
 
 def _log_density(rest: FloatArray, spread: FloatArray, noise: float) -> FloatArray:
     """Return the log densities of the first rest (n, c), the first two, and so on, shape (n,)."""
-    spread[np.diag_indices_from(spread)] += noise
-    factor = cholesky(spread, lower=True, check_finite=False)
+    spread.flat[:: len(spread) + 1] += noise
+    factor = _factorise(spread)
     squares = np.square(_solve(factor, rest)).sum(axis=1)
     scatter = rest.shape[1] * (2.0 * np.log(np.diag(factor)) + _LOG_TWO_PI)
     total: FloatArray = -0.5 * np.cumsum(squares + scatter)
     return total
 
 
+def _factorise(matrix: FloatArray) -> FloatArray:
+    """Return the lower Cholesky factor (n, n), by LAPACK itself: n is small, and calls are many."""
+    factor: FloatArray
+    factor, fault = dpotrf(matrix, lower=1)
+    assert fault == 0, "the noise keeps every covariance definite"  # noqa: S101 - as derived above
+    return factor
+
+
 def _solve(factor: FloatArray, right: FloatArray) -> FloatArray:
-    solved: FloatArray = solve_triangular(factor, right, lower=True, check_finite=False)
+    solved: FloatArray
+    solved, _ = dtrtrs(factor, right, lower=1)
     return solved
 
 

@@ -1,0 +1,261 @@
+"""Blocks, what is known of a surface, and the test for another one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from scipy.signal import freqz
+from scipy.stats import multivariate_normal
+from surface_samples import PEAKED, SMOOTH, make_blocks
+
+from mmt.errors import InputError
+from mmt.texture.aligned import AlignedBlock
+from mmt.texture.surfaces import BlockCutter, SurfaceDetector, SurfaceKnowledge
+from mmt.texture.surfaces.blocks import BANDS, BLOCK, SurfaceBlock, band_log_power
+from mmt.texture.surfaces.prior import NOISE, PRIORS, SETTINGS, Distances, mean_of, turning
+
+
+def stream(count: int, *, speed: float = 100.0, force: float = 1.0, first: int = 0) -> AlignedBlock:
+    """Return aligned samples of a steady stroke."""
+    index = np.arange(first, first + count)
+    vibration = np.random.default_rng(first).standard_normal((count, 1))
+    return AlignedBlock(
+        index=index,
+        time_ns=index * 1_000_000,
+        position_mm=np.zeros((count, 3)),
+        velocity_mm_s=np.tile([0.0, speed], (count, 1)),
+        speed_mm_s=np.full(count, speed),
+        normal_force_n=np.full(count, force),
+        vibration_m_s2=vibration,
+        valid=np.ones(count, dtype=np.bool_),
+    )
+
+
+def stacked(blocks: list[SurfaceBlock]) -> tuple[np.ndarray, np.ndarray]:
+    return np.array([b.inputs for b in blocks]), np.array([b.log_power for b in blocks])
+
+
+# --- blocks
+
+
+def test_a_steady_stroke_is_cut_into_blocks_of_100_behind_its_first_20_samples() -> None:
+    blocks = BlockCutter().cut(stream(1030))
+    assert [(b.start, b.stop) for b in blocks] == [(20 + 100 * k, 120 + 100 * k) for k in range(10)]
+    assert [b.touchdown for b in blocks] == [True] + [False] * 9
+
+
+def test_the_cut_into_updates_does_not_matter() -> None:
+    whole = BlockCutter().cut(stream(1000))
+    cutter = BlockCutter()
+    samples = stream(1000)
+    parts = [cutter.cut(samples[start : start + 37]) for start in range(0, 1000, 37)]
+    found = [block for part in parts for block in part]
+    assert [b.start for b in found] == [b.start for b in whole]
+    np.testing.assert_array_equal(stacked(found)[1], stacked(whole)[1])
+
+
+@pytest.mark.parametrize(
+    ("speed", "force"), [(5.0, 1.0), (100.0, 0.06), (100.0, 0.0)], ids=["slow", "light", "lifted"]
+)
+def test_what_is_slow_or_light_is_in_no_block(speed: float, force: float) -> None:
+    assert BlockCutter().cut(stream(1000, speed=speed, force=force)) == []
+
+
+def test_a_gap_and_a_change_of_speed_begin_a_block_anew() -> None:
+    cutter = BlockCutter()
+    assert cutter.cut(stream(90)) == []
+    fast = cutter.cut(stream(100, speed=300.0, first=90))
+    assert [(b.start, b.stop) for b in fast] == [(90, 190)]
+    assert cutter.cut(stream(90, first=200)) == []
+
+
+def test_the_next_contact_is_a_touchdown() -> None:
+    cutter = BlockCutter()
+    cutter.cut(stream(200))
+    cutter.cut(stream(100, force=0.0, first=200))
+    again = cutter.cut(stream(200, first=300))
+    assert again[0].touchdown
+    assert again[0].contact_start == 300
+
+
+@pytest.mark.parametrize("band", range(BANDS))
+def test_a_tone_is_heard_in_its_band(band: int) -> None:
+    tone = np.sin(2 * np.pi * (40.0 + 50.0 * band) / 1000.0 * np.arange(BLOCK))[:, None]
+    assert int(np.argmax(band_log_power(tone))) == band
+    np.testing.assert_allclose(band_log_power(2 * tone) - band_log_power(tone), np.log(4.0))
+
+
+def test_the_scatter_of_white_noise_is_what_is_assumed() -> None:
+    random = np.random.default_rng(1)
+    powers = np.array([band_log_power(random.standard_normal((BLOCK, 1))) for _ in range(2000)])
+    np.testing.assert_allclose(powers.var(axis=0).mean(), NOISE, rtol=0.06)
+    np.testing.assert_allclose(np.exp(powers).mean(), 0.1, rtol=0.03)  # 50 of 500 Hz
+
+
+def test_silence_has_a_finite_power() -> None:
+    assert np.isfinite(band_log_power(np.zeros((BLOCK, 1)))).all()
+
+
+# --- what is known of a surface
+
+
+def test_an_unknown_surface_has_the_density_of_the_prior() -> None:
+    inputs, log_power = stacked(make_blocks(SMOOTH, 4, 1))
+    values = log_power @ turning().T
+    densities = []
+    for setting in SETTINGS:
+        total = 0.0
+        for prior in PRIORS.values():
+            spread = Distances(inputs, inputs).covariance(prior, setting)
+            spread += setting.noise * NOISE * np.eye(4)
+            for k in range(prior.first, prior.last):
+                mean = mean_of(prior, inputs)[:, 0]
+                total += multivariate_normal(mean, spread).logpdf(values[:, k])
+        densities.append(total)
+    expected = np.log(np.mean(np.exp(np.array(densities) - max(densities)))) + max(densities)
+    found = SurfaceKnowledge().log_likelihood(inputs, log_power)
+    np.testing.assert_allclose(found[-1], expected, rtol=1e-9)
+
+
+def test_what_was_learned_is_the_chain_rule_of_the_joint_density() -> None:
+    """p(new | learned) = p(learned, new) / p(learned), with each block in a cell of its own."""
+    blocks = make_blocks(PEAKED, 9, 2)
+    learned, new = blocks[:6], blocks[6:]
+    surface, unknown = SurfaceKnowledge(), SurfaceKnowledge()
+    surface.add(learned)
+    assert len(surface) == 6
+    joint = unknown.log_likelihood(*stacked(learned + new))
+    # Settings that the cells make less likely than e^-12 are left out.
+    np.testing.assert_allclose(
+        surface.log_likelihood(*stacked(new)), joint[6:] - joint[5], rtol=0.0, atol=1e-4
+    )
+
+
+def test_a_surface_is_known_where_it_was_touched_and_less_far_from_there() -> None:
+    surface = SurfaceKnowledge()
+    surface.add(make_blocks(SMOOTH, 60, 3, low=(-0.3, -0.3), high=(0.3, 0.3)))
+    near, far = np.zeros((1, 2)), np.array([[1.0, -2.0]])
+    for kind, spread in surface.spread(near).items():
+        assert spread[0] < 0.3
+        assert spread[0] < surface.spread(far)[kind][0]
+        assert surface.spread(far)[kind][0] < SurfaceKnowledge().spread(far)[kind][0]
+
+
+@settings(max_examples=25)
+@given(
+    hnp.arrays(np.float64, (5, 2), elements=st.floats(-4.0, 2.0)),
+    hnp.arrays(np.float64, (5, BANDS), elements=st.floats(-27.0, 27.0)),
+)
+def test_densities_are_finite_whatever_was_learned(
+    inputs: np.ndarray, log_power: np.ndarray
+) -> None:
+    surface = SurfaceKnowledge()
+    template = make_blocks(SMOOTH, 1, 0)[0]
+    surface.add(
+        [replace(template, inputs=i, log_power=p) for i, p in zip(inputs, log_power, strict=True)]
+    )
+    assert np.isfinite(surface.log_likelihood(inputs, log_power)).all()
+
+
+def test_the_evidence_for_another_surface_seldom_grows_where_there_is_none() -> None:
+    """Ville's inequality: a Bayes factor exceeds e^h with a probability of e^-h at most."""
+    exceeded = 0
+    for seed in range(100):
+        blocks = make_blocks(SMOOTH, 26, seed)
+        surface = SurfaceKnowledge()
+        surface.add(blocks[:20])
+        new = stacked(blocks[20:])
+        factor = SurfaceKnowledge().log_likelihood(*new) - surface.log_likelihood(*new)
+        exceeded += bool(factor.max() > 2.0)
+    assert exceeded <= 100 * np.exp(-2.0)
+
+
+# --- detection
+
+
+def followed(detector: SurfaceDetector, blocks: list[SurfaceBlock]) -> list[tuple[str, int, int]]:
+    changes = [detector.take(block) for block in blocks]
+    return [(c.kind, c.surface, c.from_sample) for c in changes if c is not None]
+
+
+def test_the_delay_is_what_the_divergence_of_two_known_processes_says() -> None:
+    """Two autoregressive processes of the same shape, 3 dB apart, and how soon that is found.
+
+    The divergence is exact: (r - 1 - log r) / 2 a sample for a ratio r of powers. No test can be
+    quicker on the average than the threshold over the divergence (Lorden); learning where the
+    new level is and the spectrum's estimate cost some, here up to four times that.
+    """
+    ratio = 2.0
+    per_block = BLOCK * 0.5 * (ratio - 1.0 - np.log(ratio))
+    delays = []
+    for seed in range(6):
+        detector = SurfaceDetector()
+        before = make_blocks(SMOOTH, 80, seed)
+        assert followed(detector, before) == []
+        after = make_blocks(SMOOTH, 30, 100 + seed, amplitude=np.sqrt(ratio), first=80)
+        found = next(n for n, block in enumerate(after, 1) if detector.take(block) is not None)
+        delays.append(found)
+    bound = SurfaceDetector().threshold(touchdown=False) / per_block
+    assert bound <= np.mean(delays) <= max(4.0 * bound, 6.0)
+
+
+def test_other_shapes_of_the_same_power_are_told_apart() -> None:
+    power = [np.mean(np.abs(freqz([1.0], np.r_[1.0, ar])[1]) ** 2) for ar in (SMOOTH, PEAKED)]
+    alike = float(np.sqrt(power[0] / power[1]))
+    detector = SurfaceDetector()
+    assert followed(detector, make_blocks(SMOOTH, 60, 5)) == []
+    changes = followed(detector, make_blocks(PEAKED, 10, 6, amplitude=alike, first=60))
+    assert [(kind, surface) for kind, surface, _ in changes] == [("new", 2)]
+    assert 57 * BLOCK <= changes[0][2] <= 61 * BLOCK
+
+
+def test_a_known_surface_is_recalled() -> None:
+    detector = SurfaceDetector()
+    found = []
+    for turn, ar in enumerate((SMOOTH, PEAKED, SMOOTH, PEAKED)):
+        found += followed(detector, make_blocks(ar, 40, turn, first=40 * turn))
+    kinds = [(kind, surface) for kind, surface, _ in found]
+    assert kinds[0] == ("new", 2)
+    assert kinds[-1][1] == 2
+    assert {surface for _, surface in kinds} == {1, 2}
+    assert len(detector.surfaces) == 2
+
+
+def test_an_unexplored_part_of_the_plane_is_no_other_surface() -> None:
+    detector = SurfaceDetector()
+    assert followed(detector, make_blocks(SMOOTH, 40, 7, high=(-0.4, -0.4))) == []
+    assert followed(detector, make_blocks(SMOOTH, 60, 8, low=(0.2, 0.2), first=40)) == []
+
+
+def test_a_knock_is_no_surface() -> None:
+    detector = SurfaceDetector()
+    blocks = make_blocks(SMOOTH, 80, 9)
+    blocks[50] = replace(blocks[50], log_power=blocks[50].log_power + 6.0)
+    assert followed(detector, blocks) == []
+
+
+def test_the_surface_that_was_left_for_longest_is_forgotten() -> None:
+    detector = SurfaceDetector(most=2)
+    for turn, ar in enumerate((SMOOTH, PEAKED, np.array([0.8]))):
+        followed(detector, make_blocks(ar, 30, turn, first=30 * turn))
+    assert list(detector.surfaces) == [2, 3]
+
+
+def test_a_lower_rate_takes_more_evidence_and_a_touchdown_less() -> None:
+    often, seldom = SurfaceDetector(10.0), SurfaceDetector(0.1)
+    assert seldom.threshold(touchdown=False) > often.threshold(touchdown=False)
+    assert often.threshold(touchdown=True) < often.threshold(touchdown=False)
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, np.inf])
+def test_a_rate_that_is_none_is_refused(rate: float) -> None:
+    with pytest.raises(InputError, match="false_alarms_per_hour"):
+        SurfaceDetector(rate)
+
+
+def test_at_least_two_surfaces_are_kept() -> None:
+    with pytest.raises(InputError, match="most"):
+        SurfaceDetector(most=1)
