@@ -89,10 +89,8 @@ def test_tables_and_verdicts_say_what_was_met() -> None:
     assert [row["surfaces"] for row in evaluation.rows()] == ["2", "all"]
     assert len(surface_tables(evaluation)[0].rows) == 2
     assert verdicts(evaluation)[0].endswith("met")
-    bad = SurfaceEvaluation(
-        [SurfaceResult("one", ("a",), scored([0, 0], [change("new", 1, 2, 1)]))]
-    )
-    assert verdicts(bad)[2].endswith("missed")
+    alarmed = SurfaceResult("one", ("a",), scored([0, 0], [change("new", 1, 2, 1.0)]))
+    assert verdicts(SurfaceEvaluation([alarmed]))[2].endswith("missed")
 
 
 def test_frames_that_are_missing_are_refused() -> None:
@@ -119,7 +117,7 @@ def test_the_command_scores_a_recorded_session(tmp_path: Path) -> None:
     row = json.loads(figures.read_text())["rows"][-1]
     assert row["stays"] >= 1
     assert row["missed"] == row["wrong_recalls"] == row["false_alarms"] == 0
-    assert row["delay_s"] < 1.0
+    assert 0.0 < row["delay_s"] < 3.5  # within the stay
     assert (tmp_path / "report" / "report.html").exists()
 
 

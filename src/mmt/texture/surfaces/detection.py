@@ -141,7 +141,9 @@ class SurfaceDetector:
     def _alarm(self) -> SurfaceChange | None:
         blocks = self._window.blocks
         inputs, log_power = self._window.newest_first
-        stayed = self.surfaces[self.current].log_likelihood(inputs, log_power)
+        so_far = self.surfaces[self.current].log_likelihood(inputs[::-1], log_power[::-1])
+        # Of the newest block, the newest two, and so on, given what came before them.
+        stayed = (so_far[-1] - np.append(0.0, so_far[:-1]))[::-1]
         margins = np.array([-self.threshold(touchdown=b.touchdown) for b in reversed(blocks)])
         candidates = {n: k for n, k in self.surfaces.items() if n != self.current}
         evidence = {
@@ -166,14 +168,18 @@ class SurfaceDetector:
 
     def _without_the_loudest(self, number: int, since: int, threshold: float) -> bool:
         """Say whether the evidence holds whichever single block is left out."""
-        inputs, log_power = (values[:since] for values in self._window.newest_first)
+        newest = self._window.newest_first
+        inputs, log_power = newest[0][::-1], newest[1][::-1]
         other = self.surfaces[number] if number else self._unknown
         current = self.surfaces[self.current]
-        for left_out in range(since):
-            kept = np.arange(since) != left_out
-            there = other.log_likelihood(inputs[kept], log_power[kept])[-1]
-            here = current.log_likelihood(inputs[kept], log_power[kept])[-1]
-            if there - here <= threshold:
+        places = np.arange(len(inputs))
+        first = len(inputs) - since
+        for left_out in places[first:]:
+            kept = places != left_out
+            after = kept & (places >= first)
+            there = other.log_likelihood(inputs[after], log_power[after])[-1]
+            so_far = np.append(0.0, current.log_likelihood(inputs[kept], log_power[kept]))
+            if there - (so_far[-1] - so_far[first]) <= threshold:
                 return False
         return True
 
