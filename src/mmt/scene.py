@@ -67,6 +67,14 @@ class Link(_Table):
         return f"{'https' if secure else 'http'}://{host}:{self.port if port is None else port}"
 
 
+class Course(_Table):
+    """``[simulated.course]``: the tool goes over several known surfaces."""
+
+    surfaces: tuple[str, ...] = Field(min_length=1, max_length=5)
+    stay_s: float = Field(8.0, ge=0.5, le=3600)
+    change: Literal["lifted", "contact", "either"] = "lifted"
+
+
 class Simulated(_Table):
     """``[simulated]``: a robot, a surface of known texture and noisy sensors."""
 
@@ -74,6 +82,7 @@ class Simulated(_Table):
     robot_bandwidth_hz: float = Field(15.0, ge=1, le=60)
     surface_stiffness_n_mm: float = Field(5.0, ge=0.05, le=50)
     noise: bool = True
+    course: Course | None = None
 
 
 class Replay(_Table):

@@ -16,8 +16,10 @@ from mmt.devices.simulated.offline import simulate_session
 from mmt.devices.simulated.surfaces import surface_from_annotations
 from mmt.devices.simulated.textures import get_surface
 from mmt.errors import InputError
-from mmt.scene import Scene
+from mmt.follower.sources import build_source
+from mmt.scene import Scene, Simulated
 
+LINKED = {"link": {}, "recording": {}}
 THREE = [get_surface(name) for name in ("glass", "sandpaper", "wood")]
 
 
@@ -78,6 +80,29 @@ def test_one_surface_is_no_course_and_a_course_is_not_one_surface() -> None:
 def test_annotations_that_hold_no_course_are_refused(parameters: dict[str, object]) -> None:
     with pytest.raises(InputError):
         course_from_annotations(json.dumps({"version": 3, "parameters": parameters}).encode())
+
+
+def test_a_scene_names_a_course() -> None:
+    tables = {"surface": "glass", "course": {"surfaces": ["sandpaper", "wood"], "stay_s": 5.0}}
+    simulated = Simulated.model_validate(tables)
+    course = SurfaceCourse.of(simulated, 100.0, 1)
+    assert course is not None
+    assert course.changes == drawn(when="lifted").changes
+    assert SurfaceCourse.of(Simulated(), 100.0, 1) is None
+    scene = Scene.model_validate({"hand": {}, **LINKED, "simulated": tables})
+    source = build_source(scene)
+    assert course_from_annotations(source.annotations).surfaces[0].name == "glass"
+    _, annotations = simulate_session(scene, None, 0.05)
+    assert len(course_from_annotations(annotations).surfaces) == 3
+
+
+@pytest.mark.parametrize(
+    "surfaces", [["plastic"], ["wood", "wood"], ["velvet"]], ids=["stays", "twice", "unknown"]
+)
+def test_a_course_over_wrong_surfaces_is_refused(surfaces: list[str]) -> None:
+    simulated = Simulated.model_validate({"course": {"surfaces": surfaces}})
+    with pytest.raises(InputError, match=surfaces[0]):
+        SurfaceCourse.of(simulated, 10.0, 1)
 
 
 def test_the_recorded_vibration_is_that_of_the_surface_under_the_tool() -> None:

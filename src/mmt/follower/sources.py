@@ -29,9 +29,12 @@ def build_source(scene: Scene) -> FollowerSource:
 
 
 def _simulated(scene: Scene, table: Simulated) -> FollowerSource:
+    from mmt.devices.simulated.course import SurfaceCourse
     from mmt.devices.simulated.follower import SimulatedFollower
 
-    return SimulatedFollower(table, channels=scene.channels(), seed=scene.session.seed)
+    session = scene.session
+    course = SurfaceCourse.of(table, session.duration_s, session.seed)
+    return SimulatedFollower(table, channels=scene.channels(), seed=session.seed, surface=course)
 
 
 def _replay(scene: Scene, table: Replay) -> FollowerSource:

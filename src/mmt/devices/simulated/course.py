@@ -15,8 +15,10 @@ import numpy as np
 from mmt.arrays import FloatArray, IntArray
 from mmt.devices.simulated import RATE_HZ
 from mmt.devices.simulated.surfaces import COURSE_VERSION, Surface, surface_from_annotations
+from mmt.devices.simulated.textures import get_surface
 from mmt.devices.simulated.vibration import Vibration
 from mmt.errors import InputError
+from mmt.scene import Simulated
 
 When = Literal["lifted", "contact", "either"]
 
@@ -107,6 +109,28 @@ class SurfaceCourse:
             in_contact = bool(random.random() < 0.5) if when == "either" else when == "contact"
             changes.append(CourseChange(round(at_s * RATE_HZ), here, in_contact))
         return cls(surfaces, changes)
+
+    @classmethod
+    def of(cls, settings: Simulated, duration_s: float, seed: int) -> "SurfaceCourse | None":
+        """Draw the course of a scene, None where it has none.
+
+        Raises
+        ------
+        InputError
+            A surface is not known, or is named twice.
+        """
+        if settings.course is None:
+            return None
+        names = [settings.surface, *settings.course.surfaces]
+        if len(set(names)) < len(names):
+            raise InputError(f"[simulated.course] names a surface twice: {', '.join(names)}")
+        return cls.draw(
+            [get_surface(name) for name in names],
+            stay_s=settings.course.stay_s,
+            when=settings.course.change,
+            duration_s=duration_s,
+            seed=seed,
+        )
 
     @property
     def friction_coefficient(self) -> float:

@@ -65,12 +65,14 @@ def simulate_session(
         The surface, the duration, a scale or the path's file is not usable.
     """
     settings = scene.simulated or Simulated()
-    if surface is None or isinstance(surface, str):
-        known: Surface | SurfaceCourse = get_surface(surface or settings.surface)
-    else:
-        known = surface
     seed = scene.session.seed if seed is None else seed
     duration_s = scene.session.duration_s if duration_s is None else duration_s
+    known: Surface | SurfaceCourse
+    if isinstance(surface, Surface | SurfaceCourse):
+        known = surface
+    else:
+        course = SurfaceCourse.of(settings, duration_s, seed) if surface is None else None
+        known = course or get_surface(surface or settings.surface)
     if not (isfinite(duration_s) and duration_s * RATE_HZ >= 1):
         raise InputError(f"duration_s is {duration_s}, it must be above 0")
     count = round(duration_s * RATE_HZ)
