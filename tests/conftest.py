@@ -25,6 +25,8 @@ SLOWEST_FIRST = (
     "test_service_namespaces.py",
     "test_player_page.py",
     "test_fuzz_leader.py",
+    "test_report_pages.py",
+    "test_monitor_page.py",
 )
 """Files of ten seconds and more: begun last, they would keep one process alone at the end.
 

@@ -1,8 +1,13 @@
+import json
+from pathlib import Path
+
 import pytest
+from typer.testing import CliRunner
 
 from mmt.cli import benching
 from mmt.cli.benching import run_benches
-from mmt.errors import InputError
+from mmt.cli.main import app
+from mmt.errors import InputError, MmtError
 from mmt.evaluation.bench.results import StageResult, Target
 
 
@@ -46,3 +51,23 @@ def test_a_stage_without_its_reference_is_left_out(monkeypatch: pytest.MonkeyPat
     results, figures = run_benches(["burg"], 1.0)
     assert results[0].left_out[0].name == "mpmath"
     assert "mmt-haptics[bench]" in figures["burg"]["left_out"][0]["remedy"]
+
+
+def test_a_stage_that_fails_leaves_the_others_their_figures(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def run(name: str) -> StageResult:
+        if name == "burg":
+            raise MmtError("a process gave nothing")
+        return StageResult(name, "Lines", "About.")
+
+    monkeypatch.setattr(benching, "run_stage", run)
+    report, figures = str(tmp_path / "report"), tmp_path / "figures.json"
+    arguments = ["bench", "burg", "lines", "--report", report, "--json", str(figures)]
+    ended = CliRunner().invoke(app, arguments)
+    assert isinstance(ended.exception, MmtError)
+    assert str(ended.exception) == "not measured: burg"
+    assert "Lines" in (tmp_path / "report" / "report.html").read_text()
+    written = json.loads(figures.read_text())
+    assert written["failed"] == {"burg": "a process gave nothing"}
+    assert written["lines"]["title"] == "Lines"

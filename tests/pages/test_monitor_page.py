@@ -6,7 +6,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from page_browser import DESKTOP, MARKS, TABLET, a_page, api, browser, fits, inked, shows
+from page_browser import (
+    DESKTOP,
+    LONGEST_MS,
+    MARKS,
+    TABLET,
+    a_page,
+    api,
+    browser,
+    fits,
+    inked,
+    shows,
+)
 
 from mmt.devices.simulated.offline import simulate_session
 from mmt.leader.service import LeaderService
@@ -117,8 +128,11 @@ async def test_a_lost_connection_is_shown_and_found_again(
             await shows(page, "#connection", "live")
             leading.service.stop()
             await shows(page, "#connection", "session over: stopped")
+            await page.click("#save")
+            await shows(page, "#answer", "there is no connection to the leader")
         async with Leading(unused_tcp_port) as leading:
             await shows(page, "#connection", "live")
+            await api.expect(page.locator("#answer")).to_be_empty(timeout=LONGEST_MS)
             await api.expect(page.locator("body.lost")).to_have_count(0)
         assert problems == []
 

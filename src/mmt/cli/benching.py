@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from mmt.cli.common import messages, output
 from mmt.cli.realtime_gain import compare
-from mmt.errors import InputError
+from mmt.errors import InputError, MmtError
 from mmt.evaluation.bench import STAGES, run_stage
 from mmt.evaluation.bench.measuring import machine
 from mmt.evaluation.bench.presenting import (
@@ -57,7 +57,8 @@ def run_benches(
     Returns
     -------
     results, figures
-        Every stage, and what ``--json`` writes.
+        Every stage that could be measured, and what ``--json`` writes; under ``failed`` the
+        others with the reason, where there are any.
 
     Raises
     ------
@@ -68,18 +69,23 @@ def run_benches(
     unknown = [name for name in names if name not in stages]
     if unknown:
         raise InputError(f"bench {unknown[0]}: allowed are {', '.join(stages)}")
-    results = []
+    results, failed = [], {}
     for name in dict.fromkeys(names or stages):
         messages.print(f"measuring: {name}")
-        results.append(stages[name]())
-        _print_stage(results[-1])
+        try:
+            results.append(stages[name]())
+        except MmtError as error:  # what the others measure, which may take an hour, is kept
+            failed[name] = str(error)
+            messages.print(f"{name}: {error}", highlight=False)
+        else:
+            _print_stage(results[-1])
     if any(result.targets for result in results):
         _print_table(targets_table(results))
     about = machine()
     if report is not None:
         page = write_bench_report(report, results, about)
         messages.print(f"report: {page}", highlight=False)
-    return results, as_dict(results, about)
+    return results, as_dict(results, about) | ({"failed": failed} if failed else {})
 
 
 def _stages(duration_s: float, realtime: bool) -> dict[str, Callable[[], StageResult]]:

@@ -7,7 +7,7 @@ import typer
 
 from mmt.cli import devices, model_exchange, models, reports, scenes, selecting, sessions
 from mmt.cli.common import messages, run_app, version, write_json
-from mmt.errors import InputError
+from mmt.errors import InputError, MmtError
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -146,8 +146,8 @@ def bench(
     what: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="[burg] [lines] [interpolation] [synthesis] [update] [order] [pipeline] "
-            "[conceal] [contact] [link] [services] [evaluate]"
+            metavar="[burg] [lines] [interpolation] [networks] [synthesis] [update] [order] "
+            "[pipeline] [conceal] [contact] [link] [services] [evaluate] [devices]"
         ),
     ] = None,
     duration: Annotated[
@@ -168,6 +168,8 @@ def bench(
     _, figures = run_benches(what or [], duration, report, realtime=realtime)
     write_json(json_file, figures)
     messages.print("ratios within one run are to be trusted, absolute times are not")
+    if "failed" in figures:
+        raise MmtError(f"not measured: {', '.join(figures['failed'])}")
 
 
 @app.command()

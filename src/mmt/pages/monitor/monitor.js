@@ -11,6 +11,7 @@ const panels = new Panels();
 
 const take = {
   hello(message) {
+    text("answer", ""); // one of before a lost connection holds no more
     panels.begin(message);
   },
 

@@ -2,7 +2,7 @@
 
 import { drawTrail, lack, prepare, shade } from "./canvas.js";
 
-const MARGIN = { left: 48, right: 10, top: 10, bottom: 36 };
+const MARGIN = { left: 48, right: 18, top: 10, bottom: 36 };
 const CELLS = ["slow", "medium", "fast"];
 const FORCES = ["light", "medium", "strong"];
 
