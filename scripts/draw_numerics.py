@@ -1,12 +1,19 @@
-"""Draw the pictures of ``mmt bench`` and ``mmt stability``; see ``scripts/pictures``."""
+"""Draw the pictures of ``mmt bench``, ``mmt stability`` and ``mmt evaluate --end-to-end``.
 
+See ``scripts/pictures``.
+"""
+
+import os
 from dataclasses import replace
 from typing import Final
 
 from image_files import write
 
+from mmt.devices.simulated.textures import SURFACES
 from mmt.evaluation.bench import run_stage
 from mmt.evaluation.bench.plotting import stage_figure
+from mmt.evaluation.end_to_end.presenting import felt_figure
+from mmt.evaluation.end_to_end.summary import cases, feel_all
 from mmt.evaluation.stability.cases import run_case
 from mmt.evaluation.stability.families import load_cases
 from mmt.evaluation.stability.figures import contact_map, loop_map
@@ -20,6 +27,9 @@ PANELS: Final = {
     "pipeline": None,
 }
 """The stages that are drawn, and which of their panels; None draws them all."""
+
+SEEDS: Final = 2
+"""Sessions of each texture and network, end to end."""
 
 
 def main() -> None:
@@ -39,6 +49,8 @@ def main() -> None:
     boundaries = [figures for figures in found if {"wall_n_mm", "measured_ms"} <= set(figures)]
     write("stability-contact", contact_map(contact))
     write("stability-loop", loop_map(loop, boundaries))
+    sessions = cases(SEEDS, list(SURFACES))
+    write("end-to-end", felt_figure(feel_all(sessions, os.cpu_count() or 1)))
 
 
 if __name__ == "__main__":

@@ -91,12 +91,21 @@ def evaluate(
         str | None,
         typer.Option("--compare", metavar="METHOD,METHOD", help="Methods of modelling."),
     ] = None,
+    end_to_end: Annotated[
+        bool, typer.Option("--end-to-end", help="What the hand feels over a network, by method.")
+    ] = False,
     textures: Annotated[
-        str | None, typer.Option(help="Of --compare: some of the known textures.")
+        str | None,
+        typer.Option(help="Of --compare and --end-to-end: some of the known textures."),
     ] = None,
-    workers: Annotated[int | None, typer.Option(help="Of --compare: processes.")] = None,
+    workers: Annotated[
+        int | None, typer.Option(help="Of --compare and --end-to-end: processes.")
+    ] = None,
     seeds: Annotated[
-        int | None, typer.Option(min=1, help="Of --selection (20), --compare (10), --surfaces (2).")
+        int | None,
+        typer.Option(
+            min=1, help="Of --selection (20), --compare (10), --surfaces (2), --end-to-end (3)."
+        ),
     ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
     report: Annotated[Path | None, typer.Option(help="Write a report there.")] = None,
@@ -130,9 +139,21 @@ def evaluate(
             report=report,
         )
         return
+    if end_to_end:
+        from mmt.cli.felt import print_felt
+
+        print_felt(
+            seeds=seeds or 3,
+            textures=textures,
+            workers=workers,
+            json_file=json_file,
+            report=report,
+        )
+        return
     if not sessions:
         raise InputError(
-            "evaluate: name a session, or give --feedback, --selection, --surfaces or --compare"
+            "evaluate: name a session, or give --feedback, --selection, --surfaces, --compare or "
+            "--end-to-end"
         )
     from mmt.cli.evaluating import evaluate_files
 

@@ -1,0 +1,1 @@
+"""What the operator feels, against what the surface would give without a network."""

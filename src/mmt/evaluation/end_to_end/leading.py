@@ -1,0 +1,137 @@
+"""The leader's side of a passage: its own playout, modelling, switch and synthesis."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from mmt.arrays import FloatArray, IntArray
+from mmt.devices.simulated import PERIOD_NS, RATE_HZ
+from mmt.devices.simulated.vibration import Vibration
+from mmt.evaluation.end_to_end.passing import NEVER_TICK, Passage
+from mmt.leader.concealment import build_concealment
+from mmt.leader.playout import PlayoutBuffer
+from mmt.leader.rendering import VibrationSwitch
+from mmt.leader.stream import StreamedVibration
+from mmt.scene import Playout, Rendering
+from mmt.texture.modelling import ModelUpdate, OnlineModeller
+from mmt.texture.settings import Inputs, ModellingSettings
+from mmt.texture.synthesis import Synthesizer
+
+BACKFILL_TICKS: Final = 250
+"""A frame that was lost comes so much later than the longest way there and back."""
+
+UPDATE_TICKS: Final = 50
+"""So long after its last frame a model is in use."""
+
+_LIMIT_M_S2: Final = 50.0
+
+
+@dataclass(frozen=True)
+class Felt:
+    """What a method let the hand feel.
+
+    ``vibration_m_s2`` has shape (n,); ``start_s`` is when the model took over, None where it
+    did not.
+    """
+
+    vibration_m_s2: FloatArray
+    start_s: float | None
+
+
+def at_once(passage: Passage, seed: int) -> Felt:
+    """Return what the surface would give at the hand's own speed and force, without a delay.
+
+    It is a realisation of its own: as near as anything that renders from a model can come.
+    """
+    surface = Vibration(passage.surface, np.random.default_rng([seed, 77]))
+    motion = zip(
+        passage.speed_mm_s.tolist(),
+        passage.force_n.tolist(),
+        unit_vectors(passage.velocity_mm_s).tolist(),
+        strict=True,
+    )
+    values = [surface.step(speed, force, (u, v))[0] for speed, force, (u, v) in motion]
+    return Felt(np.array(values), 0.0)
+
+
+def led(passage: Passage, texture: Mapping[str, Any] | None, seed: int) -> Felt:
+    """Return what a leader plays that gets the frames of a passage.
+
+    Parameters
+    ----------
+    passage
+        What arrives when, and how the hand moves.
+    texture
+        Keys of ``[texture]`` beside the defaults; None streams alone.
+    seed
+        Of the synthesis and of concealment.
+    """
+    ticks = len(passage.frames)
+    synthesizer = None if texture is None else Synthesizer(seed=seed, limit_m_s2=_LIMIT_M_S2)
+    directed = not passage.surface.isotropic
+    buffer = PlayoutBuffer(
+        "auto", Playout().longest_delay_ms, PERIOD_NS, build_concealment("model", seed)
+    )
+    stream = StreamedVibration(buffer, "z", "z", RATE_HZ)
+    switch = VibrationSwitch(
+        buffer.pull,
+        synthesizer,
+        crossfade_samples=round(Rendering().crossfade_ms * RATE_HZ / 1000.0),
+        limit_m_s2=_LIMIT_M_S2,
+        period_ns=PERIOD_NS,
+    )
+    drives = passage.velocity_mm_s.T if directed else passage.speed_mm_s[None]
+    inputs = np.vstack([drives, passage.force_n])
+    order = np.argsort(passage.arrival_tick, kind="stable")
+    due = passage.arrival_tick[order]
+    models = dict(_models(passage, texture) if texture is not None else ())
+    output = np.empty(ticks)
+    taken, start_s = 0, None
+    for tick in range(ticks):
+        if synthesizer is not None and tick in models:
+            synthesizer.model = models[tick].model
+            switch.use_model(True)
+            start_s = tick / RATE_HZ if start_s is None else start_s
+        stop = int(np.searchsorted(due, tick, side="right"))
+        for index in order[taken:stop]:
+            stream.take(passage.frames[index : index + 1], tick * PERIOD_NS)
+        taken = stop
+        output[tick] = switch.render(tick * PERIOD_NS, *inputs[:, tick : tick + 1])[0]
+    return Felt(output, start_s)
+
+
+def _models(passage: Passage, texture: Mapping[str, Any]) -> Iterator[tuple[int, ModelUpdate]]:
+    """Yield the models that take over, each with the tick from which it is rendered.
+
+    An update takes the frames of one second, which the frames' numbers delimit, and waits for
+    those that were lost and are filled in, as the leader's modelling does.
+    """
+    inputs: Inputs = "isotropic" if passage.surface.isotropic else "anisotropic"
+    modeller = OnlineModeller(ModellingSettings(inputs=inputs, **texture))
+    period = round(RATE_HZ)
+    come = _filled_in(passage.arrival_tick)
+    for first in range(0, len(passage.frames) - period + 1, period):
+        update = modeller.update(passage.frames[first : first + period])
+        if update.started and update.model is not None:
+            yield int(come[: first + period].max()) + UPDATE_TICKS, update
+        if update.stopped:
+            return
+
+
+def _filled_in(arrival_tick: IntArray) -> IntArray:
+    """Return when each frame has come, those that were lost by back-fill."""
+    sent = np.arange(len(arrival_tick))
+    lost = arrival_tick == NEVER_TICK
+    longest = int((arrival_tick - sent)[~lost].max()) if not lost.all() else 0
+    return np.where(lost, sent + 2 * longest + BACKFILL_TICKS, arrival_tick)
+
+
+def unit_vectors(velocity_mm_s: FloatArray) -> FloatArray:
+    """Return the headings of velocities (n, 2) as unit vectors; where there is none, that of x."""
+    speed = np.hypot(velocity_mm_s[:, 0], velocity_mm_s[:, 1])
+    moving = speed > 0.0
+    unit = np.where(moving[:, None], velocity_mm_s / np.where(moving, speed, 1.0)[:, None], 0.0)
+    unit[~moving, 0] = 1.0
+    return unit
