@@ -12,6 +12,7 @@ from mmt.texture.settings import (
     Level,
     ModellingSettings,
     OnlineSelectionSettings,
+    Shape,
 )
 
 _Distance = Annotated[float, Field(gt=0)] | Literal["auto"]
@@ -48,6 +49,7 @@ class Texture(BaseModel):
     interpolate: Interpolated = "power"
     interpolator: Interpolation = "delaunay"
     level: Level = "interpolated"
+    shape: Shape = "measured"
     selection: Selection | None = None
 
     @model_validator(mode="after")

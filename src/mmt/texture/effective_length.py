@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import digamma, polygamma
 
 from mmt.arrays import FloatArray
-from mmt.texture.spectra import lsf_spectrum
+from mmt.texture.autoregression import lsf_to_ar
 
 LEAST: Final = 2.0
 """Below this a power says next to nothing; narrower lines than the grid resolves end here."""
@@ -25,8 +25,9 @@ LEAST: Final = 2.0
 UNKNOWN: Final = 100.0
 """Of a sample whose length is not known: 0.6 dB."""
 
-_FREQUENCIES: Final = np.arange(1025) / 2048.0  # cycles a sample
-_WEIGHTS: Final = np.r_[0.5, np.ones(1023), 0.5] / 1024.0
+_PERIOD: Final = 1024  # lines of 1 Hz at 1 kHz
+_WEIGHTS: Final = np.r_[0.5, np.ones(_PERIOD // 2 - 1), 0.5] / (_PERIOD // 2)
+_TINY: Final = 1e-300
 
 
 def effective_samples(lsf: FloatArray, counts: FloatArray) -> FloatArray:
@@ -39,13 +40,27 @@ def effective_samples(lsf: FloatArray, counts: FloatArray) -> FloatArray:
     counts
         Samples of each, shape (n,).
     """
+    longest = np.asarray(counts, dtype=np.float64)
+    return np.asarray(np.maximum(longest * _independent(lsf), LEAST))
+
+
+def lengths(lsf: FloatArray, effective: FloatArray) -> FloatArray:
+    """Return how many samples stretches have whose powers are worth so many, shape (n,).
+
+    The inverse of `effective_samples`, but for what `LEAST` has raised.
+    """
+    return np.asarray(effective / _independent(lsf))
+
+
+def _independent(lsf: FloatArray) -> FloatArray:
+    """Return the share of samples that are independent of each other, above 0 to 1, shape (n,)."""
     if not len(lsf):
         return np.empty(0)
-    density = lsf_spectrum(lsf, 1.0, _FREQUENCIES, 1.0)
-    density /= density.max(axis=1, keepdims=True)
+    response = np.fft.rfft(np.insert(lsf_to_ar(np.array(lsf)), 0, 1.0, axis=1), _PERIOD, axis=1)
+    inverse = np.maximum(np.square(response.real) + np.square(response.imag), _TINY)
+    density = inverse.min(axis=1, keepdims=True) / inverse
     share = np.square(density @ _WEIGHTS) / (np.square(density) @ _WEIGHTS)
-    longest = np.asarray(counts, dtype=np.float64)
-    return np.asarray(np.maximum(np.minimum(longest * share, longest), LEAST))
+    return np.asarray(np.minimum(share, 1.0))
 
 
 def log_power_scatter(effective: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -46,7 +46,7 @@ from mmt.texture.samples import TextureSamples
 DB: Final = 10.0 / np.log(10.0)
 """Decibel in a neper of power."""
 
-LARGEST: Final = 400
+LARGEST: Final = 200
 """Samples of the process; where there are more, those that lie closest are pooled."""
 
 LARGEST_CHOICE: Final = 100
@@ -58,6 +58,7 @@ _BOUND: Final = 3.0  # standard deviations of the prior
 _LEAST_EXPONENT: Final = 0.2
 _RISE: Final = 6.0  # nepers above the loudest sample, at most
 _LEAST: Final = -690.0  # nepers, above what underflows
+_LEAST_SHARE: Final = 0.1  # of a power that is the texture's, however much is noise
 _JITTER: Final = 1e-10
 
 
@@ -73,6 +74,8 @@ class LevelProcess:
         above zero.
     effective
         Independent samples that each power is worth, shape (n,), positive.
+    noise_power
+        Of the sensor, which is in every power and is taken off.
     previous
         An earlier state, whose hyperparameters are kept until there is much more to learn.
     hyperparameters
@@ -90,13 +93,16 @@ class LevelProcess:
         power: FloatArray,
         effective: FloatArray,
         *,
+        noise_power: float = 0.0,
         previous: "LevelProcess | None" = None,
         hyperparameters: FloatArray | None = None,
     ) -> None:
         known = power > 0.0
         self.directed = points.shape[1] == 3
         bias, variance = log_power_scatter(effective[known])
-        logarithm = np.log(power[known]) - bias
+        share = np.maximum(1.0 - noise_power / power[known], _LEAST_SHARE)
+        logarithm = np.log(power[known]) + np.log(share) - bias
+        variance = variance / share**2  # of ln(power - noise), to first order
         self._loudest = float(logarithm.max())
         every = LevelSamples(features(points[known]), logarithm, variance)
         self._samples = every = pooled(every, LARGEST)
@@ -175,6 +181,7 @@ def level_process(
         samples.points,
         samples.power,
         np.full(len(samples), UNKNOWN) if effective is None else effective,
+        noise_power=samples.noise_power,
         previous=previous,
         hyperparameters=hyperparameters,
     )

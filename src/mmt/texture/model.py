@@ -39,7 +39,7 @@ from mmt.texture.law import (
 from mmt.texture.level_table import TABLE, TABLE_SIZES
 from mmt.texture.model_file import pack, unpack
 from mmt.texture.samples import TextureSamples
-from mmt.texture.settings import Interpolated, Interpolation, Level
+from mmt.texture.settings import Interpolated, Interpolation, Level, Shape
 from mmt.texture.spectra import lsf_spectrum
 from mmt.texture.trend import NO_TREND, fit_trend, without_trend
 from mmt.texture.vertices import vertex_table
@@ -66,6 +66,9 @@ class TextureModel:
     level
         What the level follows: ``"interpolated"`` as said above, or ``"gaussian_process"``, the
         posterior mean of `mmt.texture.level_process`, for which `interpolate` is ``"power"``.
+    shape
+        Whether the spectra are those of the samples, ``"measured"``, or ``"smoothed"`` over all of
+        them by `mmt.texture.shape_smoothing`.
     rate_hz
         Sampling rate of the filters.
     previous
@@ -87,6 +90,7 @@ class TextureModel:
         interpolate: Interpolated = "power",
         interpolator: Interpolation = "delaunay",
         level: Level = "interpolated",
+        shape: Shape = "measured",
         rate_hz: float = 1000.0,
         previous: "TextureModel | None" = None,
         fitted: Fitted | None = None,
@@ -95,6 +99,7 @@ class TextureModel:
             ("interpolate", interpolate, list(LEVELS)),
             ("interpolator", interpolator, list(BUILDERS)),
             ("level", level, get_args(Level)),
+            ("shape", shape, get_args(Shape)),
         ):
             if value not in allowed:
                 raise InputError(f"{name} is {value!r}, allowed are {', '.join(allowed)}")
@@ -108,6 +113,7 @@ class TextureModel:
         self.points = self.samples.points
         self.points.setflags(write=False)
         self.level: Level = level
+        self.shape: Shape = shape
         values = {
             "variance": self.samples.variance,
             "power": self.samples.power,
@@ -122,7 +128,7 @@ class TextureModel:
                 else fit_trend(self.points, values, is_amplitude=is_amplitude)
             )
             values = without_trend(self.points, values, self.trend)
-        self.vertices, samples_alone = vertex_table(self.points, values, self.samples.lsf)
+        self.vertices, samples_alone = vertex_table(self.points, values, self._lsf())
         self.dimensions = dimensions = self.space.dimensions
         grown = previous is not None and previous._alike == self._alike
         self.interpolant: Interpolant = BUILDERS[interpolator](
@@ -186,6 +192,14 @@ class TextureModel:
             raise InputError("no sample of the model has any power: its level has no logarithm")
         return self.level_process.level_db(points)
 
+    def _lsf(self) -> FloatArray:
+        """Return the frequencies that stand at the samples, shape (n, order)."""
+        if self.shape == "measured":
+            return self.samples.lsf
+        from mmt.texture.shape_smoothing import smoothed_shapes
+
+        return smoothed_shapes(self.samples)
+
     @property
     def _made_process(self) -> "LevelProcess | None":
         """The process where it has been made, from which that of the next model grows."""
@@ -195,7 +209,7 @@ class TextureModel:
     @property
     def _alike(self) -> tuple[object, ...]:
         """What an earlier model must share to be grown from."""
-        return self.space, self.interpolate, self.interpolator, self.order
+        return self.space, self.interpolate, self.interpolator, self.shape, self.order
 
     @property
     def space(self) -> InputSpace:

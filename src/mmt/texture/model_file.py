@@ -12,18 +12,17 @@ from mmt.texture.fitted import Fitted
 from mmt.texture.inputs import InputSpace
 from mmt.texture.radial_basis import RadialBasisSettings
 from mmt.texture.samples import TextureSamples
-from mmt.texture.settings import Level
 from mmt.texture.trend import NO_TREND, Trend
 
 if TYPE_CHECKING:
     from mmt.texture.model import TextureModel
 
 FORMAT_VERSION: Final = 4
-"""Of what is written where the level is a process of its own. Version 2, without what was fitted,
-is read too, and so is version 1, whose models are isotropic and by Delaunay."""
+"""Of what is written where level or shape are estimates of their own. Version 2, without what was
+fitted, is read too, and so is version 1, whose models are isotropic and by Delaunay."""
 
 INTERPOLATED_VERSION: Final = 3
-"""Of what is written where the level is interpolated, as earlier programs render it."""
+"""Of what is written where both are interpolated, as earlier programs render it."""
 
 _NETWORK: Final = ("network_kernel", "network_degree", "network_epsilon", "network_smoothing")
 """Arrays of the networks' settings, in their order in `RadialBasisSettings`."""
@@ -37,7 +36,7 @@ def pack(model: "TextureModel") -> bytes:
     buffer = io.BytesIO()
     np.savez_compressed(
         buffer,
-        format_version=np.int64(_written_version(model.level)),
+        format_version=np.int64(_written_version(model)),
         inputs=np.str_(space.name),
         **dict(zip(space.channels, samples.inputs.T, strict=True)),
         lsf_rad=samples.lsf,
@@ -81,12 +80,13 @@ def unpack(data: bytes) -> tuple[TextureSamples, dict[str, Any]]:
             content["power"],
             space,
             _numbers(content, "effective_samples"),
+            float(content.get("noise_power", 0.0)),
         )
         return samples, {
             "interpolate": str(content["interpolate"]),
             "interpolator": str(content["interpolator"]),
             "rate_hz": float(content["rate_hz"]),
-            "level": str(content["level"]) if version > INTERPOLATED_VERSION else "interpolated",
+            **_estimates(content, version),
             "fitted": _fitted(content, directed=space.directed) if version > 2 else None,
         }
     except KeyError as error:
@@ -105,20 +105,29 @@ def _version(content: _Arrays) -> int:
     return version
 
 
+def _estimates(content: _Arrays, version: int) -> _Arrays:
+    if version <= INTERPOLATED_VERSION:
+        return {}
+    return {"level": str(content["level"]), "shape": str(content["shape"])}
+
+
 def _numbers(content: _Arrays, name: str) -> FloatArray | None:
     return np.asarray(content[name], dtype=np.float64) if name in content else None
 
 
-def _written_version(level: Level) -> int:
-    return INTERPOLATED_VERSION if level == "interpolated" else FORMAT_VERSION
+def _written_version(model: "TextureModel") -> int:
+    plain = model.level == "interpolated" and model.shape == "measured"
+    return INTERPOLATED_VERSION if plain else FORMAT_VERSION
 
 
 def _level_arrays(model: "TextureModel") -> _Arrays:
     arrays: _Arrays = {}
     if model.samples.effective is not None:
         arrays["effective_samples"] = model.samples.effective
-    if model.level != "interpolated":
-        arrays["level"] = np.array(model.level)
+    if model.samples.noise_power > 0.0:
+        arrays["noise_power"] = np.array(model.samples.noise_power)
+    if _written_version(model) == FORMAT_VERSION:
+        arrays.update(level=np.array(model.level), shape=np.array(model.shape))
     return arrays
 
 

@@ -11,7 +11,7 @@ memory nor the cost of an update grows without end where the criteria are never 
 
 import itertools
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -24,6 +24,7 @@ from mmt.texture.fits import Fit, automatic_order, fit_segments, samples_of
 from mmt.texture.inputs import InputSpace
 from mmt.texture.interpolators import load
 from mmt.texture.model import TextureModel
+from mmt.texture.noise_floor import NoiseFloor
 from mmt.texture.segmentation import OnlineSegmenter, SegmentationSettings
 from mmt.texture.segments import Segment
 from mmt.texture.settings import ModellingSettings
@@ -109,6 +110,7 @@ class OnlineModeller:
         self._selection = _selection(self.settings)
         self._chosen: list[Fit] = []
         self._outliers = self._redundant = 0
+        self._noise = NoiseFloor()
         self._first_sequence: int | None = None
         self._time_s = 0.0
         self.model: TextureModel | None = None
@@ -144,6 +146,7 @@ class OnlineModeller:
             elapsed = int(frames["sequence"][-1]) + 1 - self._first_sequence
             self._time_s = elapsed / self.settings.rate_hz
         aligned = self._filter.process(frames)
+        self._noise.update(aligned)
         clock.lap("filter")
         yield None
         clock.resume()
@@ -241,10 +244,11 @@ class OnlineModeller:
             self.model = None
             return
         self.model = TextureModel(
-            samples_of(self._chosen, self.space),
+            replace(samples_of(self._chosen, self.space), noise_power=self._noise.power),
             interpolate=self.settings.interpolate,
             interpolator=self.settings.interpolator,
             level=self.settings.level,
+            shape=self.settings.shape,
             previous=self.model,
             rate_hz=self.settings.rate_hz,
         )

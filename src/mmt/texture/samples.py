@@ -30,6 +30,8 @@ class TextureSamples:
     effective
         Independent samples that each power is worth, shape (n,), positive; None where it is
         not known. See `mmt.texture.effective_length`.
+    noise_power
+        Of the accelerometer, which is in every power, in (m/s2)^2; 0 where it is not known.
     """
 
     inputs: FloatArray
@@ -38,6 +40,7 @@ class TextureSamples:
     power: FloatArray
     space: InputSpace = ISOTROPIC
     effective: FloatArray | None = None
+    noise_power: float = 0.0
 
     @classmethod
     def isotropic(
@@ -109,6 +112,8 @@ class TextureSamples:
             _check_numbers("effective", self.effective, len(lsf))
             if not (np.asarray(self.effective) > 0.0).all():
                 raise InputError("effective must be positive")
+        if not (np.isfinite(self.noise_power) and self.noise_power >= 0.0):
+            raise InputError(f"noise_power is {self.noise_power}: finite and not negative needed")
         inside = np.isfinite(lsf).all() and (lsf > 0).all() and (lsf < np.pi).all()
         if not inside or (np.diff(lsf, axis=1) <= 0).any():
             raise InputError("lsf must ascend strictly inside (0, pi)")

@@ -9,6 +9,7 @@ Interpolated = Literal["variance", "power", "amplitude"]
 Inputs = Literal["isotropic", "anisotropic"]
 Interpolation = Literal["delaunay", "nearest", "rbf"]
 Level = Literal["interpolated", "gaussian_process"]
+Shape = Literal["measured", "smoothed"]
 
 MAXIMUM_SPEED_MM_S = 300.0
 """Paper A, section V.B: the plane ends here; faster strokes count as this fast."""
@@ -64,7 +65,7 @@ class ModellingSettings:
     (tau_2), ``shortest_samples``, ``longest_samples``, ``least_speed_mm_s``,
     ``least_force_n``, ``start_distance`` and ``stop_distance`` (`AUTOMATIC` for what belongs
     to the inputs), ``interpolate``, ``inputs``,
-    ``interpolator``, ``level``, ``selection`` (None for none), ``rate_hz``.
+    ``interpolator``, ``level``, ``shape``, ``selection`` (None for none), ``rate_hz``.
     """
 
     axis: VibrationAxis = "z"
@@ -83,6 +84,7 @@ class ModellingSettings:
     inputs: Inputs = "isotropic"
     interpolator: Interpolation = "delaunay"
     level: Level = "interpolated"
+    shape: Shape = "measured"
     selection: OnlineSelectionSettings | None = None
     rate_hz: float = 1000.0
 

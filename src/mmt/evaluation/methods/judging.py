@@ -21,7 +21,8 @@ METHODS: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
     {
         "published": {"interpolate": "variance"},
         "power": {"interpolate": "power"},
-        "ours": {"level": "gaussian_process"},
+        "level": {"level": "gaussian_process"},
+        "ours": {"level": "gaussian_process", "shape": "smoothed"},
     }
 )
 """Keys of ``[texture]`` that differ from the defaults, by the method's name. Paper A interpolates

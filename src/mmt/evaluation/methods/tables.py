@@ -35,7 +35,8 @@ DEFINITIONS: Final = {
     f"or worse where it exceeds {STANDARD_ERRORS:g} of them",
     "published": "as paper A interpolates: the excitation's variance, linearly",
     "power": "the vibration's power, linearly, with the same spectra: the default of a scene",
-    "ours": '[texture] level = "gaussian_process"',
+    "level": '[texture] level = "gaussian_process"',
+    "ours": 'the same, and shape = "smoothed"',
     "recorded strokes": "scaled so that the 95th percentiles are 200 mm/s and 2 N; on every "
     "isotropic texture",
 }

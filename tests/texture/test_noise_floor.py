@@ -1,0 +1,67 @@
+"""The accelerometer's noise: from the stream's quiet windows, and off the level."""
+
+import numpy as np
+import pytest
+
+from mmt.texture.aligned import AlignedBlock
+from mmt.texture.level_process import LevelProcess
+from mmt.texture.noise_floor import LEAST_WINDOWS, WINDOW, NoiseFloor
+
+
+def block(count, noise, speed=0.0, force=0.0, seed=0, valid=True):
+    numbers = np.arange(count)
+    return AlignedBlock(
+        index=numbers,
+        time_ns=numbers,
+        position_mm=np.zeros((count, 3)),
+        velocity_mm_s=np.zeros((count, 2)),
+        speed_mm_s=np.full(count, speed),
+        normal_force_n=np.full(count, force),
+        vibration_m_s2=noise * np.random.default_rng(seed).normal(size=(count, 1)),
+        valid=np.full(count, valid),
+    )
+
+
+@pytest.mark.parametrize(("speed", "force"), [(200.0, 0.0), (0.0, 1.5)])
+def test_the_noise_is_what_is_measured_in_the_air_or_at_rest(speed, force):
+    floor = NoiseFloor()
+    for seed in range(5):
+        floor.update(block(1000, 0.03, speed, force, seed))
+        floor.update(block(1000, 3.0, 100.0, 1.0, seed))
+    assert floor.power == pytest.approx(0.03**2, rel=0.2)
+
+
+def test_knocks_in_some_windows_do_not_raise_it():
+    floor = NoiseFloor()
+    for seed in range(6):
+        floor.update(block(500, 0.03 if seed % 2 else 2.0, seed=seed))
+    assert floor.power < 1.1 * 0.03**2
+
+
+def test_without_enough_whole_quiet_windows_nothing_is_known():
+    floor = NoiseFloor()
+    floor.update(block(WINDOW - 1, 1.0))
+    floor.update(block(1000, 1.0, valid=False))
+    floor.update(block((LEAST_WINDOWS - 1) * WINDOW, 1.0))
+    assert floor.power == 0.0
+
+
+def test_the_level_is_that_of_the_texture_without_the_noise():
+    random = np.random.default_rng(1)
+    points = random.uniform(0.1, 0.9, (60, 2))
+    texture = points[:, 0] * points[:, 1] ** 0.7
+    effective = np.full(60, 200.0)
+    power = (texture + 0.1) * random.chisquare(effective) / effective
+    asked = random.uniform(0.15, 0.85, (40, 2))
+    true = 10 * np.log10(asked[:, 0] * asked[:, 1] ** 0.7)
+    with_noise, _ = LevelProcess(points, power, effective).level_db(asked)
+    without, _ = LevelProcess(points, power, effective, noise_power=0.1).level_db(asked)
+    assert np.mean(with_noise - true) > 1.0
+    assert np.sqrt(np.mean((without - true) ** 2)) < 0.4
+
+
+def test_a_power_below_the_noise_still_has_a_level():
+    process = LevelProcess(
+        np.array([[0.5, 0.5], [0.6, 0.6]]), np.array([0.1, 1.0]), np.full(2, 50.0), noise_power=0.5
+    )
+    assert np.isfinite(process.level_db(np.array([[0.5, 0.5]]))).all()
