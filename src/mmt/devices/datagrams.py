@@ -5,6 +5,7 @@ import socket
 import struct
 import sys
 import time
+from collections.abc import Callable
 from typing import Final
 
 _SO_TIMESTAMPNS: Final = 35
@@ -13,13 +14,15 @@ milliseconds later: until then the stamp is that of the look."""
 _STAMP: Final = struct.Struct("qq")
 """Seconds and nanoseconds of the wall clock."""
 _ROOM: Final = 64
+_STAMPED_OF: Final = 8
+"""One look of so many asks for stamps: enough of them for a clock, and a look that does takes
+twice as long."""
 
 
 class StampedSocket:
-    """Receives packets into a buffer, without waiting.
+    """Receives packets into a buffer, without waiting; of some it tells when they came.
 
-    The kernel's stamp costs about a microsecond a packet, and tells what looking often would not:
-    when a packet came while nobody looked.
+    The kernel's stamp tells what looking often would not: when a packet came while nobody looked.
 
     Parameters
     ----------
@@ -31,29 +34,29 @@ class StampedSocket:
         self._udp = udp
         self._stamp = b""
         self._stamps = False
+        self._looks = 0
         if sys.platform == "linux" and struct.calcsize("P") == 8:
             with contextlib.suppress(OSError):
                 udp.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
                 self._stamps = True
 
-    def receive_into(self, buffer: bytearray) -> int:
-        """Take a packet and return its length.
+    def look(self) -> Callable[[bytearray], int]:
+        """Return what takes packets in this look, until there is none.
 
-        Raises
-        ------
-        BlockingIOError
-            There is none.
-        OSError
-            The network reports an error.
+        Given a buffer it returns a packet's length, or raises `BlockingIOError` where there is
+        none and another `OSError` where the network reports an error.
         """
-        if not self._stamps:
-            return self._udp.recv_into(buffer)
+        self._stamp = b""
+        self._looks = (self._looks + 1) % _STAMPED_OF
+        return self._receive_stamped if self._stamps and not self._looks else self._udp.recv_into
+
+    def _receive_stamped(self, buffer: bytearray) -> int:
         size, ancillary, _, _ = self._udp.recvmsg_into((buffer,), _ROOM)
         self._stamp = ancillary[0][2] if ancillary else b""
         return size
 
     def arrival_ns(self, earliest_ns: int) -> int:
-        """Return when the newest packet came, by the monotonic clock.
+        """Return when the newest packet of the last look came, by the monotonic clock.
 
         Parameters
         ----------

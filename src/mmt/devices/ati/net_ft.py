@@ -207,7 +207,7 @@ class NetFt(AtiSensor):
             self._ask(udp, now_ns)
         buffer = self._buffer
         records: list[Stamped] = []
-        receive_into, unpack, stamp = packets.receive_into, RECORD.unpack_from, clock.stamp
+        receive_into, unpack, stamp = packets.look(), RECORD.unpack_from, clock.stamp
         try:
             for _ in range(_MOST_RECORDS):
                 if receive_into(buffer) != RECORD.size:
