@@ -2,6 +2,7 @@
 
 import select
 import socket
+import time
 from typing import Final
 
 from mmt.devices.emulated.robot_link import NO_COMMAND, PACKET
@@ -22,6 +23,8 @@ class DatagramRobot:
     """
 
     def __init__(self, port: int) -> None:
+        self.own_ns = 0
+        """Processor time of `read` and `write` so far, which a real arm's would be instead."""
         self._port = port
         self._socket: socket.socket | None = None
         self._position: Vector | None = None
@@ -46,7 +49,9 @@ class DatagramRobot:
         """Return the newest position (mm)."""
         if self._socket is None or self._position is None:
             raise DeviceLost("the virtual robot is not connected")
+        began_ns = time.thread_time_ns()
         self._drain(self._socket)
+        self.own_ns += time.thread_time_ns() - began_ns
         if self._empty > _SILENT_READS:
             raise DeviceLost("the virtual robot says nothing: its lab has ended")
         return self._position
@@ -55,12 +60,15 @@ class DatagramRobot:
         """Command a position (mm)."""
         if self._socket is None:
             raise DeviceLost("the virtual robot is not connected")
+        began_ns = time.thread_time_ns()
         try:
             self._socket.send(PACKET.pack(*position_mm))
         except BlockingIOError:
             return  # the next one is newer anyhow
         except OSError as error:
             raise DeviceLost(f"the virtual robot is gone: {error}") from error
+        finally:
+            self.own_ns += time.thread_time_ns() - began_ns
 
     def close(self) -> None:
         """Close the port; calling it twice is harmless."""

@@ -122,7 +122,9 @@ class Reader:
     def _load(self, device: dict[str, Any]) -> Any:
         options = dict(device["options"])
         if device["driver"] == "datagrams":
-            return DatagramRobot(**options)
+            robot = DatagramRobot(**options)
+            self._emulations.append(robot)
+            return robot
         if device["driver"] == "openhaptics":
             self._emulations.append(EmulatedHd())
         if "socket" in options:

@@ -48,7 +48,7 @@ class Measured:
     core_share: float
     """Of one core, by the process that reads and forms frames."""
     emulated_share: float
-    """The part of it that emulation takes within that process."""
+    """The part of it that stands for devices, within that process."""
     bare_share: float
     """By the process's tick alone, beforehand."""
     frames: int
