@@ -4,6 +4,7 @@ import logging
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -95,6 +96,19 @@ def test_the_librarys_thread_keeps_its_state_between_two_calls(make) -> None:
         servo.ask(count)
         until(lambda: servo.request is None)
         assert servo.answer == calls
+
+
+def test_its_turn_ends_with_a_tick_and_is_not_waited_for_long(make, emulated) -> None:
+    arm = make()
+    arm.connect()
+    servo = arm._device.servo
+    before = servo.ticks
+    arm.await_turn()
+    assert servo.ticks > before
+    emulated.stall()
+    began = time.monotonic()
+    arm.await_turn()
+    assert time.monotonic() - began < 5.0
 
 
 def test_stale_commands_fade_and_new_ones_do_not_throw_the_arm(make, emulated) -> None:

@@ -78,6 +78,17 @@ def test_every_device_is_read_once_a_tick() -> None:
     )
 
 
+def test_ticks_begin_after_the_turn_of_a_device_that_has_turns() -> None:
+    class Paced(Instrument):
+        def await_turn(self) -> None:
+            self._do("await_turn")
+
+    robot = Paced()
+    source = DeviceSource(robot, Instrument(), Instrument(), CHANNELS)
+    source.start(0)
+    assert robot.calls == ["connect", "calibrate", "await_turn"]
+
+
 def test_a_frame_that_comes_between_two_ticks_is_sent_at_once(tmp_path: Path) -> None:
     class Source(DeviceSource):
         def hand_on(self, callback: FrameTaker) -> None:

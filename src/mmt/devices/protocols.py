@@ -107,6 +107,14 @@ class ArrivalStamping(Protocol):
 
 
 @runtime_checkable
+class Pacing(Protocol):
+    """A device whose driver runs a thread at the ticks' rate in this process; no driver must."""
+
+    def await_turn(self) -> None:
+        """Return soon after that thread has done its turn, or after some milliseconds."""
+
+
+@runtime_checkable
 class Complaining(Protocol):
     """A sensor that can say why it gives no readings; no driver must."""
 

@@ -15,6 +15,7 @@ from mmt.devices.protocols import (
     ForceSensor,
     FrameTaker,
     LossWatcher,
+    Pacing,
     Robot,
     SampledSensor,
     Vector,
@@ -131,6 +132,9 @@ class DeviceSource:
                 self._prober.start()
             if self._taker is not None:
                 self._retry.start()
+        for port in self._all.values():
+            if isinstance(port.device, Pacing):  # ticks from now on do not meet its turns
+                port.device.await_turn()
 
     def _warm_up(self) -> None:
         """Read often for a moment: the quickest arrivals tell the clocks apart."""

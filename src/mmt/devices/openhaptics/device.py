@@ -23,6 +23,7 @@ _STOPPED_NS: Final = 1_000_000_000
 """The library does not call: its thread has ended or is stuck."""
 _FIRST_TICK_S: Final = 5.0
 _POLL_S: Final = 0.02
+_SHORT_S: Final = 2e-5
 _FASTER_POLLS_S: Final = 1.0
 
 _STYLES: Final = (hd.AUTO, hd.INKWELL, hd.ENCODER_RESET)
@@ -135,6 +136,13 @@ class HdDevice(Generic[AnyServo]):
             if time.monotonic() > deadline:
                 raise MmtError(f"{self.name}: the servo loop does not start: reinstall its driver")
             time.sleep(0.001)
+
+    def await_turn(self) -> None:
+        """Return soon after the servo's next tick, or after 20 ms."""
+        servo = self.servo
+        ticks, deadline = servo.ticks, time.monotonic() + _POLL_S
+        while servo.ticks == ticks and time.monotonic() < deadline:
+            time.sleep(_SHORT_S)
 
     def calibrate(self) -> None:
         """Bring the encoders to their zero, as the device does it.

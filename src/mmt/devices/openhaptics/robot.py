@@ -113,6 +113,10 @@ class OpenHapticsRobot(HdDriver[PositionServo]):
             )
         return PositionServo(stack.hd, stack.copies, handle, self._options, limit_n)
 
+    def await_turn(self) -> None:
+        """Return soon after the servo's next tick: positions are fresh, and it does not wait."""
+        self._device.await_turn()
+
     def read(self) -> Vector:
         """Return the tip's position (mm), at most a tick old.
 
