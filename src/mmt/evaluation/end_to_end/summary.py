@@ -27,7 +27,7 @@ METHODS: Final[Mapping[str, Mapping[str, Any] | None]] = MappingProxyType(
     {
         "streaming": None,
         "published": METHODS_OF_MODELLING["published"],
-        "ours": METHODS_OF_MODELLING["ours"],
+        "ours": METHODS_OF_MODELLING["level"],
     }
 )
 """Keys of ``[texture]`` by the method's name; streaming has no model."""
