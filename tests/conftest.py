@@ -11,6 +11,7 @@ from contextlib import suppress
 import pytest
 from hypothesis import HealthCheck, settings
 
+import mmt.cli  # noqa: F401 - before NumPy: linear algebra in one thread, as the programs have it
 from mmt.process import ask_for_short_turns
 
 SLOWEST_FIRST = (
