@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import LinearNDInterpolator
+from scipy.signal import lfilter
 from selection_samples import ORDER, sampled_texture, true_lsf
 
 from mmt.errors import InputError
@@ -14,7 +15,8 @@ from mmt.texture.selection.condensed import condense
 from mmt.texture.selection.consensus import consensus
 from mmt.texture.selection.leave_one_out import retrained
 from mmt.texture.selection.outliers import find_outliers, least_points
-from mmt.texture.selection.points import band
+from mmt.texture.selection.points import band, log_density_of
+from mmt.texture.selection.ringing import loudest_ring, modes
 from mmt.texture.selection.transients import bursts, whitening
 from mmt.texture.selection.valid import valid_filter
 from mmt.texture.spectra import lsf_spectrum
@@ -244,3 +246,45 @@ def test_whatever_an_interpolator_gives_becomes_a_filter(values, variance):
     lsf, positive = valid_filter(np.array(values), variance)
     assert (np.diff(lsf, prepend=0.0, append=np.pi) > 0).all()
     assert positive > 0
+
+
+@pytest.mark.parametrize("order", [1, 2, 9, 12])
+def test_the_densities_that_selection_compares_are_those_of_the_filters(order):
+    generator = np.random.default_rng(order)
+    lsf = np.sort(generator.uniform(0.01, np.pi - 0.01, (20, order)), axis=1)
+    variance = np.geomspace(1e-300, 1e300, 20)
+    expected = np.log(lsf_spectrum(lsf, variance, band(), 1.0))
+    np.testing.assert_allclose(log_density_of(lsf, variance), expected, rtol=0, atol=1e-8)
+
+
+def explained_by_least_squares(error, ar, mode, start):
+    tone = mode ** np.arange(len(error) - start)
+    filtered = lfilter(np.append(1.0, ar), 1.0, tone)
+    columns = np.zeros((len(error), 2))
+    columns[start:] = np.column_stack([filtered.real, filtered.imag])
+    left = error - columns @ np.linalg.lstsq(columns, error, rcond=None)[0]
+    return float(error @ error - left @ left)
+
+
+def test_the_loudest_ring_is_what_least_squares_explains():
+    generator = np.random.default_rng(3)
+    ar = lsf_to_ar(true_lsf(np.full((1, 2), 0.4)))[0]
+    error = generator.normal(size=90)
+    grid = modes()[::6].copy()
+    found = loudest_ring(error, ar, grid)
+    everywhere = [
+        explained_by_least_squares(error, ar, mode, start) for mode in grid for start in range(83)
+    ]
+    assert found == pytest.approx(max(everywhere), rel=1e-6)
+
+
+def test_a_blow_is_heard_though_it_rings_where_the_texture_does():
+    generator = np.random.default_rng(4)
+    ar = np.array([-1.6, 0.81])
+    texture = lfilter([1.0], np.append(1.0, ar), generator.normal(size=700))[400:]
+    ring = np.zeros(300)
+    ring[100:] = lfilter([1.0], np.append(1.0, ar), np.eye(200)[0])
+    density = 2.0 / np.abs(np.polyval(np.append(1.0, ar)[::-1], np.exp(-2j * np.pi * band()))) ** 2
+    filters = whitening(np.tile(density, (2, 1)), 2)
+    quiet, struck = bursts([texture, texture + 9.0 * ring], filters)
+    assert (struck[2:] > quiet[2:] + 1.0).all()

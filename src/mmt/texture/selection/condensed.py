@@ -18,9 +18,8 @@ from mmt.arrays import BoolArray, FloatArray, IntArray
 from mmt.texture.selection.consensus import Consensus, consensus
 from mmt.texture.selection.enclosing import enclose_each
 from mmt.texture.selection.leave_one_out import hull_of
-from mmt.texture.selection.points import ModelPoints, amplitude_of, band
+from mmt.texture.selection.points import ModelPoints, amplitude_of, log_density_of
 from mmt.texture.selection.published import spectral_error
-from mmt.texture.spectra import lsf_spectrum
 
 TAU: Final = 0.225
 """Relative spectral error up to which a place counts as met by the thinner model."""
@@ -81,7 +80,7 @@ def condense(data: ModelPoints, tau: float = TAU, largest: int | None = None) ->
 
 def _agreed(data: ModelPoints, neighbours: Consensus) -> FloatArray:
     """Return the amplitude spectra (n, f) that each point and its neighbours agree on."""
-    logarithm = np.log(lsf_spectrum(data.lsf, data.variance, band(), 1.0))
+    logarithm = log_density_of(data.lsf, data.variance)
     others = neighbours.of(logarithm)
     share = neighbours.scatter(np.ones(len(data))) - 1.0  # variance of the others' word
     own = (share / (1.0 + share))[:, None]

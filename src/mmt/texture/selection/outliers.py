@@ -17,11 +17,10 @@ import numpy as np
 
 from mmt.arrays import BoolArray, FloatArray, IntArray
 from mmt.texture.selection.consensus import Consensus, consensus
-from mmt.texture.selection.points import ModelPoints, band
+from mmt.texture.selection.points import ModelPoints, log_density_of
 from mmt.texture.selection.transients import bursts, whitening
-from mmt.texture.spectra import lsf_spectrum
 
-LIMIT: Final = 9.5
+LIMIT: Final = 13.5
 """Score with segments from which a point is an outlier."""
 
 MODEL_LIMIT: Final = 5.0
@@ -30,7 +29,7 @@ MODEL_LIMIT: Final = 5.0
 MOST: Final = 0.3
 """No larger share of the points leaves: with more, nobody knows who is right."""
 
-SEGMENT_KINDS: Final = ("spectrum", "burst", "loud burst", "tone burst")
+SEGMENT_KINDS: Final = ("spectrum", "burst", "loud burst", "loud ring", "ring")
 MODEL_KINDS: Final = ("spectrum", "level")
 
 _ROUNDS: Final = 20
@@ -40,7 +39,8 @@ _WORDS: Final = {
     "level": "it is louder than its neighbours",
     "burst": "a burst stands out of the rest of the segment",
     "loud burst": "a burst is louder than its neighbours allow",
-    "tone burst": "a burst of a tone is louder than its neighbours allow",
+    "loud ring": "something struck rings louder than its neighbours allow",
+    "ring": "something struck rings out of the rest of the segment",
 }
 
 
@@ -120,7 +120,7 @@ def find_outliers(
     Parameters
     ----------
     data
-        The points. With segments the evidence is the spectrum and three bursts, without
+        The points. With segments the evidence is the spectrum, two bursts and two rings, without
         them the spectrum and the level.
     limit
         On the score; `LIMIT` or `MODEL_LIMIT` unless told.
@@ -158,7 +158,7 @@ class _Witness:
     def __init__(self, data: ModelPoints, limit: float | None, memory: Memory) -> None:
         self._data = data
         self._memory = memory
-        self._logarithm = np.log(lsf_spectrum(data.lsf, data.variance, band(), 1.0))
+        self._logarithm = log_density_of(data.lsf, data.variance)
         self._kinds: tuple[str, ...]
         if data.segments is None:
             self._kinds, usual_limit = MODEL_KINDS, MODEL_LIMIT

@@ -9,7 +9,6 @@ import numpy as np
 from mmt.arrays import BoolArray, FloatArray, IntArray
 from mmt.errors import InputError
 from mmt.texture.settings import LARGEST_ORDER
-from mmt.texture.spectra import lsf_spectrum
 
 _GRID = 96
 
@@ -92,7 +91,29 @@ def band(count: int = _GRID) -> FloatArray:
     return (np.arange(count, dtype=np.float64) + 0.5) * (0.5 / count)
 
 
+def log_density_of(lsf: FloatArray, variance: FloatArray) -> FloatArray:
+    """Return the logarithms of the filters' exact power densities (n, f) at `band`; the rate is 1.
+
+    As `mmt.texture.spectra.lsf_spectrum`, with differences of cosines in the place of products
+    of sines: several times faster, at an absolute error of a rounding in each factor.
+    """
+    angles = 2.0 * np.pi * band()
+    roots = 2.0 * np.cos(lsf)
+    rows = 2.0 * np.cos(angles)
+    p = np.ones((len(lsf), len(angles)))
+    q = np.ones_like(p)
+    for k in range(lsf.shape[1]):
+        factor = p if k % 2 == 0 else q
+        factor *= rows - roots[:, k, None]
+    if lsf.shape[1] % 2 == 0:
+        p *= 2.0 * np.cos(0.5 * angles)
+        q *= 2.0 * np.sin(0.5 * angles)
+    else:
+        q *= 2.0 * np.sin(angles)
+    square = np.maximum(p * p + q * q, np.finfo(np.float64).tiny)
+    return np.asarray(np.log(8.0) + np.log(variance)[:, None] - np.log(square))
+
+
 def amplitude_of(lsf: FloatArray, variance: FloatArray) -> FloatArray:
     """Return the filters' exact amplitude spectra (n, f) at `band`; the rate is 1."""
-    amplitude: FloatArray = np.sqrt(lsf_spectrum(lsf, variance, band(), 1.0))
-    return amplitude
+    return np.asarray(np.exp(0.5 * log_density_of(lsf, variance)))

@@ -1,8 +1,8 @@
 """What a segment's own samples say of a knock: bursts that its neighbours do not explain.
 
 A knock is short. The segment is led through the prediction error filter of its neighbours'
-consensus, which makes of the texture white noise and leaves of the knock a burst, in time or in
-time and frequency. The largest burst is compared with what the rest of the segment has, so
+consensus, which makes of the texture white noise and leaves of the knock a burst, and the ringing
+of what was struck. The largest of either is compared with what the rest of the segment has, so
 that a wrong level of the consensus does no harm, and with what the consensus expects.
 """
 
@@ -14,11 +14,12 @@ import numpy as np
 from mmt.arrays import FloatArray
 from mmt.compiled import kernel
 from mmt.texture.selection.points import band
+from mmt.texture.selection.ringing import loudest_ring, modes
 
 SHORT: Final = 16
 LONG: Final = 32
-TILE: Final = 64
-_STEP: Final = TILE // 8
+SHORTEST: Final = 64
+"""Samples of prediction error from which a burst can be told from the rest."""
 
 
 class Whitening(NamedTuple):
@@ -68,35 +69,37 @@ def _means(squares: FloatArray, width: int, means: FloatArray) -> None:
 
 
 def bursts(segments: Sequence[FloatArray], filters: Whitening) -> FloatArray:
-    """Return the logarithms of three ratios for each segment, shape (n, 3).
+    """Return the logarithms of four ratios for each segment, shape (n, 4).
 
     The loudest `SHORT` samples of the prediction error over the median such stretch; the
-    loudest `LONG` over the variance that was expected; the loudest frequency of any `TILE`
-    samples over the same. Zero where a segment is too short to tell.
+    loudest `LONG` over the variance that was expected; the energy that the loudest damped tone
+    explains (see `mmt.texture.selection.ringing`) over the same, and over what the rest of the
+    segment has. Zero where a segment is too short to tell.
     """
-    result = np.zeros((len(segments), 3))
+    result = np.zeros((len(segments), 4))
     tiny = np.finfo(np.float64).tiny
-    window = np.hanning(TILE + 2)[1:-1]
-    energy = float(np.sum(window**2))
+    grid = modes()
     for index, segment in enumerate(segments):
         x = np.ascontiguousarray(segment, dtype=np.float64)
         error = np.empty(max(0, len(x) - filters.ar.shape[1]))
-        if len(error) < TILE:
+        if len(error) < SHORTEST:
             continue
-        _residual(x, filters.ar[index], error)
+        ar = np.ascontiguousarray(filters.ar[index])
+        _residual(x, ar, error)
         squares = error * error
         short = np.empty(len(error) - SHORT + 1)
         long = np.empty(len(error) - LONG + 1)
         _means(squares, SHORT, short)
         _means(squares, LONG, long)
-        pieces = np.lib.stride_tricks.sliding_window_view(error, TILE)[::_STEP] * window
-        spectrum = np.fft.rfft(pieces, axis=1)[:, 1:-1]
-        loudest_tone = (spectrum.real**2 + spectrum.imag**2).max() / energy
+        ring = loudest_ring(error, ar, grid)
+        rest = max(float(squares.sum()) - ring, 0.0) / len(error)
+        expected = max(filters.variance[index], tiny)
         result[index] = np.log(
             [
                 max(short.max(), tiny) / max(np.median(short), tiny),
-                max(long.max(), tiny) / max(filters.variance[index], tiny),
-                max(loudest_tone, tiny) / max(filters.variance[index], tiny),
+                max(long.max(), tiny) / expected,
+                max(ring, tiny) / expected,
+                max(ring, tiny) / max(rest, tiny),
             ]
         )
     return result
