@@ -82,6 +82,8 @@ async def watch(desk: Any, tablet: Any) -> None:
     await take("monitor-tablet", tablet)
     await desk.wait_for_function(COMPLETE)
     await take("monitor", desk)
+    if await desk.locator("body.lost").count():
+        raise SystemExit("the session was over before its pictures: the machine is too busy")
 
 
 async def picture_report(browser: Any, report: Path) -> None:
@@ -115,13 +117,13 @@ async def picture_player(browser: Any, url: str) -> None:
     for step in range(60):
         await page.mouse.move(x + 60 * (1 - abs(step % 40 - 20) / 10), y)
         await page.wait_for_timeout(20)
-    await take("player", page)
+    await take("player", page, colours=64)
     await page.mouse.up()
 
 
-async def take(name: str, page: Any) -> None:
-    """Write what is on the screen; pages have few colours."""
-    write_png(name, await page.screenshot(), colours=64)
+async def take(name: str, page: Any, colours: int = 256) -> None:
+    """Write what is on the screen; with too few colours, a few red dots turn brown."""
+    write_png(name, await page.screenshot(), colours)
 
 
 async def a_page(browser: Any, url: str, size: dict[str, int], scheme: str) -> Any:

@@ -49,6 +49,18 @@ def test_what_was_played_stands_at_its_moment() -> None:
     assert np.isnan(traces.played(blocks, 50.0).vibration_m_s2).all()
 
 
+def test_a_late_tick_leaves_no_hole_in_what_was_played() -> None:
+    late_s = (0.0, 0.003, -0.001, 0.012, 0.0, 0.002)
+    blocks = [
+        OutputBlock(1.0 + 0.1 * k + late, "synthesized", np.arange(100.0) + 100 * k)
+        for k, late in enumerate(late_s)
+    ]
+    shown = traces.played(blocks, 1.6).vibration_m_s2
+    np.testing.assert_array_equal(shown, np.arange(86.0, 598.0))
+    lost = [*blocks[:3], *blocks[4:]]  # a hole that is one stays
+    assert np.isnan(traces.played(lost, 1.6).vibration_m_s2).sum() == 103
+
+
 def test_a_rendered_sample_is_the_same_a_moment_later() -> None:
     frames, _ = simulate_session(Scene(), "plastic", 4.0)
     time_s = (frames["sequence"] - frames["sequence"][0]) / 1e3

@@ -27,6 +27,8 @@ _STEP: Final = 40
 _TRAIL: Final = 120
 _HIGH_PASS_HZ: Final = 10.0
 _SETTLING: Final = 200
+_LATE_SAMPLES: Final = 50
+"""By which a block may begin late or early and still follow the one before."""
 _BLOCK: Final = 1000
 """Rendering begins at multiples of it, so that a moment later the same samples are heard."""
 _AXES: Final = {"x": 0, "y": 1, "z": 2}
@@ -58,11 +60,20 @@ def measured(window: Window, end_s: float, settings: ModellingSettings) -> Float
 
 
 def played(outputs: Sequence[OutputBlock], end_s: float) -> Played:
-    """Return what the leader wrote to its actuator up to a moment."""
+    """Return what the leader wrote to its actuator up to a moment.
+
+    A tick that is late writes what it missed at once: the stream has no hole, though the times
+    of its blocks have. Blocks that all but meet are therefore put together.
+    """
     vibration, modelled = np.full(SHOWN, np.nan), np.zeros(SHOWN)
-    for block in outputs:
+    later = None
+    for block in reversed(outputs):
+        count = len(block.vibration_m_s2)
         first = SHOWN - round((end_s - block.time_s) * 1e3)
-        begin, stop = max(0, first), min(SHOWN, first + len(block.vibration_m_s2))
+        if later is not None and abs(later - first - count) <= _LATE_SAMPLES:
+            first = later - count
+        later = first
+        begin, stop = max(0, first), min(SHOWN, first + count)
         if begin < stop:
             vibration[begin:stop] = block.vibration_m_s2[begin - first : stop - first]
             modelled[begin:stop] = block.mode in ("synthesized", "fading")
