@@ -31,7 +31,7 @@ static void add_squares(const double *f, const double *b, int64_t count, double 
     }
 }
 
-/* mmt.texture.burg.burg_into */
+/* mmt.texture.burg_recursion.burg_into */
 static void burg(const double *x, int64_t n, int64_t m, double *reflection, double *variances,
                  double *work)
 {

@@ -44,7 +44,7 @@ class Loops:
     def burg_call(
         self, joined: FloatArray, stops: IntArray, reflection: FloatArray, variances: FloatArray
     ) -> Callable[[], None]:
-        """Fit what `mmt.texture.burg.burg_each_into` does."""
+        """Fit what `mmt.texture.burg_recursion.burg_each_into` does."""
         work = np.empty(2 * int(np.diff(stops, prepend=0).max()))
         counts = ctypes.c_int64(len(stops)), ctypes.c_int64(reflection.shape[1])
         return self._call(
