@@ -23,6 +23,7 @@ TABLET: Final = {"width": 820, "height": 1180}
 PLAYER: Final = {"width": 960, "height": 720}
 LONGEST_MS: Final = 120_000
 
+TOO_BUSY: Final = "the run went on before its picture was taken: the machine is too busy"
 SAMPLES: Final = "parseInt(document.querySelector('#plane-text').textContent) >= {}"
 MODE: Final = "document.querySelector('#mode').textContent === '{}'"
 COMPLETE: Final = "document.querySelector('#completion-text').textContent.includes('stop met')"
@@ -36,8 +37,11 @@ async def main() -> None:
         )
         with tempfile.TemporaryDirectory() as folder:
             async with serving("demo", "--monitor", "--output", folder) as (demo, url):
-                desk = await a_page(browser, url, DESKTOP, "light")
-                await watch(desk, await a_page(browser, url, TABLET, "dark"))
+                await watch(
+                    *await asyncio.gather(
+                        a_page(browser, url, DESKTOP, "light"), a_page(browser, url, TABLET, "dark")
+                    )
+                )
                 await demo.wait()
             await picture_report(browser, Path(folder) / "report.html")
             recording = str(Path(folder) / "session.mcap")
@@ -75,7 +79,9 @@ async def serving(*command: str) -> AsyncIterator[tuple[asyncio.subprocess.Proce
 
 async def watch(desk: Any, tablet: Any) -> None:
     """Take the monitor while the model is stroked, after the switch, and when it is complete."""
-    await desk.wait_for_function(f"{SAMPLES.format(2)} && {MODE.format('streamed')}")
+    await desk.wait_for_function(SAMPLES.format(2))
+    if not await desk.evaluate(MODE.format("streamed")):
+        raise SystemExit(TOO_BUSY)
     await take("monitor-stroking", desk)
     await tablet.wait_for_function(MODE.format("synthesized"))
     await tablet.wait_for_function(SAMPLES.format(14))
@@ -83,7 +89,7 @@ async def watch(desk: Any, tablet: Any) -> None:
     await desk.wait_for_function(COMPLETE)
     await take("monitor", desk)
     if await desk.locator("body.lost").count():
-        raise SystemExit("the session was over before its pictures: the machine is too busy")
+        raise SystemExit(TOO_BUSY)
 
 
 async def picture_report(browser: Any, report: Path) -> None:
