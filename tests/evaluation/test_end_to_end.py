@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 
 from mmt.cli.main import app
 from mmt.devices.simulated.textures import SURFACES
+from mmt.errors import InputError
 from mmt.evaluation.end_to_end.judging import Reference
 from mmt.evaluation.end_to_end.leading import at_once, led, unit_vectors
 from mmt.evaluation.end_to_end.passing import NEVER_TICK, Passage, pass_over
@@ -131,3 +132,19 @@ def test_the_command_prints_every_method_and_writes_a_report(
         "at once",
     }
     assert "data:image/png" in (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ([], "name a session, or give one of"),
+        (["--end-to-end", "--surfaces"], "exclude each other"),
+        (["--end-to-end", "a.mcap"], "cannot use a.mcap"),
+        (["--end-to-end", "--textures", "velvet"], "not known"),
+        (["--end-to-end", "--workers", "0"], "at least 1"),
+    ],
+)
+def test_what_cannot_be_done_is_said(arguments: list[str], sentence: str) -> None:
+    result = CliRunner().invoke(app, ["evaluate", *arguments])
+    assert isinstance(result.exception, InputError)
+    assert sentence in str(result.exception)

@@ -119,7 +119,7 @@ def test_a_folder_without_recordings_is_named(tmp_path: Path) -> None:
 
 
 def test_evaluate_without_anything_says_what_to_name() -> None:
-    with pytest.raises(InputError, match="name a session, or give --feedback"):
+    with pytest.raises(InputError, match="name a session, or give one of --feedback"):
         app(["evaluate"], standalone_mode=False)
 
 

@@ -5,9 +5,18 @@ from typing import Annotated
 
 import typer
 
-from mmt.cli import devices, model_exchange, models, reports, scenes, selecting, sessions
+from mmt.cli import (
+    devices,
+    evaluation,
+    model_exchange,
+    models,
+    reports,
+    scenes,
+    selecting,
+    sessions,
+)
 from mmt.cli.common import messages, run_app, version, write_json
-from mmt.errors import InputError, MmtError
+from mmt.errors import MmtError
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -15,6 +24,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Model-mediated teleoperation of haptic texture.",
 )
+app.command()(evaluation.evaluate)
 app.add_typer(sessions.app, name="session")
 app.add_typer(models.app, name="model")
 models.app.command("import")(model_exchange.import_model)
@@ -68,98 +78,6 @@ def demo(
     )
     if not good:
         raise typer.Exit(1)
-
-
-@app.command()
-def evaluate(
-    sessions: Annotated[list[Path] | None, typer.Argument(metavar="SESSION...")] = None,
-    scene_file: Annotated[
-        Path | None, typer.Option("--scene", help="Take \\[texture] from this scene.")
-    ] = None,
-    step: Annotated[float, typer.Option(help="Seconds between the rows.")] = 2.5,
-    seed: Annotated[int, typer.Option(help="Chooses the segments that are held out.")] = 0,
-    feedback: Annotated[
-        bool, typer.Option("--feedback", help="Force feedback over a delay, by method.")
-    ] = False,
-    selection: Annotated[
-        bool, typer.Option("--selection", help="Sample selection, published against ours.")
-    ] = False,
-    surfaces: Annotated[
-        bool, typer.Option("--surfaces", help="Sessions over several known surfaces.")
-    ] = False,
-    compare: Annotated[
-        str | None,
-        typer.Option("--compare", metavar="METHOD,METHOD", help="Methods of modelling."),
-    ] = None,
-    end_to_end: Annotated[
-        bool, typer.Option("--end-to-end", help="What the hand feels over a network, by method.")
-    ] = False,
-    textures: Annotated[
-        str | None,
-        typer.Option(help="Of --compare and --end-to-end: some of the known textures."),
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option(help="Of --compare and --end-to-end: processes.")
-    ] = None,
-    seeds: Annotated[
-        int | None,
-        typer.Option(
-            min=1, help="Of --selection (20), --compare (10), --surfaces (2), --end-to-end (3)."
-        ),
-    ] = None,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
-    report: Annotated[Path | None, typer.Option(help="Write a report there.")] = None,
-) -> None:
-    """Evaluate recorded sessions: distance and fit against session time."""
-    if feedback:
-        from mmt.cli.feedback import print_feedback
-
-        print_feedback(sessions or [], seed=seed, json_file=json_file, report=report)
-        return
-    if selection:
-        from mmt.cli.selection_table import print_selection
-
-        print_selection(sessions or [], seeds=seeds or 20, json_file=json_file, report=report)
-        return
-    if surfaces:
-        from mmt.cli.surfaces_table import print_surfaces
-
-        print_surfaces(sessions or [], seeds=seeds or 2, json_file=json_file, report=report)
-        return
-    if compare is not None:
-        from mmt.cli.method_tables import print_methods
-
-        print_methods(
-            compare,
-            sessions or [],
-            seeds=seeds or 10,
-            textures=textures,
-            workers=workers,
-            json_file=json_file,
-            report=report,
-        )
-        return
-    if end_to_end:
-        from mmt.cli.felt import print_felt
-
-        print_felt(
-            seeds=seeds or 3,
-            textures=textures,
-            workers=workers,
-            json_file=json_file,
-            report=report,
-        )
-        return
-    if not sessions:
-        raise InputError(
-            "evaluate: name a session, or give --feedback, --selection, --surfaces, --compare or "
-            "--end-to-end"
-        )
-    from mmt.cli.evaluating import evaluate_files
-
-    evaluate_files(
-        sessions, scene_file=scene_file, step_s=step, seed=seed, json_file=json_file, report=report
-    )
 
 
 @app.command()
