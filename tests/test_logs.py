@@ -157,5 +157,6 @@ def test_a_stalled_disk_holds_up_nothing_and_the_loss_is_written(
             time.sleep(0.001)
         LOG.info("last")
     written = lines(path)
-    (loss,) = [line for line in written if line["event"] == "log lines dropped"]
-    assert loss["count"] + len(written) - 1 == 301
+    losses = [line["count"] for line in written if line["event"] == "log lines dropped"]
+    assert losses  # one, or more where the writer gets a turn while lines are still dropped
+    assert sum(losses) + len(written) - len(losses) == 301
