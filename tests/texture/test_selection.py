@@ -115,10 +115,11 @@ def test_the_models_data_alone_give_fewer_but_some(plane):
     data, knocked = plane
     alone = select(replace(data, segments=None))
     assert alone.outlier[knocked].mean() >= 0.5
-    assert alone.outlier[~knocked].mean() <= 0.06
+    assert alone.outlier[~knocked].mean() <= 0.07  # of 144: ten
     assert {reason.split(" (")[0] for reason in alone.reason if reason} <= {
         "its spectrum has more than its neighbours'",
         "it is louder than its neighbours",
+        "its spectrum has what other outliers have in common",
     }
 
 

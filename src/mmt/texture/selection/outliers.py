@@ -5,7 +5,8 @@ kind is centred and scaled by the median and the median deviation over all point
 is squared and added: knocks only add, and to which kind of evidence depends on the knock. Of the
 points above the limit those leave that are worst among their neighbours, and the rest is asked
 again without them, so that a knock does not drag its neighbours along. In the end every point
-that left is asked once more, by those that stayed, and may come back.
+that left is asked once more, by those that stayed, and may come back. What those that are
+outliers then have in common is the last kind of evidence, against all points.
 
 Nothing in it looks at the number of a point: the same points in any order give the same set.
 """
@@ -17,6 +18,7 @@ import numpy as np
 
 from mmt.arrays import BoolArray, FloatArray, IntArray
 from mmt.texture.selection.consensus import Consensus, consensus
+from mmt.texture.selection.likeness import LEAST, likeness
 from mmt.texture.selection.points import ModelPoints, log_density_of
 from mmt.texture.selection.transients import bursts, whitening
 
@@ -32,7 +34,12 @@ MOST: Final = 0.3
 SEGMENT_KINDS: Final = ("spectrum", "burst", "loud burst", "loud ring", "ring")
 MODEL_KINDS: Final = ("spectrum", "level")
 
+LIKENESS: Final = "likeness"
+
 _ROUNDS: Final = 20
+# Weight of likeness, and what the score is divided by, so that the limit stays what it is.
+_LIKENESS: Final = (2.0, 1.2)
+_MODEL_LIKENESS: Final = (1.0, 1.4)
 _LEAST_SCALE: Final = 0.02  # of a logarithm: what differs by less is the same
 _WORDS: Final = {
     "spectrum": "its spectrum has more than its neighbours'",
@@ -41,6 +48,7 @@ _WORDS: Final = {
     "loud burst": "a burst is louder than its neighbours allow",
     "loud ring": "something struck rings louder than its neighbours allow",
     "ring": "something struck rings out of the rest of the segment",
+    LIKENESS: "its spectrum has what other outliers have in common",
 }
 
 
@@ -121,7 +129,7 @@ def find_outliers(
     ----------
     data
         The points. With segments the evidence is the spectrum, two bursts and two rings, without
-        them the spectrum and the level.
+        them the spectrum and the level; where some are outliers also what those have in common.
     limit
         On the score; `LIMIT` or `MODEL_LIMIT` unless told.
     memory
@@ -148,6 +156,11 @@ def find_outliers(
             break
         present &= ~leaving
     outlier = ~present & (evidence.score > evidence.limit)
+    if outlier.sum() >= LEAST:
+        compared = witness.compare(neighbours, evidence, outlier)
+        alike = compared.score > compared.limit
+        if alike.sum() <= MOST * n:
+            outlier, evidence = alike, compared
     memory.accuse(outlier)
     return Outliers(outlier, evidence, neighbours)
 
@@ -182,6 +195,16 @@ class _Witness:
         parts = _standardised(raw)
         score = (np.maximum(parts, 0.0) ** 2).sum(axis=1)
         return Evidence(self._kinds, parts, score, self._limit)
+
+    def compare(self, neighbours: Consensus, evidence: Evidence, accused: BoolArray) -> Evidence:
+        """Return the evidence with what every point has in common with the accused."""
+        excess = self._logarithm - neighbours.of(self._logarithm)
+        excess /= np.sqrt(neighbours.scatter(self._variances))[:, None]
+        parts = _standardised(likeness(excess, accused)[:, None])
+        weight, growth = _MODEL_LIKENESS if self._data.segments is None else _LIKENESS
+        score = (evidence.score + weight * np.maximum(parts[:, 0], 0.0) ** 2) / growth
+        kinds = (*evidence.kinds, LIKENESS)
+        return Evidence(kinds, np.hstack([evidence.parts, parts]), score, evidence.limit)
 
     def _heard_bursts(self, predicted: FloatArray, neighbours: Consensus) -> FloatArray:
         assert self._data.segments is not None  # noqa: S101 - asked for with segments alone

@@ -1,0 +1,73 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from selection_samples import sampled_texture
+
+from mmt.texture.selection.likeness import LEAST, likeness
+from mmt.texture.selection.outliers import LIKENESS, MODEL_KINDS, SEGMENT_KINDS, find_outliers
+
+
+def _by_the_definition(excess, accused):
+    """Fisher's discriminant, one point at a time, with an explicit inverse."""
+    good = excess[~accused]
+    covariance = np.atleast_2d(np.cov(good.T, bias=True))
+    size = len(covariance)
+    inverse = np.linalg.inv(covariance + np.trace(covariance) / size * np.eye(size))
+    middle = np.median(good, axis=0)
+    result = []
+    for index, row in enumerate(excess):
+        others = accused & (np.arange(len(excess)) != index)
+        result.append((row - middle) @ inverse @ (excess[others].mean(axis=0) - middle))
+    return np.array(result)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(LEAST, 15), st.integers(1, 12))
+def test_likeness_is_fishers_discriminant_without_the_point_itself(seed, count, size):
+    generator = np.random.default_rng(seed)
+    excess = generator.normal(size=(40, size))
+    accused = np.arange(40) < count
+    expected = _by_the_definition(excess, accused)
+    np.testing.assert_allclose(
+        likeness(excess, accused), expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max()
+    )
+
+
+def test_a_point_that_has_what_the_accused_have_stands_out():
+    generator = np.random.default_rng(1)
+    excess = generator.normal(size=(200, 30))
+    excess[:21, 10:15] += 3.0
+    accused = np.arange(200) < 20  # the last of those with the bump is not accused
+    found = likeness(excess, accused)
+    assert found[20] > found[21:].max()
+
+
+@pytest.mark.parametrize("count", [0, LEAST - 1, 40 - LEAST + 1, 40])
+def test_too_few_on_either_side_have_nothing_in_common(count):
+    excess = np.random.default_rng(2).normal(size=(40, 5))
+    assert not likeness(excess, np.arange(40) < count).any()
+
+
+@pytest.mark.parametrize("value", [0.0, 1e-300, 1e150])
+def test_points_that_are_all_the_same_are_all_alike(value):
+    found = likeness(np.full((40, 5), value), np.arange(40) < 10)
+    assert np.isfinite(found).all()
+    assert np.ptp(found) == 0.0
+
+
+def test_what_knocks_have_in_common_counts_once_there_are_enough_of_them():
+    data, knocked = sampled_texture(160, 2, knocks=16, seed=1)
+    found = find_outliers(data)
+    assert found.evidence.kinds == (*SEGMENT_KINDS, LIKENESS)
+    parts = found.evidence.parts[:, -1]
+    assert np.median(parts[knocked]) > np.quantile(parts[~knocked], 0.97)
+    few, _ = sampled_texture(60, 2, knocks=2, seed=1)
+    assert find_outliers(few).evidence.kinds == SEGMENT_KINDS
+
+
+def test_likeness_finds_more_knocks_in_the_models_data_alone():
+    data, knocked = sampled_texture(160, 2, knocks=16, seed=1)
+    alone = find_outliers(type(data)(data.points, data.lsf, data.variance))
+    assert alone.evidence.kinds == (*MODEL_KINDS, LIKENESS)
+    assert alone.outlier[knocked].mean() >= 0.5
