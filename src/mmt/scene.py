@@ -98,6 +98,8 @@ class Rendering(_Table):
     """``[rendering]``: synthesize vibration from the model."""
 
     model: Path | None = None
+    before: Literal["stream", "warm", "silent"] = "stream"
+    library: list[Path] = Field(default=[])
     renewal_samples: int = Field(1, ge=1, le=1000)
     crossfade_ms: float = Field(50.0, ge=0, le=1000)
 
@@ -169,6 +171,12 @@ class Scene(_Table):
         return self.hand is not None or self.handle is not None
 
     @property
+    def streams(self) -> bool:
+        """Whether streamed vibration is played at any time."""
+        silent = self.rendering is not None and self.rendering.before == "silent"
+        return self.playout is not None and not silent
+
+    @property
     def concealment(self) -> Literal["model", "repetition", "silence"]:
         """How gaps in the stream are concealed; a model needs the compiled numerics."""
         if self.playout is None:
@@ -184,7 +192,7 @@ class Scene(_Table):
             wanted |= {"position", "force", "acceleration"}
         if self.rendering is not None and not self.commands:
             wanted |= {"position", "force"}
-        if self.playout is not None:
+        if self.streams:
             wanted.add("acceleration")
         if self.force_feedback is not None:
             wanted.add("force")
@@ -251,6 +259,24 @@ def _impossible(scene: Scene) -> list[str]:
         (
             scene.rendering is not None and scene.rendering.model is None and scene.texture is None,
             "[rendering] needs a model: add [texture], or name a saved one with its key 'model'",
+        ),
+        (
+            scene.rendering is not None
+            and scene.rendering.model is not None
+            and scene.rendering.before != "stream",
+            "[rendering] renders its model from the start: leave 'before' out, or 'model'",
+        ),
+        (
+            scene.rendering is not None
+            and scene.rendering.before == "warm"
+            and scene.texture is None,
+            'before = "warm" of [rendering] needs a model to give way to: add [texture]',
+        ),
+        (
+            scene.rendering is not None
+            and bool(scene.rendering.library)
+            and scene.rendering.before != "warm",
+            'library of [rendering] is for a warm start: add before = "warm", or remove it',
         ),
         (
             scene.rendering is not None and scene.link is None and not scene.commands,

@@ -19,6 +19,7 @@ ENVIRONMENT_PREFIX = "MMT_"
 
 _READ: Final = (
     ("rendering", "model"),
+    ("rendering", "library"),
     ("replay", "file"),
     ("link", "token_file"),
     ("link", "certificate"),
@@ -117,9 +118,17 @@ def _look_beside(path: Path, tables: dict[str, Any]) -> None:
     for name, key in _READ:
         table = tables.get(name)
         if isinstance(table, dict) and isinstance(table.get(key), str):
-            beside = path.parent / table[key]
-            if not Path(table[key]).exists() and beside.exists():
-                tables[name] = {**table, key: str(beside)}
+            tables[name] = {**table, key: _beside(path, table[key])}
+        elif isinstance(table, dict) and isinstance(table.get(key), list):
+            tables[name] = {**table, key: [_beside(path, each) for each in table[key]]}
+
+
+def _beside(path: Path, file: object) -> object:
+    """Return a file that stands beside a scene and not here as such, others as they are."""
+    if not isinstance(file, str):
+        return file
+    beside = path.parent / file
+    return str(beside) if not Path(file).exists() and beside.exists() else file
 
 
 def scene_from_tables(

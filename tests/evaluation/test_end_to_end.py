@@ -14,6 +14,7 @@ from mmt.evaluation.end_to_end.judging import Reference
 from mmt.evaluation.end_to_end.leading import at_once, led, unit_vectors
 from mmt.evaluation.end_to_end.passing import NEVER_TICK, Passage, pass_over
 from mmt.evaluation.end_to_end.summary import Case, Outcome, by_second, feel, rows
+from mmt.evaluation.end_to_end.warming import library_without, shipped_library
 from mmt.network_table import Network
 
 PLASTIC = SURFACES["plastic"]
@@ -92,6 +93,27 @@ def test_a_stream_is_as_late_as_both_ways_and_a_model_is_not(far: Passage) -> No
     assert errors[0] < 0.7 * errors[1]
 
 
+def test_a_warm_start_leads_before_the_local_model_and_better_than_the_stream(
+    far: Passage,
+) -> None:
+    reference = Reference(far, at_once(far, 1).vibration_m_s2)
+    library = {"felt": library_without("oak")["felt"]}
+    warm = led(far, {"start_distance": 1.0, "stop_distance": 1.0}, 1, library)
+    assert warm.start_s is not None
+    assert warm.start_s < 2.5
+    own, streamed = (reference.judge(felt.vibration_m_s2) for felt in (warm, led(far, None, 1)))
+    errors = [
+        np.sqrt(np.mean(np.square(c.level_db[c.time_s > warm.start_s + 0.2])))
+        for c in (own, streamed)
+    ]
+    assert errors[0] < 0.7 * errors[1]
+
+
+def test_the_texture_itself_is_not_in_its_library() -> None:
+    assert set(shipped_library()) - set(library_without("oak")) == {"oak"}
+    assert set(library_without("plastic")) == set(shipped_library())
+
+
 def test_headings_are_unit_vectors_even_at_rest() -> None:
     unit = unit_vectors(np.array([[3.0, 4.0], [0.0, 0.0], [0.0, -1e-300], [1e150, 0.0]]))
     np.testing.assert_allclose(unit, [[0.6, 0.8], [1.0, 0.0], [0.0, -1.0], [1.0, 0.0]])
@@ -103,7 +125,7 @@ def test_outcomes_are_gathered_by_network_and_method(monkeypatch: pytest.MonkeyP
         one for network in ("lan", "wan") for one in feel(Case("fabric", network, 5))
     ]
     table = rows(found)
-    assert [row.network for row in table] == ["lan"] * 4 + ["wan"] * 4
+    assert [row.network for row in table] == ["lan"] * 5 + ["wan"] * 5
     assert {row.sessions for row in table} == {1}
     assert all(row.level_db[1:] == (None, None) for row in table)  # nothing behind 5 s
     assert len(by_second(found, "wan", "ours")) <= 3
@@ -121,14 +143,15 @@ def test_the_command_prints_every_method_and_writes_a_report(
     arguments += ["--json", str(tmp_path / "felt.json"), "--report", str(tmp_path / "report")]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 0, result.output
-    for name in ("streaming", "published", "ours", "at once"):
+    for name in ("streaming", "published", "ours", "warm", "at once"):
         assert name in result.output
     written = json.loads((tmp_path / "felt.json").read_text(encoding="utf-8"))
-    assert len(written["rows"]) == 4
+    assert len(written["rows"]) == 5
     assert set(written["level_db_by_second"]["wan"]) == {
         "streaming",
         "published",
         "ours",
+        "warm",
         "at once",
     }
     assert "data:image/png" in (tmp_path / "report" / "report.html").read_text(encoding="utf-8")

@@ -122,6 +122,8 @@ FEEDBACK = {
 WATCHED = {*NETWORK, *MODEL, *FILES, *SOURCES, *FEEDBACK, RECORDER, HAND, ACTUATOR}
 NEVER = {
     "mmt.leader.monitor",
+    "mmt.leader.warming",
+    "mmt.texture.warm_start",
     "mmt.pages",
     "prometheus_client",
     "mmt.exposition",

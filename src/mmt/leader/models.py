@@ -9,6 +9,8 @@ from mmt.leader.parts import LeaderParts
 from mmt.leader.summary import RunLog
 
 if TYPE_CHECKING:
+    from mmt.texture.library_choice import Choice
+    from mmt.texture.model import TextureModel
     from mmt.texture.modelling import ModelUpdate
 
 
@@ -34,21 +36,29 @@ class ModelUse:
         self._takes_over = synthesizer is not None and synthesizer.model is not None
         self.forced: Literal["streamed", "synthesized"] | None = None
         """Which vibration a person holds on to, None where the criterion decides."""
+        if parts.warming is not None:
+            parts.warming.on_model = self.take_warm
 
     def take(self, update: "ModelUpdate", seconds: float) -> None:
         """Take an update of the model, which took so many seconds.
 
         Vibration is rendered from it as soon as the start criterion is met; until then from
-        the saved model that the scene names, if it does.
+        the saved model that the scene names or a known texture, if it has them.
         """
         log, parts = self._log, self._parts
         update = replace(update, time_s=self._since_s + update.time_s)
         log.update = update
         log.update_seconds.append(seconds)
         usable = update.started and update.model is not None
-        wanted = usable or (self.forced == "synthesized" and update.model is not None)
+        forced = self.forced == "synthesized" and log.warm is None
+        wanted = usable or (forced and update.model is not None)
         if wanted and parts.synthesizer is not None:
             parts.synthesizer.model = update.model
+        if parts.warming is not None and not parts.warming.finished:
+            if usable:
+                parts.warming.finish()
+            elif update.model is not None:
+                parts.warming.learn(update.model.samples)
         if usable and log.start_s is None:
             log.start_s = update.time_s
             self._event(f"start criterion met at {update.time_s:.1f} s", distance=update.distance)
@@ -59,12 +69,28 @@ class ModelUse:
             log.stop_s = update.time_s
             self._event(f"stop criterion met at {update.time_s:.1f} s", distance=update.distance)
 
+    def take_warm(self, model: "TextureModel", choice: "Choice") -> None:
+        """Render from a known texture, blended with what is known of the one at hand."""
+        log = self._log
+        if log.start_s is not None or self._parts.synthesizer is None:
+            return
+        self._parts.synthesizer.model = model
+        before = log.warm.name if log.warm is not None else None
+        log.warm = choice
+        self._takes_over = True
+        self._choose()
+        if choice.name != before:
+            self._event(f"nearest known texture: {choice.describe()}", **choice.as_dict())
+
     def reset(self, time_s: float) -> None:
         """Forget the model at a session time, and return to streamed vibration."""
         if self._parts.modelling is None:
             return
         self.record_last()
         self._parts.modelling.reset()
+        if self._parts.warming is not None:
+            self._parts.warming.reset()
+        self._log.warm = None
         self._since_s = time_s
         self._log.update = self._log.start_s = self._log.stop_s = None
         self._takes_over = False
@@ -88,7 +114,8 @@ class ModelUse:
         if mode == "synthesized":
             if parts.synthesizer is None:
                 raise InputError("this scene renders from no model: it has no [rendering]")
-            if update is not None and update.model is not None:
+            warm = self._log.warm is not None and self._log.start_s is None
+            if update is not None and update.model is not None and not warm:
                 parts.synthesizer.model = update.model
             if parts.synthesizer.model is None:
                 raise InputError("there is no model yet: stroke the surface first")

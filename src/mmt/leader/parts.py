@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from mmt.leader.handle import OperatorHandle
     from mmt.leader.modelling import ModellingTask
     from mmt.leader.monitor.tap import MonitorTap
+    from mmt.leader.warming import WarmingTask
     from mmt.session.recording import McapRecorder
     from mmt.texture.modelling import ModelUpdate
     from mmt.texture.synthesis import Synthesizer
@@ -45,6 +46,7 @@ class LeaderParts:
     """The axes of the surface: those other than its normal."""
     feedback: Feedback | None = None
     modelling: "ModellingTask | None" = None
+    warming: "WarmingTask | None" = None
     synthesizer: "Synthesizer | None" = None
     switch: VibrationSwitch | None = None
     make_recorder: "Callable[..., McapRecorder] | None" = None
@@ -99,6 +101,8 @@ class LeaderParts:
             self.feedback.take(frames)
         if self.modelling is not None:
             self.modelling.take(frames)
+        if self.warming is not None:
+            self.warming.take(frames)
         if self.tap is not None:
             self.tap.take(frames)
 
@@ -218,7 +222,7 @@ def _build_streamed(scene: Scene, parts: LeaderParts) -> None:
     """Build what takes vibration and motion from the frames at once."""
     geometry = scene.texture or Texture()
     rate_hz = float(scene.session.rate_hz)
-    if scene.playout is not None:
+    if scene.playout is not None and scene.streams:
         parts.playout = PlayoutBuffer(
             scene.playout.delay_ms,
             scene.playout.longest_delay_ms,
@@ -251,6 +255,13 @@ def _build_vibration(scene: Scene, parts: LeaderParts) -> None:
             from mmt.texture.model import TextureModel
 
             parts.synthesizer.model = TextureModel.load(find_model(scene.rendering.model))
+        if scene.rendering.before == "warm" and scene.texture is not None:
+            from mmt.leader.warming import WarmingTask, load_library
+
+            parts.warming = WarmingTask(
+                load_library(scene.rendering.library),
+                scene.texture.settings(float(scene.session.rate_hz)),
+            )
     parts.switch = VibrationSwitch(
         parts.playout.pull if parts.playout is not None else None,
         parts.synthesizer,

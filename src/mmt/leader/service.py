@@ -99,6 +99,8 @@ class LeaderService:
             tasks.append(asyncio.create_task(self._report_status()))
             if parts.modelling is not None:
                 tasks.append(asyncio.create_task(parts.modelling.run()))
+            if parts.warming is not None:
+                tasks.append(asyncio.create_task(parts.warming.run()))
             self.ticker.start()
             tasks.append(asyncio.create_task(self.ticker.wait()))
             if on_ready is not None:

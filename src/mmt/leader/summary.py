@@ -12,6 +12,7 @@ from mmt.ticking import TickStatistics, TimeHistogram
 
 if TYPE_CHECKING:
     from mmt.link.protocol import LinkStatistics
+    from mmt.texture.library_choice import Choice
     from mmt.texture.modelling import ModelUpdate
 
 _UNWANTED: Final = (FAILED, f"follower {FAILED}", "follower lost")
@@ -50,6 +51,8 @@ class RunLog:
     late_while_modelling: TimeHistogram = field(default_factory=TimeHistogram)
     start_s: float | None = None
     stop_s: float | None = None
+    warm: "Choice | None" = None
+    """The known texture that was rendered before the local model."""
     ready_s: float | None = None
 
 
@@ -135,6 +138,7 @@ def _texture(log: RunLog, parts: LeaderParts) -> dict[str, Any]:
         "distance": round(update.distance, 3) if update else None,
         "start_s": log.start_s,
         "stop_s": log.stop_s,
+        **({"warm": log.warm.as_dict()} if log.warm is not None else {}),
         "updates": len(seconds),
         "update_median_ms": round(1e3 * statistics.median(seconds), 2) if seconds else None,
         "update_longest_ms": round(1e3 * max(seconds), 2) if seconds else None,

@@ -10,11 +10,13 @@ from mmt.arrays import FloatArray, IntArray
 from mmt.devices.simulated import PERIOD_NS, RATE_HZ
 from mmt.devices.simulated.vibration import Vibration
 from mmt.evaluation.end_to_end.passing import NEVER_TICK, Passage
+from mmt.evaluation.end_to_end.warming import warm_models
 from mmt.leader.concealment import build_concealment
 from mmt.leader.playout import PlayoutBuffer
 from mmt.leader.rendering import VibrationSwitch
 from mmt.leader.stream import StreamedVibration
 from mmt.scene import Playout, Rendering
+from mmt.texture.model import TextureModel
 from mmt.texture.modelling import ModelUpdate, OnlineModeller
 from mmt.texture.settings import Inputs, ModellingSettings
 from mmt.texture.synthesis import Synthesizer
@@ -56,7 +58,12 @@ def at_once(passage: Passage, seed: int) -> Felt:
     return Felt(np.array(values), 0.0)
 
 
-def led(passage: Passage, texture: Mapping[str, Any] | None, seed: int) -> Felt:
+def led(
+    passage: Passage,
+    texture: Mapping[str, Any] | None,
+    seed: int,
+    library: Mapping[str, TextureModel] | None = None,
+) -> Felt:
     """Return what a leader plays that gets the frames of a passage.
 
     Parameters
@@ -67,6 +74,8 @@ def led(passage: Passage, texture: Mapping[str, Any] | None, seed: int) -> Felt:
         Keys of ``[texture]`` beside the defaults; None streams alone.
     seed
         Of the synthesis and of concealment.
+    library
+        Known textures for a warm start, None for streaming until the start criterion.
     """
     ticks = len(passage.frames)
     synthesizer = None if texture is None else Synthesizer(seed=seed, limit_m_s2=_LIMIT_M_S2)
@@ -86,12 +95,12 @@ def led(passage: Passage, texture: Mapping[str, Any] | None, seed: int) -> Felt:
     inputs = np.vstack([drives, passage.force_n])
     order = np.argsort(passage.arrival_tick, kind="stable")
     due = passage.arrival_tick[order]
-    models = dict(_models(passage, texture) if texture is not None else ())
+    models = _models(passage, texture, library) if texture is not None else {}
     output = np.empty(ticks)
     taken, start_s = 0, None
     for tick in range(ticks):
         if synthesizer is not None and tick in models:
-            synthesizer.model = models[tick].model
+            synthesizer.model = models[tick]
             switch.use_model(True)
             start_s = tick / RATE_HZ if start_s is None else start_s
         stop = int(np.searchsorted(due, tick, side="right"))
@@ -102,20 +111,33 @@ def led(passage: Passage, texture: Mapping[str, Any] | None, seed: int) -> Felt:
     return Felt(output, start_s)
 
 
-def _models(passage: Passage, texture: Mapping[str, Any]) -> Iterator[tuple[int, ModelUpdate]]:
-    """Yield the models that take over, each with the tick from which it is rendered.
+def _models(
+    passage: Passage, texture: Mapping[str, Any], library: Mapping[str, TextureModel] | None
+) -> dict[int, TextureModel]:
+    """Return the models that take over, each at the tick from which it is rendered."""
+    inputs: Inputs = "isotropic" if passage.surface.isotropic else "anisotropic"
+    settings = ModellingSettings(inputs=inputs, **texture)
+    updates = dict(_updates(passage, settings))
+    models = {} if library is None else warm_models(passage, updates, library, settings)
+    return models | {
+        tick: update.model
+        for tick, update in updates.items()
+        if update.started and update.model is not None
+    }
+
+
+def _updates(passage: Passage, settings: ModellingSettings) -> Iterator[tuple[int, ModelUpdate]]:
+    """Yield the updates of the local model, each with the tick from which it is in use.
 
     An update takes the frames of one second, which the frames' numbers delimit, and waits for
     those that were lost and are filled in, as the leader's modelling does.
     """
-    inputs: Inputs = "isotropic" if passage.surface.isotropic else "anisotropic"
-    modeller = OnlineModeller(ModellingSettings(inputs=inputs, **texture))
+    modeller = OnlineModeller(settings)
     period = round(RATE_HZ)
     come = _filled_in(passage.arrival_tick)
     for first in range(0, len(passage.frames) - period + 1, period):
         update = modeller.update(passage.frames[first : first + period])
-        if update.started and update.model is not None:
-            yield int(come[: first + period].max()) + UPDATE_TICKS, update
+        yield int(come[: first + period].max()) + UPDATE_TICKS, update
         if update.stopped:
             return
 

@@ -13,6 +13,7 @@ from mmt.devices.simulated.textures import SURFACES
 from mmt.evaluation.end_to_end.judging import Course, Reference
 from mmt.evaluation.end_to_end.leading import Felt, at_once, led
 from mmt.evaluation.end_to_end.passing import pass_over
+from mmt.evaluation.end_to_end.warming import library_without
 from mmt.evaluation.methods.cases import DURATION_S, FIRST_SEED, GRAINED_DURATION_S
 from mmt.evaluation.methods.judging import METHODS as METHODS_OF_MODELLING
 from mmt.evaluation.sweeping import in_processes
@@ -23,11 +24,15 @@ NETWORKS: Final = ("lan", "wifi", "wan", "bad")
 AT_ONCE: Final = "at once"
 """The bound: the surface under the hand itself."""
 
+WARM: Final = "warm"
+"""As ours, after a warm start from the shipped models but the texture's own."""
+
 METHODS: Final[Mapping[str, Mapping[str, Any] | None]] = MappingProxyType(
     {
         "streaming": None,
         "published": METHODS_OF_MODELLING["published"],
         "ours": METHODS_OF_MODELLING["level"],
+        WARM: METHODS_OF_MODELLING["level"],
     }
 )
 """Keys of ``[texture]`` by the method's name; streaming has no model."""
@@ -108,7 +113,9 @@ def feel(case: Case) -> list[Outcome]:
     bound = at_once(passage, case.seed)
     reference = Reference(passage, bound.vibration_m_s2)
     felt: dict[str, Felt] = {AT_ONCE: bound}
-    felt |= {name: led(passage, keys, case.seed) for name, keys in METHODS.items()}
+    for name, keys in METHODS.items():
+        library = library_without(case.texture) if name == WARM else None
+        felt[name] = led(passage, keys, case.seed, library)
     return [
         Outcome(case, name, own.start_s, reference.judge(own.vibration_m_s2))
         for name, own in felt.items()

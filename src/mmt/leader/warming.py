@@ -1,0 +1,137 @@
+"""A known texture until the local model is ready: chosen and blended in a worker thread.
+
+Frames are looked at as they come, twenty times a second and not once a period as for the model: the
+choice needs a fifth of a second of stroking. What is lost and filled in later is not waited for.
+"""
+
+import asyncio
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from mmt.arrays import RecordArray
+from mmt.errors import InputError
+from mmt.shipped_models import find_model, shipped_models
+from mmt.texture.inputs import InputSpace
+from mmt.texture.known_textures import into_space
+from mmt.texture.library_choice import Choice
+from mmt.texture.model import TextureModel
+from mmt.texture.samples import TextureSamples
+from mmt.texture.settings import ModellingSettings
+from mmt.texture.warm_start import WarmStart
+
+LOOK_FRAMES: Final = 50
+"""Frames that are looked at together."""
+
+_MOST_FRAMES: Final = 10_000
+"""So many wait at most; what would come on top is not looked at."""
+
+
+def load_library(names: Sequence[Path]) -> dict[str, TextureModel]:
+    """Return models by name.
+
+    Parameters
+    ----------
+    names
+        Files, or names of shipped models; all shipped ones where there are none.
+
+    Raises
+    ------
+    InputError
+        A file is no model, or two have the same name.
+    """
+    library: dict[str, TextureModel] = {}
+    for path in [find_model(name) for name in names] or shipped_models().values():
+        if path.stem in library:
+            raise InputError(f"library: two models are called {path.stem}; rename one")
+        library[path.stem] = TextureModel.load(path)
+    return library
+
+
+class WarmingTask:
+    """Look at frames, and keep a known texture blended with the local model's samples.
+
+    Parameters
+    ----------
+    library
+        Models by name.
+    settings
+        Of the local model.
+
+    Raises
+    ------
+    InputError
+        The library cannot be used; see `WarmStart`.
+    """
+
+    def __init__(self, library: Mapping[str, TextureModel], settings: ModellingSettings) -> None:
+        space = InputSpace(settings.inputs)
+        self._library = {name: into_space(model, space) for name, model in library.items()}
+        self._settings = settings
+        self.on_model: Callable[[TextureModel, Choice], None] = lambda _model, _choice: None
+        """Called on the event loop with each new model and what it was made from."""
+        self._due = asyncio.Event()
+        self._warm = WarmStart(self._library, settings)
+        self._frames: list[RecordArray] = []
+        self._waiting = 0
+        self._samples: TextureSamples | None = None
+        self._learned = self.finished = False
+
+    def take(self, frames: RecordArray) -> None:
+        """Queue frames; never blocks."""
+        if self.finished or self._waiting >= _MOST_FRAMES:
+            return
+        self._frames.append(frames)
+        self._waiting += len(frames)
+        if self._waiting >= LOOK_FRAMES:
+            self._due.set()
+
+    def learn(self, samples: TextureSamples) -> None:
+        """Blend with these samples of the local model from now on."""
+        self._samples, self._learned = samples, True
+        self._due.set()
+
+    def finish(self) -> None:
+        """Do no more: the local model has taken over."""
+        self.finished = True
+        self._frames.clear()
+
+    def reset(self) -> None:
+        """Look anew, as on another surface; what is under way is thrown away."""
+        self._warm = WarmStart(self._library, self._settings)
+        self._frames, self._waiting = [], 0
+        self._samples, self._learned = None, False
+        self.finished = False
+
+    async def run(self) -> None:
+        """Look and blend until cancelled."""
+        with ThreadPoolExecutor(max_workers=1, thread_name_prefix="warm start") as worker:
+            loop = asyncio.get_running_loop()
+            while True:
+                await self._due.wait()
+                self._due.clear()
+                warm, frames, samples, learned = self._warm, *self._next()
+                made = await loop.run_in_executor(worker, _work, warm, frames, samples, learned)
+                if made is not None and warm is self._warm and not self.finished:
+                    self.on_model(*made)
+
+    def _next(self) -> tuple[list[RecordArray], TextureSamples | None, bool]:
+        """Take what has come."""
+        frames, self._frames, self._waiting = self._frames, [], 0
+        learned, self._learned = self._learned, False
+        return frames, self._samples, learned
+
+
+def _work(
+    warm: WarmStart,
+    frames: Sequence[RecordArray],
+    samples: TextureSamples | None,
+    learned: bool,
+) -> tuple[TextureModel, Choice] | None:
+    """Return a new model where the choice or the samples are new."""
+    chosen = warm.take(np.concatenate(frames)) if frames else None
+    model = warm.model(samples) if chosen is not None or learned else None
+    return (model, warm.choice) if model is not None and warm.choice is not None else None

@@ -1,0 +1,61 @@
+"""The warm start beside the tick: when it looks, what it hands over, and that it ends."""
+
+import asyncio
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mmt.devices.simulated.offline import simulate_session
+from mmt.errors import InputError
+from mmt.leader.warming import WarmingTask, load_library
+from mmt.scene import Scene
+from mmt.shipped_models import shipped_models
+from mmt.texture.library_choice import Choice
+from mmt.texture.model import TextureModel
+from mmt.texture.settings import ModellingSettings
+
+Handed = list[tuple[TextureModel, Choice]]
+
+
+async def until(handed: Handed, count: int) -> None:
+    async with asyncio.timeout(30):
+        while len(handed) < count:
+            await asyncio.sleep(0.001)
+
+
+async def test_models_follow_frames_and_samples_until_the_end() -> None:
+    frames, _ = simulate_session(Scene(), "fabric", 4.0, 3)
+    library = load_library([Path("felt")])
+    task = WarmingTask(library, ModellingSettings())
+    handed: Handed = []
+    task.on_model = lambda model, choice: handed.append((model, choice))
+    running = asyncio.create_task(task.run())
+    task.learn(library["felt"].samples)  # before a choice nothing comes of it
+    for n in range(1000):
+        task.take(frames[n : n + 1])
+    task.take(frames[1000:2000])
+    await until(handed, 1)
+    assert handed[0][1].name == "felt"
+    before = len(handed)
+    task.learn(library["felt"].samples)
+    await until(handed, before + 1)
+    task.reset()
+    task.take(frames[:2000])
+    await until(handed, before + 2)
+    task.finish()
+    task.take(frames[2000:])
+    running.cancel()
+    assert task.finished
+
+
+def test_a_library_is_files_and_names(tmp_path: Path) -> None:
+    own = tmp_path / "mine.npz"
+    own.write_bytes(shipped_models()["felt"].read_bytes())
+    library = load_library([Path("felt"), own])
+    assert list(library) == ["felt", "mine"]
+    np.testing.assert_array_equal(library["mine"].samples.lsf, library["felt"].samples.lsf)
+    with pytest.raises(InputError, match="two models are called felt"):
+        load_library([Path("felt"), Path("felt")])
+    with pytest.raises(InputError, match="no such file; shipped are"):
+        load_library([Path("nothing")])
