@@ -28,8 +28,8 @@ PANELS: Final = {
 }
 """The stages that are drawn, and which of their panels; None draws them all."""
 
-SEEDS: Final = 2
-"""Sessions of each texture and network, end to end."""
+SEEDS: Final = 1
+"""Sessions of each texture over each network, end to end."""
 
 
 def main() -> None:

@@ -42,7 +42,7 @@ DEFINITIONS: Final = {
     "streaming": "the stream through the playout buffer, without a model",
     "published": "paper A: streamed until the start criterion, then rendered; the excitation's "
     "variance interpolated",
-    "ours": 'the same with [texture] level = "gaussian_process"',
+    "ours": 'the same with [texture] level = "gaussian_process" and shape = "smoothed"',
     "warm": 'as ours with [rendering] before = "warm": until the start criterion rendered from '
     "the shipped model that fits best; that of the texture itself is left out",
 }

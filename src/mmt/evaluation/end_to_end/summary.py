@@ -31,8 +31,8 @@ METHODS: Final[Mapping[str, Mapping[str, Any] | None]] = MappingProxyType(
     {
         "streaming": None,
         "published": METHODS_OF_MODELLING["published"],
-        "ours": METHODS_OF_MODELLING["level"],
-        WARM: METHODS_OF_MODELLING["level"],
+        "ours": METHODS_OF_MODELLING["ours"],
+        WARM: METHODS_OF_MODELLING["ours"],
     }
 )
 """Keys of ``[texture]`` by the method's name; streaming has no model."""
