@@ -50,7 +50,7 @@ def test_the_world_moves_smoothly_between_its_ticks(world: World) -> None:
     until(lambda: world._newest * TICK_NS > now_ns - world._begun_ns)  # it may be held up
     places = [world.position_mm(now_ns - k * TICK_NS // 4)[0] for k in range(40)]
     steps = [late - early for late, early in pairwise(places)]
-    assert all(step >= 0 for step in steps)
+    assert min(steps) > -0.01  # it may have arrived, and rest within the encoder's steps
     assert max(steps) < 0.25  # a quarter of a tick at 1 m/s
 
 
