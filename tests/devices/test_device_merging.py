@@ -11,6 +11,7 @@ from synthetic_sensors import MS, START_NS, SyntheticSensor
 
 from mmt.arrays import RecordArray
 from mmt.devices.clocks import SensorClock
+from mmt.devices.holding_back import ReadingAges
 from mmt.devices.merging import FrameMerger, Lane, PolledLane
 from mmt.devices.probing import PROBES_HZ
 from mmt.devices.protocols import SensorReading
@@ -21,12 +22,12 @@ TRANSPORT_NS = 20_000
 
 
 def merged(
-    sensor: SyntheticSensor, seconds: float, *, probes: bool = True
+    sensor: SyntheticSensor, seconds: float, *, probes: bool = True, needed_ns: int | None = None
 ) -> tuple[RecordArray, np.ndarray, FrameMerger, Lane]:
     """Run ticks with some lateness, and probes; return the frames and their ticks' times."""
     chance = random.Random(7)
     lane = Lane(sensor.latency_ns)
-    merger = FrameMerger({"force_n": lane}, DTYPE, MS)
+    merger = FrameMerger({"force_n": lane}, DTYPE, MS, needed_ns)
     looks = [(START_NS + k * 100_000, False) for k in range(600)]
     looks += [
         (START_NS + k * MS + round(chance.expovariate(1 / 50_000)), True)
@@ -45,6 +46,17 @@ def merged(
             blocks.append(merger.frames())
             ticks += [now_ns] * len(blocks[-1])
     return np.concatenate(blocks), np.array(ticks), merger, lane
+
+
+def seen_hold_back_ns(sensor: SyntheticSensor, looks: int = 600) -> int | None:
+    """Look at a sensor ten times in a millisecond; return how long its frames are held back."""
+    lane = Lane(sensor.latency_ns)
+    ages = ReadingAges([lane])
+    for k in range(looks):
+        now_ns = START_NS + k * MS // 10
+        lane.take(sensor.arrived(now_ns), now_ns)
+        ages.look(now_ns)
+    return ages.hold_back_ns()
 
 
 def time_errors_us(frames: RecordArray) -> np.ndarray:
@@ -67,6 +79,57 @@ def test_a_merged_frame_is_of_the_time_it_says(rate_hz: float, drift: float) -> 
     assert np.diff(frames["sequence"]).max() == 1
     assert lane.clock.drift == pytest.approx(drift, abs=15e-6)
     assert lane.clock.jumps == 0
+
+
+@pytest.mark.parametrize("rate_hz", [800, 1000, 2000, 7000])
+@pytest.mark.parametrize("under_way_ns", [0, 300_000])
+def test_frames_are_held_back_by_what_the_readings_show(rate_hz: float, under_way_ns: int) -> None:
+    """A period, what a reading is under way beyond the quickest, and the sensor's latency."""
+    sensor = SyntheticSensor(rate_hz, latency_ns=400_000, transport_ns=under_way_ns)
+    held_ns = seen_hold_back_ns(sensor)
+    assert held_ns is not None
+    beyond_ms = (held_ns - 400_000) / MS - 1e3 / rate_hz
+    assert 0.0 < beyond_ms < 0.4
+
+
+def test_bundles_are_waited_for() -> None:
+    lane = Lane()
+    ages = ReadingAges([lane])
+    for k in range(1000):
+        now_ns = START_NS + k * MS // 10
+        if k % 8 == 0:  # all that was measured in the last 0.8 ms
+            lane.take(
+                [SensorReading((k - 8 + j) * MS // 10, (0.0, 0.0, 0.0)) for j in range(1, 9)],
+                now_ns,
+            )
+        ages.look(now_ns)
+    held_ns = ages.hold_back_ns()
+    assert held_ns is not None
+    assert 0.7 * MS <= held_ns <= 0.95 * MS
+
+
+def test_few_looks_tell_nothing_of_how_long_to_hold_back() -> None:
+    assert seen_hold_back_ns(SyntheticSensor(1000), looks=50) is None
+
+
+@pytest.mark.parametrize("needed_ns", [-(10**15), 0, 10**15])
+def test_whatever_was_seen_frames_are_formed_within_bounds(needed_ns: int) -> None:
+    """A clock that was set back in the meantime makes nonsense of the ages."""
+    sensor = SyntheticSensor(2000, latency_ns=100_000)
+    lane = Lane(sensor.latency_ns)
+    lane.take(sensor.arrived(START_NS + 100 * MS), START_NS + 100 * MS)
+    merger = FrameMerger({"force_n": lane}, DTYPE, MS, needed_ns)
+    merger.tick(1, START_NS + 101 * MS)
+    assert 600_000 <= merger.hold_back_ns <= 1_350_000
+
+
+def test_a_quick_sensors_frames_come_sooner_where_that_was_seen() -> None:
+    added_ms = []
+    for needed_ns in (None, seen_hold_back_ns(SyntheticSensor(2000, 30e-6))):
+        frames, ticks, _, lane = merged(SyntheticSensor(2000, 30e-6), 5.0, needed_ns=needed_ns)
+        added_ms.append(np.percentile(ticks - frames["time_ns"], 99) / 1e6 - lane.latency_ns / 1e6)
+        assert np.diff(frames["sequence"]).max() == 1
+    assert added_ms[1] < added_ms[0] - 0.3
 
 
 def test_without_probes_a_sensor_in_step_with_the_ticks_is_seen_less_well() -> None:

@@ -62,7 +62,29 @@ def test_a_tick_that_lacks_a_reading_is_followed_by_looks_until_it_is_there() ->
 def test_looks_that_find_nothing_are_bounded() -> None:
     assert tried(0, 1000) == 0
     assert 1 <= tried(25, 1000) <= 2
-    assert 1 <= tried(10_000, 1000) <= 5
+    assert 1 <= tried(95, 1000) <= 9
+
+
+def test_a_sensor_in_step_with_the_ticks_is_looked_for_at_each_of_them() -> None:
+    """For as long as it takes to drift on, out of what was not looked for before."""
+
+    async def run() -> None:
+        looks = 0
+
+        def look(_: int) -> bool:
+            nonlocal looks
+            looks += 1
+            return True
+
+        retry = Retry(look)
+        retry.start()
+        for _ in range(1000):
+            retry.tick(lacking=False)
+        retry.tick(lacking=True)
+        await until(lambda: looks > 50)
+        retry.stop()
+
+    asyncio.run(run())
 
 
 def test_nothing_is_looked_for_after_the_end() -> None:

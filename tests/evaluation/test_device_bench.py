@@ -98,7 +98,7 @@ def test_targets_are_of_the_worst_set_up_and_what_cannot_run_is_left_out(
             raise MmtError("no compiler")
         share = 0.1 if set_up.name == "good" else 0.301
         sensors = {"force_sensor": 1.0, "accelerometer": 2.0}
-        return Measured(share, 0.05, 0.02, 100, 0, times, sensors, [15.0, 16.0], 0.0, [])
+        return Measured(share, 0.05, 0.02, 100, 0, 0, times, sensors, [15.0, 16.0], 0.0, [])
 
     monkeypatch.setattr(devices, "measure", measured)
     names = ("good", "worse", "broken")

@@ -18,7 +18,7 @@ from mmt.devices.protocols import SensorReading, Vector
 HOLD_BACK_NS: Final = 1_250_000
 """A frame is of the instant so long before its tick, so that the readings on both sides of it
 have arrived: enough for a sensor of 1 kHz, or one whose readings come in a bundle each
-millisecond."""
+millisecond. Less where the sensors' readings were seen to come sooner."""
 
 MARGIN_NS: Final = 250_000
 """Of a slower sensor, beyond the spacing of its readings."""
@@ -174,9 +174,9 @@ class FrameMerger:
     """Put the lanes together, a frame for each tick.
 
     Frame k is of the instant k periods after the first, held back by `HOLD_BACK_NS`, or what the
-    slowest sensor needs at the first tick, and the largest latency of the lanes. It is formed at
-    its tick, or at a later one where a reading is late. Where a lane has no value its number is
-    left out.
+    slowest sensor needs at the first tick, and the largest latency of the lanes, or by less where
+    the sensors need less. It is formed at its tick, or at a later one where a reading is late.
+    Where a lane has no value its number is left out.
 
     Parameters
     ----------
@@ -186,15 +186,24 @@ class FrameMerger:
         Of the frames.
     period_ns
         From tick to tick.
+    needed_ns
+        How long frames must be held back, latencies included (`mmt.devices.holding_back`); None
+        where that was not seen.
     """
 
     def __init__(
-        self, lanes: Mapping[str, Lane], dtype: "np.dtype[np.void]", period_ns: int
+        self,
+        lanes: Mapping[str, Lane],
+        dtype: "np.dtype[np.void]",
+        period_ns: int,
+        needed_ns: int | None = None,
     ) -> None:
         self._lanes = list(lanes.values())
         self._dtype = dtype
         self._period_ns = period_ns
-        self._hold_back_ns = 0
+        self._needed_ns = needed_ns
+        self.hold_back_ns = 0
+        """From the instant of a frame to its tick, once there was one."""
         self._origin_ns: int | None = None
         self._next = 0
         self._due = 0
@@ -209,7 +218,10 @@ class FrameMerger:
         if self._origin_ns is None:
             spacing_ns = max(lane.spacing_ns for lane in self._lanes)
             latency_ns = max(lane.latency_ns for lane in self._lanes)
-            self._hold_back_ns = max(HOLD_BACK_NS, spacing_ns + MARGIN_NS) + latency_ns
+            self.hold_back_ns = max(HOLD_BACK_NS, spacing_ns + MARGIN_NS) + latency_ns
+            if self._needed_ns is not None:
+                least_ns = spacing_ns + latency_ns
+                self.hold_back_ns = min(self.hold_back_ns, max(least_ns, self._needed_ns))
         self._due += elapsed
         origin_ns = now_ns - self._due * self._period_ns
         if self._origin_ns is None or origin_ns < self._origin_ns:
@@ -228,7 +240,7 @@ class FrameMerger:
     def frames(self) -> RecordArray:
         """Return the frames (n,) that are complete, the oldest first."""
         rows = []
-        start_ns = (self._origin_ns or 0) + self._period_ns - self._hold_back_ns
+        start_ns = (self._origin_ns or 0) + self._period_ns - self.hold_back_ns
         while self._next < self._due:
             time_ns = start_ns + self._next * self._period_ns
             values = [lane.at(time_ns) for lane in self._lanes]

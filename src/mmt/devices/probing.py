@@ -21,7 +21,9 @@ RETRY_NS: Final = 120_000
 """From a tick, or a further look, that lacked a reading until the next look."""
 _RETRIES_A_TICK: Final = 0.1
 """In the mean: where readings are always late, looking for them often does not help."""
-_RETRIES_AT_ONCE: Final = 5.0
+_RETRIES_AT_ONCE: Final = 2000.0
+"""A sensor nearly in step with the ticks is late at each of them for a second or two, then not for
+many."""
 
 
 class LoopTimer:

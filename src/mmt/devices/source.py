@@ -7,6 +7,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from mmt.arrays import RecordArray
+from mmt.devices.holding_back import ReadingAges
 from mmt.devices.merging import FrameMerger, PolledLane
 from mmt.devices.ports import Port, RobotPort, SampledPort, failure, port_of, summaries
 from mmt.devices.probing import Prober, Retry
@@ -95,11 +96,11 @@ class DeviceSource:
         self._prober = Prober(self.probe, PERIOD_NS)
         self._retry = Retry(self.look_again)
 
-    def _make_merger(self) -> FrameMerger | None:
+    def _make_merger(self, needed_ns: int | None = None) -> FrameMerger | None:
         if not self._sampled:
             return None
         lanes = {field: port.lane for field, port in self._measuring.items()}
-        return FrameMerger(lanes, self._dtype, PERIOD_NS)
+        return FrameMerger(lanes, self._dtype, PERIOD_NS, needed_ns)
 
     def watch(self, callback: LossWatcher) -> None:
         """Have a function called when a device is lost and when it is back."""
@@ -125,9 +126,8 @@ class DeviceSource:
                 raise failure(port, error) from error
         for port in self._sampled:  # which a driver may know only now, from the device's filter
             port.lane.latency_ns = port.device.latency_ns
-        self._merger = self._make_merger()
         if self._sampled:
-            self._warm_up()
+            self._merger = self._make_merger(self._warm_up())
             if self._looked_at:
                 self._prober.start()
             if self._taker is not None:
@@ -136,8 +136,15 @@ class DeviceSource:
             if isinstance(port.device, Pacing):  # ticks from now on do not meet its turns
                 port.device.await_turn()
 
-    def _warm_up(self) -> None:
-        """Read often for a moment: the quickest arrivals tell the clocks apart."""
+    def _warm_up(self) -> int | None:
+        """Read often for a moment: the quickest arrivals tell the clocks apart.
+
+        Returns
+        -------
+        needed_ns
+            How long frames must be held back; None where it did not show.
+        """
+        ages = ReadingAges(port.lane for port in self._sampled)
         start_ns = time.monotonic_ns()
         while (passed_ns := time.monotonic_ns() - start_ns) < _WARM_UP_NS or any(
             not port.lane.clock.known for port in self._sampled
@@ -151,9 +158,11 @@ class DeviceSource:
                         )
                 except Exception as error:
                     raise failure(port, error) from error
+            ages.look(time.monotonic_ns())
             time.sleep(5e-5)
         for port in self._sampled:
             port.begin(time.monotonic_ns())
+        return ages.hold_back_ns()
 
     def probe(self, now_ns: int) -> None:  # noqa: ARG002 - each read tells its own time
         """Look at sampled sensors between two ticks; a fault is left to the next tick."""

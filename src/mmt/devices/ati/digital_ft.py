@@ -33,9 +33,9 @@ from mmt.errors import DeviceLost, MmtError
 DRIVER: Final = "ati-digital-ft"
 
 NOMINAL_HZ: Final = 7000.0
-_READINGS_HZ: Final = 2300.0
-"""Wanted: an adapter hands on records in bundles, so that a reading is late by part of one, and a
-rate in step with the bundles would hide the drift of the sensor's clock."""
+_READINGS_HZ: Final = 3500.0
+"""Wanted: the last of the records that make a reading is waited for, and an adapter hands them on
+in bundles; a rate in step with those would hide the drift of the sensor's clock."""
 _BITS: Final = 11 * SIZE
 """A record on the line: start, eight bits, parity and stop a byte."""
 _START_PATIENCE_S: Final = 1.0
@@ -53,7 +53,7 @@ class DigitalFtOptions(AtiOptions):
     calibration_number: int = Field(default=1, ge=1, le=CALIBRATIONS)
     """Which of its stored calibrations to use."""
     average: int | None = Field(default=None, ge=1, le=100)
-    """Records that make one reading; None for as many as give about 2300 readings a second."""
+    """Records that make one reading; None for as many as give about 3500 readings a second."""
 
 
 def record_rate_hz(baud: int) -> float:

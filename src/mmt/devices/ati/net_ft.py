@@ -44,7 +44,7 @@ class NetFtOptions(AtiOptions):
 
     host: str = "192.168.1.1"
     """Address of the box."""
-    rate_hz: int = Field(default=1000, ge=1, le=7000)
+    rate_hz: int = Field(default=2000, ge=1, le=7000)
     """Records a second; the box may round up to 7000 / n."""
     filter: int = Field(default=2, ge=0, le=12)
     """The box's low-pass filter: 0 none, 1 to 8 838 to 5 Hz, 9 to 12 1500 to 3000 Hz."""

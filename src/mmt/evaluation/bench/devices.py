@@ -66,8 +66,9 @@ def run(plan: Plan | None = None) -> StageResult:
             "arm; and that of its tick alone, which tells how busy the machine is. Latency: from "
             "the instant of a frame's oldest value to the frame, less what the slowest sensor "
             "states of itself. Jitter: how far the error of a frame's time is "
-            "from its median. Seen: from when a sensor stops to when the follower knows, the "
-            f"longest of {2 * plan.stops} times."
+            "from its median. Ticks held up: those in pauses of more than 10 ms in which the "
+            "process did not run, and no arm was read. Seen: from when a sensor stops to when the "
+            f"follower knows, the longest of {2 * plan.stops} times."
             + (" By real-time scheduling." if plan.realtime else "")
         ),
         records=(
@@ -92,6 +93,7 @@ def _frames(found: Mapping[str, Measured]) -> list[dict[str, Cell]]:
             "acceleration (ms)": one.times.jitter_p99_ms["acceleration"],
             "missing frames": one.missing,
             "of": one.frames + one.missing,
+            "ticks held up": one.held_up_ticks,
         }
         for name, one in found.items()
     ]

@@ -26,6 +26,8 @@ from mmt.realtime import be_real_time
 from mmt.ticking import Ticker
 
 _COMMAND_MM: Final = (0.0, 0.0, 5.0)
+_HELD_UP_TICKS: Final = 10
+"""From one tick to the next: an arm that was not read for longer has no position in between."""
 
 
 class _Emulation(Protocol):
@@ -62,6 +64,7 @@ class Reader:
         self._measured: dict[str, float] = {}
         self._begun = (0, 0, 0)
         self._keeps = False
+        self._held_up_ticks = 0
         self._realtime: bool = job["realtime"]
         self._bare_s: float = job["bare_s"]
 
@@ -88,6 +91,7 @@ class Reader:
                 **self._measured,
                 "devices": self.source.summary,
                 "latency_ns": {key: one.latency_ns for key, one in self.sensors.items()},
+                "held_up_ticks": self._held_up_ticks,
                 "late_share_1ms": self.ticker.statistics.late_share_1ms,
                 "imported": sorted({"numba", "scipy"} & set(sys.modules)),
             }
@@ -109,6 +113,8 @@ class Reader:
             self.ticker.stop()
 
     def _tick(self, elapsed: int) -> None:
+        if self._keeps and elapsed > _HELD_UP_TICKS:
+            self._held_up_ticks += elapsed
         self._take(self.source.step(elapsed, time.monotonic_ns(), _COMMAND_MM))
 
     def _take(self, frames: RecordArray) -> None:

@@ -54,6 +54,8 @@ class Measured:
     frames: int
     missing: int
     """Frames that could not be formed."""
+    held_up_ticks: int
+    """Ticks in pauses of more than 10 ms, in which the process did not run."""
     times: FrameTimes
     drift_errors_ppm: dict[str, float]
     """By the sensor, at the end."""
@@ -164,6 +166,7 @@ def _evaluate(file: Path, found: dict[str, Any], seen_after_ms: list[float]) -> 
         bare_share=found["bare_share"],
         frames=len(frames),
         missing=span - len(frames),
+        held_up_ticks=found["held_up_ticks"],
         times=frame_times(
             values, frames["time_ns"], formed_ns, max(found["latency_ns"].values()) / 1e6
         ),
