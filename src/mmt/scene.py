@@ -268,6 +268,14 @@ def _impossible(scene: Scene) -> list[str]:
         ),
         (
             scene.rendering is not None
+            and scene.rendering.model is not None
+            and scene.texture is not None
+            and scene.texture.surfaces is not None,
+            "[rendering] names one model, and [texture.surfaces] keeps one for each surface: "
+            "leave 'model' out, or [texture.surfaces]",
+        ),
+        (
+            scene.rendering is not None
             and scene.rendering.before == "warm"
             and scene.texture is None,
             'before = "warm" of [rendering] needs a model to give way to: add [texture]',

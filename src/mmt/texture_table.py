@@ -13,6 +13,7 @@ from mmt.texture.settings import (
     ModellingSettings,
     OnlineSelectionSettings,
     Shape,
+    SurfaceSettings,
 )
 
 _Distance = Annotated[float, Field(gt=0)] | Literal["auto"]
@@ -25,6 +26,15 @@ class Selection(BaseModel):
 
     limit: float = Field(13.5, gt=0, le=1000)
     largest: int = Field(200, ge=10, le=1000)
+
+
+class Surfaces(BaseModel):
+    """``[texture.surfaces]``: a model for each of several surfaces."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    false_alarms_per_hour: float = Field(1.0, ge=0.001, le=1000)
+    most: int = Field(20, ge=2, le=100)
 
 
 class Texture(BaseModel):
@@ -51,6 +61,7 @@ class Texture(BaseModel):
     level: Level = "interpolated"
     shape: Shape = "measured"
     selection: Selection | None = None
+    surfaces: Surfaces | None = None
 
     @model_validator(mode="after")
     def _order(self) -> Self:
@@ -79,4 +90,6 @@ class Texture(BaseModel):
                 values[name] = AUTOMATIC
         if self.selection is not None:
             values["selection"] = OnlineSelectionSettings(**values["selection"])
+        if self.surfaces is not None:
+            values["surfaces"] = SurfaceSettings(**values["surfaces"])
         return ModellingSettings(**values, rate_hz=rate_hz)

@@ -9,6 +9,7 @@ from mmt.leader.parts import LeaderParts
 from mmt.leader.summary import RunLog
 
 if TYPE_CHECKING:
+    from mmt.session.recording import McapRecorder
     from mmt.texture.library_choice import Choice
     from mmt.texture.model import TextureModel
     from mmt.texture.modelling import ModelUpdate
@@ -32,6 +33,9 @@ class ModelUse:
         self._log = log
         self._event = event
         self._since_s = 0.0
+        self._rendered: int | None = None  # the surface whose model is rendered
+        self._recorded: dict[int, TextureModel] = {}  # by surface, into:
+        self._recorder: McapRecorder | None = None
         synthesizer = parts.synthesizer
         self._takes_over = synthesizer is not None and synthesizer.model is not None
         self.forced: Literal["streamed", "synthesized"] | None = None
@@ -50,10 +54,12 @@ class ModelUse:
         log.update = update
         log.update_seconds.append(seconds)
         usable = update.started and update.model is not None
+        if update.surface is not None:
+            self._follow_surface(update, usable=usable)
         forced = self.forced == "synthesized" and log.warm is None
         wanted = usable or (forced and update.model is not None)
-        if wanted and parts.synthesizer is not None:
-            parts.synthesizer.model = update.model
+        if wanted and update.model is not None:
+            self._render(update.model, update.surface)
         if parts.warming is not None and not parts.warming.finished:
             if usable:
                 parts.warming.finish()
@@ -65,16 +71,49 @@ class ModelUse:
             self._record(update)
             self._takes_over = True
             self._choose()
-        if update.stopped:
+        if update.stopped and log.stop_s is None:
             log.stop_s = update.time_s
             self._event(f"stop criterion met at {update.time_s:.1f} s", distance=update.distance)
+
+    def _follow_surface(self, update: "ModelUpdate", *, usable: bool) -> None:
+        """Go over to the model of another surface, where the tool has come onto one."""
+        from mmt.leader.surface_log import SurfaceLog
+
+        log, parts = self._log, self._parts
+        surfaces = log.surfaces = log.surfaces or SurfaceLog()
+        for sentence, details in surfaces.take(update, self._since_s):
+            self._event(sentence, **details)
+        for left in update.left:
+            self._record(replace(left, time_s=self._since_s + left.time_s))
+        if not update.changes:
+            return
+        entry, now_s = surfaces.entry, update.time_s
+        log.start_s = None if entry.start_s == now_s else entry.start_s
+        log.stop_s = None if entry.stop_s == now_s else entry.stop_s
+        log.warm = None
+        if parts.warming is not None:
+            parts.warming.reset(update.changes[-1].from_sample)
+        self._takes_over = usable
+        self._choose()
+
+    def _render(self, model: "TextureModel", surface: int | None) -> None:
+        """Render from a model; that of another surface than before is faded in."""
+        parts = self._parts
+        if parts.synthesizer is None:
+            return
+        heard = parts.switch is not None and parts.switch.mode in ("synthesized", "fading")
+        if parts.crossfade is not None and heard and surface != self._rendered:
+            parts.crossfade.cross_to(model)
+        else:
+            parts.synthesizer.model = model
+        self._rendered = surface
 
     def take_warm(self, model: "TextureModel", choice: "Choice") -> None:
         """Render from a known texture, blended with what is known of the one at hand."""
         log = self._log
         if log.start_s is not None or self._parts.synthesizer is None:
             return
-        self._parts.synthesizer.model = model
+        self._render(model, log.update.surface if log.update is not None else None)
         before = log.warm.name if log.warm is not None else None
         log.warm = choice
         self._takes_over = True
@@ -90,7 +129,8 @@ class ModelUse:
         self._parts.modelling.reset()
         if self._parts.warming is not None:
             self._parts.warming.reset()
-        self._log.warm = None
+        self._log.warm = self._log.surfaces = None
+        self._recorded.clear()
         self._since_s = time_s
         self._log.update = self._log.start_s = self._log.stop_s = None
         self._takes_over = False
@@ -129,10 +169,37 @@ class ModelUse:
             self._parts.switch.use_model(model)
 
     def record_last(self) -> None:
-        """Attach the newest model to the recording."""
-        if self._log.update is not None:
-            self._record(self._log.update)
+        """Attach the newest model to the recording, and those of other surfaces it lacks."""
+        update, modelling = self._log.update, self._parts.modelling
+        if update is None:
+            return
+        for number, model in (modelling.models() if modelling is not None else {}).items():
+            if number != update.surface:
+                self._record(replace(update, surface=number, model=model))
+        self._record(update)
+
+    def save_surfaces(self) -> list[str]:
+        """Write the model of each surface beside the recording; return what went wrong."""
+        modelling, recorder = self._parts.modelling, self._parts.recorder
+        if self._log.surfaces is None or modelling is None or recorder is None:
+            return []
+        from mmt.leader.surface_files import write_surface_models
+
+        return write_surface_models(recorder.path, modelling.models())
 
     def _record(self, update: "ModelUpdate") -> None:
-        if self._parts.recorder is not None and update.model is not None:
-            self._parts.recorder.attach_model(update.model.to_bytes(), update.time_s)
+        recorder, model, surface = self._parts.recorder, update.model, update.surface
+        if recorder is None or model is None:
+            return
+        if surface is not None:
+            if recorder is not self._recorder:
+                self._recorder = recorder
+                self._recorded.clear()
+            if self._recorded.get(surface) is model:
+                return
+            self._recorded[surface] = model
+            samples = len(model.samples)
+            recorder.record_event(
+                {"kind": "model", "surface": surface, "samples": samples, "time_s": update.time_s}
+            )
+        recorder.attach_model(model.to_bytes(), update.time_s)

@@ -15,12 +15,13 @@ from mmt.leader.feedback_choice import build_feedback
 from mmt.leader.playout import PlayoutBuffer
 from mmt.leader.rendering import VibrationSwitch
 from mmt.leader.stream import StreamedMotion, StreamedVibration
-from mmt.scene import Link, Scene, Simulated
+from mmt.scene import Link, Rendering, Scene, Simulated
 from mmt.texture_table import Texture
 
 if TYPE_CHECKING:
     from mmt.devices.mending import LossCallback, Mended, MendedActuator
     from mmt.leader.handle import OperatorHandle
+    from mmt.leader.model_crossfade import ModelCrossfade
     from mmt.leader.modelling import ModellingTask
     from mmt.leader.monitor.tap import MonitorTap
     from mmt.leader.warming import WarmingTask
@@ -47,7 +48,9 @@ class LeaderParts:
     feedback: Feedback | None = None
     modelling: "ModellingTask | None" = None
     warming: "WarmingTask | None" = None
-    synthesizer: "Synthesizer | None" = None
+    synthesizer: "Synthesizer | ModelCrossfade | None" = None
+    crossfade: "ModelCrossfade | None" = None
+    """The synthesizer, where it goes from one surface's model to another's."""
     switch: VibrationSwitch | None = None
     make_recorder: "Callable[..., McapRecorder] | None" = None
     recorder: "McapRecorder | None" = None
@@ -242,19 +245,8 @@ def _build_vibration(scene: Scene, parts: LeaderParts) -> None:
     parts.actuator = _make_actuator(scene.actuator, parts)
     crossfade_ms = 0.0
     if scene.rendering is not None:
-        from mmt.texture.synthesis import Synthesizer
-
         crossfade_ms = scene.rendering.crossfade_ms
-        parts.synthesizer = Synthesizer(
-            seed=scene.session.seed,
-            renewal_samples=scene.rendering.renewal_samples,
-            limit_m_s2=limit_m_s2,
-        )
-        if scene.rendering.model is not None:
-            from mmt.shipped_models import find_model
-            from mmt.texture.model import TextureModel
-
-            parts.synthesizer.model = TextureModel.load(find_model(scene.rendering.model))
+        _build_synthesizer(scene, scene.rendering, limit_m_s2, parts)
         if scene.rendering.before == "warm" and scene.texture is not None:
             from mmt.leader.warming import WarmingTask, load_library
 
@@ -265,9 +257,37 @@ def _build_vibration(scene: Scene, parts: LeaderParts) -> None:
     parts.switch = VibrationSwitch(
         parts.playout.pull if parts.playout is not None else None,
         parts.synthesizer,
-        crossfade_samples=round(crossfade_ms * scene.session.rate_hz / 1000),
+        crossfade_samples=_samples(scene, crossfade_ms),
         limit_m_s2=limit_m_s2,
         period_ns=round(1e9 / scene.session.rate_hz),
     )
     if parts.synthesizer is not None and parts.synthesizer.model is not None:
         parts.switch.use_model(True)
+
+
+def _build_synthesizer(
+    scene: Scene, table: Rendering, limit_m_s2: float, parts: LeaderParts
+) -> None:
+    from mmt.texture.synthesis import Synthesizer
+
+    def made(seed: int) -> Synthesizer:
+        return Synthesizer(seed=seed, renewal_samples=table.renewal_samples, limit_m_s2=limit_m_s2)
+
+    parts.synthesizer = first = made(scene.session.seed)
+    if table.model is not None:
+        from mmt.shipped_models import find_model
+        from mmt.texture.model import TextureModel
+
+        first.model = TextureModel.load(find_model(table.model))
+    if scene.texture is not None and scene.texture.surfaces is not None:
+        from mmt.leader.model_crossfade import ModelCrossfade
+
+        samples = _samples(scene, table.crossfade_ms)
+        second = made(scene.session.seed + 1)
+        parts.synthesizer = parts.crossfade = ModelCrossfade(
+            first, second, crossfade_samples=samples
+        )
+
+
+def _samples(scene: Scene, duration_ms: float) -> int:
+    return round(duration_ms * scene.session.rate_hz / 1000)

@@ -198,7 +198,7 @@ class LeaderService:
         if self.remote is not None:
             await self.remote.close()
         self.models.record_last()
-        for problem in self.parts.close():
+        for problem in [*self.models.save_surfaces(), *self.parts.close()]:
             self._journal.say(problem)
 
     # --- while it runs

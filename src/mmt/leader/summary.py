@@ -11,6 +11,7 @@ from mmt.process import ProcessMeter
 from mmt.ticking import TickStatistics, TimeHistogram
 
 if TYPE_CHECKING:
+    from mmt.leader.surface_log import SurfaceLog
     from mmt.link.protocol import LinkStatistics
     from mmt.texture.library_choice import Choice
     from mmt.texture.modelling import ModelUpdate
@@ -54,6 +55,8 @@ class RunLog:
     warm: "Choice | None" = None
     """The known texture that was rendered before the local model."""
     ready_s: float | None = None
+    surfaces: "SurfaceLog | None" = None
+    """Which surface the tool was on, where surfaces are told apart."""
 
 
 @dataclass(frozen=True)
@@ -139,6 +142,7 @@ def _texture(log: RunLog, parts: LeaderParts) -> dict[str, Any]:
         "start_s": log.start_s,
         "stop_s": log.stop_s,
         **({"warm": log.warm.as_dict()} if log.warm is not None else {}),
+        **({"surfaces": log.surfaces.as_dict()} if log.surfaces is not None else {}),
         "updates": len(seconds),
         "update_median_ms": round(1e3 * statistics.median(seconds), 2) if seconds else None,
         "update_longest_ms": round(1e3 * max(seconds), 2) if seconds else None,

@@ -5,6 +5,7 @@ choice needs a fifth of a second of stroking. What is lost and filled in later i
 """
 
 import asyncio
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -28,6 +29,9 @@ LOOK_FRAMES: Final = 50
 
 _MOST_FRAMES: Final = 10_000
 """So many wait at most; what would come on top is not looked at."""
+
+_KEPT_FRAMES: Final = 2000
+"""So many are kept for a change of surface."""
 
 
 def load_library(names: Sequence[Path]) -> dict[str, TextureModel]:
@@ -59,7 +63,8 @@ class WarmingTask:
     library
         Models by name.
     settings
-        Of the local model.
+        Of the local model. Where it tells surfaces apart, the newest frames are kept: a change of
+        surface is found late, and what came since is looked at again.
 
     Raises
     ------
@@ -77,11 +82,17 @@ class WarmingTask:
         self._warm = WarmStart(self._library, settings)
         self._frames: list[RecordArray] = []
         self._waiting = 0
+        self._recent: deque[RecordArray] | None = None if settings.surfaces is None else deque()
         self._samples: TextureSamples | None = None
         self._learned = self.finished = False
 
     def take(self, frames: RecordArray) -> None:
         """Queue frames; never blocks."""
+        if self._recent is not None:
+            self._recent.append(frames)
+            newest = int(frames["sequence"][-1])
+            while int(self._recent[0]["sequence"][-1]) <= newest - _KEPT_FRAMES:
+                self._recent.popleft()
         if self.finished or self._waiting >= _MOST_FRAMES:
             return
         self._frames.append(frames)
@@ -99,12 +110,23 @@ class WarmingTask:
         self.finished = True
         self._frames.clear()
 
-    def reset(self) -> None:
-        """Look anew, as on another surface; what is under way is thrown away."""
+    def reset(self, from_sample: int | None = None) -> None:
+        """Look anew, as on another surface; what is under way is thrown away.
+
+        Parameters
+        ----------
+        from_sample
+            The first sequence number on this surface, where it has been touched already.
+        """
         self._warm = WarmStart(self._library, self._settings)
         self._frames, self._waiting = [], 0
         self._samples, self._learned = None, False
         self.finished = False
+        if from_sample is not None and self._recent:
+            recent = np.concatenate(self._recent)
+            since = recent[recent["sequence"] >= from_sample]
+            self._frames, self._waiting = [since], len(since)
+            self._due.set()
 
     async def run(self) -> None:
         """Look and blend until cancelled."""

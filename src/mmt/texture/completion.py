@@ -186,6 +186,13 @@ class CompletionMonitor:
         if self.stop_s is None and self.distance <= self.stop_distance:
             self.stop_s = time_s
 
+    def take_back(self, since_s: float) -> None:
+        """Count a criterion that was met later than `since_s` as not met where it is not."""
+        if self.start_s is not None and self.start_s > since_s:
+            self.start_s = self.start_s if self.distance <= self.start_distance else None
+        if self.stop_s is not None and self.stop_s > since_s:
+            self.stop_s = self.stop_s if self.distance <= self.stop_distance else None
+
     @property
     def started(self) -> bool:
         """Whether rendering from the model may start."""

@@ -32,6 +32,7 @@ from mmt.texture.stopwatch import Stopwatch
 
 if TYPE_CHECKING:
     from mmt.texture.selection.online import OnlineSelection
+    from mmt.texture.surfaces.detection import SurfaceChange
 
 LARGEST_MODEL: Final = 1000
 """Samples of a model; of the two that lie closest, the older one leaves for the next."""
@@ -47,6 +48,10 @@ class ModelUpdate:
     ``durations_s`` the seconds spent on each stage. ``outliers`` counts
     the fits that a selection keeps out of the model, ``redundant`` those that have left it
     for good.
+
+    Where surfaces are told apart, ``surface`` is the number of the one that all this is of,
+    ``changes`` says which changes this update brings to light, in order, and ``left`` what
+    has become of the models of the surfaces that were left by them.
     """
 
     time_s: float
@@ -61,6 +66,9 @@ class ModelUpdate:
     durations_s: dict[str, float]
     outliers: int = 0
     redundant: int = 0
+    surface: int | None = None
+    changes: "tuple[SurfaceChange, ...]" = ()
+    left: "tuple[ModelUpdate, ...]" = ()
 
 
 class OnlineModeller:
@@ -170,17 +178,39 @@ class OnlineModeller:
         clock.lap("triangulate")
         self.completion.update(self._points(self._chosen), self._time_s)
         clock.lap("completion")
-        yield ModelUpdate(
+        yield self._state(len(added), removed, clock.laps)
+
+    def forget(self, from_sample: int) -> ModelUpdate:
+        """Take out what reaches beyond a sample, which is of another surface.
+
+        A criterion that only those samples have met is no longer met.
+
+        Parameters
+        ----------
+        from_sample
+            The first sequence number that is not of this surface.
+        """
+        removed = self._remove([key for key in self.fits if key[1] > from_sample])
+        if removed:
+            self._choose()
+            self._rebuild()
+            since_s = (from_sample - (self._first_sequence or 0)) / self.settings.rate_hz
+            self.completion.update(self._points(self._chosen), self._time_s)
+            self.completion.take_back(since_s)
+        return self._state(0, removed, {})
+
+    def _state(self, added: int, removed: int, durations_s: dict[str, float]) -> ModelUpdate:
+        return ModelUpdate(
             time_s=self._time_s,
             samples=len(self._chosen),
-            added=len(added),
+            added=added,
             removed=removed,
             distance=self.completion.distance,
             order=self.order,
             started=self.completion.started,
             stopped=self.completion.stopped,
             model=self.model,
-            durations_s=clock.laps,
+            durations_s=durations_s,
             outliers=self._outliers,
             redundant=self._redundant,
         )

@@ -65,7 +65,8 @@ class ModellingSettings:
     (tau_2), ``shortest_samples``, ``longest_samples``, ``least_speed_mm_s``,
     ``least_force_n``, ``start_distance`` and ``stop_distance`` (`AUTOMATIC` for what belongs
     to the inputs), ``interpolate``, ``inputs``,
-    ``interpolator``, ``level``, ``shape``, ``selection`` (None for none), ``rate_hz``.
+    ``interpolator``, ``level``, ``shape``, ``selection`` (None for none), ``surfaces`` (None for
+    one), ``rate_hz``.
     """
 
     axis: VibrationAxis = "z"
@@ -86,6 +87,7 @@ class ModellingSettings:
     level: Level = "interpolated"
     shape: Shape = "measured"
     selection: OnlineSelectionSettings | None = None
+    surfaces: SurfaceSettings | None = None
     rate_hz: float = 1000.0
 
     def __post_init__(self) -> None:

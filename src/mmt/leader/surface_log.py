@@ -1,0 +1,133 @@
+"""Which surface the tool was on and when, and how complete the model of each is."""
+
+from dataclasses import asdict, dataclass, field
+from typing import Any, Final
+
+from mmt.texture.modelling import ModelUpdate
+from mmt.texture.surfaces import SurfaceChange
+
+_SENTENCES: Final = {
+    "new": "surface {0.surface}, not known before, from {1:.2f} s on",
+    "recalled": "surface {0.surface} again, from {1:.2f} s on",
+    "identified": "surface {0.before} is surface {0.surface}",
+}
+_LONGEST: Final = 10_000
+"""So many stays and changes are kept; older ones are in the recording."""
+
+
+@dataclass
+class SurfaceEntry:
+    """What is known of one surface.
+
+    ``stays``: session times of its begin and end, the last one open (None) on the surface that
+    the tool is on. ``start_s`` and ``stop_s``: when its model met the criteria.
+    """
+
+    samples: int = 0
+    distance: float | None = None
+    start_s: float | None = None
+    stop_s: float | None = None
+    stays: list[tuple[float, float | None]] = field(default_factory=list)
+
+    def take(self, update: ModelUpdate, time_s: float) -> None:
+        """Note the state of its model."""
+        self.samples, self.distance = update.samples, update.distance
+        self.start_s = (
+            (time_s if self.start_s is None else self.start_s) if update.started else None
+        )
+        self.stop_s = (time_s if self.stop_s is None else self.stop_s) if update.stopped else None
+
+    def leave(self, time_s: float) -> None:
+        """Note that the tool left."""
+        begun_s, _ = self.stays[-1]
+        self.stays[-1] = (begun_s, time_s)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the entry for a program."""
+        return {
+            "samples": self.samples,
+            "distance": None if self.distance is None else round(self.distance, 3),
+            "start_s": self.start_s,
+            "stop_s": self.stop_s,
+            "stays": [
+                {"from_s": round(a, 3), "to_s": None if b is None else round(b, 3)}
+                for a, b in self.stays
+            ],
+        }
+
+
+class SurfaceLog:
+    """Follow the updates of a model for each surface."""
+
+    def __init__(self) -> None:
+        self.current = 1
+        """The number of the surface that the tool is taken to be on."""
+        self.entries: dict[int, SurfaceEntry] = {1: SurfaceEntry(stays=[(0.0, None)])}
+        """By number, also those that the leader has forgotten."""
+        self.changes: list[dict[str, Any]] = []
+
+    @property
+    def known(self) -> int:
+        """How many surfaces were told apart."""
+        return len(self.entries)
+
+    @property
+    def entry(self) -> SurfaceEntry:
+        """The one of the surface that the tool is on."""
+        return self.entries[self.current]
+
+    def take(self, update: ModelUpdate, since_s: float) -> list[tuple[str, dict[str, Any]]]:
+        """Note an update; return a sentence and details for each change of surface.
+
+        Parameters
+        ----------
+        update
+            Its ``time_s`` is of the session.
+        since_s
+            Session time at which the modelling began.
+        """
+        left = iter(update.left)
+        told = []
+        for change in update.changes:
+            if change.kind == "identified":
+                from_s = self._identify(change)
+            else:
+                state = next(left)
+                from_s = since_s + state.time_s
+                self._go(change, state, from_s)
+            details = {**asdict(change), "from_s": round(from_s, 3)}
+            self.changes.append({"time_s": round(update.time_s, 3), **details})
+            told.append((_SENTENCES[change.kind].format(change, from_s), details))
+        self.entry.take(update, update.time_s)
+        del self.changes[:-_LONGEST]
+        return told
+
+    def _go(self, change: SurfaceChange, state: ModelUpdate, from_s: float) -> None:
+        before = self.entries[change.before]
+        before.take(state, from_s)
+        before.leave(from_s)
+        entry = self.entries.setdefault(change.surface, SurfaceEntry())
+        entry.stays.append((from_s, None))
+        del entry.stays[:-_LONGEST]
+        self.current = change.surface
+
+    def _identify(self, change: SurfaceChange) -> float:
+        """Let a surface be a known one; return when its stay began."""
+        entry = self.entries[change.surface]
+        stays = self.entries.pop(change.before).stays
+        entry.stays += stays
+        self.current = change.surface
+        return stays[0][0]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything for a program."""
+        return {
+            "now": self.current,
+            "known": self.known,
+            "changes": self.changes,
+            **{str(number): entry.as_dict() for number, entry in sorted(self.entries.items())},
+        }
+
+
+def _since(before_s: float | None, time_s: float) -> float:
+    return time_s if before_s is None else before_s

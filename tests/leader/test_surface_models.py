@@ -1,0 +1,347 @@
+"""What the leader makes of updates on several surfaces: what is rendered, noted and recorded."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mmt.leader.models import ModelUse
+from mmt.leader.parts import LeaderParts
+from mmt.leader.rendering import VibrationSwitch
+from mmt.leader.summary import RunLog
+from mmt.leader.surface_files import write_surface_models
+from mmt.texture.modelling import ModelUpdate
+from mmt.texture.surfaces import SurfaceChange
+
+FADE = 50
+
+
+class Model:
+    """Sounds like a number."""
+
+    def __init__(self, level: float) -> None:
+        self.level = level
+        self.samples = [level] * 9
+
+    def to_bytes(self) -> bytes:
+        return str(self.level).encode()
+
+    def save(self, path: Path) -> None:
+        path.write_bytes(self.to_bytes())
+
+
+class Sounding:
+    """Stands for the crossfading synthesizers; notes when it is told to fade."""
+
+    directed = False
+
+    def __init__(self) -> None:
+        self.model: Any = None
+        self.crossed: list[float] = []
+
+    def cross_to(self, model: Any) -> None:
+        self.crossed.append(model.level)
+        self.model = model
+
+    def render(self, *inputs: np.ndarray) -> np.ndarray:
+        return np.full(len(inputs[0]), 0.0 if self.model is None else self.model.level)
+
+
+class Recorder:
+    path = Path("session.mcap")
+
+    def __init__(self) -> None:
+        self.models: list[tuple[str, float]] = []
+        self.events: list[dict[str, Any]] = []
+
+    def attach_model(self, data: bytes, time_s: float) -> None:
+        self.models.append((data.decode(), time_s))
+
+    def record_event(self, event: dict[str, Any]) -> None:
+        self.events.append(event)
+
+
+class Warming:
+    finished = False
+    on_model: Any = None
+
+    def __init__(self) -> None:
+        self.done: list[str] = []
+
+    def reset(self, from_sample: int | None = None) -> None:
+        self.done.append(f"reset {from_sample}")
+        self.finished = False
+
+    def finish(self) -> None:
+        self.done.append("finish")
+        self.finished = True
+
+    def learn(self, samples: Any) -> None:
+        self.done.append(f"learn {samples[0]:g}")
+
+
+class Leader:
+    """The models' use with parts that a test looks at."""
+
+    def __init__(self) -> None:
+        self.sounding, self.recorder, self.warming = Sounding(), Recorder(), Warming()
+        sounding: Any = self.sounding
+        self.known: dict[int, Any] = {}
+        modelling: Any = SimpleNamespace(models=lambda: self.known, reset=self.known.clear)
+        parts: dict[str, Any] = {"recorder": self.recorder, "warming": self.warming, "playout": ()}
+        self.parts = LeaderParts(
+            modelling=modelling,
+            synthesizer=sounding,
+            crossfade=sounding,
+            switch=VibrationSwitch(
+                lambda _: -1.0, sounding, crossfade_samples=FADE, limit_m_s2=60.0
+            ),
+            **parts,
+        )
+        self.log = RunLog()
+        self.said: list[str] = []
+        self.details: list[dict[str, Any]] = []
+        self.use = ModelUse(self.parts, self.log, self._say)
+
+    def _say(self, sentence: str, **details: Any) -> None:
+        self.said.append(sentence)
+        self.details.append(details)
+
+    def heard(self) -> float:
+        """Play until every fade is over; return what is heard then."""
+        assert self.parts.switch is not None
+        return float(self.parts.switch.render(0, np.ones(4 * FADE), np.ones(4 * FADE))[-1])
+
+    def update(
+        self,
+        time_s: float,
+        surface: int,
+        level: float | None,
+        *,
+        started: bool = False,
+        stopped: bool = False,
+        changes: tuple[SurfaceChange, ...] = (),
+        left: tuple[ModelUpdate, ...] = (),
+    ) -> None:
+        model = None if level is None else Model(level)
+        if level is not None:
+            self.known[surface] = model
+        self.use.take(
+            state(
+                time_s, surface, model, started=started, stopped=stopped, changes=changes, left=left
+            ),
+            0.01,
+        )
+
+
+def state(
+    time_s: float,
+    surface: int,
+    model: Any,
+    *,
+    started: bool = False,
+    stopped: bool = False,
+    **more: Any,
+) -> ModelUpdate:
+    return ModelUpdate(
+        time_s=time_s,
+        samples=0 if model is None else 9,
+        added=0,
+        removed=0,
+        distance=5.0,
+        order=10,
+        started=started,
+        stopped=stopped,
+        model=model,
+        durations_s={},
+        surface=surface,
+        **more,
+    )
+
+
+def change(kind: Any, before: int, surface: int, from_sample: int) -> SurfaceChange:
+    return SurfaceChange(kind, before, surface, from_sample, from_sample + 300, 15.0)
+
+
+@pytest.fixture
+def leader() -> Leader:
+    """Surface 1 is rendered, complete; then the tool comes onto surface 2."""
+    made = Leader()
+    made.update(1.0, 1, 10.0)
+    assert made.heard() == -1.0
+    made.update(4.0, 1, 11.0, started=True)
+    assert made.heard() == 11.0
+    made.update(8.0, 1, 12.0, started=True, stopped=True)
+    made.update(
+        9.3,
+        2,
+        None,
+        changes=(change("new", 1, 2, 9000),),
+        left=(state(9.0, 1, made.known[1], started=True, stopped=True),),
+    )
+    assert made.heard() == -1.0
+    return made
+
+
+def test_on_a_new_surface_the_stream_is_heard_until_its_own_model_is_ready(leader: Leader) -> None:
+    assert leader.heard() == -1.0
+    assert (leader.log.start_s, leader.log.stop_s) == (None, None)
+    leader.update(10.3, 2, 20.0)
+    assert leader.heard() == -1.0
+    leader.update(13.3, 2, 21.0, started=True)
+    assert leader.heard() == 21.0
+    assert leader.log.start_s == 13.3
+    assert leader.sounding.crossed == []  # from the stream: the switch's fade
+
+
+def test_a_known_surface_is_rendered_at_once_by_a_fade_between_models(leader: Leader) -> None:
+    leader.update(13.3, 2, 21.0, started=True)
+    leader.heard()
+    left = (state(15.0, 2, Model(22.0), started=True),)
+    leader.update(
+        15.3,
+        1,
+        12.0,
+        started=True,
+        stopped=True,
+        changes=(change("recalled", 2, 1, 15_000),),
+        left=left,
+    )
+    assert leader.sounding.crossed == [12.0]
+    assert leader.heard() == 12.0
+    assert (leader.log.start_s, leader.log.stop_s) == (4.0, 8.0)
+    assert leader.said[-1] == "surface 1 again, from 15.00 s on"
+    assert sum(s.startswith("start criterion") for s in leader.said) == 2
+    assert sum(s.startswith("stop criterion") for s in leader.said) == 1
+
+
+def test_a_known_surface_follows_the_stream_by_the_fade_of_the_switch(leader: Leader) -> None:
+    leader.heard()
+    left = (state(12.0, 2, None),)
+    leader.update(
+        12.3, 1, 12.0, started=True, changes=(change("recalled", 2, 1, 12_000),), left=left
+    )
+    assert leader.sounding.crossed == []
+    assert leader.heard() == 12.0
+
+
+def test_a_new_surface_that_is_a_known_one_is_rendered_from_its_model(leader: Leader) -> None:
+    leader.heard()
+    leader.update(11.0, 1, 12.0, started=True, changes=(change("identified", 2, 1, 9000),))
+    assert leader.heard() == 12.0
+    surfaces = leader.log.surfaces
+    assert surfaces is not None
+    assert surfaces.known == 1
+    assert surfaces.entries[1].stays == [(0.0, 9.0), (9.0, None)]
+    assert leader.said[-1] == "surface 2 is surface 1"
+
+
+def test_the_summary_has_every_stay_and_the_state_of_every_model(leader: Leader) -> None:
+    leader.update(13.3, 2, 21.0, started=True)
+    left = (state(15.0, 2, Model(22.0), started=True),)
+    leader.update(
+        15.3,
+        1,
+        12.0,
+        started=True,
+        stopped=True,
+        changes=(change("recalled", 2, 1, 15_000),),
+        left=left,
+    )
+    assert leader.log.surfaces is not None
+    table = leader.log.surfaces.as_dict()
+    assert (table["now"], table["known"]) == (1, 2)
+    assert table["1"]["stays"] == [{"from_s": 0.0, "to_s": 9.0}, {"from_s": 15.0, "to_s": None}]
+    assert table["2"]["stays"] == [{"from_s": 9.0, "to_s": 15.0}]
+    assert (table["1"]["start_s"], table["1"]["stop_s"]) == (4.0, 8.0)
+    assert (table["2"]["start_s"], table["2"]["stop_s"]) == (13.3, None)
+    assert [(c["kind"], c["surface"], c["from_s"], c["time_s"]) for c in table["changes"]] == [
+        ("new", 2, 9.0, 9.3),
+        ("recalled", 1, 15.0, 15.3),
+    ]
+    assert leader.details[-1]["from_s"] == 15.0
+
+
+def test_a_criterion_that_is_taken_back_is_met_again_later(leader: Leader) -> None:
+    """What had met it was of another surface."""
+    made = Leader()
+    made.update(4.0, 1, 11.0, started=True)
+    made.update(
+        4.4, 2, None, changes=(change("new", 1, 2, 3500),), left=(state(3.5, 1, Model(9.0)),)
+    )
+    made.update(6.4, 1, 9.0, changes=(change("recalled", 2, 1, 6000),), left=(state(6.0, 2, None),))
+    assert made.heard() == -1.0
+    made.update(8.4, 1, 12.0, started=True)
+    assert made.log.start_s == 8.4
+    assert made.heard() == 12.0
+
+
+def test_a_warm_start_begins_anew_on_each_surface_without_a_model(leader: Leader) -> None:
+    assert leader.warming.done == ["learn 10", "finish", "reset 9000"]
+    choice: Any = SimpleNamespace(name="felt", describe=lambda: "felt", as_dict=dict)
+    warm: Any = Model(30.0)
+    leader.use.take_warm(warm, choice)
+    assert leader.heard() == 30.0
+    left = (state(12.0, 2, None),)
+    leader.update(
+        12.3, 1, 12.0, started=True, changes=(change("recalled", 2, 1, 12_000),), left=left
+    )
+    assert leader.warming.done[3:] == ["reset 12000", "finish"]
+    assert leader.sounding.crossed == [12.0]
+    leader.use.take_warm(warm, choice)  # made before the change was known
+    assert leader.heard() == 12.0
+
+
+def test_held_vibration_stays_held_over_a_change(leader: Leader) -> None:
+    leader.use.force("streamed")
+    left = (state(12.0, 2, None),)
+    leader.update(
+        12.3, 1, 12.0, started=True, changes=(change("recalled", 2, 1, 12_000),), left=left
+    )
+    assert leader.heard() == -1.0
+    leader.use.force(None)
+    assert leader.heard() == 12.0
+
+
+def test_every_models_last_state_is_recorded_once(leader: Leader) -> None:
+    recorder = leader.recorder
+    assert recorder.models == [("11.0", 4.0), ("12.0", 9.0)]
+    leader.update(13.3, 2, 21.0)
+    leader.use.record_last()
+    leader.use.record_last()
+    assert recorder.models[2:] == [("21.0", 13.3)]
+    assert [(e["surface"], e["time_s"]) for e in recorder.events] == [(1, 4.0), (1, 9.0), (2, 13.3)]
+    later: Any = Recorder()  # a recording that begins later has them all
+    leader.parts.recorder = later
+    leader.use.record_last()
+    assert sorted(data for data, _ in later.models) == ["12.0", "21.0"]
+
+
+def test_a_reset_forgets_every_surface(leader: Leader) -> None:
+    leader.update(13.3, 2, 21.0, started=True)
+    leader.use.reset(14.0)
+    assert leader.log.surfaces is None
+    assert leader.heard() == -1.0
+    leader.update(1.0, 1, 40.0)
+    assert leader.log.surfaces is not None
+    assert leader.log.surfaces.known == 1
+    assert leader.log.update is not None
+    assert leader.log.update.time_s == 15.0
+
+
+def test_model_files_stand_beside_the_recording_and_older_ones_go(tmp_path: Path) -> None:
+    recording = tmp_path / "session.mcap"
+    others = [tmp_path / "session-surface-x.npz", tmp_path / "my-session-surface-1.npz"]
+    for path in (tmp_path / "session-surface-7.npz", *others):
+        path.write_bytes(b"")
+    models: Any = {1: Model(12.0), 2: Model(21.0)}
+    assert write_surface_models(recording, models) == []
+    found = sorted(path.name for path in tmp_path.iterdir())
+    assert found == sorted(
+        ["session-surface-1.npz", "session-surface-2.npz", *(p.name for p in others)]
+    )
+    assert (tmp_path / "session-surface-2.npz").read_bytes() == b"21.0"
+    (problem, _) = write_surface_models(tmp_path / "gone" / "session.mcap", models)
+    assert "model of surface 1" in problem

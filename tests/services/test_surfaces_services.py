@@ -1,0 +1,154 @@
+"""A session over two surfaces, through both services: each gets a model of its own.
+
+The frames go on when the leader has said what a test waits for, however long it takes.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from service_runs import Together, small_scene
+
+from mmt.arrays import RecordArray
+from mmt.devices.protocols import Vector
+from mmt.devices.simulated.course import CourseChange, SurfaceCourse
+from mmt.devices.simulated.offline import simulate_session
+from mmt.devices.simulated.textures import get_surface
+from mmt.errors import InputError
+from mmt.leader.service import LeaderService
+from mmt.leader.summary import LeaderSummary
+from mmt.scene import Scene
+from mmt.session import read_session
+from mmt.texture.model import TextureModel
+
+FRAMES_A_TICK = 5
+Gate = tuple[int, Callable[[LeaderService], object]]
+TEXTURE = {"order": 10, "start_distance": 25.0, "stop_distance": 1.0, "surfaces": {}}
+
+
+class GatedSource:
+    """Streams frames up to a gate, and on when the leader's state opens it."""
+
+    annotations = b""
+
+    def __init__(self, frames: RecordArray, gates: list[Gate], leader: LeaderService) -> None:
+        self._frames = frames
+        self._gates = [*gates, (len(frames), lambda _: True)]
+        self._leader = leader
+        self._sent = 0
+        self.modes: list[str] = []
+        """Which vibration was heard where each gate opened."""
+
+    @property
+    def finished(self) -> bool:
+        return not self._gates
+
+    def start(self, start_time_ns: int) -> None:
+        self._start_ns = start_time_ns
+
+    def step(self, elapsed: int, now_ns: int, command_position_mm: Vector | None) -> RecordArray:
+        if self._gates and self._sent == self._gates[0][0] and self._gates[0][1](self._leader):
+            self.modes.append(self._leader.status().mode)
+            del self._gates[0]
+        if not self._gates:
+            return self._frames[:0]
+        first, self._sent = self._sent, min(self._sent + FRAMES_A_TICK, self._gates[0][0])
+        block = self._frames[first : self._sent].copy()
+        block["time_ns"] += self._start_ns
+        return block
+
+    def describe(self) -> str:
+        return "frames behind gates"
+
+    def close(self) -> None:
+        pass
+
+
+def over_two_surfaces() -> RecordArray:
+    course = SurfaceCourse(
+        [get_surface("glass"), get_surface("sandpaper")],
+        [CourseChange(6000, 1, in_contact=True), CourseChange(12_000, 0, in_contact=False)],
+    )
+    return simulate_session(Scene(), course, 15.0, 4)[0]
+
+
+def on(surface: int, mode: str) -> Callable[[LeaderService], bool]:
+    """Say whether the leader is on a surface and plays it so."""
+
+    def reached(leader: LeaderService) -> bool:
+        surfaces = leader.log.surfaces
+        return surfaces is not None and surfaces.current == surface and leader.status().mode == mode
+
+    return reached
+
+
+async def led(
+    directory: Path, rendering: dict[str, Any], gates: list[Gate]
+) -> tuple[LeaderSummary, GatedSource, list[str]]:
+    scene = small_scene(
+        directory,
+        simulated=None,
+        hand=None,
+        replay={},
+        link={"port": 0, "patience_s": 20.0},
+        texture=TEXTURE,
+        rendering=rendering,
+    )
+    together = Together.of(scene)
+    await together.listen()
+    source = GatedSource(over_two_surfaces(), gates, together.leader)
+    await together.follow(source)  # type: ignore[arg-type]
+    return await together.end(), source, together.said
+
+
+async def test_a_known_surface_is_recalled_and_rendered_at_once(tmp_path: Path) -> None:
+    gates = [
+        (5500, on(1, "synthesized")),
+        (7400, on(2, "streamed")),
+        (11_500, on(2, "synthesized")),
+        (14_500, on(1, "synthesized")),
+    ]
+    summary, source, said = await led(tmp_path, {}, gates)
+    assert source.modes[:4] == ["synthesized", "streamed", "synthesized", "synthesized"]
+    assert any(sentence.startswith("surface 2, not known before") for sentence in said)
+    assert any(sentence.startswith("surface 1 again") for sentence in said)
+    table = summary.texture["surfaces"]
+    assert [(c["kind"], c["surface"]) for c in table["changes"]] == [("new", 2), ("recalled", 1)]
+    assert 5.0 < table["changes"][0]["from_s"] < 6.5
+    assert 11.9 < table["changes"][1]["from_s"] < 14.2
+    assert [len(table[number]["stays"]) for number in ("1", "2")] == [2, 1]
+
+    recorded = read_session(tmp_path / "session.mcap")
+    kinds = [event.get("kind") for event in recorded.events]
+    assert (kinds.count("new"), kinds.count("recalled")) == (1, 1)
+    attached = [e["surface"] for e in recorded.events if e.get("kind") == "model"]
+    assert attached.count(2) >= 1
+    assert len(attached) == len(recorded.models)
+    models = [TextureModel.load(tmp_path / f"session-surface-{n}.npz") for n in (1, 2)]
+    powers = [float(model.samples.power.mean()) for model in models]
+    assert powers[1] > 30 * powers[0]  # sandpaper's over glass's
+
+
+@pytest.mark.parametrize("before", ["warm", "silent"])
+async def test_a_new_surface_is_rendered_as_the_scene_says(tmp_path: Path, before: str) -> None:
+    library = {"library": ["felt"]} if before == "warm" else {}
+    meanwhile = "silent" if before == "silent" else "synthesized"
+    gates: list[Gate] = [
+        (5500, on(1, "synthesized")),
+        (7400, on(2, meanwhile)),
+        (11_500, on(2, "synthesized")),
+    ]
+    summary, source, said = await led(tmp_path, {"before": before, **library}, gates)
+    assert source.modes[1] == meanwhile
+    warm = [n for n, line in enumerate(said) if line.startswith("nearest known texture: felt")]
+    found = next(n for n, line in enumerate(said) if line.startswith("surface 2, not known"))
+    assert len(warm) == (2 if before == "warm" else 0)
+    assert all(place < found for place in warm[:1])
+    assert all(place > found for place in warm[1:])
+    assert summary.texture["surfaces"]["known"] == 2
+
+
+def test_one_saved_model_is_not_for_several_surfaces(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="keeps one for each surface"):
+        small_scene(tmp_path, texture=TEXTURE, rendering={"model": "felt"})

@@ -1,0 +1,244 @@
+"""A model for each surface from one stream: which frames each is made of, and when."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from mmt.arrays import RecordArray
+from mmt.devices.simulated.course import CourseChange, SurfaceCourse
+from mmt.devices.simulated.offline import simulate_session
+from mmt.devices.simulated.textures import get_surface
+from mmt.errors import InputError
+from mmt.hand_table import Hand
+from mmt.scene import Scene
+from mmt.texture.completion import CompletionMonitor
+from mmt.texture.modelling import ModelUpdate, OnlineModeller
+from mmt.texture.settings import ModellingSettings, OnlineSelectionSettings, SurfaceSettings
+from mmt.texture.surfaces import SurfaceChange, modelling
+from mmt.texture.surfaces.modelling import SurfaceModeller
+
+SETTINGS = ModellingSettings(order=10, surfaces=SurfaceSettings())
+Changes = dict[int, list[SurfaceChange]]
+
+
+def change(kind: str, before: int, surface: int, from_sample: int, at: int) -> SurfaceChange:
+    return SurfaceChange(kind, before, surface, from_sample, at, 20.0)  # type: ignore[arg-type]
+
+
+class ScriptedTracker:
+    """Finds the changes that a test names, each in the look that ends at its sample."""
+
+    script: Changes = {}  # noqa: RUF012 - set by `scripted` for each test
+
+    def __init__(self, *_: object) -> None:
+        self.surface = 1
+        self.surfaces = {1}
+        self.detector = self
+
+    def take(self, frames: RecordArray) -> list[SurfaceChange]:
+        found = self.script.get(int(frames["sequence"][-1]) + 1, [])
+        for one in found:
+            self.surface = one.surface
+            self.surfaces.add(one.surface)
+            if one.kind == "identified":
+                self.surfaces.remove(one.before)
+        return found
+
+
+@pytest.fixture
+def scripted(monkeypatch: pytest.MonkeyPatch) -> Callable[[Changes], SurfaceModeller]:
+    def make(script: Changes) -> SurfaceModeller:
+        monkeypatch.setattr(ScriptedTracker, "script", script)
+        monkeypatch.setattr(modelling, "SurfaceTracker", ScriptedTracker)
+        return SurfaceModeller(SETTINGS, 1000)
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def frames() -> RecordArray:
+    return simulate_session(Scene(), "sandpaper", 12.0, 4)[0]
+
+
+def updates(
+    modeller: SurfaceModeller, frames: RecordArray, look: int = 100
+) -> Iterator[ModelUpdate]:
+    for start in range(0, len(frames), look):
+        update = modeller.update(frames[start : start + look])
+        if update is not None:
+            yield update
+
+
+def alone(*stays: RecordArray) -> OnlineModeller:
+    """A model of these frames and no others, with an update for each part."""
+    modeller = OnlineModeller(replace(SETTINGS, surfaces=None))
+    for stay in stays:
+        modeller.update(stay)
+    return modeller
+
+
+def test_each_model_is_made_of_the_frames_of_its_surface_alone(
+    scripted: Callable[[Changes], SurfaceModeller], frames: RecordArray
+) -> None:
+    modeller = scripted(
+        {4300: [change("new", 1, 2, 4050, 4300)], 8600: [change("recalled", 2, 1, 8250, 8600)]}
+    )
+    found = list(updates(modeller, frames))
+    reported = [(u.time_s, u.surface, [c.kind for c in u.changes]) for u in found if u.changes]
+    assert reported == [(4.3, 2, ["new"]), (8.6, 1, ["recalled"])]
+    assert [u.surface for u in found] == [1] * 4 + [2] * 5 + [1] * 4
+    # Samples lag behind: what is cut at 4050 ends before, what is given from 4050 begins behind.
+    models = modeller.models()
+    parts = [frames[:1000], frames[1000:2000], frames[2000:3000], frames[3000:4000]]
+    first = alone(*parts, frames[4000:4050])
+    first.forget(4050)
+    for part in (frames[8250:8600], frames[8600:9600], frames[9600:10_600], frames[10_600:11_600]):
+        first.update(part)
+    assert first.model is not None
+    np.testing.assert_array_equal(models[1].samples.power, first.model.samples.power)
+    cuts = [4050, 4300, 5300, 6300, 7300, 8250]
+    second = alone(*(frames[a:b] for a, b in pairwise(cuts)))
+    second.forget(8250)
+    assert second.model is not None
+    np.testing.assert_array_equal(models[2].samples.power, second.model.samples.power)
+    np.testing.assert_array_equal(models[2].samples.inputs, second.model.samples.inputs)
+
+
+def test_what_was_left_is_told_as_it_is_without_the_frames_of_the_next(
+    scripted: Callable[[Changes], SurfaceModeller], frames: RecordArray
+) -> None:
+    modeller = scripted({6000: [change("new", 1, 2, 3000, 6000)]})
+    *_, update = updates(modeller, frames[:6000])
+    (left,) = update.left
+    grown = alone(frames[:3000])
+    assert (left.surface, left.time_s) == (1, 3.0)
+    assert 0 < left.samples <= len(grown.fits) + 1
+    assert left.model is not None
+    assert left.distance > update.distance  # three seconds against the next three
+
+
+def test_a_surface_that_turns_out_to_be_a_known_one_hands_over_its_frames(
+    scripted: Callable[[Changes], SurfaceModeller], frames: RecordArray
+) -> None:
+    modeller = scripted(
+        {
+            3200: [change("new", 1, 2, 3000, 3200)],
+            6200: [change("new", 2, 3, 6000, 6200)],
+            9200: [change("identified", 3, 1, 6000, 9200)],
+        }
+    )
+    found = list(updates(modeller, frames))
+    assert sorted(modeller.models()) == [1, 2]
+    identified = next(u for u in found if u.changes and u.changes[0].kind == "identified")
+    assert identified.left == ()
+    before = alone(frames[:3000])
+    assert identified.samples > len(before.fits) + 3  # three seconds of strokes at once
+
+
+def test_two_changes_in_one_look_behind_leave_each_surface_its_own(
+    scripted: Callable[[Changes], SurfaceModeller], frames: RecordArray
+) -> None:
+    """As when updates cannot keep up, and everything that waits comes at once."""
+    script = {
+        5000: [change("new", 1, 2, 4800, 5000)],
+        8000: [change("recalled", 2, 1, 7800, 8000)],
+    }
+    behind = scripted(script)
+    (update,) = updates(behind, frames, look=len(frames))
+    assert [c.kind for c in update.changes] == ["new", "recalled"]
+    assert [left.surface for left in update.left] == [1, 2]
+    in_time = scripted(script)
+    list(updates(in_time, frames))
+    for number, model in in_time.models().items():
+        late = behind.models()[number].samples
+        assert abs(len(late) - len(model.samples)) <= 6
+        np.testing.assert_allclose(
+            np.log(late.power).mean(), np.log(model.samples.power).mean(), atol=0.5
+        )
+
+
+def test_a_model_that_is_complete_stays_as_it_is_until_the_end(
+    scripted: Callable[[Changes], SurfaceModeller],
+    frames: RecordArray,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(
+        "test_surface_modelling.SETTINGS", replace(SETTINGS, start_distance=20.0, stop_distance=9.0)
+    )
+    modeller = scripted(
+        {4300: [change("new", 1, 2, 4050, 4300)], 8600: [change("recalled", 2, 1, 8250, 8600)]}
+    )
+    found = list(updates(modeller, frames))
+    complete = next(u for u in found if u.stopped)
+    left = next(u for u in found if u.left).left[0]
+    assert complete.time_s < 4.05
+    assert left.stopped
+    last = found[-1]
+    assert last.surface == 1
+    assert last.model is left.model
+
+
+def test_a_criterion_that_foreign_samples_have_met_is_taken_back() -> None:
+    monitor = CompletionMonitor(start_distance=20.0, stop_distance=10.0)
+    corners = np.array([[x, y] for x in (0.2, 0.5, 0.8) for y in (0.2, 0.5, 0.8)])
+    monitor.update(corners, 5.0)
+    assert (monitor.started, monitor.stopped) == (True, True)
+    monitor.update(corners[:1], 6.0)
+    assert monitor.started  # a criterion that was met stays met ...
+    monitor.take_back(5.0)
+    assert monitor.started
+    monitor.take_back(4.9)  # ... but by what was the surface's own
+    assert (monitor.started, monitor.stopped) == (False, False)
+
+
+@pytest.mark.parametrize(
+    ("level", "selection"), [("gaussian_process", False), ("interpolated", True)]
+)
+def test_two_surfaces_are_told_apart_and_recalled(level: str, selection: bool) -> None:
+    course = SurfaceCourse(
+        [get_surface("glass"), get_surface("sandpaper")],
+        [CourseChange(6000, 1, in_contact=True), CourseChange(12_000, 0, in_contact=False)],
+    )
+    frames, _ = simulate_session(Scene(), course, 17.0, 4)
+    under = course.along(frames["force_n"][:, 2].astype(float))
+    to_second, to_first = (np.flatnonzero(np.diff(under)) + 1).tolist()
+    settings = replace(
+        SETTINGS,
+        level=level,  # type: ignore[arg-type]
+        selection=OnlineSelectionSettings() if selection else None,
+    )
+    modeller = SurfaceModeller(settings, 1000)
+    found = [c for u in updates(modeller, frames) for c in u.changes]
+    assert [(c.kind, c.surface) for c in found] == [("new", 2), ("recalled", 1)]
+    for one, true in zip(found, (to_second, to_first), strict=True):
+        assert true - 300 < one.from_sample < true + 1000
+        assert true < one.at_sample < true + 1500
+    models = modeller.models()
+    powers = {n: float(model.samples.power.mean()) for n, model in models.items()}
+    assert powers[2] > 100 * powers[1]
+    assert all(model.samples.power.max() < 20 * powers[n] for n, model in models.items())
+
+
+def test_strokes_at_other_headings_are_not_another_surface() -> None:
+    """Corduroy's vibration depends on the heading; that of glass is another one altogether."""
+    course = SurfaceCourse(
+        [get_surface("corduroy"), get_surface("glass")],
+        [CourseChange(25_000, 1, in_contact=False), CourseChange(33_000, 0, in_contact=False)],
+    )
+    scene = Scene.model_validate(
+        {"hand": Hand(headings="all"), "link": {}, "simulated": {}, "recording": {}}
+    )
+    frames, _ = simulate_session(scene, course, 40.0, 2)
+    modeller = SurfaceModeller(replace(SETTINGS, inputs="anisotropic"), 1000)
+    found = [c for u in updates(modeller, frames) for c in u.changes]
+    assert [(c.kind, c.surface) for c in found] == [("new", 2), ("recalled", 1)]
+    assert all(model.space.directed for model in modeller.models().values())
+
+
+def test_frames_without_a_channel_are_refused() -> None:
+    lacking = np.zeros(100, dtype=[("sequence", "<i8"), ("time_ns", "<i8")])
+    with pytest.raises(InputError, match="position"):
+        SurfaceModeller(SETTINGS, 1000).update(lacking)
