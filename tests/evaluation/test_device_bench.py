@@ -74,7 +74,7 @@ def test_a_run_on_emulated_devices_finds_what_holds_on_any_machine() -> None:
     (clocks,) = result.records[1].rows
     assert 0.0 < row["share of a core"] < 1.0  # type: ignore[operator]
     assert 0.0 < row["tick alone"] < 1.0  # type: ignore[operator]
-    assert row["latency p50 (ms)"] > 1.0  # type: ignore[operator]
+    assert row["latency p50 (ms)"] > 0.5  # type: ignore[operator]
     assert row["of"] > 100  # type: ignore[operator]
     assert clocks["seen after, longest (ms)"] > 10.0  # type: ignore[operator]
     imported = result.targets[-1]
