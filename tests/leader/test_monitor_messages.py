@@ -3,6 +3,7 @@
 import asyncio
 import math
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,9 +15,10 @@ from monitor_messages import unpack
 
 from mmt.devices.protocols import InterfaceState
 from mmt.leader.monitor.live import MOST_SAMPLES, LiveMessages
-from mmt.leader.monitor.states import explain, hello, model_message, thinned
+from mmt.leader.monitor.states import explain, hello, model_message, surfaces, thinned
 from mmt.leader.monitor.tap import MonitorTap
 from mmt.leader.monitor.viewers import MOST_VIEWERS, Viewers
+from mmt.leader.surface_log import SurfaceLog
 from mmt.pages.packing import pack
 from mmt.scene_files import scene_from_tables
 from mmt.texture.boundary import RIM
@@ -50,6 +52,13 @@ def test_what_json_cannot_say_is_null() -> None:
     header = {"a": math.nan, "b": {"c": [math.inf, 1.0]}}
     message = unpack(pack("kind", header, {}))
     assert (message["a"], message["b"]) == (None, {"c": [None, 1.0]})
+
+
+def test_the_surface_is_told_where_there_are_several() -> None:
+    alone: Any = SimpleNamespace(log=SimpleNamespace(surfaces=None))
+    assert surfaces(alone) == {}
+    several: Any = SimpleNamespace(log=SimpleNamespace(surfaces=SurfaceLog()))
+    assert surfaces(several) == {"surfaces": {"now": 1, "known": 1}}
 
 
 def test_nothing_is_kept_while_nobody_looks_on() -> None:

@@ -40,7 +40,9 @@ PICTURES = (
 TOKEN = "a token that nobody guesses"
 
 
-def scene(port: int = 0, inputs: str = "isotropic") -> Scene:
+def scene(
+    port: int = 0, inputs: str = "isotropic", surfaces: dict[str, Any] | None = None
+) -> Scene:
     return scene_from_tables(
         {
             "session": {"name": "shown"},
@@ -50,6 +52,7 @@ def scene(port: int = 0, inputs: str = "isotropic") -> Scene:
             "texture": {
                 "inputs": inputs,
                 "start_distance": 30.0 if inputs == "isotropic" else "auto",
+                "surfaces": surfaces,
             },
             "rendering": {},
             "playout": {},
@@ -63,8 +66,10 @@ def scene(port: int = 0, inputs: str = "isotropic") -> Scene:
 class Leading:
     """A leader whose frames a test hands over itself, so that no clock is waited for."""
 
-    def __init__(self, port: int = 0, inputs: str = "isotropic") -> None:
-        self.service = LeaderService(scene(port, inputs))
+    def __init__(
+        self, port: int = 0, inputs: str = "isotropic", surfaces: dict[str, Any] | None = None
+    ) -> None:
+        self.service = LeaderService(scene(port, inputs, surfaces))
 
     async def __aenter__(self) -> "Leading":
         ready = asyncio.Event()
@@ -115,7 +120,16 @@ async def test_a_person_sees_the_model_grow(
         )
         for canvas in PICTURES:
             assert await inked(page, canvas) > 100, canvas
+        await api.expect(page.locator("#surface")).to_be_hidden()
         await fits(page, scheme)
+        assert problems == []
+
+
+async def test_the_surface_under_the_tool_is_named_where_there_are_several(browser: Any) -> None:
+    async with a_page(browser, TABLET) as (page, problems), Leading(surfaces={}) as leading:
+        await page.goto(leading.url)
+        await leading.model(2.0)
+        await shows(page, "#surface", "surface 1 (1 known)")
         assert problems == []
 
 

@@ -46,7 +46,12 @@ EVENTS = [
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scene = scene_from_tables(
-        {"link": {}, "simulated": {}, "hand": {}, "texture": {"start_distance": 40.0}}
+        {
+            "link": {},
+            "simulated": {},
+            "hand": {},
+            "texture": {"start_distance": 40.0, "surfaces": {}},
+        }
     )
     frames, _ = simulate_session(Scene(), "plastic", SECONDS)
     rng = np.random.default_rng(1)
@@ -84,6 +89,7 @@ async def test_a_person_goes_through_a_recording(
         await shows(page, "#plane-text", "samples, order")
         await shows(page, "#completion-text", "start met at")
         await shows(page, "#mode", "synthesized")
+        await shows(page, "#surface", "surface 1 (1 known)")
         await shows(page, "#link-figures", "12")
         await shows(page, "#link-figures", "2.000 ± 0.050 ms")
         for canvas in PICTURES:

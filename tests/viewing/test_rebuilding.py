@@ -1,16 +1,19 @@
 """The model that a recording's page shows is the one that the leader had."""
 
 import time
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from mmt.devices.simulated.course import CourseChange, SurfaceCourse
 from mmt.devices.simulated.offline import simulate_session
+from mmt.devices.simulated.textures import get_surface
 from mmt.evaluation.building import build, update_blocks
 from mmt.scene import Scene
 from mmt.session.recorded import JsonObject, RecordedSession
 from mmt.session.windows import MemoryWindows
-from mmt.texture.settings import ModellingSettings
+from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.viewing.rebuilding import Rebuilding, frozen_spans
 
 FRAMES, _ = simulate_session(Scene(), "plastic", 14.0)
@@ -94,6 +97,33 @@ def test_a_freeze_ends_with_the_recording_or_a_reset() -> None:
     reset: JsonObject = {"at_s": 3.0, "event": "model reset"}
     assert frozen_spans([freeze], 8.0) == [(2.0, 8.0)]
     assert frozen_spans([freeze, reset], 8.0) == [(2.0, 3.0)]
+
+
+def test_each_surface_has_its_own_model_and_criteria() -> None:
+    course = SurfaceCourse(
+        [get_surface("glass"), get_surface("sandpaper")],
+        [CourseChange(7000, 1, in_contact=True), CourseChange(13_000, 0, in_contact=False)],
+    )
+    frames, _ = simulate_session(Scene(), course, 17.0, 4)
+    settings = ModellingSettings(
+        order=10, start_distance=20.0, stop_distance=9.0, surfaces=SurfaceSettings()
+    )
+    rebuilding = Rebuilding(MemoryWindows(RecordedSession(frames)), settings, 1.0)
+    rebuilding._run()
+    states = rebuilding.states
+    surfaces = [state.surface for state in states]
+    assert [a for a, b in pairwise([*surfaces, None]) if a != b] == [1, 2, 1]
+    assert (states[0].surfaces, states[-1].surfaces) == (1, 2)
+    first = next(state for state in states if state.stop_s is not None)
+    second = next(state for state in states if state.surface == 2)
+    last = states[-1]
+    assert second.start_s is None or second.start_s > 7.0
+    assert (last.start_s, last.stop_s) == (first.start_s, first.stop_s)
+    assert last.number is not None
+    model = rebuilding.snapshots.model(last.number)
+    other = max(s.number for s in states if s.surface == 2 and s.number is not None)
+    assert rebuilding.snapshots.model(other).samples.power.mean() > 30 * model.samples.power.mean()
+    rebuilding.close()
 
 
 def test_building_can_be_left_at_any_time() -> None:

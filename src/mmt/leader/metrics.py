@@ -99,6 +99,9 @@ def _model(service: "LeaderService") -> Iterator["Metric"]:
     yield gauge("model_samples", "Samples in the model.", log.update.samples if log.update else 0)
     if log.update is not None:
         yield gauge("model_distance", "Completion distance.", log.update.distance)
+    if log.surfaces is not None:
+        yield gauge("surface", "Number of the surface under the tool.", log.surfaces.current)
+        yield gauge("surfaces_known", "Surfaces that were told apart.", log.surfaces.known)
     yield counter(
         "modelling_dropped_frames", "Frames that found no room.", modelling.dropped_frames
     )

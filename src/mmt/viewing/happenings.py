@@ -12,6 +12,7 @@ from mmt.session.recorded import JsonObject
 
 Kind = Literal["mark", "gap", "criterion", "other"]
 _CLOCK: Final = ("clock_time_ns", "clock_offset_ns", "clock_drift_ppm", "clock_uncertainty_ns")
+_SURFACE_CHANGES: Final = ("new", "recalled", "identified")
 _MOST: Final = 2000
 """Events that a page gets."""
 
@@ -46,6 +47,7 @@ def _happening(event: JsonObject) -> Happening | None:
     if "mark" in event:
         return Happening(at_s, "mark", sentence)
     criterion = sentence.startswith(("start criterion", "stop criterion"))
+    criterion |= event.get("kind") in _SURFACE_CHANGES
     return Happening(at_s, "criterion" if criterion else "other", sentence)
 
 

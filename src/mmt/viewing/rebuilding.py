@@ -1,7 +1,8 @@
 """Build a recorded session's model again, beside the page, from its beginning to its end.
 
 As the live leader does: an update a period, nothing while the model was frozen, a new model
-where a person has reset it, no more once the stop criterion is met.
+where a person has reset it, no more once the stop criterion is met; where surfaces are told
+apart, a model for each.
 """
 
 import threading
@@ -18,8 +19,10 @@ from mmt.evaluation.building import update_blocks
 from mmt.session.recorded import JsonObject
 from mmt.session.windows import SessionWindows
 from mmt.texture.completion import cells_of
+from mmt.texture.model import TextureModel
 from mmt.texture.modelling import ModelUpdate, OnlineModeller
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.surfaces.modelling import LOOK_S, SurfaceModeller
 from mmt.viewing.snapshots import ModelSnapshots
 
 _SPAN_S: Final = 5.0
@@ -33,7 +36,8 @@ class ModelState:
     """What there was of the model from a recording time on.
 
     ``number`` is that of its snapshot, None where there was no model; ``start_s`` and
-    ``stop_s`` are the recording times at which the criteria were met, None before.
+    ``stop_s`` are the recording times at which the criteria were met, None before. Where
+    surfaces are told apart all this is of ``surface``, one of ``surfaces`` that were known.
     """
 
     time_s: float
@@ -41,6 +45,8 @@ class ModelState:
     number: int | None
     start_s: float | None
     stop_s: float | None
+    surface: int | None = None
+    surfaces: int = 0
 
 
 class Rebuilding:
@@ -61,7 +67,10 @@ class Rebuilding:
     ) -> None:
         self._windows = windows
         self._settings = settings
-        self._period_frames = max(1, round(period_s * settings.rate_hz))
+        self._update_frames = max(1, round(period_s * settings.rate_hz))
+        self._period_frames = self._update_frames
+        if settings.surfaces is not None:
+            self._period_frames = min(self._update_frames, round(LOOK_S * settings.rate_hz))
         self._frozen = frozen_spans(windows.events, windows.duration_s)
         self._snapshots = ModelSnapshots()
         self._leave = threading.Event()
@@ -120,29 +129,18 @@ class Rebuilding:
 
     def _build(self, span: Span) -> None:
         """Build one model, from its first frame until it is complete, reset, or the end."""
-        modeller = OnlineModeller(self._settings)
-        number = None
-        last = None
+        growing = _Growing(self._snapshots)
+        modeller: OnlineModeller | SurfaceModeller = OnlineModeller(self._settings)
+        if self._settings.surfaces is not None:
+            modeller = SurfaceModeller(self._settings, self._update_frames)
         for time_s, frames in self._blocks(span):
             update = modeller.update(frames)
             self.reached_s = time_s
-            if update.model is not last:
-                last = update.model
-                number = None if last is None else self._snapshots.add(last)
-            self.states.append(self._state(update, time_s, number))
-            if update.stopped or self._leave.is_set():
+            if update is not None:
+                self.states.append(growing.state(update, time_s))
+            over = update is not None and update.stopped and self._settings.surfaces is None
+            if over or self._leave.is_set():
                 return
-
-    def _state(self, update: ModelUpdate, time_s: float, number: int | None) -> ModelState:
-        before = self.states[-1] if self.states else None
-        start_s = before.start_s if before is not None else None
-        return ModelState(
-            time_s=time_s,
-            distance=update.distance,
-            number=number,
-            start_s=start_s if start_s is not None or not update.started else time_s,
-            stop_s=time_s if update.stopped else None,
-        )
 
     def _blocks(self, span: Span) -> Iterator[tuple[float, RecordArray]]:
         """Yield the frames of each update, with the recording time of the newest one.
@@ -177,6 +175,54 @@ class Rebuilding:
             return 0
         last = blocks[-1]["sequence"]
         return int(int(last[-1]) - int(last[0]) + 1 < self._period_frames)
+
+
+class _Growing:
+    """The state of each surface's model, from its updates."""
+
+    def __init__(self, snapshots: ModelSnapshots) -> None:
+        self._snapshots = snapshots
+        self._numbers: dict[int | None, tuple[TextureModel, int]] = {}
+        self._started: dict[int | None, float] = {}
+        self._stopped: dict[int | None, float] = {}
+        self._known: set[int | None] = set()
+
+    def state(self, update: ModelUpdate, time_s: float) -> ModelState:
+        for change in update.changes:
+            self._known |= {change.before, change.surface}
+            if change.kind == "identified":
+                self._known.remove(change.before)
+        self._known.add(update.surface)
+        for one in (*update.left, update):
+            self._note(one, time_s)
+        surface = update.surface
+        return ModelState(
+            time_s=time_s,
+            distance=update.distance,
+            number=self._number(update),
+            start_s=self._started.get(surface),
+            stop_s=self._stopped.get(surface),
+            surface=surface,
+            surfaces=0 if surface is None else len(self._known),
+        )
+
+    def _note(self, update: ModelUpdate, time_s: float) -> None:
+        """Note when its criteria were met, or that they no longer are."""
+        for met, times in ((update.started, self._started), (update.stopped, self._stopped)):
+            if met:
+                times.setdefault(update.surface, time_s)
+            else:
+                times.pop(update.surface, None)
+
+    def _number(self, update: ModelUpdate) -> int | None:
+        """Return the number of its model's snapshot; what has not changed keeps the one it has."""
+        model = update.model
+        if model is None:
+            return None
+        before = self._numbers.get(update.surface)
+        if before is None or before[0] is not model:
+            self._numbers[update.surface] = model, self._snapshots.add(model)
+        return self._numbers[update.surface][1]
 
 
 def frozen_spans(events: Sequence[JsonObject], end_s: float) -> list[Span]:

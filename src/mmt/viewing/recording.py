@@ -121,6 +121,7 @@ class ViewedRecording:
             "model": state.number if state is not None else None,
             "samples": len(model.points) if model is not None else 0,
             "completion": _completion(state),
+            "surfaces": _surfaces(state),
             "rebuilt": self._rebuilding is None or at_s <= self._rebuilding.reached_s,
             "mode": _mode(window, at_s) if source == "recorded" else None,
             "source": source,
@@ -184,6 +185,12 @@ def _completion(state: ModelState | None) -> dict[str, Any] | None:
     if state is None:
         return None
     return {"distance": state.distance, "start_s": state.start_s, "stop_s": state.stop_s}
+
+
+def _surfaces(state: ModelState | None) -> dict[str, int] | None:
+    if state is None or state.surface is None:
+        return None
+    return {"now": state.surface, "known": state.surfaces}
 
 
 def _mode(window: Window, at_s: float) -> str | None:

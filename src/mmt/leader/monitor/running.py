@@ -132,6 +132,7 @@ class LeaderMonitor:
                 "mode": switch.mode if switch is not None else "silent",
                 "why": states.explain(service),
                 "viewers": len(self.viewers),
+                **states.surfaces(service),
             }
         )
 

@@ -63,6 +63,12 @@ def explain(service: "LeaderService") -> str:
     return f"rendered from the model: start criterion met at {log.start_s:.1f} s"
 
 
+def surfaces(service: "LeaderService") -> dict[str, dict[str, int]]:
+    """Return which surface the tool is on and how many are known; nothing with one alone."""
+    log = service.log.surfaces
+    return {} if log is None else {"surfaces": {"now": log.current, "known": log.known}}
+
+
 def _why_not_synthesized(service: "LeaderService") -> str:
     update, texture = service.log.update, service.scene.texture
     if service.parts.synthesizer is None or texture is None:

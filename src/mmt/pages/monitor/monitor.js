@@ -24,6 +24,7 @@ const take = {
     const { point } = message;
     panels.trail.add(point && { speed: point[0], force: point[1], velocity: message.velocity_mm_s });
     panels.mode(message.mode, message.why, `${message.time_s.toFixed(1)} s`);
+    panels.surface(message.surfaces);
     panels.remember(message);
     panels.dirty = true;
   },

@@ -104,6 +104,12 @@ export class Panels {
     text("time", time);
   }
 
+  /** Say which of several surfaces the tool is on; nothing where they are not told apart. */
+  surface(surfaces) {
+    $("surface").hidden = !surfaces;
+    if (surfaces) text("surface", `surface ${surfaces.now} (${surfaces.known} known)`);
+  }
+
   /** Add force and position of a moment to what is shown of the past. */
   remember(message) {
     const { time, force, position } = this.history;

@@ -78,6 +78,7 @@ function show(moment) {
     panels.trail.add(Number.isNaN(x) ? null : { speed: Math.hypot(x, y), force, velocity: [x, y] });
   }
   panels.mode(moment.mode ?? "–", SOURCES[moment.source] ?? "nothing was played", `${moment.time_s.toFixed(2)} s`);
+  panels.surface(moment.surfaces);
   const sum = moment.completion;
   panels.completion(sum?.distance, sum?.start_s ?? null, sum?.stop_s ?? null);
   panels.plots.completion.mark(moment.time_s);
