@@ -147,6 +147,28 @@ def test_automatic_thresholds_are_told_as_numbers() -> None:
     assert why.endswith("completion sum 9.25, it takes over at 7.5")
 
 
+@pytest.mark.parametrize(
+    ("start_s", "warm", "words"),
+    [
+        (4.0, "oak", "rendered from the model: start criterion met at 4.0 s"),
+        (None, "oak", "rendered from the known texture oak until the model is ready"),
+        (None, None, "rendered from a saved model"),
+    ],
+)
+def test_what_is_rendered_is_called_what_it_is(
+    start_s: float | None, warm: str | None, words: str
+) -> None:
+    choice = None if warm is None else SimpleNamespace(name=warm)
+    service = SimpleNamespace(
+        remote=None,
+        scene=SCENE,
+        log=SimpleNamespace(update=None, start_s=start_s, warm=choice),
+        models=SimpleNamespace(forced=None),
+        parts=SimpleNamespace(switch=SimpleNamespace(mode="synthesized"), synthesizer=object()),
+    )
+    assert explain(service) == words  # type: ignore[arg-type]  # the part of a leader it reads
+
+
 def test_the_model_is_shown_with_its_cells_and_triangles() -> None:
     rng = np.random.default_rng(1)
     count = 12

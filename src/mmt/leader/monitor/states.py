@@ -16,6 +16,7 @@ from mmt.texture_table import Texture
 
 if TYPE_CHECKING:
     from mmt.leader.service import LeaderService
+    from mmt.leader.summary import RunLog
     from mmt.texture.model import TextureModel
     from mmt.ticking import TimeHistogram
 
@@ -58,9 +59,15 @@ def explain(service: "LeaderService") -> str:
         return "crossfade" if switch.mode == "fading" else f"held to {forced} by hand"
     if switch.mode != "synthesized":
         return _why_not_synthesized(service)
-    if log.start_s is None:
-        return "rendered from a saved model"
-    return f"rendered from the model: start criterion met at {log.start_s:.1f} s"
+    return _why_synthesized(log)
+
+
+def _why_synthesized(log: "RunLog") -> str:
+    if log.start_s is not None:
+        return f"rendered from the model: start criterion met at {log.start_s:.1f} s"
+    if log.warm is not None:
+        return f"rendered from the known texture {log.warm.name} until the model is ready"
+    return "rendered from a saved model"
 
 
 def surfaces(service: "LeaderService") -> dict[str, dict[str, int]]:
