@@ -1,6 +1,7 @@
 """What the hand feels over a network is judged against the surface under the hand."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,16 @@ from mmt.cli.main import app
 from mmt.devices.simulated.textures import SURFACES
 from mmt.errors import InputError
 from mmt.evaluation.end_to_end.judging import Reference
-from mmt.evaluation.end_to_end.leading import at_once, led, unit_vectors
+from mmt.evaluation.end_to_end.leading import (
+    at_once,
+    led,
+    local_updates,
+    settings_over,
+    taking_over,
+)
 from mmt.evaluation.end_to_end.passing import NEVER_TICK, Passage, pass_over
 from mmt.evaluation.end_to_end.summary import Case, Outcome, by_second, feel, rows
-from mmt.evaluation.end_to_end.warming import library_without, shipped_library
+from mmt.evaluation.end_to_end.warming import library_without, shipped_library, warm_models
 from mmt.network_table import Network
 
 PLASTIC = SURFACES["plastic"]
@@ -82,7 +89,8 @@ def test_a_stream_is_as_late_as_both_ways_and_a_model_is_not(far: Passage) -> No
     assert streamed.start_s is None
     late = reference.judge(streamed.vibration_m_s2)
     assert np.median(late.onset_ms) == pytest.approx(110, abs=25)
-    modelled = led(far, {"start_distance": 100.0}, 1)
+    updates = local_updates(far, settings_over(far, {"start_distance": 100.0}))
+    modelled = led(far, taking_over(updates), 1)
     assert modelled.start_s is not None
     assert modelled.start_s < 5.0
     course = reference.judge(modelled.vibration_m_s2)
@@ -98,7 +106,10 @@ def test_a_warm_start_leads_before_the_local_model_and_better_than_the_stream(
 ) -> None:
     reference = Reference(far, at_once(far, 1).vibration_m_s2)
     library = {"felt": library_without("oak")["felt"]}
-    warm = led(far, {"start_distance": 1.0, "stop_distance": 1.0}, 1, library)
+    settings = settings_over(far, {"start_distance": 1.0, "stop_distance": 1.0})
+    updates = local_updates(far, settings)
+    assert taking_over(updates) == {}
+    warm = led(far, warm_models(far, updates, library, settings), 1)
     assert warm.start_s is not None
     assert warm.start_s < 2.5
     own, streamed = (reference.judge(felt.vibration_m_s2) for felt in (warm, led(far, None, 1)))
@@ -114,8 +125,9 @@ def test_the_texture_itself_is_not_in_its_library() -> None:
     assert set(library_without("plastic")) == set(shipped_library())
 
 
-def test_headings_are_unit_vectors_even_at_rest() -> None:
-    unit = unit_vectors(np.array([[3.0, 4.0], [0.0, 0.0], [0.0, -1e-300], [1e150, 0.0]]))
+def test_headings_are_unit_vectors_even_at_rest(far: Passage) -> None:
+    velocity_mm_s = np.array([[3.0, 4.0], [0.0, 0.0], [0.0, -1e-300], [1e150, 0.0]])
+    unit = replace(far, velocity_mm_s=velocity_mm_s).heading
     np.testing.assert_allclose(unit, [[0.6, 0.8], [1.0, 0.0], [0.0, -1.0], [1.0, 0.0]])
 
 

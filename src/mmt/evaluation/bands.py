@@ -15,6 +15,14 @@ settled; that they widen with the frequency, and that nine of them cover what is
 taken over, that their ratio is the same everywhere is our choice."""
 
 
+def band_membership(frequencies_hz: FloatArray) -> FloatArray:
+    """Return which band each frequency belongs to, shape (f, 9); none below 10 Hz."""
+    place = np.searchsorted(BAND_EDGES_HZ, frequencies_hz, side="right") - 1
+    place = np.where(frequencies_hz >= BAND_EDGES_HZ[-1], BANDS - 1, place)
+    member: FloatArray = (place[:, None] == np.arange(BANDS)).astype(np.float64)
+    return member
+
+
 def band_errors_db(
     density: FloatArray, reference: FloatArray, frequencies_hz: FloatArray
 ) -> FloatArray:
@@ -27,7 +35,5 @@ def band_errors_db(
     frequencies_hz
         Evenly spaced from 10 to 500 Hz, shape (f,).
     """
-    place = np.searchsorted(BAND_EDGES_HZ, frequencies_hz, side="right") - 1
-    member = np.clip(place, 0, BANDS - 1)[:, None] == np.arange(BANDS)
-    weights = member.astype(np.float64)
+    weights = band_membership(frequencies_hz)
     return bounded_error_db(density @ weights, reference @ weights)

@@ -8,8 +8,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from mmt.arrays import BoolArray, FloatArray, IntArray
 from mmt.devices.simulated import RATE_HZ
-from mmt.evaluation.bands import BAND_EDGES_HZ, BANDS
-from mmt.evaluation.end_to_end.leading import unit_vectors
+from mmt.evaluation.bands import BANDS, band_membership
 from mmt.evaluation.end_to_end.passing import Passage
 
 WINDOW: Final = 200
@@ -106,10 +105,10 @@ class Reference:
 
 def _expected_bands(passage: Passage) -> FloatArray:
     """Return the mean power in each band over each moment's window, shape (k, 9)."""
-    unit = unit_vectors(passage.velocity_mm_s)
+    unit = passage.heading
     heading = np.arctan2(unit[:, 1], unit[:, 0])
     frequencies = np.arange(501.0)
-    member = _membership(frequencies)
+    member = band_membership(frequencies)
     # the motion is slow: a value every ten ticks does
     chosen = np.arange(0, len(passage.force_n), 10)
     parts = []
@@ -132,15 +131,7 @@ def _measured_bands(vibration_m_s2: FloatArray) -> FloatArray:
     power = (
         np.square(np.abs(np.fft.rfft(pieces, axis=1))) * 2.0 / (WINDOW * np.square(window).sum())
     )
-    return np.asarray(power @ _membership(np.linspace(0.0, RATE_HZ / 2.0, WINDOW // 2 + 1)))
-
-
-def _membership(frequencies_hz: FloatArray) -> FloatArray:
-    """Return which band each frequency belongs to, shape (f, 9); none below 10 Hz."""
-    place = np.searchsorted(BAND_EDGES_HZ, frequencies_hz, side="right") - 1
-    place = np.where(frequencies_hz >= BAND_EDGES_HZ[-1], BANDS - 1, place)
-    member: FloatArray = (place[:, None] == np.arange(BANDS)).astype(np.float64)
-    return member
+    return np.asarray(power @ band_membership(np.linspace(0.0, RATE_HZ / 2.0, WINDOW // 2 + 1)))
 
 
 def _ratio_db(power: FloatArray, wanted: FloatArray, floor: float) -> FloatArray:

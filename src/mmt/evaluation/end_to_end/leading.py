@@ -7,10 +7,10 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.arrays import FloatArray, IntArray
+from mmt.device_tables import Actuator
 from mmt.devices.simulated import PERIOD_NS, RATE_HZ
 from mmt.devices.simulated.vibration import Vibration
 from mmt.evaluation.end_to_end.passing import NEVER_TICK, Passage
-from mmt.evaluation.end_to_end.warming import warm_models
 from mmt.leader.concealment import build_concealment
 from mmt.leader.playout import PlayoutBuffer
 from mmt.leader.rendering import VibrationSwitch
@@ -26,8 +26,6 @@ BACKFILL_TICKS: Final = 250
 
 UPDATE_TICKS: Final = 50
 """So long after its last frame a model is in use."""
-
-_LIMIT_M_S2: Final = 50.0
 
 
 @dataclass(frozen=True)
@@ -51,87 +49,90 @@ def at_once(passage: Passage, seed: int) -> Felt:
     motion = zip(
         passage.speed_mm_s.tolist(),
         passage.force_n.tolist(),
-        unit_vectors(passage.velocity_mm_s).tolist(),
+        passage.heading.tolist(),
         strict=True,
     )
     values = [surface.step(speed, force, (u, v))[0] for speed, force, (u, v) in motion]
     return Felt(np.array(values), 0.0)
 
 
-def led(
-    passage: Passage,
-    texture: Mapping[str, Any] | None,
-    seed: int,
-    library: Mapping[str, TextureModel] | None = None,
-) -> Felt:
+def led(passage: Passage, models: Mapping[int, TextureModel] | None, seed: int) -> Felt:
     """Return what a leader plays that gets the frames of a passage.
 
     Parameters
     ----------
     passage
         What arrives when, and how the hand moves.
-    texture
-        Keys of ``[texture]`` beside the defaults; None streams alone.
+    models
+        What is rendered, each from a tick on; None where only the stream is played.
     seed
         Of the synthesis and of concealment.
-    library
-        Known textures for a warm start, None for streaming until the start criterion.
     """
     ticks = len(passage.frames)
-    synthesizer = None if texture is None else Synthesizer(seed=seed, limit_m_s2=_LIMIT_M_S2)
+    stream, switch, synthesizer = _leader(seed, renders=models is not None)
     directed = not passage.surface.isotropic
-    buffer = PlayoutBuffer(
-        "auto", Playout().longest_delay_ms, PERIOD_NS, build_concealment("model", seed)
-    )
-    stream = StreamedVibration(buffer, "z", "z", RATE_HZ)
-    switch = VibrationSwitch(
-        buffer.pull,
-        synthesizer,
-        crossfade_samples=round(Rendering().crossfade_ms * RATE_HZ / 1000.0),
-        limit_m_s2=_LIMIT_M_S2,
-        period_ns=PERIOD_NS,
-    )
     drives = passage.velocity_mm_s.T if directed else passage.speed_mm_s[None]
     inputs = np.vstack([drives, passage.force_n])
     order = np.argsort(passage.arrival_tick, kind="stable")
-    due = passage.arrival_tick[order]
-    models = _models(passage, texture, library) if texture is not None else {}
+    arrived = np.searchsorted(passage.arrival_tick[order], np.arange(ticks), side="right").tolist()
     output = np.empty(ticks)
     taken, start_s = 0, None
     for tick in range(ticks):
-        if synthesizer is not None and tick in models:
+        if synthesizer is not None and models is not None and tick in models:
             synthesizer.model = models[tick]
             switch.use_model(True)
             start_s = tick / RATE_HZ if start_s is None else start_s
-        stop = int(np.searchsorted(due, tick, side="right"))
-        for index in order[taken:stop]:
+        for index in order[taken : arrived[tick]]:
             stream.take(passage.frames[index : index + 1], tick * PERIOD_NS)
-        taken = stop
+        taken = arrived[tick]
         output[tick] = switch.render(tick * PERIOD_NS, *inputs[:, tick : tick + 1])[0]
     return Felt(output, start_s)
 
 
-def _models(
-    passage: Passage, texture: Mapping[str, Any], library: Mapping[str, TextureModel] | None
-) -> dict[int, TextureModel]:
-    """Return the models that take over, each at the tick from which it is rendered."""
+def _leader(
+    seed: int, *, renders: bool
+) -> tuple[StreamedVibration, VibrationSwitch, Synthesizer | None]:
+    """Return a leader's parts, as its defaults make them."""
+    limit_m_s2 = Actuator().limit_m_s2
+    buffer = PlayoutBuffer(
+        "auto", Playout().longest_delay_ms, PERIOD_NS, build_concealment("model", seed)
+    )
+    synthesizer = Synthesizer(seed=seed, limit_m_s2=limit_m_s2) if renders else None
+    switch = VibrationSwitch(
+        buffer.pull,
+        synthesizer,
+        crossfade_samples=round(Rendering().crossfade_ms * RATE_HZ / 1000.0),
+        limit_m_s2=limit_m_s2,
+        period_ns=PERIOD_NS,
+    )
+    return StreamedVibration(buffer, "z", "z", RATE_HZ), switch, synthesizer
+
+
+def settings_over(passage: Passage, texture: Mapping[str, Any]) -> ModellingSettings:
+    """Return keys of ``[texture]`` as settings, with the inputs that the surface needs."""
     inputs: Inputs = "isotropic" if passage.surface.isotropic else "anisotropic"
-    settings = ModellingSettings(inputs=inputs, **texture)
-    updates = dict(_updates(passage, settings))
-    models = {} if library is None else warm_models(passage, updates, library, settings)
-    return models | {
+    return ModellingSettings(inputs=inputs, **texture)
+
+
+def taking_over(updates: Mapping[int, ModelUpdate]) -> dict[int, TextureModel]:
+    """Return the models of the updates from the start criterion on, by their ticks."""
+    return {
         tick: update.model
         for tick, update in updates.items()
         if update.started and update.model is not None
     }
 
 
-def _updates(passage: Passage, settings: ModellingSettings) -> Iterator[tuple[int, ModelUpdate]]:
-    """Yield the updates of the local model, each with the tick from which it is in use.
+def local_updates(passage: Passage, settings: ModellingSettings) -> dict[int, ModelUpdate]:
+    """Return the updates of the local model, by the tick from which each is in use.
 
     An update takes the frames of one second, which the frames' numbers delimit, and waits for
     those that were lost and are filled in, as the leader's modelling does.
     """
+    return dict(_updates(passage, settings))
+
+
+def _updates(passage: Passage, settings: ModellingSettings) -> Iterator[tuple[int, ModelUpdate]]:
     modeller = OnlineModeller(settings)
     period = round(RATE_HZ)
     come = _filled_in(passage.arrival_tick)
@@ -148,12 +149,3 @@ def _filled_in(arrival_tick: IntArray) -> IntArray:
     lost = arrival_tick == NEVER_TICK
     longest = int((arrival_tick - sent)[~lost].max()) if not lost.all() else 0
     return np.where(lost, sent + 2 * longest + BACKFILL_TICKS, arrival_tick)
-
-
-def unit_vectors(velocity_mm_s: FloatArray) -> FloatArray:
-    """Return the headings of velocities (n, 2) as unit vectors; where there is none, that of x."""
-    speed = np.hypot(velocity_mm_s[:, 0], velocity_mm_s[:, 1])
-    moving = speed > 0.0
-    unit = np.where(moving[:, None], velocity_mm_s / np.where(moving, speed, 1.0)[:, None], 0.0)
-    unit[~moving, 0] = 1.0
-    return unit

@@ -58,12 +58,21 @@ class Passage:
         """The hand's speed over the surface, shape (n,)."""
         return np.hypot(self.velocity_mm_s[:, 0], self.velocity_mm_s[:, 1])
 
+    @property
+    def heading(self) -> FloatArray:
+        """Unit vectors along the hand's velocity, shape (n, 2); where it rests, along x."""
+        speed = self.speed_mm_s
+        moving = speed > 0.0
+        length = np.where(moving, speed, 1.0)[:, None]
+        unit = np.where(moving[:, None], self.velocity_mm_s / length, 0.0)
+        unit[~moving, 0] = 1.0
+        return unit
+
 
 def pass_over(surface: Surface, network: Network, ticks: int, seed: int) -> Passage:
     """Let a hand stroke a surface over a network for so many ticks of a millisecond.
 
-    The hand strokes in all directions where the texture depends on the heading. About 50 us a
-    tick.
+    The hand strokes in all directions where the texture depends on the heading.
 
     Parameters
     ----------

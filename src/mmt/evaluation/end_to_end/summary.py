@@ -11,13 +11,21 @@ from mmt.arrays import BoolArray, FloatArray
 from mmt.devices.simulated import RATE_HZ
 from mmt.devices.simulated.textures import SURFACES
 from mmt.evaluation.end_to_end.judging import Course, Reference
-from mmt.evaluation.end_to_end.leading import Felt, at_once, led
+from mmt.evaluation.end_to_end.leading import (
+    at_once,
+    led,
+    local_updates,
+    settings_over,
+    taking_over,
+)
 from mmt.evaluation.end_to_end.passing import pass_over
-from mmt.evaluation.end_to_end.warming import library_without
+from mmt.evaluation.end_to_end.warming import library_without, warm_models
 from mmt.evaluation.methods.cases import DURATION_S, FIRST_SEED, GRAINED_DURATION_S
 from mmt.evaluation.methods.judging import METHODS as METHODS_OF_MODELLING
-from mmt.evaluation.sweeping import in_processes
+from mmt.evaluation.sweeping import in_order
 from mmt.network_table import Network
+from mmt.texture.modelling import ModelUpdate
+from mmt.texture.settings import ModellingSettings
 
 NETWORKS: Final = ("lan", "wifi", "wan", "bad")
 
@@ -104,7 +112,7 @@ def cases(seeds: int, textures: Sequence[str]) -> list[Case]:
 
 
 def feel(case: Case) -> list[Outcome]:
-    """Run one session, let each method lead it, and judge them; some ten seconds."""
+    """Run one session, let each method lead it, and judge them."""
     surface = SURFACES[case.texture]
     ticks = round(case.duration_s * RATE_HZ)
     passage = pass_over(
@@ -112,10 +120,19 @@ def feel(case: Case) -> list[Outcome]:
     )
     bound = at_once(passage, case.seed)
     reference = Reference(passage, bound.vibration_m_s2)
-    felt: dict[str, Felt] = {AT_ONCE: bound}
+    felt = {AT_ONCE: bound}
+    updates: dict[ModellingSettings, dict[int, ModelUpdate]] = {}
     for name, keys in METHODS.items():
-        library = library_without(case.texture) if name == WARM else None
-        felt[name] = led(passage, keys, case.seed, library)
+        models = None
+        if keys is not None:
+            settings = settings_over(passage, keys)
+            if settings not in updates:
+                updates[settings] = local_updates(passage, settings)
+            models = taking_over(updates[settings])
+            if name == WARM:
+                library = library_without(case.texture)
+                models |= warm_models(passage, updates[settings], library, settings)
+        felt[name] = led(passage, models, case.seed)
     return [
         Outcome(case, name, own.start_s, reference.judge(own.vibration_m_s2))
         for name, own in felt.items()
@@ -132,12 +149,8 @@ def feel_all(
     MmtError
         A process has died.
     """
-    results: dict[int, list[Outcome]] = {}
-    jobs = {number: (case,) for number, case in enumerate(chosen)}
-    for number, future in in_processes(feel, jobs, workers):
-        results[number] = future.result()
-        progress(len(results))
-    return [one for number in sorted(results) for one in results[number]]
+    outcomes = in_order(feel, [(case,) for case in chosen], workers, progress)
+    return [one for felt in outcomes for one in felt]
 
 
 def rows(outcomes: Sequence[Outcome]) -> list[Row]:

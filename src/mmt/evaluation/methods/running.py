@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 from mmt.evaluation.methods.cases import Case
 from mmt.evaluation.methods.judging import Judged, judge
-from mmt.evaluation.sweeping import in_processes
+from mmt.evaluation.sweeping import in_order
 
 
 def run_cases(
@@ -29,9 +29,5 @@ def run_cases(
     MmtError
         A process has died.
     """
-    results: dict[int, list[Judged]] = {}
-    jobs = {number: (case, tuple(methods)) for number, case in enumerate(cases)}
-    for number, future in in_processes(judge, jobs, workers):
-        results[number] = future.result()
-        progress(len(results))
-    return [one for number in sorted(results) for one in results[number]]
+    calls = [(case, tuple(methods)) for case in cases]
+    return [one for judged in in_order(judge, calls, workers, progress) for one in judged]
