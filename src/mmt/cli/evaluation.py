@@ -87,25 +87,19 @@ def evaluate(
             report=report,
         )
     elif end_to_end:
-        _end_to_end(given, seeds or 3, textures, workers, json_file, report)
+        from mmt.cli.felt import print_felt
+
+        print_felt(
+            given,
+            seeds=seeds or 3,
+            textures=textures,
+            workers=workers,
+            json_file=json_file,
+            report=report,
+        )
     else:
         from mmt.cli.evaluating import evaluate_files
 
         evaluate_files(
             given, scene_file=scene_file, step_s=step, seed=seed, json_file=json_file, report=report
         )
-
-
-def _end_to_end(
-    sessions: list[Path],
-    seeds: int,
-    textures: str | None,
-    workers: int | None,
-    json_file: Path | None,
-    report: Path | None,
-) -> None:
-    from mmt.cli.felt import print_felt
-
-    if sessions:
-        raise InputError(f"--end-to-end makes its own sessions, it cannot use {sessions[0]}")
-    print_felt(seeds=seeds, textures=textures, workers=workers, json_file=json_file, report=report)

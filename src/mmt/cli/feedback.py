@@ -2,11 +2,10 @@
 
 from pathlib import Path
 
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
 from mmt.cli.common import messages, output, write_json
+from mmt.cli.counting import counting
 from mmt.evaluation.feedback.recorded import find_runs
-from mmt.evaluation.feedback.results import FeedbackEvaluation, evaluate_feedback
+from mmt.evaluation.feedback.results import evaluate_feedback
 from mmt.evaluation.feedback.tables import feedback_tables, verdicts, write_feedback_report
 from mmt.evaluation.table import as_rich
 
@@ -21,7 +20,8 @@ def print_feedback(
     InputError
         A recording cannot be used, or a file not be written.
     """
-    evaluation = _evaluate(find_runs(paths), seed)
+    with counting("force feedback") as done:
+        evaluation = evaluate_feedback(find_runs(paths), seed=seed, progress=done)
     for table in feedback_tables(evaluation):
         output.print(as_rich(table))
     for sentence in verdicts(evaluation):
@@ -30,21 +30,3 @@ def print_feedback(
     if report is not None:
         page = write_feedback_report(report, evaluation)
         messages.print(f"report: {page}", highlight=False)
-
-
-def _evaluate(paths: list[Path], seed: int) -> FeedbackEvaluation:
-    progress = Progress(
-        TextColumn("force feedback"),
-        BarColumn(),
-        TextColumn("{task.completed:.0f} of {task.total:.0f} cells"),
-        TimeElapsedColumn(),
-        console=messages,
-        transient=True,
-    )
-    with progress:
-        task = progress.add_task("feedback", total=1)
-        return evaluate_feedback(
-            paths,
-            seed=seed,
-            progress=lambda done, every: progress.update(task, completed=done, total=every),
-        )

@@ -1,11 +1,9 @@
 """``mmt evaluate --end-to-end``: what the operator feels, over each network."""
 
-import os
 from pathlib import Path
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
 from mmt.cli.common import messages, output, write_json
+from mmt.cli.counting import check_workers, counting, names_of, processes
 from mmt.errors import InputError
 from mmt.evaluation.end_to_end.presenting import felt_table, write_felt_report
 from mmt.evaluation.end_to_end.summary import as_dict, cases, feel_all
@@ -14,6 +12,7 @@ from mmt.evaluation.table import as_rich
 
 
 def print_felt(
+    sessions: list[Path],
     *,
     seeds: int,
     textures: str | None,
@@ -26,20 +25,14 @@ def print_felt(
     Raises
     ------
     InputError
-        A texture is not known, or a file cannot be written.
+        A session is given, a texture is not known, or a file cannot be written.
     """
-    if workers is not None and workers < 1:
-        raise InputError(f"--workers {workers}: at least 1")
-    named = None if textures is None else [name.strip() for name in textures.split(",")]
-    chosen = cases(seeds, known_textures(named))
-    columns = (TextColumn("stroking"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=messages, transient=True) as progress:
-        task = progress.add_task("", total=len(chosen))
-        outcomes = feel_all(
-            chosen,
-            min(workers or os.cpu_count() or 1, len(chosen)),
-            lambda done: progress.update(task, completed=done),
-        )
+    if sessions:
+        raise InputError(f"--end-to-end makes its own sessions, it cannot use {sessions[0]}")
+    check_workers(workers)
+    chosen = cases(seeds, known_textures(names_of(textures)))
+    with counting("stroking", len(chosen)) as done:
+        outcomes = feel_all(chosen, processes(workers, len(chosen)), done)
     output.print(as_rich(felt_table(outcomes)))
     write_json(json_file, as_dict(outcomes))
     if report is not None:

@@ -1,12 +1,9 @@
 """``mmt evaluate --compare``: methods of texture modelling side by side."""
 
-import os
 from pathlib import Path
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
 from mmt.cli.common import messages, output, write_json
-from mmt.errors import InputError
+from mmt.cli.counting import check_workers, counting, names_of, processes
 from mmt.evaluation.methods.cases import recorded_cases, simulated_cases
 from mmt.evaluation.methods.judging import check_methods
 from mmt.evaluation.methods.running import run_cases
@@ -32,25 +29,17 @@ def print_methods(
     InputError
         A method or texture is not known, or a file cannot be written.
     """
-    methods = [name.strip() for name in compared.split(",")]
+    methods = names_of(compared) or []
     check_methods(methods)
-    if workers is not None and workers < 1:
-        raise InputError(f"--workers {workers}: at least 1")
-    chosen = None if textures is None else [name.strip() for name in textures.split(",")]
+    check_workers(workers)
+    chosen = names_of(textures)
     cases = simulated_cases(seeds, chosen)
     recorded, remarks = recorded_cases(strokes, chosen)
     for remark in remarks:
         messages.print(remark, highlight=False)
     cases += recorded
-    columns = (TextColumn("comparing"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=messages, transient=True) as progress:
-        task = progress.add_task("", total=len(cases))
-        judged = run_cases(
-            cases,
-            methods,
-            min(workers or os.cpu_count() or 1, len(cases)),
-            lambda done: progress.update(task, completed=done),
-        )
+    with counting("comparing", len(cases)) as done:
+        judged = run_cases(cases, methods, processes(workers, len(cases)), done)
     comparison = MethodComparison(tuple(methods), tuple(judged), tuple(remarks))
     for table in method_tables(comparison):
         output.print(as_rich(table))

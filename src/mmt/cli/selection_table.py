@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
 from mmt.cli.common import messages, output, write_json
+from mmt.cli.counting import counting
 from mmt.evaluation.selection.knocks import read_knocks
 from mmt.evaluation.selection.running import run_rows
 from mmt.evaluation.selection.scaling import measure_scaling
@@ -30,21 +29,8 @@ def print_selection(
     recorded = read_knocks(paths)
     if recorded:
         messages.print(f"{len(recorded)} recorded knocks; half of the planted ones are of these")
-    progress = Progress(
-        TextColumn("sample selection"),
-        BarColumn(),
-        TextColumn("{task.completed:.0f} of {task.total:.0f}"),
-        TimeElapsedColumn(),
-        console=messages,
-        transient=True,
-    )
-    with progress:
-        task = progress.add_task("selection", total=1)
-        results = run_rows(
-            seeds,
-            recorded,
-            progress=lambda done, every: progress.update(task, completed=done, total=every),
-        )
+    with counting("sample selection") as done:
+        results = run_rows(seeds, recorded, progress=done)
     evaluation = SelectionEvaluation(results, measure_scaling())
     for table in selection_tables(evaluation):
         output.print(as_rich(table))

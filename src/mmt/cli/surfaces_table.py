@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, track
-
 from mmt.cli.common import messages, output, write_json
+from mmt.cli.counting import Counted, counting
 from mmt.cli.reporting import scene_of
 from mmt.devices.simulated.course import course_from_annotations
 from mmt.errors import InputError
@@ -30,7 +29,8 @@ def print_surfaces(
     InputError
         A session has no course over known surfaces, or a file cannot be written.
     """
-    results = [_recorded(path) for path in _shown(paths)] if paths else _simulated(seeds)
+    with counting("sessions over several surfaces", len(paths) or 1) as done:
+        results = _recorded(paths, done) if paths else run_simulated(seeds, done)
     evaluation = SurfaceEvaluation(results)
     for table in surface_tables(evaluation):
         output.print(as_rich(table))
@@ -41,11 +41,15 @@ def print_surfaces(
         messages.print(f"report: {write_surface_report(report, evaluation)}", highlight=False)
 
 
-def _shown(paths: list[Path]) -> list[Path]:
-    return list(track(paths, "surfaces", console=messages, transient=True))
+def _recorded(paths: list[Path], done: Counted) -> list[SurfaceResult]:
+    results = []
+    for path in paths:
+        results.append(_score(path))
+        done(len(results))
+    return results
 
 
-def _recorded(path: Path) -> SurfaceResult:
+def _score(path: Path) -> SurfaceResult:
     session = read_session(path)
     scene = scene_of(session, None)
     modelling = (
@@ -58,19 +62,3 @@ def _recorded(path: Path) -> SurfaceResult:
         return run_session(path.stem, course, session.frames, modelling)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-
-
-def _simulated(seeds: int) -> list[SurfaceResult]:
-    progress = Progress(
-        TextColumn("sessions over several surfaces"),
-        BarColumn(),
-        TextColumn("{task.completed:.0f} of {task.total:.0f}"),
-        TimeElapsedColumn(),
-        console=messages,
-        transient=True,
-    )
-    with progress:
-        task = progress.add_task("surfaces", total=1)
-        return run_simulated(
-            seeds, lambda done, every: progress.update(task, completed=done, total=every)
-        )

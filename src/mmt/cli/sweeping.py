@@ -1,15 +1,14 @@
 """``mmt sweep``: sessions by settings, on local processes or a Dask cluster."""
 
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from mmt.cli.common import messages, output, write_json
+from mmt.cli.counting import check_workers, counting, processes
 from mmt.cli.reporting import scene_of
 from mmt.errors import InputError, MmtError
 from mmt.evaluation.document import Table
@@ -39,8 +38,7 @@ def sweep_files(
     """Evaluate every session with every combination; return whether all of them succeeded."""
     if workers is not None and dask is not None:
         raise InputError("--workers and --dask: give one, a cluster has its own workers")
-    if workers is not None and workers < 1:
-        raise InputError(f"--workers {workers}: at least 1")
+    check_workers(workers)
     settings = combinations(choices)
     sessions = {str(path): _read(path) for path in dict.fromkeys(paths)}
     jobs = [
@@ -56,8 +54,8 @@ def sweep_files(
     if dask is not None and missing:
         outcomes = run_on_dask(missing, needed, dask)
     else:
-        processes = min(workers or os.cpu_count() or 1, max(1, len(missing)))
-        outcomes = run_locally(missing, needed, processes) if missing else iter(())
+        wanted = processes(workers, len(missing))
+        outcomes = run_locally(missing, needed, wanted) if missing else iter(())
     failed = _collect(outcomes, results, len(missing), len(jobs))
     summary = _summary(jobs, settings, results)
     output.print(as_rich(_table(summary)))
@@ -85,15 +83,13 @@ def _collect(
 ) -> list[Outcome]:
     """Write results as they come, and show how many; return what failed."""
     failed = []
-    columns = (TextColumn("evaluating"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=messages) as progress:
-        task = progress.add_task("", total=count, completed=count - missing)
+    with counting("evaluating", count, done=count - missing, stays=True) as show:
         try:
-            for outcome in outcomes:
+            for done, outcome in enumerate(outcomes, count - missing + 1):
                 results.add(outcome)
                 if outcome.error is not None:
                     failed.append(outcome)
-                progress.advance(task)
+                show(done)
         except KeyboardInterrupt as error:
             raise MmtError(
                 f"interrupted: {len(results.lines)} results are kept in {results.path}; the "
