@@ -15,7 +15,10 @@ from matplotlib.figure import Figure
 from mmt.cli.reporting import evaluate, scene_of
 from mmt.evaluation import figures, growth
 from mmt.evaluation.results import Evaluation
+from mmt.evaluation.surfaces.figure import surfaces_over_time
+from mmt.evaluation.surfaces.recorded import part_by_surface
 from mmt.session import RecordedSession, read_session
+from mmt.texture.settings import ModellingSettings, SurfaceSettings
 
 MODE_COLOURS: Final[Mapping[str, str]] = {
     "streamed": figures.COLOURS[0],
@@ -24,12 +27,13 @@ MODE_COLOURS: Final[Mapping[str, str]] = {
 }
 
 
+SURFACES_S: Final = 40.0
+"""The time that the example scene of several surfaces lasts."""
+
+
 def main() -> None:
     """Run the demo, evaluate its recording, draw, and write."""
-    with tempfile.TemporaryDirectory() as directory:
-        command = [sys.executable, "-m", "mmt.cli.main", "demo", "demo", "--output", directory]
-        subprocess.run(command, check=True)  # noqa: S603 - our own interpreter and module
-        session = read_session(Path(directory) / "session.mcap")
+    session, several = (run(scene) for scene in ("demo", "two-surfaces"))
     evaluation = replace(evaluate(session, scene_of(session)), name="demo")
     few = replace(evaluation, held_out=evaluation.held_out[:3])
     write("model-growth", growth.model_growth(from_five_samples_on(evaluation), panels=3))
@@ -38,6 +42,16 @@ def main() -> None:
     write("gfc", figures.gfc_over_time([evaluation]))
     write("power-error", figures.power_error_map(evaluation))
     write("switch", vibration_at_the_switch(session))
+    settings = ModellingSettings(surfaces=SurfaceSettings())
+    write("surfaces", surfaces_over_time(part_by_surface(several, settings), SURFACES_S))
+
+
+def run(scene: str) -> RecordedSession:
+    """Run an example scene; return what it recorded."""
+    with tempfile.TemporaryDirectory() as directory:
+        command = [sys.executable, "-m", "mmt.cli.main", "demo", scene, "--output", directory]
+        subprocess.run(command, check=True)  # noqa: S603 - our own interpreter and module
+        return read_session(Path(directory) / "session.mcap")
 
 
 def from_five_samples_on(evaluation: Evaluation) -> Evaluation:

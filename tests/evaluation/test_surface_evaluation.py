@@ -1,6 +1,7 @@
 """Scores of sessions over several surfaces, with answers known beforehand."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -9,15 +10,21 @@ import pytest
 from typer.testing import CliRunner
 
 from mmt.cli.main import app
-from mmt.devices.simulated.course import SurfaceCourse
+from mmt.devices.simulated.course import CourseChange, SurfaceCourse
 from mmt.devices.simulated.offline import simulate_session
+from mmt.devices.simulated.surfaces import surface_from_annotations
 from mmt.devices.simulated.textures import get_surface
 from mmt.errors import InputError
+from mmt.evaluation.surfaces.blocks import account, stay_table
+from mmt.evaluation.surfaces.recorded import part_by_surface
 from mmt.evaluation.surfaces.running import SurfaceResult, run_session
 from mmt.evaluation.surfaces.scoring import Found, SurfaceScore, score
 from mmt.evaluation.surfaces.tables import SurfaceEvaluation, surface_tables, verdicts
 from mmt.scene import Scene
-from mmt.session.writing import write_session
+from mmt.scene_files import scene_from_tables
+from mmt.session.recorded import RecordedSession
+from mmt.session.writing import export_session, write_session
+from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.texture.surfaces import SurfaceChange
 
 SECOND = 1000
@@ -127,3 +134,82 @@ def test_a_session_on_one_surface_has_no_course(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["evaluate", "--surfaces", str(tmp_path / "one.mcap")])
     assert isinstance(result.exception, InputError)
     assert "single surface" in str(result.exception)
+
+
+# --- a recorded session by its surfaces
+
+
+@pytest.fixture(scope="module")
+def over_two() -> RecordedSession:
+    course = SurfaceCourse(
+        [get_surface("glass"), get_surface("sandpaper")],
+        [CourseChange(6000, 1, in_contact=True), CourseChange(12_000, 0, in_contact=False)],
+    )
+    frames, annotations = simulate_session(Scene(), course, 17.0, 4)
+    return RecordedSession(frames, annotations=annotations)
+
+
+def test_a_session_is_parted_by_its_surfaces(over_two: RecordedSession) -> None:
+    parts = part_by_surface(over_two, ModellingSettings(surfaces=SurfaceSettings()))
+    assert [(stay.surface, stay.truth) for stay in parts.stays] == [
+        (1, "glass"),
+        (2, "sandpaper"),
+        (1, "glass"),
+    ]
+    assert [a.to_s for a in parts.stays[:-1]] == [b.from_s for b in parts.stays[1:]]
+    assert (parts.stays[0].from_s, parts.stays[-1].to_s) == (0.0, 17.0)
+    assert parts.truth is not None
+    assert len(parts.truth) == len(over_two.frames)
+    lengths = {n: len(session.frames) for n, session in parts.sessions.items()}
+    assert sum(lengths.values()) == len(over_two.frames)
+    assert lengths[2] == round(1000 * (parts.stays[1].to_s - parts.stays[1].from_s))
+    assert parts.missing == {1: 0, 2: 0}
+    names = {n: surface_from_annotations(s.annotations).name for n, s in parts.sessions.items()}
+    assert names == {1: "glass", 2: "sandpaper"}
+    table = stay_table(parts)
+    assert len(table.rows) == 3
+    assert table.columns[-1] == "mostly on"
+    assert account(parts).startswith("2 surfaces in 3 stays; the tool was really on 2")
+
+
+def test_frames_that_are_missing_move_no_stay(over_two: RecordedSession) -> None:
+    sequence = over_two.frames["sequence"]
+    lacking = replace(over_two, frames=over_two.frames[(sequence < 3000) | (sequence >= 3100)])
+    parts = part_by_surface(lacking, ModellingSettings(surfaces=SurfaceSettings()))
+    assert [stay.surface for stay in parts.stays] == [1, 2, 1]
+    assert parts.stays[-1].to_s == 17.0
+    assert parts.missing == {1: 100, 2: 0}
+    assert parts.truth is not None
+    whole = part_by_surface(over_two, ModellingSettings(surfaces=SurfaceSettings())).truth
+    assert whole is not None
+    np.testing.assert_array_equal(
+        np.flatnonzero(np.diff(parts.truth)) + 100, np.flatnonzero(np.diff(whole))
+    )
+
+
+def test_without_a_known_course_stays_have_no_truth(over_two: RecordedSession) -> None:
+    parts = part_by_surface(
+        replace(over_two, annotations=b""), ModellingSettings(surfaces=SurfaceSettings())
+    )
+    assert [stay.truth for stay in parts.stays] == [None] * 3
+    assert stay_table(parts).columns[-1] == "found at (s)"
+    assert parts.sessions[1].annotations == b""
+
+
+def test_the_report_has_the_model_of_each_surface(
+    over_two: RecordedSession, tmp_path: Path
+) -> None:
+    scene = scene_from_tables({"link": {}, "replay": {}, "texture": {"surfaces": {}}})
+    path = tmp_path / "two.mcap"
+    export_session(replace(over_two, scene=scene.dump()), path)
+    result = CliRunner().invoke(
+        app, ["evaluate", str(path), "--report", str(tmp_path), "--json", str(tmp_path / "e.json")]
+    )
+    assert result.exit_code == 0, result.output
+    sessions = json.loads((tmp_path / "e.json").read_text())["sessions"]
+    assert [session["session"] for session in sessions] == ["two, surface 1", "two, surface 2"]
+    assert [session["surface"] for session in sessions] == ["glass", "sandpaper"]
+    assert all(session["at_end"]["within_jnd"] > 0.5 for session in sessions)
+    report = (tmp_path / "report.md").read_text()
+    assert "2 surfaces in 3 stays" in report
+    assert (tmp_path / "figures" / "surfaces.png").stat().st_size > 5000

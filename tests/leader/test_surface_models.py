@@ -251,13 +251,13 @@ def test_the_summary_has_every_stay_and_the_state_of_every_model(leader: Leader)
         left=left,
     )
     assert leader.log.surfaces is not None
-    table = leader.log.surfaces.as_dict()
+    table = leader.log.surfaces.as_dict(18.0)
     assert (table["now"], table["known"]) == (1, 2)
-    assert table["1"]["stays"] == [{"from_s": 0.0, "to_s": 9.0}, {"from_s": 15.0, "to_s": None}]
+    assert table["1"]["stays"] == [{"from_s": 0.0, "to_s": 9.0}, {"from_s": 15.0, "to_s": 18.0}]
     assert table["2"]["stays"] == [{"from_s": 9.0, "to_s": 15.0}]
     assert (table["1"]["start_s"], table["1"]["stop_s"]) == (4.0, 8.0)
     assert (table["2"]["start_s"], table["2"]["stop_s"]) == (13.3, None)
-    assert [(c["kind"], c["surface"], c["from_s"], c["time_s"]) for c in table["changes"]] == [
+    assert [(c["kind"], c["surface"], c["from_s"], c["found_s"]) for c in table["changes"]] == [
         ("new", 2, 9.0, 9.3),
         ("recalled", 1, 15.0, 15.3),
     ]

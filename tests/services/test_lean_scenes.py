@@ -73,6 +73,7 @@ NUMERICS = {"numba", "scipy", "mmt.compiled"}
 NETWORK = {"mmt.link", "socketio", "aiohttp", "msgpack"}
 FILES = {"mmt.session", "mcap", "google.protobuf", "zstandard"}
 MODEL = {*NUMERICS, "mmt.texture.modelling", "mmt.texture.synthesis"}
+SURFACES = {"mmt.texture.surfaces", "mmt.leader.model_crossfade"}
 HAND = "mmt.devices.simulated.hand"
 ACTUATOR = "mmt.devices.simulated.actuator"
 RECORDER = "mmt.session.recording"
@@ -104,6 +105,8 @@ EXPECTED: dict[str, set[str]] = {
     "follower virtual-lab": {*NETWORK, DEVICE_SOURCE},
     "leader anisotropic": {*NETWORK, *MODEL, *FILES, RECORDER, HAND, ACTUATOR},
     "follower anisotropic": {*NETWORK, SIMULATED},
+    "leader two-surfaces": {*NETWORK, *MODEL, *FILES, *SURFACES, RECORDER, HAND, ACTUATOR},
+    "follower two-surfaces": {*NETWORK, SIMULATED},
     "leader devices": {*NETWORK, ACTUATOR},
     "follower devices": {*NETWORK, DEVICE_SOURCE},
 }
@@ -119,7 +122,7 @@ FEEDBACK = {
     "mmt.contact.passivity",
     "mmt.contact.estimation",
 }
-WATCHED = {*NETWORK, *MODEL, *FILES, *SOURCES, *FEEDBACK, RECORDER, HAND, ACTUATOR}
+WATCHED = {*NETWORK, *MODEL, *FILES, *SOURCES, *FEEDBACK, *SURFACES, RECORDER, HAND, ACTUATOR}
 NEVER = {
     "mmt.leader.monitor",
     "mmt.leader.warming",
@@ -213,7 +216,8 @@ def test_the_numerics_are_where_a_model_is() -> None:
     """Holds the table above: streaming and devices need neither numba nor scipy."""
     with_numerics = {name for name, expected in EXPECTED.items() if expected & NUMERICS}
     assert with_numerics == {
-        f"leader {name}" for name in ("demo", "replay", "model-only", "virtual-lab", "anisotropic")
+        f"leader {name}"
+        for name in ("demo", "replay", "model-only", "virtual-lab", "anisotropic", "two-surfaces")
     }
 
 

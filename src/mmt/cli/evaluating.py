@@ -1,13 +1,15 @@
 """``mmt evaluate``: recorded sessions, faster than real time."""
 
 from pathlib import Path
+from typing import Any
 
 from rich.progress import track
 
 from mmt.cli.common import messages, output, write_json
-from mmt.cli.reporting import evaluate, scene_of
+from mmt.cli.reporting import evaluate_all, scene_of
+from mmt.evaluation.document import Block
 from mmt.evaluation.report import write_report
-from mmt.evaluation.results import evaluations_as_dict
+from mmt.evaluation.results import Evaluation, evaluations_as_dict
 from mmt.evaluation.table import evaluation_table, heading_tables, step_table
 from mmt.session import read_session
 
@@ -22,12 +24,16 @@ def evaluate_files(
     report: Path | None,
 ) -> None:
     """Evaluate session files, print the table, and write what is asked for."""
-    evaluations, scenes = [], []
+    evaluations: list[Evaluation] = []
+    scenes: list[dict[str, Any]] = []
+    more: list[Block] = []
     for path in track(paths, "evaluating", console=messages, transient=True):
         session = read_session(path)
         scene = scene_of(session, scene_file)
-        evaluations.append(evaluate(session, scene, step_s=step_s, seed=seed))
-        scenes.append(scene.dump())
+        found, blocks = evaluate_all(session, scene, step_s=step_s, seed=seed)
+        evaluations += found
+        more += blocks
+        scenes += [scene.dump()] * len(found)
     if len(evaluations) == 1:
         output.print(step_table(evaluations[0]))
     output.print(evaluation_table(evaluations))
@@ -44,5 +50,5 @@ def evaluate_files(
         one = all(scene == scenes[0] for scene in scenes)
         names = [evaluation.name for evaluation in evaluations]
         shown = scenes[0] if one else dict(zip(names, scenes, strict=True))
-        write_report(report, evaluations, title="Evaluation", scene=shown)
+        write_report(report, evaluations, title="Evaluation", scene=shown, more=more)
         messages.print(f"report: {report / 'report.html'}", highlight=False)

@@ -42,6 +42,7 @@ def write_report(
     title: str = "Evaluation",
     scene: Mapping[str, Any] | None = None,
     run: Mapping[str, object] | None = None,
+    more: Sequence[Block] = (),
 ) -> Path:
     """Write ``report.md``, ``report.html``, ``summary.json`` and the figures.
 
@@ -57,6 +58,8 @@ def write_report(
         The resolved scene as tables.
     run
         What the services said of themselves, as nested tables: one section for each key.
+    more
+        What else there is to say, behind the overview.
 
     Returns
     -------
@@ -71,6 +74,7 @@ def write_report(
     blocks: list[Block] = [Heading(title, 1)]
     if evaluations:
         blocks += _overview(evaluations)
+    blocks += more
     if run:
         blocks += tables.run_blocks(run)
     for place, evaluation in enumerate(evaluations):

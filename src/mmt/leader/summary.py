@@ -111,7 +111,7 @@ def summarise(
         outcome=outcome,
         session={"name": name, "id": log.session_id, "duration_s": round(duration_s, 3)},
         link=asdict(link) if link is not None else {},
-        texture=_texture(log, parts),
+        texture=_texture(log, parts, duration_s),
         vibration=_vibration(log, parts, clock_offset_ns),
         ticks={
             **asdict(ticks),
@@ -129,7 +129,7 @@ def summarise(
     )
 
 
-def _texture(log: RunLog, parts: LeaderParts) -> dict[str, Any]:
+def _texture(log: RunLog, parts: LeaderParts, duration_s: float) -> dict[str, Any]:
     if parts.modelling is None:
         return {}
     update, seconds = log.update, log.update_seconds
@@ -142,7 +142,7 @@ def _texture(log: RunLog, parts: LeaderParts) -> dict[str, Any]:
         "start_s": log.start_s,
         "stop_s": log.stop_s,
         **({"warm": log.warm.as_dict()} if log.warm is not None else {}),
-        **({"surfaces": log.surfaces.as_dict()} if log.surfaces is not None else {}),
+        **({"surfaces": log.surfaces.as_dict(duration_s)} if log.surfaces is not None else {}),
         "updates": len(seconds),
         "update_median_ms": round(1e3 * statistics.median(seconds), 2) if seconds else None,
         "update_longest_ms": round(1e3 * max(seconds), 2) if seconds else None,

@@ -42,15 +42,15 @@ class SurfaceEntry:
         begun_s, _ = self.stays[-1]
         self.stays[-1] = (begun_s, time_s)
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the entry for a program."""
+    def as_dict(self, end_s: float) -> dict[str, Any]:
+        """Return the entry for a program; an open stay lasts until `end_s`."""
         return {
             "samples": self.samples,
             "distance": None if self.distance is None else round(self.distance, 3),
             "start_s": self.start_s,
             "stop_s": self.stop_s,
             "stays": [
-                {"from_s": round(a, 3), "to_s": None if b is None else round(b, 3)}
+                {"from_s": round(a, 3), "to_s": round(end_s if b is None else b, 3)}
                 for a, b in self.stays
             ],
         }
@@ -95,9 +95,10 @@ class SurfaceLog:
                 state = next(left)
                 from_s = since_s + state.time_s
                 self._go(change, state, from_s)
-            details = {**asdict(change), "from_s": round(from_s, 3)}
-            self.changes.append({"time_s": round(update.time_s, 3), **details})
-            told.append((_SENTENCES[change.kind].format(change, from_s), details))
+            found = {"found_s": round(update.time_s, 3), "kind": change.kind}
+            found |= {"surface": change.surface, "from_s": round(from_s, 3)}
+            self.changes.append(found)
+            told.append((_SENTENCES[change.kind].format(change, from_s), asdict(change) | found))
         self.entry.take(update, update.time_s)
         del self.changes[:-_LONGEST]
         return told
@@ -119,13 +120,13 @@ class SurfaceLog:
         self.current = change.surface
         return stays[0][0]
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return everything for a program."""
+    def as_dict(self, end_s: float) -> dict[str, Any]:
+        """Return everything for a program, at the session's end."""
         return {
             "now": self.current,
             "known": self.known,
             "changes": self.changes,
-            **{str(number): entry.as_dict() for number, entry in sorted(self.entries.items())},
+            **{str(number): entry.as_dict(end_s) for number, entry in sorted(self.entries.items())},
         }
 
 

@@ -16,9 +16,10 @@ from mmt.evaluation.surfaces.scoring import Found, SurfaceScore, score
 from mmt.scene import Scene
 from mmt.texture.filtering import StreamFilter
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
+from mmt.texture.surfaces.modelling import LOOK_S
 from mmt.texture.surfaces.tracking import SurfaceTracker
 
-LOOK_FRAMES: Final = 50
+LOOK_FRAMES: Final = round(1000 * LOOK_S)
 """The tracker gets so many frames at a time, as the leader's does."""
 
 COUNTS: Final = (2, 3, 4, 5, 6)

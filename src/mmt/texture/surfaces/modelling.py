@@ -19,7 +19,7 @@ from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.texture.surfaces.detection import SurfaceChange
 from mmt.texture.surfaces.tracking import SurfaceTracker
 
-LOOK_S: Final = 0.1
+LOOK_S: Final = 0.05
 """Time between two looks at the stream."""
 
 REMEMBERED_S: Final = 30.0
