@@ -12,9 +12,10 @@ from mmt.errors import InputError
 from mmt.texture.autoregression import lsf_to_reflection, output_power, reflection_to_lsf
 from mmt.texture.effective_length import LEAST, effective_samples, log_power_scatter
 from mmt.texture.inputs import ANISOTROPIC, ISOTROPIC
+from mmt.texture.level_choice import log_posterior
 from mmt.texture.level_covariance import PRIOR, Features, departures, features
 from mmt.texture.level_pooling import LevelSamples, pooled
-from mmt.texture.level_process import DB, LevelProcess, log_posterior
+from mmt.texture.level_process import DB, LevelProcess
 from mmt.texture.model import TextureModel
 from mmt.texture.samples import TextureSamples
 from mmt.texture.synthesis import Synthesizer

@@ -219,3 +219,42 @@ def mean_on_grid(
     both = (speed[:, None, :] * force[None, :, :]).reshape(-1, len(weights))
     turning = (around * weights) @ both.T
     return np.asarray(total + turning.reshape(len(grid.heading), *total.shape))
+
+
+def nodes(axes: Features) -> Features:
+    """Return every node of a grid, shape (g,) each: headings outermost, forces innermost."""
+    heading, speed, force = np.meshgrid(axes.heading, axes.speed, axes.force, indexing="ij")
+    return Features(speed.ravel(), force.ravel(), heading.ravel())
+
+
+def covariance_on_grid(axes: Features, at: Features, logarithms: FloatArray) -> FloatArray:
+    """Return the prior covariance of a grid's nodes, see `nodes`, and n strokes, shape (g, n).
+
+    The same as `covariance`, with exponentials for the nodes of each axis alone.
+
+    Parameters
+    ----------
+    axes
+        Of the grid, each of a shape of its own; one heading where the heading does not count.
+    at
+        The strokes.
+    logarithms
+        Of the hyperparameters, shape (4,), or (10,) where the heading counts.
+    """
+    h = np.exp(logarithms)
+    apart_speed = np.abs(np.subtract.outer(axes.speed, at.speed))[:, None]
+    apart_force = np.abs(np.subtract.outer(axes.force, at.force))[None]
+
+    def plane(speed_scale: float, force_scale: float) -> FloatArray:
+        return matern(apart_speed, speed_scale)[0] * matern(apart_force, force_scale)[0]
+
+    total = h[0] ** 2 * plane(h[1], h[2]) + _FREE
+    total += _SPREAD[0] ** 2 * np.multiply.outer(axes.speed, at.speed)[:, None]
+    total += _SPREAD[1] ** 2 * np.multiply.outer(axes.force, at.force)[None]
+    if len(logarithms) == PLANAR:
+        return np.asarray(total.reshape(-1, len(at.speed)))
+    angle = np.subtract.outer(axes.heading, at.heading)
+    around = h[4] ** 2 * half_periodic(np.sin(angle) ** 2, h[5])[0]
+    around += h[6] ** 2 * periodic(np.sin(0.5 * angle) ** 2, h[7])[0]
+    total = total + around[:, None, None] * plane(h[8], h[9])
+    return np.asarray(total.reshape(-1, len(at.speed)))

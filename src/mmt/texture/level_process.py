@@ -20,11 +20,12 @@ from typing import Final
 
 import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
-from scipy.optimize import minimize
 
 from mmt.arrays import FloatArray
 from mmt.errors import InputError
 from mmt.texture.effective_length import UNKNOWN, log_power_scatter
+from mmt.texture.effective_sharing import shared_effective
+from mmt.texture.level_choice import BOUND, add_noise, choose_hyperparameters
 from mmt.texture.level_covariance import (
     NOISE,
     PLANAR,
@@ -32,12 +33,13 @@ from mmt.texture.level_covariance import (
     Departures,
     Features,
     covariance,
-    covariance_and_slopes,
+    covariance_on_grid,
     departure_variance,
     departures,
     features,
     law_variance,
     mean_on_grid,
+    nodes,
 )
 from mmt.texture.level_pooling import LevelSamples, pooled
 from mmt.texture.level_table import table_grid
@@ -49,17 +51,11 @@ DB: Final = 10.0 / np.log(10.0)
 LARGEST: Final = 200
 """Samples of the process; where there are more, those that lie closest are pooled."""
 
-LARGEST_CHOICE: Final = 100
-"""Samples, evenly chosen among all, that choose the hyperparameters."""
-
 _GROWTH: Final = 1.25
-_SEARCH_STEPS: Final = 25
-_BOUND: Final = 3.0  # standard deviations of the prior
 _LEAST_EXPONENT: Final = 0.2
 _RISE: Final = 6.0  # nepers above the loudest sample, at most
 _LEAST: Final = -690.0  # nepers, above what underflows
 _LEAST_SHARE: Final = 0.1  # of a power that is the texture's, however much is noise
-_JITTER: Final = 1e-10
 
 
 class LevelProcess:
@@ -104,6 +100,7 @@ class LevelProcess:
         logarithm = np.log(power[known]) + np.log(share) - bias
         variance = variance / share**2  # of ln(power - noise), to first order
         self._loudest = float(logarithm.max())
+        self._variance = variance
         every = LevelSamples(features(points[known]), logarithm, variance)
         self._samples = every = pooled(every, LARGEST)
         self._middle = float(np.mean(every.logarithm - every.at.law))
@@ -144,6 +141,29 @@ class LevelProcess:
         variance -= np.einsum("ij,ij->j", explained, explained)
         return DB * mean, DB * np.sqrt(np.maximum(variance, 0.0))
 
+    def covariance_on_grid(self, axes: Features) -> FloatArray:
+        """Return the posterior covariance of the level among a grid's nodes, (g, g), nepers^2.
+
+        Parameters
+        ----------
+        axes
+            Logarithms of speeds and forces, and headings (one in the plane), each of a shape of
+            its own; the nodes are in the order of `level_covariance.nodes`.
+        """
+        h = self.hyperparameters
+        prior = covariance_on_grid(axes, self._samples.at, h)
+        explained = solve_triangular(
+            self._factor, prior.T, lower=True, check_finite=False, overwrite_b=True
+        )
+        posterior = covariance_on_grid(axes, nodes(axes), h) - explained.T @ explained
+        return np.asarray(posterior)
+
+    @property
+    def segment_variance(self) -> float:
+        """What a further segment's power would scatter by, nepers^2: as the median one's does."""
+        noise = np.exp(2.0 * self.hyperparameters[NOISE]) * self._variance
+        return float(np.median(noise))
+
     def table(self) -> FloatArray:
         """Return the mean, in nepers, on the grid of `mmt.texture.level_table`.
 
@@ -177,6 +197,8 @@ def level_process(
     if not (samples.power > 0.0).any():
         return None
     effective = samples.effective
+    if effective is not None:
+        effective = shared_effective(samples.points, samples.lsf, effective)
     return LevelProcess(
         samples.points,
         samples.power,
@@ -195,7 +217,7 @@ def _checked(hyperparameters: FloatArray, *, directed: bool) -> FloatArray:
         raise InputError(
             f"hyperparameters have shape {values.shape}: {middle.shape} and finite numbers needed"
         )
-    return np.clip(values, middle - _BOUND * spread, middle + _BOUND * spread)
+    return np.clip(values, middle - BOUND * spread, middle + BOUND * spread)
 
 
 def _fall(levels: FloatArray, axis: FloatArray, lowest: float) -> None:
@@ -209,84 +231,5 @@ def _fall(levels: FloatArray, axis: FloatArray, lowest: float) -> None:
 def _factor(between: Departures, variance: FloatArray, logarithms: FloatArray) -> FloatArray:
     """Return the lower Cholesky factor of the samples' covariance, noise included."""
     total = covariance(between, logarithms)
-    _add_noise(total, variance, logarithms)
+    add_noise(total, variance, logarithms)
     return np.asarray(cholesky(total, lower=True, overwrite_a=True, check_finite=False))
-
-
-def _add_noise(total: FloatArray, variance: FloatArray, logarithms: FloatArray) -> FloatArray:
-    """Add the samples' noise to their covariance; return it, shape (n,)."""
-    noise = np.exp(2.0 * logarithms[NOISE]) * variance
-    diagonal = np.einsum("ii->i", total)
-    diagonal += noise + _JITTER * diagonal
-    return np.asarray(noise)
-
-
-def log_posterior(
-    between: Departures, residuals: FloatArray, variance: FloatArray, logarithms: FloatArray
-) -> tuple[float, FloatArray]:
-    """Return the log of the hyperparameters' posterior, but for a constant, and its slopes.
-
-    Rasmussen and Williams, eq. 5.8 and 5.9, plus the logarithm of the prior.
-
-    Parameters
-    ----------
-    between
-        Among the samples.
-    residuals, variance
-        Logarithms of power without the usual law, and their variances, shape (n,).
-    logarithms
-        Of the hyperparameters, shape (4,) or (10,).
-    """
-    total, slopes = covariance_and_slopes(between, logarithms)
-    noise = _add_noise(total, variance, logarithms)
-    factor = cholesky(total, lower=True, overwrite_a=True, check_finite=False)
-    weights = cho_solve((factor, True), residuals, check_finite=False)
-    inverse = cho_solve((factor, True), np.eye(len(residuals)), check_finite=False)
-    gain = np.multiply.outer(weights, weights) - inverse
-    slope = np.empty(len(logarithms))
-    for number, matrix in slopes.items():
-        slope[number] = 0.5 * np.einsum("ij,ij->", gain, matrix)
-    slope[NOISE] = np.einsum("ii,i->", gain, noise)
-    value = -0.5 * float(residuals @ weights) - float(np.log(np.einsum("ii->i", factor)).sum())
-    middle, spread = PRIOR[: len(logarithms)].T
-    off = (logarithms - middle) / spread
-    return value - 0.5 * float(off @ off), slope - off / spread
-
-
-def choose_hyperparameters(
-    samples: LevelSamples,
-    residuals: FloatArray,
-    start: FloatArray | None = None,
-    *,
-    directed: bool,
-) -> FloatArray:
-    """Return the logarithms of the likeliest hyperparameters, shape (4,) or (10,).
-
-    Parameters
-    ----------
-    samples, residuals
-        The samples and their logarithms without the usual law; `LARGEST_CHOICE` of them count.
-    start
-        Where the search begins, None for the middle of the prior.
-    directed
-        Whether the heading counts.
-    """
-    middle, spread = PRIOR[: len(PRIOR) if directed else PLANAR].T
-    count = len(residuals)
-    chosen = np.unique(np.linspace(0, count - 1, min(count, LARGEST_CHOICE)).round().astype(int))
-    at = Features(*(values[chosen] for values in samples.at))
-    between = departures(at, at, directed=directed)
-
-    def cost(logarithms: FloatArray) -> tuple[float, FloatArray]:
-        found = log_posterior(between, residuals[chosen], samples.variance[chosen], logarithms)
-        return -found[0], -found[1]
-
-    result = minimize(
-        cost,
-        middle if start is None else start,
-        jac=True,
-        method="L-BFGS-B",
-        bounds=np.column_stack([middle - _BOUND * spread, middle + _BOUND * spread]),
-        options={"maxiter": _SEARCH_STEPS},
-    )
-    return np.asarray(result.x)
