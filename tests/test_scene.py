@@ -40,6 +40,12 @@ def test_every_part_concerns_a_service() -> None:
         ({**SIMULATED, "texture": {"order": "some"}}, ["texture.order", "'some'"]),
         ({**SIMULATED, "texture": {"axis": "w"}}, ["texture.axis", "dft321"]),
         ({**SIMULATED, "texture": {"stop_distance": 9.0}}, ["stop_distance"]),
+        (
+            {**SIMULATED, "texture": {"criterion": "uncertainty"}},
+            ['criterion is "uncertainty"', 'set level to "gaussian_process"'],
+        ),
+        ({**SIMULATED, "texture": {"stop_share": 0.5}}, ["stop_share is 0.5", "start_share 0.75"]),
+        ({**SIMULATED, "texture": {"start_share": 1.0}}, ["texture.start_share"]),
         ({**SIMULATED, "hand": {"fastest_mm_s": 10.0}}, ["fastest_mm_s", "slowest_mm_s"]),
         ({"texture": {}}, ["[texture]", "add [link]"]),
         ({"link": {}, "texture": {}}, ["source", "[simulated], [replay], [devices]"]),

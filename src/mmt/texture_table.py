@@ -6,6 +6,9 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from mmt.texture.settings import (
     AUTOMATIC,
+    START_SHARE,
+    STOP_SHARE,
+    Criterion,
     Inputs,
     Interpolated,
     Interpolation,
@@ -56,6 +59,9 @@ class Texture(BaseModel):
     inputs: Inputs = "isotropic"
     start_distance: _Distance = "auto"
     stop_distance: _Distance = "auto"
+    criterion: Criterion = "distance"
+    start_share: float = Field(START_SHARE, gt=0, lt=1)
+    stop_share: float = Field(STOP_SHARE, gt=0, lt=1)
     interpolate: Interpolated = "power"
     interpolator: Interpolation = "delaunay"
     level: Level = "interpolated"
@@ -72,6 +78,16 @@ class Texture(BaseModel):
             raise ValueError(
                 f"stop_distance is {settings.stop_distance:g} and start_distance "
                 f"{settings.start_distance:g}: stop_distance must not exceed start_distance"
+            )
+        if self.stop_share < self.start_share:
+            raise ValueError(
+                f"stop_share is {self.stop_share:g} and start_share {self.start_share:g}: "
+                "stop_share must not be below start_share"
+            )
+        if self.criterion == "uncertainty" and self.level != "gaussian_process":
+            raise ValueError(
+                f'criterion is "uncertainty" and level "{self.level}", whose error is not known: '
+                'set level to "gaussian_process", or leave criterion at "distance"'
             )
         if self.level != "interpolated" and self.interpolate != "power":
             raise ValueError(

@@ -12,13 +12,20 @@ diagonal, and so does the sum here.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import reduce
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from mmt.arrays import FloatArray
+from mmt.texture.aligned import AlignedBlock
+from mmt.texture.criterion import Progress, Thresholds
+from mmt.texture.inputs import ANISOTROPIC, ISOTROPIC
+from mmt.texture.settings import distance_scale
+
+if TYPE_CHECKING:
+    from mmt.texture.model import TextureModel
 
 DIVISIONS: Final = 3
 NEIGHBOURS: Final = 3
@@ -152,53 +159,51 @@ def distance_sum(points: FloatArray) -> float:
     return float(cell_distances(points).sum())
 
 
-@dataclass
-class CompletionMonitor:
-    """Remember which of the two criteria the model has met.
+class CompletionMonitor(Thresholds):
+    """Remember which of the two criteria the model has met; see `mmt.texture.criterion`.
 
-    Attributes
+    Parameters
     ----------
     start_distance, stop_distance
         Thresholds on `distance_sum`.
     dimensions
         Of the model's input space.
-    distance
-        The newest sum.
-    start_s, stop_s
-        The session time at which each criterion was first met, None before.
     """
 
-    start_distance: float = START_DISTANCE
-    stop_distance: float = STOP_DISTANCE
-    dimensions: int = 2
-    distance: float = field(init=False)
-    start_s: float | None = field(default=None, init=False)
-    stop_s: float | None = field(default=None, init=False)
+    def __init__(
+        self,
+        start_distance: float = START_DISTANCE,
+        stop_distance: float = STOP_DISTANCE,
+        dimensions: int = 2,
+    ) -> None:
+        super().__init__(distance_scale(start_distance, stop_distance))
+        self._dimensions = dimensions
+        self._space = ISOTROPIC if dimensions == 2 else ANISOTROPIC
+        self.progress = self._at(np.empty((0, dimensions)))
 
-    def __post_init__(self) -> None:
-        self.distance = cells_of(self.dimensions).empty
+    def observe(self, block: AlignedBlock) -> None:
+        """Take the newest of the stream, which says nothing here."""
 
-    def update(self, points: FloatArray, time_s: float) -> None:
+    def update(self, model: "TextureModel | None", time_s: float) -> None:
+        """Take the model at a session time in seconds."""
+        self.take(np.empty((0, self._dimensions)) if model is None else model.points, time_s)
+
+    def take(self, points: FloatArray, time_s: float) -> None:
         """Take the samples (n, d) of the model at a session time in seconds."""
-        self.distance = distance_sum(points)
-        if self.start_s is None and self.distance <= self.start_distance:
-            self.start_s = time_s
-        if self.stop_s is None and self.distance <= self.stop_distance:
-            self.stop_s = time_s
-
-    def take_back(self, since_s: float) -> None:
-        """Count a criterion that was met later than `since_s` as not met where it is not."""
-        if self.start_s is not None and self.start_s > since_s:
-            self.start_s = self.start_s if self.distance <= self.start_distance else None
-        if self.stop_s is not None and self.stop_s > since_s:
-            self.stop_s = self.stop_s if self.distance <= self.stop_distance else None
+        self.progress = self._at(points)
+        self.meet(self.progress.value, time_s)
 
     @property
-    def started(self) -> bool:
-        """Whether rendering from the model may start."""
-        return self.start_s is not None
+    def distance(self) -> float:
+        """The newest sum."""
+        return self.progress.value
 
-    @property
-    def stopped(self) -> bool:
-        """Whether modelling is to end."""
-        return self.stop_s is not None
+    def _at(self, points: FloatArray) -> Progress:
+        distances = cell_distances(points)
+        centres = cells_of(self._dimensions).centres * self._space.scale
+        return Progress(
+            scale=self.scale,
+            value=float(distances.sum()),
+            cells=tuple(distances.tolist()),
+            advice=tuple(centres[int(np.argmax(distances))].tolist()) if len(points) else None,
+        )

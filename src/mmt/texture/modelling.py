@@ -18,7 +18,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mmt.arrays import FloatArray, RecordArray
-from mmt.texture.completion import CompletionMonitor
+from mmt.texture.completion import distance_sum
+from mmt.texture.criterion import Criterion, Progress, criterion_of
 from mmt.texture.filtering import StreamFilter
 from mmt.texture.fits import Fit, automatic_order, fit_segments, samples_of
 from mmt.texture.inputs import InputSpace
@@ -45,9 +46,9 @@ class ModelUpdate:
     """What one update did.
 
     ``time_s`` is the session time of the newest frame, ``distance`` the completion sum,
-    ``durations_s`` the seconds spent on each stage. ``outliers`` counts
-    the fits that a selection keeps out of the model, ``redundant`` those that have left it
-    for good.
+    ``progress`` what the criterion in use says, ``durations_s`` the seconds spent on each stage.
+    ``outliers`` counts the fits that a selection keeps out of the model, ``redundant`` those that
+    have left it for good.
 
     Where surfaces are told apart, ``surface`` is the number of the one that all this is of,
     ``changes`` says which changes this update brings to light, in order, and ``left`` what
@@ -59,6 +60,7 @@ class ModelUpdate:
     added: int
     removed: int
     distance: float
+    progress: Progress
     order: int | None
     started: bool
     stopped: bool
@@ -109,9 +111,7 @@ class OnlineModeller:
             ),
             overlap_samples=self.settings.overlap_samples,
         )
-        self.completion = CompletionMonitor(
-            self.settings.start_distance, self.settings.stop_distance, self.space.dimensions
-        )
+        self.completion: Criterion = criterion_of(self.settings)
         self.order: int | None = None if self.settings.order == "auto" else self.settings.order
         self.fits: dict[SegmentRange, Fit] = {}
         self._numbers = itertools.count()
@@ -155,6 +155,7 @@ class OnlineModeller:
             self._time_s = elapsed / self.settings.rate_hz
         aligned = self._filter.process(frames)
         self._noise.update(aligned)
+        self.completion.observe(aligned)
         clock.lap("filter")
         yield None
         clock.resume()
@@ -176,7 +177,7 @@ class OnlineModeller:
                 clock.resume()
             self._rebuild()
         clock.lap("triangulate")
-        self.completion.update(self._points(self._chosen), self._time_s)
+        self.completion.update(self.model, self._time_s)
         clock.lap("completion")
         yield self._state(len(added), removed, clock.laps)
 
@@ -195,7 +196,7 @@ class OnlineModeller:
             self._choose()
             self._rebuild()
             since_s = (from_sample - (self._first_sequence or 0)) / self.settings.rate_hz
-            self.completion.update(self._points(self._chosen), self._time_s)
+            self.completion.update(self.model, self._time_s)
             self.completion.take_back(since_s)
         return self._state(0, removed, {})
 
@@ -205,7 +206,8 @@ class OnlineModeller:
             samples=len(self._chosen),
             added=added,
             removed=removed,
-            distance=self.completion.distance,
+            distance=distance_sum(self._points(self._chosen)),
+            progress=self.completion.progress,
             order=self.order,
             started=self.completion.started,
             stopped=self.completion.stopped,

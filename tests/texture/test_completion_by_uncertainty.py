@@ -1,0 +1,240 @@
+"""The share that is expected to be right: known answers, properties, and where to stroke next."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mmt.texture.aligned import AlignedBlock
+from mmt.texture.completion import CompletionMonitor, cells_of
+from mmt.texture.completion_by_uncertainty import UncertaintyCriterion
+from mmt.texture.completion_grid import completion_grid
+from mmt.texture.criterion import criterion_of
+from mmt.texture.inputs import ANISOTROPIC, ISOTROPIC
+from mmt.texture.level_covariance import covariance, covariance_on_grid, departures, features
+from mmt.texture.level_outlook import outlook, right_probability
+from mmt.texture.level_process import LevelProcess
+from mmt.texture.metrics import JND_DB
+from mmt.texture.model import TextureModel
+from mmt.texture.samples import TextureSamples
+from mmt.texture.settings import START_SHARE, STOP_SHARE, Inputs, ModellingSettings
+from mmt.texture.stroking_density import PRIOR_S, StrokingDensity
+
+DIMENSIONS = pytest.mark.parametrize("dimensions", [2, 3])
+
+
+def strokes(count: int, dimensions: int, seed: int = 0, largest: float = 0.95) -> np.ndarray:
+    random = np.random.default_rng(seed)
+    speed, force = random.uniform(0.1, largest, (2, count))
+    if dimensions == 2:
+        return np.column_stack([speed, force])
+    heading = random.uniform(-np.pi, np.pi, count)
+    return np.column_stack([speed * np.cos(heading), speed * np.sin(heading), force])
+
+
+def process_of(points: np.ndarray, hyperparameters: np.ndarray | None = None) -> LevelProcess:
+    speed = np.hypot(*points[:, :-1].T) if points.shape[1] == 3 else points[:, 0]
+    power = speed * points[:, -1] ** 0.7
+    return LevelProcess(points, power, np.full(len(points), 80.0), hyperparameters=hyperparameters)
+
+
+def model_of(points: np.ndarray, power: float = 1.0) -> TextureModel:
+    space = ISOTROPIC if points.shape[1] == 2 else ANISOTROPIC
+    speed = np.hypot(*points[:, :-1].T) if points.shape[1] == 3 else points[:, 0]
+    level = power * speed * points[:, -1] ** 0.7
+    lsf = np.tile([0.5, 1.0, 2.0, 2.5], (len(points), 1))
+    samples = TextureSamples(
+        points * space.scale, lsf, 0.5 * level, level, space, np.full(len(points), 80.0)
+    )
+    return TextureModel(samples, level="gaussian_process")
+
+
+def motion(
+    seconds: float, speed_mm_s: float, force_n: float, heading: float = 0.0, *, valid: bool = True
+) -> AlignedBlock:
+    count = round(1000 * seconds)
+    velocity = np.tile([speed_mm_s * math.cos(heading), speed_mm_s * math.sin(heading)], (count, 1))
+    return AlignedBlock(
+        index=np.arange(count),
+        time_ns=np.arange(count) * 1_000_000,
+        position_mm=np.zeros((count, 3)),
+        velocity_mm_s=velocity,
+        speed_mm_s=np.full(count, speed_mm_s),
+        normal_force_n=np.full(count, force_n),
+        vibration_m_s2=np.zeros((count, 1)),
+        valid=np.full(count, valid),
+    )
+
+
+def density(dimensions: int) -> StrokingDensity:
+    return StrokingDensity(completion_grid(dimensions), 10.0, 0.1, 1000.0)
+
+
+def test_one_jnd_of_deviation_leaves_what_one_standard_deviation_holds():
+    found = right_probability(np.array([JND_DB, 0.5 * JND_DB, 0.0, 1e9]))
+    np.testing.assert_allclose(found[:2], [0.682689, 0.954500], atol=1e-6)
+    assert found[2] == 1.0
+    assert 0.0 <= found[3] < 1e-8
+
+
+@DIMENSIONS
+def test_covariance_on_a_grid_is_that_of_its_nodes(dimensions):
+    grid, process = completion_grid(dimensions), process_of(strokes(20, dimensions))
+    at, h = features(strokes(7, dimensions, seed=3)), process.hyperparameters
+    np.testing.assert_allclose(
+        covariance_on_grid(grid.axes, at, h),
+        covariance(departures(features(grid.points), at, directed=dimensions == 3), h),
+        rtol=1e-12,
+    )
+    _, deviation_db = process.level_db(grid.points)
+    said = outlook(process, grid, np.full(len(grid), 1 / len(grid)))
+    np.testing.assert_allclose(said.deviation_db, deviation_db, rtol=1e-6, atol=1e-6)
+
+
+@DIMENSIONS
+def test_the_gain_looked_ahead_is_that_of_a_segment_that_comes(dimensions):
+    points, grid = strokes(12, dimensions), completion_grid(dimensions)
+    before = process_of(points)
+    weights = np.random.default_rng(2).dirichlet(np.ones(len(grid)))
+    said = outlook(before, grid, weights)
+    for node in (0, len(grid) // 2, len(grid) - 1):
+        after = process_of(np.vstack([points, grid.points[node]]), before.hyperparameters)
+        gained = outlook(after, grid, weights).share(weights) - said.share(weights)
+        assert said.gain[node] == pytest.approx(gained, abs=1e-9)
+        assert gained > 0.0
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(1, 25), st.sampled_from([2, 3]), st.integers(0, 1000))
+def test_a_further_segment_never_makes_the_level_less_sure(count, dimensions, seed):
+    points, grid = strokes(count + 1, dimensions, seed), completion_grid(dimensions)
+    even = np.full(len(grid), 1 / len(grid))
+    fewer = process_of(points[:-1])
+    more = process_of(points, fewer.hyperparameters)
+    first, second = outlook(fewer, grid, even), outlook(more, grid, even)
+    assert (second.deviation_db <= first.deviation_db + 1e-9).all()
+    assert 0.0 <= first.share(even) <= second.share(even) + 1e-12 <= 1.0 + 1e-12
+    assert (first.gain >= -1e-12).all()
+
+
+def test_samples_that_repeat_without_end_stay_finite():
+    points = np.tile([[0.4, 0.5]], (300, 1))
+    grid = completion_grid(2)
+    said = outlook(process_of(points), grid, np.full(len(grid), 1 / len(grid)))
+    assert np.isfinite(said.gain).all()
+    assert np.isfinite(said.deviation_db).all()
+    assert said.right.max() > 0.99
+
+
+@DIMENSIONS
+def test_an_operator_who_has_not_stroked_may_stroke_anywhere(dimensions):
+    still = density(dimensions)
+    still.add(AlignedBlock.empty())
+    still.add(motion(1.0, 5.0, 1.0))  # too slow
+    still.add(motion(1.0, 100.0, 0.05))  # in the air
+    still.add(motion(1.0, 100.0, 1.0, valid=False))
+    count = len(completion_grid(dimensions))
+    np.testing.assert_allclose(still.weights, np.full(count, 1 / count))
+
+
+@DIMENSIONS
+def test_motion_counts_where_it_was_against_seconds_of_any_stroke(dimensions):
+    grid, seen = completion_grid(dimensions), density(dimensions)
+    heading = math.radians(75.0) if dimensions == 3 else 0.0
+    seen.add(motion(PRIOR_S, 150.0, 1.5, heading))
+    assert seen.weights.sum() == pytest.approx(1.0)
+    assert seen.seconds.sum() == pytest.approx(PRIOR_S)
+    least = 0.5 / len(grid) - 1e-12
+    assert (seen.weights >= least).all()
+    most = grid.inputs[int(np.argmax(seen.weights))]
+    assert math.hypot(*most[:-1]) == pytest.approx(150.0, abs=20.0)
+    assert most[-1] == pytest.approx(1.5, abs=0.2)
+    if dimensions == 3:
+        assert math.degrees(math.atan2(most[1], most[0])) == pytest.approx(75.0)
+
+
+def test_motion_beyond_the_grid_counts_at_its_end():
+    fast, slow = density(2), density(2)
+    fast.add(motion(1.0, 5000.0, 30.0))
+    slow.add(motion(1.0, 10.0, 0.1))
+    assert int(np.argmax(fast.weights)) == len(completion_grid(2)) - 1
+    assert int(np.argmax(slow.weights)) == 0
+
+
+@DIMENSIONS
+def test_every_cell_has_strokes_and_each_stroke_its_cell(dimensions):
+    grid = completion_grid(dimensions)
+    cells = cells_of(dimensions)
+    assert set(grid.cells.tolist()) == set(range(len(cells.centres)))
+    np.testing.assert_allclose(grid.mean_of_cells(np.ones(len(grid))), np.ones(len(cells.centres)))
+    middle = np.abs(grid.points - cells.centres[grid.cells])
+    assert (middle[:, -1] <= 1 / 6 + 1e-9).all()
+    assert middle[:, :-1].max() < (1 / 6 + 1e-9 if dimensions == 2 else 0.5)
+
+
+def criterion(inputs: Inputs = "isotropic") -> UncertaintyCriterion:
+    found = criterion_of(
+        ModellingSettings(inputs=inputs, level="gaussian_process", criterion="uncertainty")
+    )
+    assert isinstance(found, UncertaintyCriterion)
+    return found
+
+
+def test_without_a_model_or_any_power_nothing_is_expected_right():
+    judge = criterion()
+    assert judge.progress.value == 0.0
+    judge.update(None, 1.0)
+    judge.update(model_of(strokes(3, 2), power=0.0), 2.0)
+    assert (judge.progress.value, judge.progress.advice) == (0.0, None)
+    assert not judge.started
+
+
+@pytest.mark.parametrize("inputs", ["isotropic", "anisotropic"])
+def test_thresholds_are_met_as_samples_come_and_stay_met(inputs):
+    judge, dimensions = criterion(inputs), 2 if inputs == "isotropic" else 3
+    points = strokes(150, dimensions)
+    values = []
+    for count in (1, 4, 12, 40, 150):
+        judge.update(model_of(points[:count]), float(count))
+        values.append(judge.progress.value)
+    assert values[0] < START_SHARE < STOP_SHARE < values[-1]
+    assert judge.start_s is not None
+    assert judge.stop_s is not None
+    assert 1.0 < judge.start_s <= judge.stop_s
+    judge.update(None, 1000.0)
+    assert judge.stopped
+
+
+@pytest.mark.parametrize("inputs", ["isotropic", "anisotropic"])
+def test_the_next_stroke_is_wanted_where_no_sample_lies_but_the_operator_moves(inputs):
+    judge, dimensions = criterion(inputs), 2 if inputs == "isotropic" else 3
+    judge.update(model_of(strokes(30, dimensions, largest=0.3)), 1.0)
+    advice = judge.progress.advice
+    assert advice is not None
+    assert len(advice) == dimensions
+    assert math.hypot(*advice[:-1]) > 120.0
+    assert advice[-1] > 1.0
+    assert len(judge.progress.cells) == len(cells_of(dimensions).centres)
+    assert 0.0 <= min(judge.progress.cells) < max(judge.progress.cells) <= 1.0
+
+
+def test_what_the_operator_does_weighs_more_than_what_it_leaves_out():
+    few = model_of(strokes(30, 2, largest=0.3))
+    here, away = criterion(), criterion()
+    here.observe(motion(30.0, 60.0, 0.6))
+    away.observe(motion(30.0, 240.0, 2.4))
+    for judge in (here, away):
+        judge.update(few, 1.0)
+    assert here.progress.value > away.progress.value + 0.05
+
+
+def test_the_published_sum_is_what_runs_where_nothing_else_is_asked():
+    monitor = criterion_of(ModellingSettings())
+    assert isinstance(monitor, CompletionMonitor)
+    assert monitor.progress.scale == ModellingSettings().scale
+    assert not monitor.progress.scale.rises
+    monitor.observe(motion(1.0, 100.0, 1.0))
+    monitor.update(model_of(strokes(30, 2, largest=0.3)), 1.0)
+    assert monitor.progress.advice == pytest.approx((250.0, 2.5))  # the farthest cell's centre
