@@ -38,7 +38,7 @@ def main() -> None:
     few = replace(evaluation, held_out=evaluation.held_out[:3])
     write("model-growth", growth.model_growth(from_five_samples_on(evaluation), panels=3))
     write("spectra", figures.held_out_spectra(few))
-    write("completion", figures.distance_over_time([evaluation]))
+    write("completion", figures.completion_over_time([evaluation]))
     write("gfc", figures.gfc_over_time([evaluation]))
     write("power-error", figures.power_error_map(evaluation))
     write("switch", vibration_at_the_switch(session))

@@ -197,8 +197,8 @@ def test_texts_are_escaped():
 
 
 def test_curves_hold_the_figures(evaluations):
-    axis = figures.distance_over_time(evaluations).axes[0]
-    np.testing.assert_array_equal(axis.lines[0].get_xydata(), evaluations[0].distances)
+    axis = figures.completion_over_time(evaluations).axes[0]
+    np.testing.assert_array_equal(axis.lines[0].get_xydata(), evaluations[0].course)
     axis = figures.gfc_over_time(evaluations[:1]).axes[0]
     expected = [step.gfc for step in evaluations[0].steps]
     np.testing.assert_allclose(axis.lines[0].get_ydata(), expected)

@@ -53,7 +53,7 @@ def test_even_texture_scores_its_ceiling(evaluation):
 
 
 def test_criteria_agree_with_the_distances(evaluation):
-    time_s, distance = evaluation.distances.T
+    time_s, distance = evaluation.course.T
     for met_s, threshold in (
         (evaluation.start_s, SETTINGS.start_distance),
         (evaluation.stop_s, SETTINGS.stop_distance),
@@ -67,10 +67,10 @@ def test_steps_stand_every_step_and_show_the_last_update(evaluation):
     duration_s = evaluation.duration_s
     assert [step.time_s for step in evaluation.steps] == [2.5, 5.0, 7.5]
     assert duration_s == pytest.approx(27 * 0.35)
-    by_time = dict(evaluation.distances)
+    by_time = dict(evaluation.course)
     assert evaluation.steps[0].distance == by_time[2.0]
     assert evaluation.steps[1].distance == by_time[5.0]
-    assert evaluation.at_end.distance == evaluation.distances[-1, 1]
+    assert evaluation.at_end.distance == evaluation.course[-1, 1]
     samples = [step.samples for step in evaluation.steps]
     assert samples == sorted(samples)
 

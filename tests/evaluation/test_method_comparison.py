@@ -13,7 +13,7 @@ from mmt.devices.simulated.textures import SURFACES
 from mmt.errors import InputError
 from mmt.evaluation.bands import BAND_EDGES_HZ, band_errors_db
 from mmt.evaluation.methods.cases import Case, recorded_cases, simulated_cases
-from mmt.evaluation.methods.judging import FIGURES, METHODS, Judged, check_methods, judge
+from mmt.evaluation.methods.judging import FIGURES, METHODS, Judged, blocks_of, check_methods, judge
 from mmt.evaluation.methods.summary import MethodComparison
 from mmt.evaluation.methods.tables import verdicts, write_method_report
 
@@ -86,8 +86,8 @@ def test_a_session_is_judged_the_same_each_time_and_by_the_moments_of_the_first(
     stroke = make_stroke(tmp_path / "usual.npz", 80.0)
     case = Case("wood", 3, stroke, 2.5, 2.0)
     short = replace(case, texture="felt")
-    first = judge(short, ["published", "ours"])
-    assert first == judge(short, ["published", "ours"])
+    first = judge(short, ["published", "ours"], blocks_of(short))
+    assert first == judge(short, ["published", "ours"], blocks_of(short))
     assert {one.moment for one in first} >= {"3 s", "18 s"}
     by_method = {m: [o.time_s for o in first if o.method == m] for m in ("published", "ours")}
     assert by_method["published"] == by_method["ours"]

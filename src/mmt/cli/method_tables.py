@@ -39,8 +39,8 @@ def print_methods(
         messages.print(remark, highlight=False)
     cases += recorded
     with counting("comparing", len(cases)) as done:
-        judged = run_cases(cases, methods, processes(workers, len(cases)), done)
-    comparison = MethodComparison(tuple(methods), tuple(judged), tuple(remarks))
+        judged, sure = run_cases(cases, methods, processes(workers, len(cases)), done)
+    comparison = MethodComparison(tuple(methods), tuple(judged), tuple(remarks), tuple(sure))
     for table in method_tables(comparison):
         output.print(as_rich(table))
     for sentence in verdicts(comparison):

@@ -108,10 +108,8 @@ def _remark(
     far = sorted((cell for cell in cells if cell.far), key=lambda cell: -cell.distance)
     named = ", ".join(_place(cell) for cell in far[:_NAMED_CELLS])
     more = f" and {len(far) - _NAMED_CELLS} more" if len(far) > _NAMED_CELLS else ""
-    return (
-        f"The stop criterion was not met; {hand}. Few samples lie near the cells centred at "
-        f"{named}{more}."
-    )
+    lacking = f" Few samples lie near the cells centred at {named}{more}." if far else ""
+    return f"The stop criterion was not met; {hand}.{lacking}"
 
 
 def _place(cell: Cell) -> str:

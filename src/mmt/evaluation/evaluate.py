@@ -112,7 +112,7 @@ def evaluate_session(
             stopped=leader.stop_s is not None,
         ),
         held_out=scorer.segments(final_s, first),
-        distances=np.array([(update.time_s, update.distance) for update in leader.updates]),
+        course=np.array([(u.time_s, u.progress.value) for u in leader.updates]),
         models=tuple((update.time_s, update.model) for update in leader.updates),
         power_map=errors,
         processing_s=time.perf_counter() - started,

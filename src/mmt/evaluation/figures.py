@@ -39,14 +39,14 @@ def to_png(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
-def distance_over_time(evaluations: Sequence[Evaluation]) -> Figure:
-    """Draw the completion distance of every update, with both thresholds."""
+def completion_over_time(evaluations: Sequence[Evaluation]) -> Figure:
+    """Draw what the completion criterion says after every update, with both thresholds."""
     figure, axis = _time_axes(evaluations)
     for number, evaluation in enumerate(evaluations):
-        time_s, distance = evaluation.distances.T
-        axis.plot(time_s, distance, label=evaluation.name, **_line(number))
-    settings = evaluations[0].settings
-    for value, text in ((settings.start_distance, "start"), (settings.stop_distance, "stop")):
+        time_s, value = evaluation.course.T
+        axis.plot(time_s, value, label=evaluation.name, **_line(number))
+    scale = evaluations[0].settings.scale
+    for value, text in ((scale.start, "start"), (scale.stop, "stop")):
         axis.axhline(value, color=_GREY, linestyle="--", linewidth=1.0)
         axis.annotate(
             f"{text} {value:.4g}",
@@ -58,9 +58,9 @@ def distance_over_time(evaluations: Sequence[Evaluation]) -> Figure:
             color="#5d636b",
             fontsize=9,
         )
-    largest = max(float(evaluation.distances[:, 1].max()) for evaluation in evaluations)
-    axis.set_ylim(0, min(1.05 * largest, 2.2 * settings.start_distance))
-    axis.set_ylabel("distance (sum over cells)")
+    largest = max(float(evaluation.course[:, 1].max()) for evaluation in evaluations)
+    axis.set_ylim(0, 1.02 if scale.rises else min(1.05 * largest, 2.2 * scale.start))
+    axis.set_ylabel("expected share" if scale.rises else "distance (sum over cells)")
     _legend(axis, evaluations)
     return figure
 

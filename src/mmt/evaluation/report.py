@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import mmt
 from mmt.evaluation import tables
+from mmt.evaluation.definitions import DEFINITIONS
 from mmt.evaluation.document import (
     Block,
     Heading,
@@ -18,7 +19,13 @@ from mmt.evaluation.document import (
     Table,
 )
 from mmt.evaluation.report_files import picture, write_report_files
-from mmt.evaluation.results import DEFINITIONS, Evaluation, evaluations_as_dict
+from mmt.evaluation.results import Evaluation, evaluations_as_dict
+
+_COMPLETION: Final = {
+    "distance": "Completion: the distance sum after each update, and both thresholds.",
+    "uncertainty": "Completion: after each update, the share of the operator's strokes whose level "
+    "is expected to be within one JND, and both thresholds.",
+}
 
 _GROWTH: Final = {
     "isotropic": (
@@ -104,16 +111,17 @@ def environment() -> dict[str, str]:
 def _overview(evaluations: Sequence[Evaluation]) -> list[Block]:
     from mmt.evaluation import figures
 
+    criterion = evaluations[0].settings.criterion
     blocks: list[Block] = [
         Heading("Overview"),
         tables.overview(evaluations),
         tables.by_time(evaluations, "distance", 2, "Distance sum at each step (paper A, Table I)"),
-        picture(
-            "distance",
-            "Completion: the distance sum after each update, and both thresholds.",
-            figures.distance_over_time(evaluations),
-        ),
+        picture("distance", _COMPLETION[criterion], figures.completion_over_time(evaluations)),
     ]
+    if criterion != "distance":
+        blocks.insert(
+            -1, tables.by_time(evaluations, "completion", 2, "Expected share at each step")
+        )
     if any(step.gfc is not None for e in evaluations for step in e.steps):
         blocks += [
             tables.by_time(evaluations, "gfc", 3, "GFC of the held-out segments at each step"),

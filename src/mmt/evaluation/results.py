@@ -1,11 +1,12 @@
 """What an evaluation found: plain values for tables, figures and JSON."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Any, Final, Literal
+from typing import Any, Literal
 
 from mmt.arrays import FloatArray
+from mmt.evaluation.definitions import DEFINITIONS
 from mmt.evaluation.grid_errors import HeadingErrors
 from mmt.texture.model import TextureModel
 from mmt.texture.settings import ModellingSettings
@@ -16,63 +17,14 @@ Basis = Literal["truth", "held-out"]
 Limit = Literal["beyond the samples", "heading", "sparse", "fit", "interpolation"]
 """What limits a model where it is worst."""
 
-DEFINITIONS: Final[Mapping[str, str]] = {
-    "gfc": (
-        "Goodness-of-fit criterion (Awan et al., eq. 2) between the Welch amplitude spectra of "
-        "the held-out segments and of vibration synthesized at their mean speed and force, "
-        "for as many samples, by the model rebuilt without them; Hann windows of 64 samples, "
-        "half overlapping; the mean over the segments and eight realisations each."
-    ),
-    "gfc_ceiling": (
-        "The same criterion between two realisations of the model itself: what a perfect "
-        "model would score on segments of this length."
-    ),
-    "truth_gfc": (
-        "The same criterion between what those Welch spectra are on average for the leader's "
-        "model and for the known texture, both computed from the exact spectra; the mean over "
-        "a grid of 12 x 12 points, 40 to 260 mm/s and 0.4 to 2.6 N. Its ceiling is 1."
-    ),
-    "truth_gfc_fine": (
-        "The same between the exact amplitude spectra, 10 to 500 Hz in steps of 2 Hz: it sees "
-        "how far a narrow line is off within the 16 Hz that the Welch spectra resolve."
-    ),
-    "power_error_db": (
-        "Root mean square of 10 log10 (power of the model / power of the reference). Basis "
-        "'truth': over the grid, against the known texture. Basis 'held-out': over the "
-        "held-out segments, against their mean square."
-    ),
-    "within_jnd": (
-        "Share of the same points whose power error is at most 1.36 dB, the just noticeable "
-        "difference of 17 % in amplitude."
-    ),
-    "by_heading": (
-        "GFC as truth_gfc, log-spectral distance (root mean square over 10 to 500 Hz of the "
-        "densities' ratio in dB, mean over the strokes), power error and share within one JND "
-        "in sectors of 30 degrees of the stroke's heading, on textures that depend on it: "
-        "6 x 6 points of the plane at 24 headings, over all of which the other scores against "
-        "the known texture are then taken as well. 'mean over headings' is the texture's own "
-        "mean, which a model that does not know the heading reaches at best. The models of "
-        "'speed and force' and of 'velocity and force' are built from the same session."
-    ),
-    "distance": (
-        "Sum over the nine cells of the speed-force plane of the distances from a cell's "
-        "centre to the three nearest samples, in the plane divided by 300 mm/s and 3 N; for a "
-        "model of velocity and force, over 27 cells and the four nearest samples."
-    ),
-    "truth": (
-        "The known texture is compared as it is at the surface: the accelerometer's noise and "
-        "the 10 Hz high-pass of the modelling are not taken out of the model's error."
-    ),
-}
-"""How each score is defined, in a sentence."""
-
 
 @dataclass(frozen=True)
 class Score:
     """The figures of one moment of a session.
 
-    ``samples``, ``distance``, ``truth_gfc`` and, where the truth is known, the power error
-    and the share within one JND are those of the model that the leader had at that time.
+    ``samples``, ``distance``, ``completion``, ``truth_gfc`` and, where the truth is known, the
+    power error and the share within one JND are those of the model that the leader had at that
+    time.
     ``gfc``, ``gfc_ceiling`` and the two ``held_out`` figures are those of the model rebuilt
     without the held-out segments. None stands where there was no model yet.
     """
@@ -80,6 +32,7 @@ class Score:
     time_s: float
     samples: int
     distance: float
+    completion: float
     gfc: float | None
     gfc_ceiling: float | None
     power_error_db: float | None
@@ -183,8 +136,8 @@ class Evaluation:
     ``start_s`` and ``stop_s`` are the session times at which the criteria were met, None
     where they were not. ``at_start``, ``at_stop`` and ``at_end`` are the figures at exactly
     these moments. ``models`` holds the leader's model after each update with its time;
-    ``distances`` (k, 2) time and distance of every update; ``by_heading`` is empty but on a
-    texture that depends on the heading.
+    ``course`` (k, 2) time and value of the completion criterion of every update;
+    ``by_heading`` is empty but on a texture that depends on the heading.
     """
 
     name: str
@@ -211,7 +164,7 @@ class Evaluation:
     coverage: Coverage
     held_out: tuple[HeldOutSegment, ...]
     processing_s: float
-    distances: FloatArray = field(repr=False)
+    course: FloatArray = field(repr=False)
     models: tuple[tuple[float, TextureModel | None], ...] = field(repr=False)
     power_map: PowerMap | None = field(repr=False)
 

@@ -14,6 +14,7 @@ from mmt.evaluation.results import HeldOutSegment, PowerMap, Score, Worst
 from mmt.evaluation.strokes import Strokes
 from mmt.evaluation.truth import DENSITY_HZ, KnownTexture
 from mmt.texture.completion import cells_of
+from mmt.texture.criterion import criterion_of
 from mmt.texture.inputs import InputSpace
 from mmt.texture.metrics import within_jnd
 from mmt.texture.segments import Segment
@@ -70,6 +71,7 @@ class Scorer:
         self._grids: dict[int, GridErrors | None] = {}
         self._approximations: dict[int, list[Approximation]] = {}
         self._empty_distance = cells_of(self._space.dimensions).empty
+        self._empty = criterion_of(settings).progress.value
 
     def score(self, time_s: float) -> Score:
         """Return the figures at a session time: those of the last update up to then."""
@@ -132,6 +134,7 @@ class Scorer:
             time_s=0.0,
             samples=leader.samples if leader else 0,
             distance=leader.distance if leader else self._empty_distance,
+            completion=leader.progress.value if leader else self._empty,
             gfc=float(np.mean([a.gfc for a in held_out])) if held_out else None,
             gfc_ceiling=float(np.mean([a.gfc_ceiling for a in held_out])) if held_out else None,
             power_error_db=error_db,

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from mmt.arrays import RecordArray
 from mmt.devices.simulated.textures import SURFACES
 from mmt.errors import InputError
 from mmt.evaluation.building import ModelHistory, build, update_blocks
@@ -85,10 +86,15 @@ def check_methods(names: Sequence[str]) -> None:
         )
 
 
-def judge(case: Case, methods: Sequence[str]) -> list[Judged]:
+def blocks_of(case: Case) -> list[RecordArray]:
+    """Simulate a session; return its frames, one block for each update."""
+    return list(update_blocks(case.session(), round(PERIOD_S * 1000.0)))
+
+
+def judge(case: Case, methods: Sequence[str], blocks: Sequence[RecordArray]) -> list[Judged]:
     """Build the models of one session by each method, and compare them with the texture.
 
-    Costs a second or two: the simulation, and a pass of modelling for each method.
+    Costs a pass of modelling for each method.
 
     Parameters
     ----------
@@ -96,8 +102,9 @@ def judge(case: Case, methods: Sequence[str]) -> list[Judged]:
         The session.
     methods
         Names in `METHODS`; the first one's criteria are the moments.
+    blocks
+        What `blocks_of` returns.
     """
-    blocks = list(update_blocks(case.session(), round(PERIOD_S * 1000.0)))
     truth = KnownTexture(SURFACES[case.texture])
     judged: list[Judged] = []
     times: dict[str, float] = {}

@@ -3,8 +3,16 @@
 from collections.abc import Callable, Sequence
 
 from mmt.evaluation.methods.cases import Case
-from mmt.evaluation.methods.judging import Judged, judge
+from mmt.evaluation.methods.certainty import Certainty, has_certainty, judge_certainty
+from mmt.evaluation.methods.judging import Judged, blocks_of, judge
 from mmt.evaluation.sweeping import in_order
+
+
+def judge_session(case: Case, methods: Sequence[str]) -> tuple[list[Judged], list[Certainty]]:
+    """Judge methods on one session, and what those that know their uncertainty say of it."""
+    blocks = blocks_of(case)
+    sure = [judge_certainty(case, method, blocks) for method in methods if has_certainty(method)]
+    return judge(case, methods, blocks), sure
 
 
 def run_cases(
@@ -12,13 +20,13 @@ def run_cases(
     methods: Sequence[str],
     workers: int,
     progress: Callable[[int], None] = lambda _done: None,
-) -> list[Judged]:
+) -> tuple[list[Judged], list[Certainty]]:
     """Judge every case; the result is in the order of the cases, whatever finished first.
 
     Parameters
     ----------
     cases, methods
-        See `judge`.
+        See `judge_session`.
     workers
         Number of processes.
     progress
@@ -30,4 +38,8 @@ def run_cases(
         A process has died.
     """
     calls = [(case, tuple(methods)) for case in cases]
-    return [one for judged in in_order(judge, calls, workers, progress) for one in judged]
+    found = in_order(judge_session, calls, workers, progress)
+    return (
+        [one for judged, _ in found for one in judged],
+        [one for _, sure in found for one in sure],
+    )

@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.arrays import FloatArray
+from mmt.evaluation.methods.certainty import Certainty
 from mmt.evaluation.methods.judging import FIGURES, LARGER_IS_BETTER, MOMENTS, Judged
 
 STANDARD_ERRORS: Final = 3.0
@@ -82,6 +83,7 @@ class MethodComparison:
     methods: tuple[str, ...]
     judged: tuple[Judged, ...]
     remarks: tuple[str, ...] = ()
+    certainties: tuple[Certainty, ...] = ()
 
     @property
     def groups(self) -> list[str]:
@@ -128,8 +130,17 @@ class MethodComparison:
                 for each in self.differences(name)
             ],
             "sessions": [asdict(one) for one in self.judged],
+            "certainty": [asdict(one) for one in self.certainties],
             "remarks": list(self.remarks),
         }
+
+    def sure(self, name: str | None = None) -> dict[str, list[Certainty]]:
+        """Return what methods say of their error, by method; of one group or texture alone."""
+        found: dict[str, list[Certainty]] = {}
+        for one in self.certainties:
+            if name in {None, one.name, one.group}:
+                found.setdefault(one.method, []).append(one)
+        return found
 
     def _chosen(self, name: str, method: str, moment: str) -> list[Judged]:
         return [

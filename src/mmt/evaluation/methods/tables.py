@@ -7,10 +7,17 @@ from typing import Final
 
 from mmt.evaluation.bands import BAND_EDGES_HZ
 from mmt.evaluation.document import Block, Heading, Paragraph, Table
+from mmt.evaluation.methods.certainty_tables import DEFINITIONS as CERTAINTY_DEFINITIONS
+from mmt.evaluation.methods.certainty_tables import (
+    calibration_sentence,
+    calibration_table,
+    criteria_table,
+    deviation_table,
+)
 from mmt.evaluation.methods.judging import FIGURES, METHODS, MOMENTS
 from mmt.evaluation.methods.summary import STANDARD_ERRORS, Difference, MethodComparison, Row
 from mmt.evaluation.report import environment
-from mmt.evaluation.report_files import write_report_files
+from mmt.evaluation.report_files import picture, write_report_files
 from mmt.evaluation.texts import number
 
 TITLE: Final = "Methods side by side"
@@ -41,6 +48,10 @@ DEFINITIONS: Final = {
     "isotropic texture",
 }
 
+_CRITERIA: Final = "what time each criterion takes and what error it leaves, medians."
+_CALIBRATION: Final = "true shares by expected ones, over all updates."
+_DEVIATIONS: Final = "standardised error by predicted standard deviation."
+
 _DIGITS: Final = dict(zip(FIGURES, (2, 2, 3, 2, 2), strict=True))
 
 
@@ -50,6 +61,11 @@ def method_tables(comparison: MethodComparison) -> list[Table]:
     for group in comparison.groups:
         tables.append(_shares(comparison, group))
         tables.append(_figures(comparison, group))
+        for method, sure in comparison.sure(group).items():
+            tables.append(criteria_table(sure, f"{group}, {method}: {_CRITERIA}"))
+    for method, sure in comparison.sure().items():
+        tables.append(calibration_table(sure, f"{method}: {_CALIBRATION}"))
+        tables.append(deviation_table(sure, f"{method}: {_DEVIATIONS}"))
     return tables
 
 
@@ -83,7 +99,9 @@ def verdicts(comparison: MethodComparison) -> list[str]:
                 f"{len(mine)} comparisons, worse in {len(worse)}"
                 + (f" ({'; '.join(worse)})." if worse else ".")
             )
-    return sentences
+    return sentences + [
+        calibration_sentence(sure, method) for method, sure in comparison.sure().items()
+    ]
 
 
 def write_method_report(directory: Path, comparison: MethodComparison) -> Path:
@@ -101,12 +119,38 @@ def write_method_report(directory: Path, comparison: MethodComparison) -> Path:
         blocks += [_figures(comparison, group), _bands(comparison, group)]
         blocks += [Heading("By texture" if group != "recorded strokes" else "By stroke", 3)]
         blocks += [_figures(comparison, name) for name in comparison.names(group)]
-    blocks += [Heading("Definitions"), Table(("figure", "what"), list(DEFINITIONS.items()))]
+    blocks += certainty_blocks(comparison)
+    defined = [*DEFINITIONS.items(), *CERTAINTY_DEFINITIONS.items()]
+    blocks += [Heading("Definitions"), Table(("figure", "what"), defined)]
     settings = [(name, str(dict(METHODS[name]))) for name in comparison.methods]
     blocks += [Table(("method", "keys of [texture]"), settings)]
     blocks += [Heading("Made with"), Table(("part", "version"), list(environment().items()))]
     data = {**comparison.as_dict(), "definitions": DEFINITIONS, "environment": environment()}
     return write_report_files(directory, TITLE, blocks, "summary.json", data)
+
+
+def certainty_blocks(comparison: MethodComparison) -> list[Block]:
+    """Return what methods say of their own error, and what the criteria make of it."""
+    from mmt.evaluation.methods.certainty_figure import calibration_figure
+
+    blocks: list[Block] = []
+    for method, sure in comparison.sure().items():
+        blocks.append(Heading(f"How sure {method} is"))
+        blocks += [
+            criteria_table(comparison.sure(group)[method], f"{group}: {_CRITERIA}")
+            for group in comparison.groups
+            if method in comparison.sure(group)
+        ]
+        figure = calibration_figure(sure)
+        caption = "Each update of each session; means of bands; grey: where they agree."
+        blocks.append(picture(f"calibration-{method}", caption, figure))
+        blocks += [calibration_table(sure, _CALIBRATION), deviation_table(sure, _DEVIATIONS)]
+        blocks.append(Heading("Criteria by texture", 3))
+        names = list(dict.fromkeys(one.name for one in sure))
+        blocks += [
+            criteria_table(comparison.sure(name)[method], f"{name}: {_CRITERIA}") for name in names
+        ]
+    return blocks
 
 
 def _shares(comparison: MethodComparison, group: str) -> Table:

@@ -1,0 +1,59 @@
+"""How each score of an evaluation is defined."""
+
+from collections.abc import Mapping
+from typing import Final
+
+DEFINITIONS: Final[Mapping[str, str]] = {
+    "gfc": (
+        "Goodness-of-fit criterion (Awan et al., eq. 2) between the Welch amplitude spectra of "
+        "the held-out segments and of vibration synthesized at their mean speed and force, "
+        "for as many samples, by the model rebuilt without them; Hann windows of 64 samples, "
+        "half overlapping; the mean over the segments and eight realisations each."
+    ),
+    "gfc_ceiling": (
+        "The same criterion between two realisations of the model itself: what a perfect "
+        "model would score on segments of this length."
+    ),
+    "truth_gfc": (
+        "The same criterion between what those Welch spectra are on average for the leader's "
+        "model and for the known texture, both computed from the exact spectra; the mean over "
+        "a grid of 12 x 12 points, 40 to 260 mm/s and 0.4 to 2.6 N. Its ceiling is 1."
+    ),
+    "truth_gfc_fine": (
+        "The same between the exact amplitude spectra, 10 to 500 Hz in steps of 2 Hz: it sees "
+        "how far a narrow line is off within the 16 Hz that the Welch spectra resolve."
+    ),
+    "power_error_db": (
+        "Root mean square of 10 log10 (power of the model / power of the reference). Basis "
+        "'truth': over the grid, against the known texture. Basis 'held-out': over the "
+        "held-out segments, against their mean square."
+    ),
+    "within_jnd": (
+        "Share of the same points whose power error is at most 1.36 dB, the just noticeable "
+        "difference of 17 % in amplitude."
+    ),
+    "by_heading": (
+        "GFC as truth_gfc, log-spectral distance (root mean square over 10 to 500 Hz of the "
+        "densities' ratio in dB, mean over the strokes), power error and share within one JND "
+        "in sectors of 30 degrees of the stroke's heading, on textures that depend on it: "
+        "6 x 6 points of the plane at 24 headings, over all of which the other scores against "
+        "the known texture are then taken as well. 'mean over headings' is the texture's own "
+        "mean, which a model that does not know the heading reaches at best. The models of "
+        "'speed and force' and of 'velocity and force' are built from the same session."
+    ),
+    "distance": (
+        "Sum over the nine cells of the speed-force plane of the distances from a cell's "
+        "centre to the three nearest samples, in the plane divided by 300 mm/s and 3 N; for a "
+        "model of velocity and force, over 27 cells and the four nearest samples."
+    ),
+    "truth": (
+        "The known texture is compared as it is at the surface: the accelerometer's noise and "
+        "the 10 Hz high-pass of the modelling are not taken out of the model's error."
+    ),
+    "completion": (
+        "What the completion criterion in use says: the distance, or with the criterion "
+        "'uncertainty' the share of the operator's strokes whose level is expected to be within "
+        "one JND."
+    ),
+}
+"""How each score is defined, in a sentence."""
