@@ -12,6 +12,7 @@ from frame_samples import made_frames
 from mmt.arrays import RecordArray
 from mmt.leader import modelling
 from mmt.leader.modelling import ModellingTask
+from mmt.texture.completion import CompletionMonitor
 from mmt.texture.modelling import ModelUpdate
 from mmt.texture.settings import ModellingSettings
 
@@ -37,6 +38,7 @@ class SlowModeller:
             added=0,
             removed=0,
             distance=9.0,
+            progress=CompletionMonitor().progress,
             order=None,
             started=False,
             stopped=self.stops,

@@ -15,14 +15,22 @@ from monitor_messages import unpack
 
 from mmt.devices.protocols import InterfaceState
 from mmt.leader.monitor.live import MOST_SAMPLES, LiveMessages
-from mmt.leader.monitor.states import explain, hello, model_message, surfaces, thinned
+from mmt.leader.monitor.states import (
+    completion_header,
+    explain,
+    hello,
+    model_message,
+    surfaces,
+    thinned,
+)
 from mmt.leader.monitor.tap import MonitorTap
 from mmt.leader.monitor.viewers import MOST_VIEWERS, Viewers
 from mmt.leader.surface_log import SurfaceLog
 from mmt.pages.packing import pack
 from mmt.scene_files import scene_from_tables
 from mmt.texture.boundary import RIM
-from mmt.texture.completion import distance_sum
+from mmt.texture.completion import CompletionMonitor, cell_distances, distance_sum
+from mmt.texture.criterion import Progress
 from mmt.texture.inputs import ANISOTROPIC
 from mmt.texture.model import TextureModel, TextureSamples
 
@@ -132,10 +140,11 @@ def test_automatic_thresholds_are_told_as_numbers() -> None:
     assert SCENE.texture is not None
     assert SCENE.texture.start_distance == "auto"
     message = unpack(hello(SCENE, "some-id"))
-    assert (message["start_distance"], message["stop_distance"]) == pytest.approx(
-        (7.5, 4.243), abs=1e-3
-    )
-    update = SimpleNamespace(distance=9.25)
+    scale = message["criterion"]
+    assert (scale["start"], scale["stop"]) == pytest.approx((7.5, 4.243), abs=1e-3)
+    assert (scale["title"], scale["rises"]) == ("completion sum", False)
+    scale = SCENE.texture.settings(1000.0).scale
+    update = SimpleNamespace(progress=Progress(scale, 9.25, ()))
     service = SimpleNamespace(
         remote=None,
         scene=SCENE,
@@ -167,6 +176,19 @@ def test_what_is_rendered_is_called_what_it_is(
         parts=SimpleNamespace(switch=SimpleNamespace(mode="synthesized"), synthesizer=object()),
     )
     assert explain(service) == words  # type: ignore[arg-type]  # the part of a leader it reads
+
+
+def test_a_criterion_says_its_value_its_cells_and_where_a_stroke_is_wanted() -> None:
+    monitor = CompletionMonitor()
+    monitor.take(np.array([[0.2, 0.2], [0.3, 0.2]]), 1.0)
+    growing = completion_header(monitor.progress, None, None)
+    assert growing["value"] == sum(cell_distances(np.array([[0.2, 0.2], [0.3, 0.2]])))
+    assert len(growing["cells"]) == 9
+    assert growing["advice"] == pytest.approx((250.0, 2.5))
+    complete = completion_header(monitor.progress, 1.0, 2.0)
+    assert complete["advice"] is None  # nothing more is modelled
+    nothing = completion_header(None, None, None)
+    assert (nothing["value"], nothing["cells"], nothing["advice"]) == (None, None, None)
 
 
 def test_the_model_is_shown_with_its_cells_and_triangles() -> None:

@@ -12,6 +12,7 @@ from mmt.leader.parts import LeaderParts
 from mmt.leader.rendering import VibrationSwitch
 from mmt.leader.summary import RunLog
 from mmt.leader.surface_files import write_surface_models
+from mmt.texture.completion import CompletionMonitor
 from mmt.texture.modelling import ModelUpdate
 from mmt.texture.surfaces import SurfaceChange
 
@@ -151,6 +152,7 @@ def state(
         added=0,
         removed=0,
         distance=5.0,
+        progress=CompletionMonitor().progress,
         order=10,
         started=started,
         stopped=stopped,

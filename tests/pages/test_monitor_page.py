@@ -41,7 +41,10 @@ TOKEN = "a token that nobody guesses"
 
 
 def scene(
-    port: int = 0, inputs: str = "isotropic", surfaces: dict[str, Any] | None = None
+    port: int = 0,
+    inputs: str = "isotropic",
+    surfaces: dict[str, Any] | None = None,
+    texture: dict[str, Any] | None = None,
 ) -> Scene:
     return scene_from_tables(
         {
@@ -53,6 +56,7 @@ def scene(
                 "inputs": inputs,
                 "start_distance": 30.0 if inputs == "isotropic" else "auto",
                 "surfaces": surfaces,
+                **(texture or {}),
             },
             "rendering": {},
             "playout": {},
@@ -67,9 +71,13 @@ class Leading:
     """A leader whose frames a test hands over itself, so that no clock is waited for."""
 
     def __init__(
-        self, port: int = 0, inputs: str = "isotropic", surfaces: dict[str, Any] | None = None
+        self,
+        port: int = 0,
+        inputs: str = "isotropic",
+        surfaces: dict[str, Any] | None = None,
+        texture: dict[str, Any] | None = None,
     ) -> None:
-        self.service = LeaderService(scene(port, inputs, surfaces))
+        self.service = LeaderService(scene(port, inputs, surfaces, texture))
 
     async def __aenter__(self) -> "Leading":
         ready = asyncio.Event()
@@ -113,6 +121,8 @@ async def test_a_person_sees_the_model_grow(
         await shows(page, "#plane-text", "No model yet")
         await leading.model(6.0)
         await shows(page, "#plane-text", "samples, order")
+        await shows(page, "#plane-text", "Stroke next at about")
+        await shows(page, "#h-completion", "Completion sum")
         await shows(page, "#completion-text", "start met at")
         await shows(page, "#events", "start criterion met")
         await page.wait_for_function(
@@ -122,6 +132,33 @@ async def test_a_person_sees_the_model_grow(
             assert await inked(page, canvas) > 100, canvas
         await api.expect(page.locator("#surface")).to_be_hidden()
         await fits(page, scheme)
+        assert problems == []
+
+
+@pytest.mark.parametrize(("inputs", "place"), [("isotropic", "mm/s and"), ("anisotropic", "°")])
+async def test_a_model_that_knows_its_error_says_where_to_stroke_next(
+    browser: Any, inputs: str, place: str
+) -> None:
+    ours = {"level": "gaussian_process", "criterion": "uncertainty", "stop_share": 0.999}
+    async with (
+        a_page(browser, TABLET, "dark") as (page, problems),
+        Leading(inputs=inputs, texture=ours) as leading,
+    ):
+        await page.goto(leading.url)
+        await shows(page, "#h-completion", "Expected share")
+        await shows(page, "#completion-text", "Nothing is modelled yet")
+        before = await inked(page, "#plane")
+        await leading.model(4.0)
+        await shows(page, "#plane-text", "Stroke next at about")
+        await shows(page, "#plane-text", place)
+        await shows(page, "#plane-numbers", "share of a cell's strokes")
+        await shows(page, "#completion-text", "now; start")
+        await shows(page, "#completion-text", "stop at 1.00")
+        assert await inked(page, "#plane") > before
+        leading.service.reset_model()
+        await shows(page, "#plane-text", "No model yet.")
+        await shows(page, "#completion-text", "Nothing is modelled yet")
+        assert "Stroke next" not in await page.inner_text("#plane-text")
         assert problems == []
 
 

@@ -36,7 +36,7 @@ def rebuilt(settings: ModellingSettings, events: list[JsonObject] | None = None)
 def test_every_state_is_that_of_the_live_leader() -> None:
     rebuilding = rebuilt(NEVER)
     history = build(list(update_blocks(FRAMES, 1000)), NEVER)
-    assert [s.distance for s in rebuilding.states] == [u.distance for u in history.updates]
+    assert [s.progress for s in rebuilding.states] == [u.progress for u in history.updates]
     assert [s.time_s for s in rebuilding.states] == pytest.approx(
         [u.time_s for u in history.updates], abs=0.01
     )
@@ -63,7 +63,7 @@ def test_the_model_is_left_alone_once_it_is_complete() -> None:
     rebuilding = rebuilt(settings)
     last = rebuilding.states[-1]
     assert last.stop_s == last.time_s < 13.0
-    assert last.distance <= 12.0
+    assert last.progress.value <= 12.0
     assert last.start_s is not None
     rebuilding.close()
 
@@ -74,7 +74,9 @@ def test_a_reset_begins_a_new_model() -> None:
     assert (after[0].time_s, after[0].number, after[0].start_s) == (7.5, None, None)
     begun = FRAMES[FRAMES["sequence"] >= 7500]
     history = build(list(update_blocks(begun, 1000)), NEVER)
-    assert [s.distance for s in after[1:]] == pytest.approx([u.distance for u in history.updates])
+    assert [s.progress.value for s in after[1:]] == pytest.approx(
+        [u.distance for u in history.updates]
+    )
     before = rebuilding.at(7.4)
     assert before is not None
     assert before.number is not None

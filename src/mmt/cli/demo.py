@@ -257,12 +257,11 @@ class _Demo:
 
 
 def status_text(status: dict[str, Any]) -> str:
-    """Return the live line: mode, samples, distance, frames lost, tick jitter."""
-    distance = status["distance"]
+    """Return the live line: mode, samples, completion, frames lost, tick jitter."""
     late = status["tick_p99_ms"]
     return (
         f"{status['time_s']:5.1f} s {status['mode']:<11}  samples {status['samples']:2d}  "
-        f"distance {'-' if distance is None else format(distance, '.2f')}  "
+        f"{status['completion'] or 'no model yet'}  "
         f"lost {status['frames_lost']}  "
         f"tick p99 {'-' if late is None else format(late, '.2f')} ms"
     )

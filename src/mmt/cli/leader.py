@@ -151,11 +151,10 @@ def _write_event(sentence: str) -> None:
 def _print_status(status: LeaderStatus) -> None:
     if not messages.is_terminal:
         return
-    distance = f"{status.distance:5.2f}" if status.distance is not None else "  -  "
     late = f"{status.tick_p99_ms:.2f}" if status.tick_p99_ms is not None else "-"
     messages.print(
         f"{status.time_s:6.1f} s  {status.mode:11s}  samples {status.samples:4d}  "
-        f"distance {distance}  lost {status.frames_lost}  tick p99 {late} ms",
+        f"{status.completion or 'no model yet'}  lost {status.frames_lost}  tick p99 {late} ms",
         end="\r",
         highlight=False,
     )

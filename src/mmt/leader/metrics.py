@@ -99,6 +99,8 @@ def _model(service: "LeaderService") -> Iterator["Metric"]:
     yield gauge("model_samples", "Samples in the model.", log.update.samples if log.update else 0)
     if log.update is not None:
         yield gauge("model_distance", "Completion distance.", log.update.distance)
+        value = log.update.progress.value
+        yield gauge("model_completion", "What the completion criterion in use says.", value)
     if log.surfaces is not None:
         yield gauge("surface", "Number of the surface under the tool.", log.surfaces.current)
         yield gauge("surfaces_known", "Surfaces that were told apart.", log.surfaces.known)

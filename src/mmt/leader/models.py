@@ -67,13 +67,17 @@ class ModelUse:
                 parts.warming.learn(update.model.samples)
         if usable and log.start_s is None:
             log.start_s = update.time_s
-            self._event(f"start criterion met at {update.time_s:.1f} s", distance=update.distance)
+            self._criterion_met("start", update)
             self._record(update)
             self._takes_over = True
             self._choose()
         if update.stopped and log.stop_s is None:
             log.stop_s = update.time_s
-            self._event(f"stop criterion met at {update.time_s:.1f} s", distance=update.distance)
+            self._criterion_met("stop", update)
+
+    def _criterion_met(self, which: str, update: "ModelUpdate") -> None:
+        details = {"distance": update.distance, **update.progress.as_dict()}
+        self._event(f"{which} criterion met at {update.time_s:.1f} s", **details)
 
     def _follow_surface(self, update: "ModelUpdate", *, usable: bool) -> None:
         """Go over to the model of another surface, where the tool has come onto one."""

@@ -149,6 +149,7 @@ class LeaderService:
             frames_lost=link.lost if link is not None else 0,
             samples=update.samples if update is not None else 0,
             distance=update.distance if update is not None else None,
+            completion=str(update.progress) if update is not None else None,
             ticks=ticks.ticks,
             late_ticks=round((ticks.late_share_1ms or 0.0) * ticks.ticks),
             tick_p99_ms=ticks.period_p99_ms,

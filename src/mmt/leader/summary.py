@@ -30,6 +30,8 @@ class LeaderStatus:
     frames_lost: int
     samples: int
     distance: float | None
+    completion: str | None
+    """What the criterion in use says, in words."""
     ticks: int
     late_ticks: int
     tick_p99_ms: float | None
@@ -139,6 +141,7 @@ def _texture(log: RunLog, parts: LeaderParts, duration_s: float) -> dict[str, An
         "redundant": update.redundant if update else 0,
         "order": update.order if update else None,
         "distance": round(update.distance, 3) if update else None,
+        "completion": update.progress.as_dict() if update else None,
         "start_s": log.start_s,
         "stop_s": log.stop_s,
         **({"warm": log.warm.as_dict()} if log.warm is not None else {}),

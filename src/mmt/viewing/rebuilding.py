@@ -18,7 +18,7 @@ from mmt.errors import MmtError
 from mmt.evaluation.building import update_blocks
 from mmt.session.recorded import JsonObject
 from mmt.session.windows import SessionWindows
-from mmt.texture.completion import cells_of
+from mmt.texture.criterion import Progress, criterion_of
 from mmt.texture.model import TextureModel
 from mmt.texture.modelling import ModelUpdate, OnlineModeller
 from mmt.texture.settings import ModellingSettings
@@ -35,13 +35,14 @@ Span = tuple[float, float]
 class ModelState:
     """What there was of the model from a recording time on.
 
+    ``progress`` is what the completion criterion says.
     ``number`` is that of its snapshot, None where there was no model; ``start_s`` and
     ``stop_s`` are the recording times at which the criteria were met, None before. Where
     surfaces are told apart all this is of ``surface``, one of ``surfaces`` that were known.
     """
 
     time_s: float
-    distance: float
+    progress: Progress
     number: int | None
     start_s: float | None
     stop_s: float | None
@@ -114,7 +115,7 @@ class Rebuilding:
             edges_s = [0.0, *sorted(max(0.0, float(at_s)) for at_s in resets), np.inf]
             for number, begin_s in enumerate(edges_s[:-1]):
                 if number:
-                    empty = cells_of(3 if self._settings.inputs == "anisotropic" else 2).empty
+                    empty = criterion_of(self._settings).progress
                     self.states.append(ModelState(begin_s, empty, None, None, None))
                 self._build((begin_s, min(edges_s[number + 1], self._windows.duration_s)))
                 if self._leave.is_set():
@@ -198,7 +199,7 @@ class _Growing:
         surface = update.surface
         return ModelState(
             time_s=time_s,
-            distance=update.distance,
+            progress=update.progress,
             number=self._number(update),
             start_s=self._started.get(surface),
             stop_s=self._stopped.get(surface),

@@ -81,16 +81,17 @@ class ViewedRecording:
         return pack("opening", header, {})
 
     def growth(self) -> bytes:
-        """Return the completion sum against recording time, as far as it is known."""
+        """Return what the criterion says against recording time, as far as it is known."""
         rebuilding = self._rebuilding
         known = list(rebuilding.states) if rebuilding is not None else []
-        points = states.thinned([(state.time_s, state.distance) for state in known], _CURVE_POINTS)
+        course = [(state.time_s, state.progress.value) for state in known]
+        points = states.thinned(course, _CURVE_POINTS)
         header = {
             "reached_s": rebuilding.reached_s if rebuilding is not None else 0.0,
             "done": rebuilding is None or rebuilding.done,
             "problem": rebuilding.problem if rebuilding is not None else None,
         }
-        arrays = {"time_s": [t for t, _ in points], "distance": [d for _, d in points]}
+        arrays = {"time_s": [t for t, _ in points], "value": [v for _, v in points]}
         return pack("growth", header, arrays)
 
     def model(self, number: int) -> bytes:
@@ -184,7 +185,7 @@ class ViewedRecording:
 def _completion(state: ModelState | None) -> dict[str, Any] | None:
     if state is None:
         return None
-    return {"distance": state.distance, "start_s": state.start_s, "stop_s": state.stop_s}
+    return states.completion_header(state.progress, state.start_s, state.stop_s)
 
 
 def _surfaces(state: ModelState | None) -> dict[str, int] | None:

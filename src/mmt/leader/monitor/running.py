@@ -137,20 +137,21 @@ class LeaderMonitor:
         )
 
     def _follow_model(self) -> None:
-        """Publish a new model and its completion sum."""
+        """Publish a new model and what the criterion says of it."""
         update = self._service.log.update
         if update is self._update:
             return
         self._update = update
         if update is not None:
-            self._history.append((update.time_s, update.distance))
+            self._history.append((update.time_s, update.progress.value))
         self._publish_completion()
         self._publish_model()
 
     def _publish_completion(self) -> None:
         log, points = self._service.log, states.thinned(list(self._history), _SHOWN)
-        header = {"start_s": log.start_s, "stop_s": log.stop_s}
-        arrays = {"time_s": [t for t, _ in points], "distance": [d for _, d in points]}
+        progress = None if self._update is None else self._update.progress
+        header = states.completion_header(progress, log.start_s, log.stop_s)
+        arrays = {"time_s": [t for t, _ in points], "value": [v for _, v in points]}
         self.viewers.publish("completion", pack("completion", header, arrays))
 
     def _publish_model(self) -> None:

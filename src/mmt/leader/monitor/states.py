@@ -3,7 +3,6 @@
 import itertools
 import math
 from dataclasses import asdict
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy.typing as npt
@@ -17,6 +16,7 @@ from mmt.texture_table import Texture
 if TYPE_CHECKING:
     from mmt.leader.service import LeaderService
     from mmt.leader.summary import RunLog
+    from mmt.texture.criterion import Progress
     from mmt.texture.model import TextureModel
     from mmt.ticking import TimeHistogram
 
@@ -33,7 +33,6 @@ def hello(scene: Scene, session_id: str) -> bytes:
 
 def hello_header(scene: Scene, session_id: str) -> dict[str, Any]:
     """Return names, limits and thresholds of a session."""
-    start_distance, stop_distance = _thresholds(scene.texture or Texture())
     return {
         "session": scene.session.name,
         "id": session_id,
@@ -43,8 +42,7 @@ def hello_header(scene: Scene, session_id: str) -> dict[str, Any]:
         "inputs": (scene.texture or Texture()).inputs,
         "maximum_speed_mm_s": MAXIMUM_SPEED_MM_S,
         "maximum_force_n": MAXIMUM_FORCE_N,
-        "start_distance": start_distance,
-        "stop_distance": stop_distance,
+        "criterion": asdict((scene.texture or Texture()).settings(1000.0).scale),
     }
 
 
@@ -83,16 +81,26 @@ def _why_not_synthesized(service: "LeaderService") -> str:
     if update is None:
         return "no model yet"
     return (
-        f"the model is not complete enough: completion sum {update.distance:.2f}, "
-        f"it takes over at {_thresholds(texture)[0]:g}"
+        f"the model is not complete enough: {update.progress}, "
+        f"it takes over at {update.progress.scale.start:g}"
     )
 
 
-@lru_cache(1)
-def _thresholds(texture: Texture) -> tuple[float, float]:
-    """Return the start and the stop distance as numbers, also where they are automatic."""
-    settings = texture.settings(1000.0)  # they do not depend on the rate
-    return settings.start_distance, settings.stop_distance
+def completion_header(
+    progress: "Progress | None", start_s: float | None, stop_s: float | None
+) -> dict[str, Any]:
+    """Return what the criterion says of a model, and when it was met.
+
+    ``cells`` are those of the input space, ``advice`` the inputs of the stroke that helps most;
+    both are null where there is no model.
+    """
+    return {
+        "value": None if progress is None else progress.value,
+        "cells": None if progress is None else [round(value, 4) for value in progress.cells],
+        "advice": None if progress is None or stop_s is not None else progress.advice,
+        "start_s": start_s,
+        "stop_s": stop_s,
+    }
 
 
 def model_of(service: "LeaderService") -> "TextureModel | None":

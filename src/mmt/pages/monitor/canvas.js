@@ -13,10 +13,40 @@ export function prepare(canvas) {
   return { pen, width, height, colour: (name) => style.getPropertyValue(`--${name}`).trim() };
 }
 
-/** How much a cell of `cells` lacks: 0 at its share of the stop distance, 1 at twice that of the start's. */
-export function lack(distance, { start, stop }, cells) {
-  const enough = stop / cells, most = (2 * start) / cells;
-  return Math.min(Math.max((distance - enough) / (most - enough), 0), 1);
+/** How much a cell of `cells` lacks: 0 where it has its part of what stops, 1 at twice what is left at the start. */
+export function lack(value, { start, stop, rises }, cells) {
+  const enough = rises ? stop : stop / cells, most = rises ? 2 * start - 1 : (2 * start) / cells;
+  return Math.min(Math.max((value - enough) / (most - enough), 0), 1);
+}
+
+/** The cell that lacks most. */
+export function worstOf(cells, { rises }) {
+  return cells.indexOf(rises ? Math.min(...cells) : Math.max(...cells));
+}
+
+/** Where to stroke next, in words; nothing where there is no advice. */
+export function advise(advice) {
+  if (!advice) return "";
+  const force = `${advice.at(-1).toFixed(1)} N`, speed = Math.hypot(...advice.slice(0, -1));
+  if (advice.length === 2) return ` Stroke next at about ${speed.toFixed(0)} mm/s and ${force}.`;
+  const towards = speed < 1 ? "" : ` towards ${headingOf(advice)}°`;
+  return ` Stroke next at about ${speed.toFixed(0)} mm/s${towards} with ${force}.`;
+}
+
+/** The heading of a velocity, 0 to 359 degrees. */
+export function headingOf([x, y]) {
+  return (Math.round((Math.atan2(y, x) * 180) / Math.PI) + 360) % 360;
+}
+
+/** Mark a place where a stroke is wanted: two rings around it. */
+export function drawAdvice(pen, colour, [x, y], size = 1) {
+  pen.strokeStyle = colour("ink");
+  pen.lineWidth = 2;
+  for (const radius of [6 * size, 12 * size]) {
+    pen.beginPath();
+    pen.arc(x, y, radius, 0, 2 * Math.PI);
+    pen.stroke();
+  }
 }
 
 /** The colour of a cell that lacks so much. */

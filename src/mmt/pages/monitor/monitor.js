@@ -35,7 +35,7 @@ const take = {
 
   completion(message) {
     panels.curve(message.arrays);
-    panels.completion(message.arrays.distance.at(-1), message.start_s, message.stop_s);
+    panels.completion(message);
   },
 
   link(message) {

@@ -37,7 +37,7 @@ export function figures(id, rows) {
 
 export class Panels {
   constructor() {
-    this.hello = { rate_hz: 1000, start_distance: 7.5, stop_distance: 4.243 };
+    this.hello = { rate_hz: 1000, criterion: { title: "completion sum", start: 7.5, stop: 4.243, rises: false } };
     this.rings = { measured: new Ring(SHOWN), played: new Ring(SHOWN), modelled: new Ring(SHOWN) };
     this.history = { time: [], force: [[], [], []], position: [[], [], []] };
     this.trail = new Trail();
@@ -45,7 +45,7 @@ export class Panels {
     this.dirty = false;
     this.spectraAt = 0;
     this.plots = {
-      completion: new Plot($("completion"), [["sum", "ink"], ["start", "played", [6, 4]], ["stop", "third", [2, 3]]],
+      completion: new Plot($("completion"), [["now", "ink"], ["start", "played", [6, 4]], ["stop", "third", [2, 3]]],
         ["session time, s", "sum of distances"], { y: { range: (_, low, high) => [0, Math.max(high || 0, 12)] } }),
       vibration: new Plot($("vibration"), [["measured", "measured"], ["played: streamed", "third"], ["played: synthesized", "played"]], ["ms", "m/s²"]),
       spectra: new Plot($("spectra"), [["measured", "measured"], ["played", "played"]], ["Hz", "dB re 1 (m/s²)²/Hz"]),
@@ -65,8 +65,13 @@ export class Panels {
     document.title = `mmt monitor: ${hello.session}`;
     const limits = {
       speed: hello.maximum_speed_mm_s, force: hello.maximum_force_n,
-      start: hello.start_distance, stop: hello.stop_distance,
+      ...hello.criterion,
     };
+    const { title, rises } = hello.criterion;
+    text("h-completion", title[0].toUpperCase() + title.slice(1));
+    text("plane-numbers", rises ? "the share of a cell's strokes whose level is expected right" : "a cell's distance to its nearest samples");
+    this.plots.completion.measure(rises ? "share expected right" : "sum of distances",
+      rises ? () => [0, 1] : (_, low, high) => [0, Math.max(high || 0, 12)]);
     const View = hello.inputs === "anisotropic" ? VelocityPlane : Plane;
     this.plane = new View($("plane"), $("plane-text"), limits);
     this.trail = new Trail();
@@ -77,24 +82,27 @@ export class Panels {
 
   model(message) {
     this.plane.setModel(message);
+    if (!message.cells) this.plane.setCompletion(null, null);
+    else if (!this.hello.criterion.rises) this.plane.setCompletion(message.cells, this.plane.advice);
     this.dirty = true;
   }
 
-  /** Show the completion sum against time, with both thresholds. */
-  curve({ time_s, distance }) {
-    const level = (value) => Array.from(time_s, () => value);
-    this.plots.completion.set([
-      Array.from(time_s), Array.from(distance), level(this.hello.start_distance), level(this.hello.stop_distance),
-    ]);
+  /** Show what the criterion says against time, with both thresholds. */
+  curve({ time_s, value }) {
+    const { start, stop } = this.hello.criterion;
+    const level = (threshold) => Array.from(time_s, () => threshold);
+    this.plots.completion.set([Array.from(time_s), Array.from(value), level(start), level(stop)]);
   }
 
-  /** Say what the sum is, and when the criteria were met. */
-  completion(sum, start_s, stop_s) {
-    const met = [];
-    if (start_s !== null) met.push(`start met at ${start_s.toFixed(1)} s`);
-    if (stop_s !== null) met.push(`stop met at ${stop_s.toFixed(1)} s`);
-    const criteria = met.join(", ") || `start at ${number(this.hello.start_distance, 2)}`;
-    text("completion-text", sum === undefined ? "Nothing is modelled yet." : `${sum.toFixed(2)} now; ${criteria}.`);
+  /** Say what the criterion says and when it was met, and mark where a stroke is wanted. */
+  completion(said) {
+    const { value = null, cells = null, advice = null, start_s = null, stop_s = null } = said ?? {};
+    const { start, stop } = this.hello.criterion;
+    const begun = start_s === null ? `start at ${number(start, 2)}` : `start met at ${start_s.toFixed(1)} s`;
+    const ended = stop_s === null ? `stop at ${number(stop, 2)}` : `stop met at ${stop_s.toFixed(1)} s`;
+    text("completion-text", value === null ? "Nothing is modelled yet." : `${value.toFixed(2)} now; ${begun}, ${ended}.`);
+    if (cells) this.plane.setCompletion(cells, advice); // else those of a saved model stay
+    this.dirty = true;
   }
 
   mode(mode, why, time) {

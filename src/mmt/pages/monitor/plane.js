@@ -1,20 +1,30 @@
 // The speed-force plane: samples, triangles, nine cells, the hand and its trail.
 
-import { drawTrail, lack, prepare, shade } from "./canvas.js";
+import { advise, drawAdvice, drawTrail, lack, prepare, shade, worstOf } from "./canvas.js";
 
 const MARGIN = { left: 48, right: 18, top: 10, bottom: 36 };
 const CELLS = ["slow", "medium", "fast"];
 const FORCES = ["light", "medium", "strong"];
 
 export class Plane {
-  /** `limits`: the largest speed and force, the start and the stop distance. */
+  /** `limits`: the largest speed and force, start, stop and rises of the criterion. */
   constructor(canvas, text, limits) {
-    Object.assign(this, { canvas, text, limits, model: null });
+    Object.assign(this, { canvas, text, limits, model: null, cells: null, advice: null });
   }
 
   setModel(model) {
     this.model = model;
-    this.text.textContent = describe(model);
+    this.#describe();
+  }
+
+  /** Take what the criterion says of each cell, and where it wants a stroke; null for neither. */
+  setCompletion(cells, advice) {
+    Object.assign(this, { cells, advice });
+    this.#describe();
+  }
+
+  #describe() {
+    this.text.textContent = describe(this.model, this.cells, this.limits) + advise(this.advice);
   }
 
   draw(trail) {
@@ -24,10 +34,11 @@ export class Plane {
       x: MARGIN.left, y: MARGIN.top,
       width: width - MARGIN.left - MARGIN.right, height: height - MARGIN.top - MARGIN.bottom,
     };
-    if (this.model) this.#cells(pen);
+    this.#cells(pen);
     this.#axes(pen);
     if (this.model) this.#samples(pen);
     const { speed, force } = this.limits;
+    if (this.advice) drawAdvice(pen, colour, this.#at(this.advice[0] / speed, this.advice[1] / force));
     drawTrail(pen, colour, trail.points, (point) => this.#at(point.speed / speed, point.force / force));
   }
 
@@ -37,18 +48,18 @@ export class Plane {
   }
 
   #cells(pen) {
-    const cells = this.model.cells;
+    const { cells } = this;
     if (!cells) return;
-    cells.forEach((distance, index) => {
+    cells.forEach((value, index) => {
       const column = index % 3, row = Math.floor(index / 3);
-      const need = lack(distance, this.limits, cells.length);
+      const need = lack(value, this.limits, cells.length);
       const [x, y] = this.#at(column / 3, (row + 1) / 3);
       pen.fillStyle = shade(need, this.colour);
       pen.fillRect(x, y, this.area.width / 3, this.area.height / 3);
       pen.fillStyle = this.colour("faint");
       pen.font = "12px system-ui, sans-serif";
       pen.textAlign = "left";
-      pen.fillText(distance.toFixed(2), x + 6, y + 16);
+      pen.fillText(value.toFixed(2), x + 6, y + 16);
     });
   }
 
@@ -104,11 +115,11 @@ export class Plane {
   }
 }
 
-/** Say in words where the model lacks samples most. */
-function describe(model) {
+/** Say in words where the model lacks most. */
+function describe(model, cells, limits) {
   if (!model || model.samples === 0) return "No model yet.";
   const count = `${model.samples} samples, order ${model.order}.`;
-  if (!model.cells) return count;
-  const worst = model.cells.indexOf(Math.max(...model.cells));
+  if (!cells) return count;
+  const worst = worstOf(cells, limits);
   return `${count} Lacks most: ${CELLS[worst % 3]} strokes with ${FORCES[Math.floor(worst / 3)]} force.`;
 }

@@ -26,6 +26,13 @@ export class Plot {
     this.#make();
   }
 
+  /** Say anew what is drawn upwards, and how its range follows from the data. */
+  measure(label, range) {
+    this.axes = [this.axes[0], label];
+    this.ranges = { ...this.ranges, y: { range } };
+    this.#make();
+  }
+
   /** Draw an upright line at a value of x. */
   mark(x) {
     this.marked = x;

@@ -79,8 +79,7 @@ function show(moment) {
   }
   panels.mode(moment.mode ?? "–", SOURCES[moment.source] ?? "nothing was played", `${moment.time_s.toFixed(2)} s`);
   panels.surface(moment.surfaces);
-  const sum = moment.completion;
-  panels.completion(sum?.distance, sum?.start_s ?? null, sum?.stop_s ?? null);
+  panels.completion(moment.completion);
   panels.plots.completion.mark(moment.time_s);
   if (!moment.rebuilt) text("plane-text", "The model of this moment is being built.");
   if (moment.link) showLink(moment.link);
@@ -130,9 +129,9 @@ function showEvents(now_s) {
 }
 
 /** A model that is complete stays as it is until the end. */
-function toTheEnd({ time_s, distance }) {
-  if (!time_s.length) return { time_s, distance };
-  return { time_s: [...time_s, Math.max(bar.duration_s, time_s.at(-1))], distance: [...distance, distance.at(-1)] };
+function toTheEnd({ time_s, value }) {
+  if (!time_s.length) return { time_s, value };
+  return { time_s: [...time_s, Math.max(bar.duration_s, time_s.at(-1))], value: [...value, value.at(-1)] };
 }
 
 /** Show how the model grew, as far as it has been built again. */

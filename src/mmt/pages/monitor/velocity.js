@@ -1,6 +1,6 @@
 // The space of velocity and force, seen along the force: heading and speed, one force band at a time.
 
-import { drawTrail, lack, prepare, shade } from "./canvas.js";
+import { advise, drawAdvice, drawTrail, headingOf, lack, prepare, shade, worstOf } from "./canvas.js";
 
 const BANDS = ["light", "medium", "strong"];
 const DIVISIONS = 3;
@@ -8,14 +8,20 @@ const MARGIN = 30;
 const LABELS_AT = -Math.PI / 8;
 
 export class VelocityPlane {
-  /** `limits`: the largest speed and force, the start and the stop distance. */
+  /** `limits`: the largest speed and force, start, stop and rises of the criterion. */
   constructor(canvas, text, limits) {
-    Object.assign(this, { canvas, text, limits, model: null, band: null, slices: new Map() });
+    Object.assign(this, { canvas, text, limits, model: null, cells: null, advice: null, band: null, slices: new Map() });
   }
 
   setModel(model) {
     this.model = model;
     this.slices.clear();
+    this.#describe();
+  }
+
+  /** Take what the criterion says of each cell, and where it wants a stroke; null for neither. */
+  setCompletion(cells, advice) {
+    Object.assign(this, { cells, advice });
     this.#describe();
   }
 
@@ -29,6 +35,7 @@ export class VelocityPlane {
     this.#cells(pen, disc, shown, true);
     this.#rings(pen, disc);
     this.#samples(pen, disc, shown);
+    this.#mark(pen, disc, shown);
     const { speed } = this.limits;
     drawTrail(pen, colour, trail.points, ({ velocity: [x, y] }) => within(disc, x / speed, y / speed));
     this.#small(pen, disc, width, height, shown);
@@ -46,21 +53,21 @@ export class VelocityPlane {
   /** The band of the hand; before it has pressed, the one that lacks most. */
   #shown() {
     if (this.band !== null) return this.band;
-    return this.model?.cells ? Math.floor(worst(this.model.cells) / DIVISIONS ** 2) : 1;
+    return this.cells ? Math.floor(worstOf(this.cells, this.limits) / DIVISIONS ** 2) : 1;
   }
 
   #cells(pen, disc, band, numbers) {
-    const cells = this.model?.cells;
+    const { cells } = this;
     if (!cells) return;
     pen.save();
     pen.beginPath();
     pen.arc(disc.x, disc.y, disc.radius, 0, 2 * Math.PI);
     pen.clip();
     const size = (2 * disc.radius) / DIVISIONS;
-    cells.slice(band * DIVISIONS ** 2, (band + 1) * DIVISIONS ** 2).forEach((distance, index) => {
+    cells.slice(band * DIVISIONS ** 2, (band + 1) * DIVISIONS ** 2).forEach((value, index) => {
       const column = index % DIVISIONS, row = Math.floor(index / DIVISIONS);
       const x = disc.x - disc.radius + column * size, y = disc.y + disc.radius - (row + 1) * size;
-      pen.fillStyle = shade(lack(distance, this.limits, cells.length), this.colour);
+      pen.fillStyle = shade(lack(value, this.limits, cells.length), this.colour);
       pen.fillRect(x, y, size, size);
       pen.strokeStyle = this.colour("panel");
       pen.strokeRect(x, y, size, size);
@@ -69,7 +76,7 @@ export class VelocityPlane {
       pen.font = "12px system-ui, sans-serif";
       pen.textAlign = "center";
       const inwards = (1 - column) * size * 0.18;
-      pen.fillText(distance.toFixed(2), x + size / 2 + inwards, y + size / 2 + (row - 1) * size * 0.3);
+      pen.fillText(value.toFixed(2), x + size / 2 + inwards, y + size / 2 + (row - 1) * size * 0.3);
     });
     pen.restore();
   }
@@ -130,6 +137,13 @@ export class VelocityPlane {
     }
   }
 
+  /** Mark where a stroke is wanted, in the band of its force. */
+  #mark(pen, disc, band, size = 1) {
+    const { speed, force } = this.limits;
+    if (!this.advice || bandOf(this.advice[2] / force) !== band) return;
+    drawAdvice(pen, this.colour, within(disc, this.advice[0] / speed, this.advice[1] / speed), size);
+  }
+
   /** The other bands in small, the strongest on top; the one that is shown has a frame. */
   #small(pen, disc, width, height, shown) {
     const x = disc.x + disc.radius + 2 * MARGIN;
@@ -139,6 +153,7 @@ export class VelocityPlane {
     BANDS.forEach((name, band) => {
       const small = { x: x + radius, y: height / 2 + (1 - band) * (2 * radius + 26) + 6, radius };
       this.#cells(pen, small, band, false);
+      this.#mark(pen, small, band, 0.4);
       pen.beginPath();
       pen.arc(small.x, small.y, radius, 0, 2 * Math.PI);
       pen.lineWidth = band === shown ? 3 : 1;
@@ -175,7 +190,7 @@ export class VelocityPlane {
     const forces = model.arrays.points.filter((_, i) => i % 3 === 2);
     const here = forces.filter((force) => bandOf(force) === shown).length;
     this.text.textContent = `${model.samples} samples, order ${model.order}; ${here} with ${BANDS[shown]} force `
-      + `(${this.#range(shown)}), which is shown. ${advice(model.cells)}`;
+      + `(${this.#range(shown)}), which is shown.${lacking(this.cells, this.limits)}${advise(this.advice)}`;
   }
 }
 
@@ -187,16 +202,12 @@ function bandOf(force) {
   return Math.min(Math.floor(force * BANDS.length), BANDS.length - 1);
 }
 
-function worst(cells) {
-  return cells.indexOf(Math.max(...cells));
-}
-
-function advice(cells) {
-  const index = worst(cells), band = BANDS[Math.floor(index / DIVISIONS ** 2)];
+function lacking(cells, limits) {
+  if (!cells) return "";
+  const index = worstOf(cells, limits), band = BANDS[Math.floor(index / DIVISIONS ** 2)];
   const x = (index % DIVISIONS) - 1, y = (Math.floor(index / DIVISIONS) % DIVISIONS) - 1;
-  if (x === 0 && y === 0) return `Lacks most: slow strokes with ${band} force.`;
-  const degrees = (Math.round((Math.atan2(y, x) * 180) / Math.PI) + 360) % 360;
-  return `Lacks most: strokes towards ${degrees}° with ${band} force.`;
+  if (x === 0 && y === 0) return ` Lacks most: slow strokes with ${band} force.`;
+  return ` Lacks most: strokes towards ${headingOf([x, y])}° with ${band} force.`;
 }
 
 /** Cut tetrahedra (4 corners each) of vertices (3 numbers each) at a height; return polygons of [x, y]. */

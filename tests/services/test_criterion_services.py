@@ -1,0 +1,62 @@
+"""The criterion by uncertainty through both services: what is said, recorded and reported."""
+
+import json
+from pathlib import Path
+
+from service_runs import Together, small_scene
+
+from mmt.devices.simulated.offline import simulate_session
+from mmt.evaluation.evaluate import evaluate_session
+from mmt.evaluation.report import write_report
+from mmt.scene import Scene
+from mmt.scene_files import scene_from_tables
+from mmt.session import read_session, write_session
+
+OURS = {
+    "level": "gaussian_process",
+    "shape": "smoothed",
+    "criterion": "uncertainty",
+    "start_share": 0.5,
+    "stop_share": 0.9,
+}
+
+
+async def test_a_session_starts_and_stops_by_the_expected_share(tmp_path: Path) -> None:
+    frames, annotations = simulate_session(Scene(), "fabric", 5.0, 4)
+    session = tmp_path / "strokes.npz"
+    write_session(session, frames, annotations=annotations)
+    recording = tmp_path / "session.mcap"
+    scene = small_scene(
+        tmp_path,
+        simulated=None,
+        hand=None,
+        replay={"file": str(session), "speed": 2.0},
+        texture=OURS,
+        recording={"file": str(recording)},
+    )
+    together = Together.of(scene)
+    await together.listen()
+    await together.follow()
+    summary = await together.end()
+
+    said = summary.texture["completion"]
+    assert said["criterion"] == "uncertainty"
+    assert 0.9 <= said["value"] <= 1.0
+    assert summary.texture["start_s"] <= summary.texture["stop_s"] < 5.0
+    status = together.leader.status()
+    assert status.completion == f"expected share {together.leader.log.update.progress.value:.2f}"
+    assert any("stop criterion met" in line for line in together.said)
+
+    found = read_session(recording)
+    recorded = scene_from_tables(dict(found.scene or {}), origin="recorded").texture
+    assert recorded is not None
+    evaluation = evaluate_session(found, recorded.settings(1000.0))
+    assert evaluation.stop_s is not None
+    assert evaluation.at_stop is not None
+    assert evaluation.at_stop.completion >= 0.9
+    write_report(tmp_path / "report", [evaluation])
+    text = (tmp_path / "report" / "report.md").read_text()
+    assert "Expected share at each step" in text
+    assert "share of the operator's strokes" in text
+    steps = json.loads((tmp_path / "report" / "summary.json").read_text())["steps"]
+    assert all(0.0 <= step["completion"] <= 1.0 for step in steps)
