@@ -19,6 +19,12 @@ PROGRAMS = {
         "sys.stderr.write('last words\\n')\n"
         "sys.exit(3)\n"
     ),
+    "warning_program": (
+        "import sys\n"
+        "sys.stderr.write('compiling\\nwarning: the sensor is overl')\n"
+        "sys.stderr.flush()\n"
+        "sys.stderr.write('oaded\\nwarning: half a line')\n"
+    ),
     "lasting_program": (
         "import signal, sys, time\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's job may ignore it\n"
@@ -48,6 +54,15 @@ async def lasting(directory: Path) -> AsyncIterator[Child]:
         yield child
     finally:
         await child.kill()
+
+
+async def test_what_a_child_warns_of_is_told_line_by_line(directory: Path) -> None:
+    told: list[str] = []
+    child = await Child.start("warning_program", "warning_program", [], None, told.append)
+    async with asyncio.timeout(20):
+        assert await child.wait() == 0
+    assert told == ["warning: the sensor is overloaded"]
+    assert child.messages.startswith("compiling")
 
 
 async def test_a_child_that_writes_much_never_waits_for_a_reader(directory: Path) -> None:

@@ -6,12 +6,14 @@ import os
 import signal
 import sys
 import time
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
 from typing import Any, Final
 
 _LONGEST_LINE: Final = 2**20
 _KEPT_MESSAGES: Final = 2**16
 """Bytes of what a child writes to standard error that are kept, the newest."""
+_WARNING: Final = b"warning: "
+"""How the line of one begins; see `mmt.logs`."""
 
 
 class Child:
@@ -20,8 +22,15 @@ class Child:
     What it writes to standard error is read all the while: it never waits for a reader.
     """
 
-    def __init__(self, name: str, process: asyncio.subprocess.Process, started_s: float) -> None:
+    def __init__(
+        self,
+        name: str,
+        process: asyncio.subprocess.Process,
+        started_s: float,
+        on_warning: Callable[[str], None],
+    ) -> None:
         self.name = name
+        self._on_warning = on_warning
         self._started_s = started_s
         self._process = process
         self._kept = b""
@@ -34,8 +43,21 @@ class Child:
         module: str,
         arguments: list[str],
         environment: Mapping[str, str] | None = None,
+        on_warning: Callable[[str], None] = lambda _: None,
     ) -> "Child":
-        """Run ``python -m module``, in this process's environment unless another is given."""
+        """Run ``python -m module``.
+
+        Parameters
+        ----------
+        name
+            What a person calls it.
+        module, arguments
+            What is run.
+        environment
+            None for this process's own.
+        on_warning
+            Called with each warning that it logs, when it does.
+        """
         started_s = time.perf_counter()
         process = await asyncio.create_subprocess_exec(
             sys.executable,
@@ -48,7 +70,7 @@ class Child:
             start_new_session=os.name == "posix",
             env=environment,
         )
-        return cls(name, process, started_s)
+        return cls(name, process, started_s, on_warning)
 
     async def lines(self) -> AsyncIterator[dict[str, Any]]:
         """Yield its JSON lines until it closes its standard output.
@@ -96,8 +118,14 @@ class Child:
 
     async def _read_messages(self) -> None:
         assert self._process.stderr is not None  # noqa: S101 - it was asked for
+        rest = b""
         while part := await self._process.stderr.read(_KEPT_MESSAGES):
             self._kept = (self._kept + part)[-_KEPT_MESSAGES:]
+            *lines, rest = (rest + part).split(b"\n")
+            rest = rest[:_KEPT_MESSAGES]
+            for line in lines:
+                if line.startswith(_WARNING):
+                    self._on_warning(line.decode(errors="replace"))
 
 
 def _parsed(raw: bytes) -> dict[str, Any]:

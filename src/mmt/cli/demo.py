@@ -190,7 +190,13 @@ class _Demo:
         return self._run
 
     async def _start(self, name: str, arguments: list[str]) -> Child:
-        child = await Child.start(name, "mmt.cli.entry", [name, *arguments], self._environment)
+        child = await Child.start(
+            name,
+            "mmt.cli.entry",
+            [name, *arguments],
+            self._environment,
+            lambda sentence: self._progress.console.print(f"{name}: {sentence}", highlight=False),
+        )
         self._children.append(child)
         if self._run.interrupted:
             child.interrupt()
