@@ -52,7 +52,7 @@ def completion_over_time(evaluations: Sequence[Evaluation]) -> Figure:
             f"{text} {value:.4g}",
             (1.0, value),
             xycoords=("axes fraction", "data"),
-            xytext=(-4, 3),
+            xytext=(-4, -12 if scale.rises else 3),  # where the curve is not
             textcoords="offset points",
             ha="right",
             color="#5d636b",
