@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from mmt.arrays import FloatArray
-from mmt.texture.effective_length import LEAST, lengths
+from mmt.texture.effective_length import LEAST
 from mmt.texture.level_covariance import features
 
 LARGEST: Final = 200
@@ -23,27 +23,26 @@ _SPEED_WIDTH: Final = 0.5  # nepers
 _LINE_WIDTH: Final = 0.3  # sine of the angle between two lines
 
 
-def shared_effective(points: FloatArray, lsf: FloatArray, effective: FloatArray) -> FloatArray:
+def shared_effective(points: FloatArray, lengths: FloatArray, effective: FloatArray) -> FloatArray:
     """Return independent samples that each power is worth, shape (n,), from `LEAST` on.
 
     Parameters
     ----------
     points
         Normalised inputs of the segments, shape (n, 2) or (n, 3).
-    lsf
-        The filter fitted to each, shape (n, order).
+    lengths
+        How many samples each has, shape (n,).
     effective
         What `effective_length.effective_samples` says of each alone, shape (n,).
     """
     count = len(effective)
     chosen = np.unique(np.linspace(0, count - 1, min(count, LARGEST)).round().astype(int))
-    samples = lengths(lsf, effective)
     at = features(points)
     apart = np.square(np.subtract.outer(at.speed, at.speed[chosen]) / _SPEED_WIDTH)
     if points.shape[1] == 3:
         turn = np.sin(np.subtract.outer(at.heading, at.heading[chosen]))
         apart += np.square(turn / _LINE_WIDTH)
     apart -= apart.min(axis=1, keepdims=True)  # so that one of them counts, however far
-    weights = np.exp(-0.5 * apart) * samples[chosen]
-    dependent = weights @ (samples / effective)[chosen] / weights.sum(axis=1)
-    return np.asarray(np.maximum(samples / dependent, LEAST))
+    weights = np.exp(-0.5 * apart) * lengths[chosen]
+    dependent = weights @ (lengths / effective)[chosen] / weights.sum(axis=1)
+    return np.asarray(np.maximum(lengths / dependent, LEAST))

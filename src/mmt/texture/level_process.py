@@ -197,8 +197,8 @@ def level_process(
     if not (samples.power > 0.0).any():
         return None
     effective = samples.effective
-    if effective is not None:
-        effective = shared_effective(samples.points, samples.lsf, effective)
+    if effective is not None and samples.lengths is not None:
+        effective = shared_effective(samples.points, samples.lengths, effective)
     return LevelProcess(
         samples.points,
         samples.power,

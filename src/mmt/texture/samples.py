@@ -1,12 +1,14 @@
 """Fitted segments: what a texture model is built from."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 
 from mmt.arrays import FloatArray
 from mmt.errors import InputError
+from mmt.texture.effective_length import lengths
 from mmt.texture.inputs import ISOTROPIC, InputSpace
 from mmt.texture.settings import LARGEST_ORDER
 
@@ -74,6 +76,11 @@ class TextureSamples:
     def points(self) -> FloatArray:
         """Normalised inputs, shape (n, d)."""
         return self.space.normalise(self.inputs)
+
+    @cached_property
+    def lengths(self) -> FloatArray | None:
+        """How many samples each segment has, (n,), None where `effective` is not known."""
+        return None if self.effective is None else lengths(self.lsf, self.effective)
 
     def frozen(self) -> Self:
         """Return a copy whose arrays cannot be written."""

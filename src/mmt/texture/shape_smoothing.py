@@ -26,7 +26,6 @@ import numpy as np
 from scipy.linalg import eigh
 
 from mmt.arrays import FloatArray, IntArray
-from mmt.texture.effective_length import lengths
 from mmt.texture.level_covariance import matern
 from mmt.texture.samples import TextureSamples
 
@@ -87,9 +86,8 @@ def smoothed_shapes(samples: TextureSamples) -> FloatArray:
 
     Where lengths are not known all samples count alike.
     """
-    if samples.effective is None:
-        return smoothed(samples.points, samples.lsf, np.ones(len(samples)))
-    return smoothed(samples.points, samples.lsf, lengths(samples.lsf, samples.effective))
+    known = samples.lengths
+    return smoothed(samples.points, samples.lsf, np.ones(len(samples)) if known is None else known)
 
 
 def _covariance(a: FloatArray, b: FloatArray, scales: tuple[float, float]) -> FloatArray:
