@@ -1,8 +1,11 @@
 """The criterion by uncertainty through both services: what is said, recorded and reported."""
 
+import asyncio
 import json
+import time
 from pathlib import Path
 
+from monitor_messages import unpack
 from service_runs import Together, small_scene
 
 from mmt.devices.simulated.offline import simulate_session
@@ -11,6 +14,7 @@ from mmt.evaluation.report import write_report
 from mmt.scene import Scene
 from mmt.scene_files import scene_from_tables
 from mmt.session import read_session, write_session
+from mmt.viewing.recording import ViewedRecording
 
 OURS = {
     "level": "gaussian_process",
@@ -46,6 +50,21 @@ async def test_a_session_starts_and_stops_by_the_expected_share(tmp_path: Path) 
     status = together.leader.status()
     assert status.completion == f"expected share {together.leader.log.update.progress.value:.2f}"
     assert any("stop criterion met" in line for line in together.said)
+
+    seen = ViewedRecording.open(recording)
+    seen.start()
+    try:
+        deadline = time.monotonic() + 60.0
+        while not unpack(seen.growth())["done"] and time.monotonic() < deadline:
+            await asyncio.sleep(0.02)
+        assert unpack(seen.opening())["criterion"]["title"] == "expected share"
+        course = unpack(seen.growth())["arrays"]["value"]
+        assert ((course >= 0.0) & (course <= 1.0)).all()
+        last = unpack(seen.moment(1e9))["completion"]
+        assert last["value"] >= 0.9
+        assert (len(last["cells"]), last["advice"]) == (9, None)
+    finally:
+        seen.close()
 
     found = read_session(recording)
     recorded = scene_from_tables(dict(found.scene or {}), origin="recorded").texture

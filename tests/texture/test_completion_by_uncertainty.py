@@ -230,6 +230,20 @@ def test_what_the_operator_does_weighs_more_than_what_it_leaves_out():
     assert here.progress.value > away.progress.value + 0.05
 
 
+def test_what_samples_of_another_surface_have_met_is_taken_back_with_them():
+    judge = criterion()
+    judge.update(model_of(strokes(4, 2)), 2.0)
+    assert judge.started
+    judge.update(model_of(strokes(150, 2)), 8.0)
+    assert judge.stop_s == 8.0
+    judge.update(model_of(strokes(4, 2)), 9.0)
+    judge.take_back(7.0)
+    assert (judge.start_s, judge.stop_s) == (2.0, None)
+    judge.update(None, 10.0)
+    judge.take_back(1.0)
+    assert not judge.started
+
+
 def test_the_published_sum_is_what_runs_where_nothing_else_is_asked():
     monitor = criterion_of(ModellingSettings())
     assert isinstance(monitor, CompletionMonitor)
