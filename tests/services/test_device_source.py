@@ -1,6 +1,7 @@
 """Streaming from devices: what is read, what is missed, and what fails."""
 
 import asyncio
+import threading
 import time
 from pathlib import Path
 from typing import Any, ClassVar
@@ -242,6 +243,57 @@ async def test_a_scene_of_devices_streams_what_they_measure(tmp_path: Path, driv
     assert len(frames) > 20
     assert (frames["force_n"] == (0.0, 1.0, 2.0)).all()
     assert (np.diff(frames["time_ns"]) > 0).all()
+
+
+class Slow(Instrument):
+    """A device whose connection takes as long as the test wants."""
+
+    goes_on: ClassVar[threading.Event]
+    made: ClassVar[list[Any]]
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.made.append(self)
+
+    def connect(self) -> None:
+        assert self.goes_on.wait(20.0), "the loop that would let it go on stands still"
+
+
+@pytest.fixture
+def slow_scene(tmp_path: Path, drivers: str) -> Scene:
+    (tmp_path / "slow_drivers.py").write_text("from test_device_source import Slow as Robot\n")
+    Slow.goes_on, Slow.made = threading.Event(), []
+    table = {"robot": "slow_drivers:Robot", "force_sensor": f"{drivers}:Force"}
+    table["accelerometer"] = f"{drivers}:Robot"
+    return small_scene(tmp_path, devices=table, simulated=None)
+
+
+async def test_the_leader_is_answered_while_devices_are_connected(slow_scene: Scene) -> None:
+    together = Together.of(slow_scene)
+    await together.listen()
+    following = asyncio.create_task(together.follow())
+    before = together.leader.ticker.statistics.ticks
+    await together.until(lambda: together.leader.ticker.statistics.ticks > before + 300)
+    assert together.leader.status().frames == 0
+    Slow.goes_on.set()
+    await together.until(lambda: together.leader.status().frames > 20)
+    together.leader.stop()
+    assert (await together.end()).problem is None
+    assert (await following).problem is None
+
+
+async def test_a_session_that_ends_while_devices_are_connected_closes_them(
+    slow_scene: Scene,
+) -> None:
+    together = Together.of(slow_scene)
+    await together.listen()
+    following = asyncio.create_task(together.follow())
+    await together.until(lambda: any("follower connected" in said for said in together.said))
+    together.leader.stop()
+    assert (await together.end()).problem is None
+    Slow.goes_on.set()
+    assert (await following).problem is None
+    assert [device.calls for device in Slow.made] == [["calibrate", "close"]]
 
 
 # --- a sensor on a clock of its own

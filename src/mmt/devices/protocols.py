@@ -243,6 +243,15 @@ FrameTaker = Callable[[RecordArray], None]
 class DeviceBackedSource(FollowerSource, Protocol):
     """A source of devices, which may be lost and come back while it streams."""
 
+    def open(self) -> None:
+        """Connect its devices, before `start`; takes as long as they need, and may run in a thread.
+
+        Raises
+        ------
+        MmtError
+            One of them does not answer.
+        """
+
     def watch(self, callback: LossWatcher) -> None:
         """Have a function called when a device is lost and when it is back."""
 

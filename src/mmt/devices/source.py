@@ -88,6 +88,7 @@ class DeviceSource:
         self._stepped = list(dict.fromkeys([robot_port, *self._measuring.values()]))
         self._sampled = [port for port in self._stepped if isinstance(port, SampledPort)]
         self._looked_at = [port for port in self._sampled if not port.knows_arrivals]
+        self._opened = False
         self._lost: list[Port] = []
         self._probed: tuple[Port, Exception] | None = None
         self._dtype = frame_dtype(self._channels)
@@ -110,20 +111,32 @@ class DeviceSource:
         """Have a function given the frames whose last reading came between two ticks."""
         self._taker = callback
 
-    def start(self, start_time_ns: int) -> None:  # noqa: ARG002 - devices keep their own time
-        """Connect and calibrate the devices, and learn the clocks of those that have one.
+    def open(self) -> None:
+        """Connect and calibrate the devices, which can take seconds; may run in a thread.
 
         Raises
         ------
         MmtError
             One of them does not answer.
         """
-        for port in self._all.values():
+        self._opened = True
+        for opened in self._all.values():
             try:
-                port.device.connect()
-                port.device.calibrate()
+                opened.device.connect()
+                opened.device.calibrate()
             except Exception as error:
-                raise failure(port, error) from error
+                raise failure(opened, error) from error
+
+    def start(self, start_time_ns: int) -> None:  # noqa: ARG002 - devices keep their own time
+        """Learn the clocks of those that have one; open the devices where that was not done.
+
+        Raises
+        ------
+        MmtError
+            One of them does not answer.
+        """
+        if not self._opened:
+            self.open()
         for port in self._sampled:  # which a driver may know only now, from the device's filter
             port.lane.latency_ns = port.device.latency_ns
         if self._sampled:
@@ -132,9 +145,9 @@ class DeviceSource:
                 self._prober.start()
             if self._taker is not None:
                 self._retry.start()
-        for port in self._all.values():
-            if isinstance(port.device, Pacing):  # ticks from now on do not meet its turns
-                port.device.await_turn()
+        for device in (port.device for port in self._all.values()):
+            if isinstance(device, Pacing):  # ticks from now on do not meet its turns
+                device.await_turn()
 
     def _warm_up(self) -> int | None:
         """Read often for a moment: the quickest arrivals tell the clocks apart.

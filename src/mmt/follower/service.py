@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Final
 
+from mmt.devices.protocols import DeviceBackedSource
 from mmt.ending import Ending
 from mmt.errors import FAILED, MmtError
 from mmt.follower.driving import DrivenSource
@@ -165,17 +166,27 @@ class FollowerService:
         """Stream until the end, or until the source fails."""
         ended = asyncio.create_task(self.ending.wait())
         try:
-            self.source.start(time.monotonic_ns())
-            self.ticker.start()
-            ticking = asyncio.create_task(self.ticker.wait())
-            await asyncio.wait([ended, ticking], return_when=asyncio.FIRST_COMPLETED)
-            self.ticker.stop()
-            await ticking
+            await self._open_devices()
+            if not self.ending.reached:
+                self.source.start(time.monotonic_ns())
+                self.ticker.start()
+                ticking = asyncio.create_task(self.ticker.wait())
+                await asyncio.wait([ended, ticking], return_when=asyncio.FIRST_COMPLETED)
+                self.ticker.stop()
+                await ticking
         except Exception as error:  # noqa: BLE001 - what is no MmtError is raised below
             self.ending.fail(error)
         finally:
             ended.cancel()
         self.ending.raise_mistake()
+
+    async def _open_devices(self) -> None:
+        """Connect devices in a thread: some take seconds, and the leader must be answered."""
+        if isinstance(self.source, DeviceBackedSource):
+            from concurrent.futures import ThreadPoolExecutor
+
+            with ThreadPoolExecutor(1, "devices") as opening:
+                await asyncio.get_running_loop().run_in_executor(opening, self.source.open)
 
     def _close_source(self) -> None:
         """Close the source; a device that does not close must not hide what went before."""
