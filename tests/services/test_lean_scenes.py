@@ -74,6 +74,8 @@ NETWORK = {"mmt.link", "socketio", "aiohttp", "msgpack"}
 FILES = {"mmt.session", "mcap", "google.protobuf", "zstandard"}
 MODEL = {*NUMERICS, "mmt.texture.modelling", "mmt.texture.synthesis"}
 SURFACES = {"mmt.texture.surfaces", "mmt.leader.model_crossfade"}
+WARM = {"mmt.leader.warming", "mmt.texture.warm_start"}
+LEVEL = {"mmt.texture.level_process", "mmt.texture.completion_by_uncertainty"}
 HAND = "mmt.devices.simulated.hand"
 ACTUATOR = "mmt.devices.simulated.actuator"
 RECORDER = "mmt.session.recording"
@@ -107,6 +109,8 @@ EXPECTED: dict[str, set[str]] = {
     "follower anisotropic": {*NETWORK, SIMULATED},
     "leader two-surfaces": {*NETWORK, *MODEL, *FILES, *SURFACES, RECORDER, HAND, ACTUATOR},
     "follower two-surfaces": {*NETWORK, SIMULATED},
+    "leader ours": {*NETWORK, *MODEL, *FILES, *WARM, *LEVEL, RECORDER, HAND, ACTUATOR},
+    "follower ours": {*NETWORK, SIMULATED},
     "leader devices": {*NETWORK, ACTUATOR},
     "follower devices": {*NETWORK, DEVICE_SOURCE},
 }
@@ -122,11 +126,10 @@ FEEDBACK = {
     "mmt.contact.passivity",
     "mmt.contact.estimation",
 }
-WATCHED = {*NETWORK, *MODEL, *FILES, *SOURCES, *FEEDBACK, *SURFACES, RECORDER, HAND, ACTUATOR}
+WATCHED = {*NETWORK, *MODEL, *FILES, *SOURCES, *FEEDBACK, *SURFACES, *WARM, *LEVEL}
+WATCHED |= {RECORDER, HAND, ACTUATOR}
 NEVER = {
     "mmt.leader.monitor",
-    "mmt.leader.warming",
-    "mmt.texture.warm_start",
     "mmt.pages",
     "prometheus_client",
     "mmt.exposition",
@@ -215,10 +218,8 @@ def test_a_service_imports_what_its_scene_needs_and_no_more(
 def test_the_numerics_are_where_a_model_is() -> None:
     """Holds the table above: streaming and devices need neither numba nor scipy."""
     with_numerics = {name for name, expected in EXPECTED.items() if expected & NUMERICS}
-    assert with_numerics == {
-        f"leader {name}"
-        for name in ("demo", "replay", "model-only", "virtual-lab", "anisotropic", "two-surfaces")
-    }
+    names = ("demo", "replay", "model-only", "virtual-lab", "anisotropic", "two-surfaces", "ours")
+    assert with_numerics == {f"leader {name}" for name in names}
 
 
 def test_no_service_imports_what_is_for_offline_work(modules: dict[str, set[str]]) -> None:
