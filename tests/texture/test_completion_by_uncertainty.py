@@ -230,6 +230,24 @@ def test_what_the_operator_does_weighs_more_than_what_it_leaves_out():
     assert here.progress.value > away.progress.value + 0.05
 
 
+@pytest.mark.parametrize(("inputs", "seconds"), [("isotropic", 20), ("anisotropic", 80)])
+def test_an_operator_who_keeps_to_one_line_completes_it(inputs, seconds):
+    judge, random = criterion(inputs), np.random.default_rng(0)
+    speed, force = 0.4 * np.exp(0.08 * random.standard_normal((2, 2 * seconds)))
+    heading = np.where(np.arange(len(speed)) % 2, np.pi, 0.0)
+    points = np.column_stack([speed, force])
+    if inputs == "anisotropic":
+        points = np.column_stack([speed * np.cos(heading), speed * np.sin(heading), force])
+    for towards in (0.0, math.pi):
+        judge.observe(motion(seconds / 2, 120.0, 1.2, towards))
+    model = model_of(points)
+    judge.update(model, float(seconds))
+    assert judge.stopped
+    published = criterion_of(ModellingSettings(inputs=inputs))
+    published.update(model, float(seconds))
+    assert not published.started
+
+
 def test_what_samples_of_another_surface_have_met_is_taken_back_with_them():
     judge = criterion()
     judge.update(model_of(strokes(4, 2)), 2.0)
