@@ -109,7 +109,21 @@ def test_bundles_are_waited_for() -> None:
 
 
 def test_few_looks_tell_nothing_of_how_long_to_hold_back() -> None:
-    assert seen_hold_back_ns(SyntheticSensor(1000), looks=50) is None
+    assert seen_hold_back_ns(SyntheticSensor(1000), looks=10) is None
+
+
+def test_a_host_that_was_held_up_holds_no_frames_back() -> None:
+    """Two of five blocks in which nothing came for as long as nobody looked."""
+    lane = Lane()
+    ages = ReadingAges([lane])
+    for k in range(1000):
+        now_ns = START_NS + k * MS // 10
+        if not 150 < k < 250:
+            lane.take([SensorReading(k * MS // 10, (0.0, 0.0, 0.0))], now_ns)
+        ages.look(now_ns)
+    held_ns = ages.hold_back_ns()
+    assert held_ns is not None
+    assert held_ns < 0.25 * MS
 
 
 @pytest.mark.parametrize("needed_ns", [-(10**15), 0, 10**15])

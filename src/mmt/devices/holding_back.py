@@ -6,6 +6,7 @@ that they are under way; its upper end is the least by which frames can be held 
 """
 
 from collections.abc import Iterable
+from statistics import median
 from typing import Final
 
 from mmt.devices.merging import Lane
@@ -14,10 +15,12 @@ MARGIN_NS: Final = 100_000
 """Beyond the age: a tick reads some tens of microseconds after it began, and a reading that is
 later still is looked for again."""
 
+_BLOCK_NS: Final = 20_000_000
 _SHARE: Final = 0.98
-"""Of the looks; what is older comes from a host that was held up."""
-_FEW: Final = 100
-"""Fewer looks at a sensor than this do not tell."""
+"""Of a block's looks; the oldest is taken of these, then the median over the blocks: what is older
+comes from a host that was held up."""
+_FEW: Final = 20
+"""A block with fewer looks than this does not tell."""
 
 
 class ReadingAges:
@@ -43,13 +46,18 @@ class ReadingAges:
 
         None where there were too few looks to tell.
         """
-        longest_ns = 0
-        for lane, looks in self._looks:
-            if len(looks) < _FEW:
-                return None
-            ages = sorted(
-                lane.clock.sensor_time(now_ns) + lane.latency_ns - stamp_ns
-                for now_ns, stamp_ns in looks
-            )
-            longest_ns = max(longest_ns, ages[int(_SHARE * len(ages))])
-        return longest_ns + MARGIN_NS
+        oldest_ns = [_oldest_ns(lane, looks) for lane, looks in self._looks]
+        known_ns = [age_ns for age_ns in oldest_ns if age_ns is not None]
+        return max(known_ns) + MARGIN_NS if oldest_ns and len(known_ns) == len(oldest_ns) else None
+
+
+def _oldest_ns(lane: Lane, looks: list[tuple[int, int]]) -> int | None:
+    """Return the upper end of the ages that looks (host's time, stamp) have found."""
+    ages: dict[int, list[int]] = {}
+    for now_ns, stamp_ns in looks:
+        age_ns = lane.clock.sensor_time(now_ns) + lane.latency_ns - stamp_ns
+        ages.setdefault(now_ns // _BLOCK_NS, []).append(age_ns)
+    oldest = [
+        sorted(block)[int(_SHARE * len(block))] for block in ages.values() if len(block) >= _FEW
+    ]
+    return round(median(oldest)) if oldest else None

@@ -26,7 +26,7 @@ from mmt.frames import FIELD_OF_CHANNEL, Channel, frame_dtype, ordered_channels
 
 PERIOD_NS: Final = 1_000_000
 
-_WARM_UP_NS: Final = 60_000_000
+_WARM_UP_NS: Final = 100_000_000
 _FIRST_READING_NS: Final = 1_500_000_000
 
 
