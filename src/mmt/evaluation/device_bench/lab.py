@@ -116,9 +116,21 @@ FORCES: Final = {"net_ft": net_ft, "digital_ft": digital_ft}
 ACCELERATIONS: Final = {"adxl335": adxl335, "u6": u6}
 
 
+def leave_a_processor_to_others() -> None:
+    """Run on all processors but the first: real devices take none of the follower's.
+
+    Where there is only one, or the system knows no such choice, they share it.
+    """
+    if hasattr(os, "sched_setaffinity"):
+        _, *others = sorted(os.sched_getaffinity(0))
+        if others:
+            os.sched_setaffinity(0, others)
+
+
 def main(force: str, acceleration: str, scheduling: str) -> None:
     """Run the lab until standard input ends."""
     prefer_even_ticks()
+    leave_a_processor_to_others()
     if scheduling == "realtime":  # all of its threads: no device waits for this machine's work
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY - 1))
     motions = (Motion(10.0), Motion(5.0), Motion(20.0, (0.0, 0.0, GRAVITY_M_S2)))
