@@ -235,6 +235,7 @@ def test_an_operator_who_keeps_to_one_line_completes_it(inputs, seconds):
     judge, random = criterion(inputs), np.random.default_rng(0)
     speed, force = 0.4 * np.exp(0.08 * random.standard_normal((2, 2 * seconds)))
     heading = np.where(np.arange(len(speed)) % 2, np.pi, 0.0)
+    heading = heading + 0.05 * random.standard_normal(len(speed))  # as a hand holds its line
     points = np.column_stack([speed, force])
     if inputs == "anisotropic":
         points = np.column_stack([speed * np.cos(heading), speed * np.sin(heading), force])
