@@ -47,9 +47,7 @@ class ModelUpdate:
 
     ``time_s`` is the session time of the newest frame, ``distance`` the completion sum,
     ``progress`` what the criterion in use says, ``durations_s`` the seconds spent on each stage.
-    ``outliers`` counts the fits that a selection keeps out of the model, ``redundant`` those that
-    have left it for good.
-
+    ``outliers`` counts fits that a selection keeps out, ``redundant`` those that left for good.
     Where surfaces are told apart, ``surface`` is the number of the one that all this is of,
     ``changes`` says which changes this update brings to light, in order, and ``left`` what
     has become of the models of the surfaces that were left by them.
