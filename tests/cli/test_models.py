@@ -8,7 +8,9 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from mmt.cli.main import app
+from mmt.devices.simulated.course import CourseChange, SurfaceCourse
 from mmt.devices.simulated.offline import simulate_session
+from mmt.devices.simulated.textures import get_surface
 from mmt.errors import InputError, MmtError
 from mmt.evaluation.building import trials
 from mmt.frames import empty_frames
@@ -33,6 +35,33 @@ def session_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def run(*arguments: object) -> Result:
     return CliRunner().invoke(app, ["model", *map(str, arguments)])
+
+
+def test_of_several_surfaces_one_is_chosen(tmp_path: Path) -> None:
+    course = SurfaceCourse(
+        [get_surface("glass"), get_surface("sandpaper")], [CourseChange(6000, 1, in_contact=True)]
+    )
+    frames, annotations = simulate_session(Scene(), course, DURATION_S, 4)
+    session = tmp_path / "two.npz"
+    write_session(session, frames, annotations=annotations)
+    scene = tmp_path / "scene.toml"
+    scene.write_text("[link]\n[replay]\n[texture.surfaces]\n", encoding="utf-8")
+    build = ("build", session, tmp_path / "model.npz", "--scene", scene)
+    with pytest.raises(InputError, match="over the surfaces 1, 2; choose one with --surface"):
+        raise refused(run(*build))
+    powers = []
+    for surface in (1, 2):
+        result = run(*build, "--surface", surface)
+        assert result.exit_code == 0, result.output
+        powers.append(float(TextureModel.load(tmp_path / "model.npz").samples.power.mean()))
+    assert powers[1] > 30 * powers[0]  # sandpaper's over glass's
+    with pytest.raises(InputError, match="all is one surface"):
+        raise refused(run("build", session, tmp_path / "model.npz", "--surface", 1))
+
+
+def refused(result: Result) -> BaseException:
+    assert result.exception is not None
+    return result.exception
 
 
 def test_the_model_is_the_one_that_the_live_leader_had_at_the_stop_criterion(

@@ -13,7 +13,7 @@ from mmt.scene import Scene
 from mmt.shipped_models import shipped_models
 from mmt.texture.library_choice import Choice
 from mmt.texture.model import TextureModel
-from mmt.texture.settings import ModellingSettings
+from mmt.texture.settings import ModellingSettings, SurfaceSettings
 
 Handed = list[tuple[TextureModel, Choice]]
 
@@ -47,6 +47,22 @@ async def test_models_follow_frames_and_samples_until_the_end() -> None:
     task.take(frames[2000:])
     running.cancel()
     assert task.finished
+
+
+async def test_on_another_surface_what_came_since_is_looked_at_again() -> None:
+    frames, _ = simulate_session(Scene(), "fabric", 4.0, 3)
+    library = load_library([Path("felt")])
+    task = WarmingTask(library, ModellingSettings(surfaces=SurfaceSettings()))
+    handed: Handed = []
+    task.on_model = lambda model, choice: handed.append((model, choice))
+    running = asyncio.create_task(task.run())
+    task.finish()  # the model of the former surface was rendered
+    for n in range(0, 3000, 5):
+        task.take(frames[n : n + 5])
+    task.reset(1500)
+    await until(handed, 1)
+    assert handed[0][1].name == "felt"
+    running.cancel()
 
 
 def test_a_library_is_files_and_names(tmp_path: Path) -> None:

@@ -34,6 +34,9 @@ def build_model(
     whole: Annotated[
         bool, typer.Option("--whole", help="Go on to the session's end, past the stop criterion.")
     ] = False,
+    surface: Annotated[
+        int | None, typer.Option(min=1, help="Of several surfaces, the one of this number.")
+    ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
 ) -> None:
     """Build a session's model as the live leader does, or one of several, and save it."""
@@ -49,6 +52,7 @@ def build_model(
     scene = scene_of(sessions[0], scene_file)
     texture = scene.texture or Texture()
     settings = texture.settings(float(scene.session.rate_hz))
+    sessions = [_on_surface(session, settings, surface) for session in sessions]
     period_frames = max(1, round(texture.update_period_s * settings.rate_hz))
     blocks = trials([session.frames for session in sessions])
     if len(blocks) == 1:
@@ -136,6 +140,28 @@ def _range(values: FloatArray, digits: int) -> dict[str, float]:
         "least": round(float(values.min()), digits),
         "most": round(float(values.max()), digits),
     }
+
+
+def _on_surface(
+    session: RecordedSession, settings: "ModellingSettings", surface: int | None
+) -> RecordedSession:
+    """Return what a session holds of one surface; all of it where the scene tells none apart."""
+    if settings.surfaces is None:
+        if surface is not None:
+            raise InputError("--surface: the scene has no [texture.surfaces], all is one surface")
+        return session
+    from mmt.evaluation.surfaces.recorded import part_by_surface
+
+    found = part_by_surface(session, settings).sessions
+    if surface is None and len(found) == 1:
+        return next(iter(found.values()))
+    if surface not in found:
+        numbers = ", ".join(map(str, found))
+        raise InputError(
+            f"session {session.path}: it goes over the surfaces {numbers}; "
+            "choose one with --surface"
+        )
+    return found[surface]
 
 
 def _chosen(history: "ModelHistory", *, whole: bool) -> "TextureModel | None":
