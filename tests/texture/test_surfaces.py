@@ -15,7 +15,7 @@ from mmt.errors import InputError
 from mmt.texture.aligned import AlignedBlock
 from mmt.texture.surfaces import BlockCutter, SurfaceDetector, SurfaceKnowledge
 from mmt.texture.surfaces.blocks import BANDS, BLOCK, SurfaceBlock, band_log_power
-from mmt.texture.surfaces.prior import NOISE, PRIORS, SETTINGS, Distances, mean_of, turning
+from mmt.texture.surfaces.prior import GRAINED, NOISE, PRIORS, SETTINGS, Distances, mean_of, turning
 
 
 def stream(count: int, *, speed: float = 100.0, force: float = 1.0, first: int = 0) -> AlignedBlock:
@@ -142,6 +142,67 @@ def test_a_surface_is_known_where_it_was_touched_and_less_far_from_there() -> No
         assert spread[0] < 0.3
         assert spread[0] < surface.spread(far)[kind][0]
         assert surface.spread(far)[kind][0] < SurfaceKnowledge().spread(far)[kind][0]
+
+
+HEADED = (*SETTINGS, *GRAINED)
+
+
+def headed(
+    count: int,
+    seed: int,
+    *,
+    gain: float,
+    heading: float | None = None,
+    ar: np.ndarray = SMOOTH,
+) -> list[SurfaceBlock]:
+    """Return blocks along random headings, or one; their level swings by `gain` with it."""
+    random = np.random.default_rng(seed)
+    blocks = []
+    for block in make_blocks(ar, count, seed):
+        angle = float(random.uniform(-np.pi, np.pi)) if heading is None else heading
+        inputs = np.r_[block.inputs, np.cos(angle), np.sin(angle)]
+        louder = block.log_power + gain * np.cos(2.0 * angle)
+        blocks.append(replace(block, inputs=inputs, log_power=louder))
+    return blocks
+
+
+def test_only_a_texture_that_is_the_same_in_all_directions_is_known_in_all_of_them() -> None:
+    along_and_across = np.array([[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    known = {}
+    for gain in (0.0, 1.0):
+        knowledge = SurfaceKnowledge(HEADED)
+        knowledge.add([b for b in headed(200, 3, gain=gain) if abs(b.inputs[3]) < 0.7])
+        known[gain] = knowledge.spread(along_and_across)["level"]
+    assert known[0.0][1] < 1.3 * known[0.0][0]
+    assert known[1.0][1] > 1.8 * known[1.0][0]
+
+
+def test_a_texture_that_depends_on_the_heading_is_one_surface() -> None:
+    detector = SurfaceDetector(by_heading=True)
+    found = [detector.take(block) for block in headed(200, 5, gain=1.0)]
+    assert [change for change in found if change is not None] == []
+    other = [detector.take(block) for block in headed(40, 6, gain=-1.0)]
+    assert [change.kind for change in other if change is not None] == ["new"]
+
+
+@pytest.mark.parametrize(
+    ("heading", "kinds"), [(1.57, set()), (0.2, {"new"})], ids=["across", "along"]
+)
+def test_what_is_heard_at_another_heading_alone_is_no_new_surface(
+    heading: float, kinds: set[str]
+) -> None:
+    detector = SurfaceDetector(by_heading=True)
+    blocks = headed(40, 5, gain=0.0, heading=0.0)
+    blocks += headed(10, 6, gain=0.0, heading=heading, ar=PEAKED)
+    found = [detector.take(block) for block in blocks]
+    assert {change.kind for change in found if change is not None} == kinds
+
+
+def test_where_the_heading_does_not_count_another_heading_is_another_surface() -> None:
+    detector = SurfaceDetector()
+    blocks = [*headed(40, 5, gain=1.0, heading=0.0), *headed(40, 6, gain=1.0, heading=1.57)]
+    found = [detector.take(replace(block, inputs=block.inputs[:2])) for block in blocks]
+    assert "new" in [change.kind for change in found if change is not None]
 
 
 @settings(max_examples=25)

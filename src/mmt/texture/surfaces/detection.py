@@ -13,7 +13,8 @@ each alternative. So with N moments an hour and M alternatives, h = log(N M / ra
 touchdowns, which are few, and half on all the other blocks.
 
 No alarm rests on a single block, whatever it says: the evidence must stay above the threshold
-with the block left out that speaks most for it, for a knock is no surface.
+with the block left out that speaks most for it, for a knock is no surface. Nor does that for a new
+surface rest on blocks at headings at which the current one was never touched.
 
 *Afterwards.* The alternative of most evidence is taken. A new surface is on trial for its first
 `TRIAL` blocks: where a known one predicts all of them better than nothing known by `SURE`, and
@@ -28,10 +29,11 @@ from typing import Final, Literal
 
 import numpy as np
 
-from mmt.arrays import FloatArray
+from mmt.arrays import BoolArray, FloatArray
 from mmt.errors import InputError
 from mmt.texture.surfaces.blocks import BLOCK, SurfaceBlock
 from mmt.texture.surfaces.knowledge import SurfaceKnowledge
+from mmt.texture.surfaces.prior import GRAINED, SETTINGS
 
 WINDOW: Final = 20
 """Blocks that are looked back; older ones are what the current surface is learned from."""
@@ -41,6 +43,8 @@ TRIAL: Final = 60
 
 SURE: Final = math.log(100.0)
 """Evidence that a recall takes, against a new surface and every other known one."""
+
+_SAME_HEADING: Final = math.cos(math.radians(30.0))
 
 _TOGETHER: Final = 5
 """Blocks that the current surface learns at a time."""
@@ -89,6 +93,8 @@ class SurfaceDetector:
     most
         Surfaces that are kept, at least 2; for one more, that on which the tool was not for
         longest is forgotten.
+    by_heading
+        Whether blocks have headings, on which a texture may depend.
 
     Raises
     ------
@@ -96,7 +102,9 @@ class SurfaceDetector:
         The rate is not above 0, or fewer than two surfaces are to be kept.
     """
 
-    def __init__(self, false_alarms_per_hour: float = 1.0, most: int = 20) -> None:
+    def __init__(
+        self, false_alarms_per_hour: float = 1.0, most: int = 20, *, by_heading: bool = False
+    ) -> None:
         if not (math.isfinite(false_alarms_per_hour) and false_alarms_per_hour > 0.0):
             raise InputError(
                 f"false_alarms_per_hour is {false_alarms_per_hour}: it must be above 0"
@@ -105,13 +113,16 @@ class SurfaceDetector:
             raise InputError(f"most is {most}: at least two surfaces must be kept")
         self._rate = false_alarms_per_hour
         self._most = most
+        self._settings = (*SETTINGS, *GRAINED) if by_heading else SETTINGS
         self._numbers = itertools.count(1)
         self.current = next(self._numbers)
-        self.surfaces: dict[int, SurfaceKnowledge] = {self.current: SurfaceKnowledge()}
+        self.surfaces: dict[int, SurfaceKnowledge] = {
+            self.current: SurfaceKnowledge(self._settings)
+        }
         """Those that are known, by number; the one that the tool was on last stands last."""
         self._window = _Window([])
         self._trial: list[SurfaceBlock] | None = []
-        self._unknown = SurfaceKnowledge()
+        self._unknown = SurfaceKnowledge(self._settings)
 
     def take(self, block: SurfaceBlock) -> SurfaceChange | None:
         """Take the next block; return the change that it brings to light."""
@@ -164,24 +175,40 @@ class SurfaceDetector:
             return None
         if not self._without_the_loudest(number, since, threshold):
             return None
+        if not number and not self._without_new_headings(since, threshold):
+            return None
         return self._change(number, since, evidence)
 
     def _without_the_loudest(self, number: int, since: int, threshold: float) -> bool:
         """Say whether the evidence holds whichever single block is left out."""
+        places = np.arange(len(self._window.blocks))
+        kept = [places != left_out for left_out in places[-since:]]
+        return all(self._evidence(number, since, each) > threshold for each in kept)
+
+    def _without_new_headings(self, since: int, threshold: float) -> bool:
+        """Say whether the evidence holds without blocks at headings not touched before.
+
+        A texture may be rough along one heading and smooth along another: no setting knows that.
+        """
+        inputs = self._window.newest_first[0][::-1]
+        if inputs.shape[1] < 4:
+            return True
+        first = len(inputs) - since
+        before = np.concatenate([self.surfaces[self.current].headings, inputs[:first, 2:]])
+        kept = np.ones(len(inputs), dtype=np.bool_)
+        kept[first:] = (inputs[first:, 2:] @ before.T).max(axis=1, initial=-1.0) > _SAME_HEADING
+        return bool(kept[first:].any()) and self._evidence(0, since, kept) > threshold
+
+    def _evidence(self, number: int, since: int, kept: BoolArray) -> float:
+        """Return the evidence for a surface (0 for a new one) from some of the window's blocks."""
         newest = self._window.newest_first
         inputs, log_power = newest[0][::-1], newest[1][::-1]
         other = self.surfaces[number] if number else self._unknown
+        after = kept & (np.arange(len(kept)) >= len(kept) - since)
+        there = other.log_likelihood(inputs[after], log_power[after])[-1]
         current = self.surfaces[self.current]
-        places = np.arange(len(inputs))
-        first = len(inputs) - since
-        for left_out in places[first:]:
-            kept = places != left_out
-            after = kept & (places >= first)
-            there = other.log_likelihood(inputs[after], log_power[after])[-1]
-            so_far = np.append(0.0, current.log_likelihood(inputs[kept], log_power[kept]))
-            if there - (so_far[-1] - so_far[first]) <= threshold:
-                return False
-        return True
+        so_far = np.append(0.0, current.log_likelihood(inputs[kept], log_power[kept]))
+        return float(there - (so_far[-1] - so_far[-1 - int(after.sum())]))
 
     @staticmethod
     def _best_since(evidence: Mapping[int, FloatArray], since: int) -> int:
@@ -213,7 +240,7 @@ class SurfaceDetector:
 
     def _go_to(self, number: int) -> None:
         self.current = number
-        self.surfaces[number] = self.surfaces.pop(number, SurfaceKnowledge())
+        self.surfaces[number] = self.surfaces.pop(number, SurfaceKnowledge(self._settings))
         if len(self.surfaces) > self._most:
             del self.surfaces[next(iter(self.surfaces))]
 

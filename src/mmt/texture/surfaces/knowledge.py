@@ -74,13 +74,20 @@ class _Posterior:
 
 
 class SurfaceKnowledge:
-    """The blocks of one surface; without any it is the prior, a surface that nobody knows."""
+    """The blocks of one surface; without any it is the prior, a surface that nobody knows.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    settings
+        How rough it may be.
+    """
+
+    def __init__(self, settings: Sequence[Setting] = SETTINGS) -> None:
+        self._settings = settings
         self._cells: dict[tuple[int, ...], _Cell] = {}
         self._places = np.empty((0, 2))
-        self._weights = np.full(len(SETTINGS), -np.log(len(SETTINGS)))
-        self._posteriors: list[dict[str, _Posterior] | None] = [None] * len(SETTINGS)
+        self._weights = np.full(len(settings), -np.log(len(settings)))
+        self._posteriors: list[dict[str, _Posterior] | None] = [None] * len(settings)
         self._judged = 0
         self._current = True
         self.blocks = 0
@@ -89,6 +96,13 @@ class SurfaceKnowledge:
     def __len__(self) -> int:
         """Return the number of cells."""
         return len(self._cells)
+
+    @property
+    def headings(self) -> FloatArray:
+        """Cosines and sines of the headings at which it was touched, shape (n, 2) or (n, 0)."""
+        if not self._cells:
+            return np.empty((0, 2))
+        return np.array([cell.inputs[2:] for cell in self._cells.values()])
 
     def add(self, blocks: Sequence[SurfaceBlock]) -> None:
         """Learn that these blocks are of this surface."""
@@ -130,7 +144,7 @@ class SurfaceKnowledge:
         possible = self._possible()
         each = np.empty((len(possible), len(inputs)))
         for row, number in enumerate(possible):
-            setting, posteriors = SETTINGS[number], self._posteriors[number]
+            setting, posteriors = self._settings[number], self._posteriors[number]
             each[row] = self._weights[number]
             for kind, prior in PRIORS.items():
                 rest = values[:, prior.first : prior.last] - mean_of(prior, inputs)
@@ -150,7 +164,7 @@ class SurfaceKnowledge:
         """
         self._condition()
         number = int(np.argmax(self._weights))
-        setting, posteriors = SETTINGS[number], self._posteriors[number]
+        setting, posteriors = self._settings[number], self._posteriors[number]
         found = {}
         for kind, prior in PRIORS.items():
             spread = Distances(inputs, inputs).covariance(prior, setting)
@@ -176,9 +190,9 @@ class SurfaceKnowledge:
         noise = NOISE / np.array([cell.weight for cell in cells])
         judge = self.blocks >= 1.1 * self._judged
         within = Distances(self._places, self._places)
-        for number in range(len(SETTINGS)) if judge else self._possible():
+        for number in range(len(self._settings)) if judge else self._possible():
             self._posteriors[number] = {
-                kind: _given(prior, SETTINGS[number], within, self._places, values, noise)
+                kind: _given(prior, self._settings[number], within, self._places, values, noise)
                 for kind, prior in PRIORS.items()
             }
         if judge:

@@ -14,8 +14,12 @@ from them only to within the slopes, and of a surface that was never touched not
 the wide prior of c. The widths are a choice: vibration falls towards high frequencies,
 and the finer a feature, the smaller. How rough r is differs between textures (a ribbed one has
 lines that move with the speed through the bands): each of `SETTINGS` is held possible.
+
+Where the heading is known as well, a texture may depend on it or not: beside `SETTINGS`, those of
+`GRAINED` are held possible, in which r and a constant h are only alike at like headings.
 """
 
+import math
 from collections.abc import Mapping
 from functools import cache
 from typing import Final, NamedTuple
@@ -58,11 +62,17 @@ PRIORS: Final[Mapping[str, Prior]] = {
 
 
 class Setting(NamedTuple):
-    """How rough a surface may be: size and length of the residual, and the noise over `NOISE`."""
+    """How rough a surface may be: size and length of the residual, and the noise over `NOISE`.
+
+    ``turning``: factor on what varies with the heading. ``turn``: length of that, as a distance
+    on the unit circle; infinite where the heading does not count.
+    """
 
     residual: float
     length: float
     noise: float
+    turning: float = 0.0
+    turn: float = math.inf
 
 
 SETTINGS: Final = (
@@ -72,7 +82,13 @@ SETTINGS: Final = (
     Setting(0.25, 0.6, 2.8),
 )
 
-_HEADING_LENGTH: Final = 0.7
+GRAINED: Final = (
+    Setting(0.15, 0.7, 1.2, 0.4, 0.5),
+    Setting(0.25, 0.6, 1.2, 0.8, 0.45),
+    Setting(0.5, 0.5, 1.2, 0.5, 0.35),
+    Setting(0.5, 0.4, 1.8, 1.0, 0.4),
+)
+"""Of surfaces whose texture depends on the heading."""
 
 
 @cache
@@ -101,10 +117,10 @@ class Distances:
         self._apart = np.square(one[:, None, 0] - other[None, :, 0])
         self._apart += np.square(one[:, None, 1] - other[None, :, 1])
         self._residuals: dict[float, FloatArray] = {}
-        self._alike: FloatArray | None = None
+        self._alike: dict[float, FloatArray] = {}
+        self._turned: FloatArray | None = None
         if one.shape[1] == 4:
-            chords = 2.0 - 2.0 * (one[:, 2:] @ other[:, 2:].T)
-            self._alike = np.exp(chords / (-2.0 * _HEADING_LENGTH**2))
+            self._turned = 2.0 - 2.0 * (one[:, 2:] @ other[:, 2:].T)
 
     def covariance(self, prior: Prior, setting: Setting) -> FloatArray:
         """Return the prior covariance of a component, shape (n, m)."""
@@ -113,8 +129,12 @@ class Distances:
             residual = np.exp(self._apart / (-2.0 * setting.length**2))
             self._residuals[setting.length] = residual
         total: FloatArray = (setting.residual * prior.roughness) ** 2 * residual
-        if self._alike is not None:
-            total = (total + prior.per_heading**2) * self._alike
+        if self._turned is not None and setting.turn < math.inf:
+            alike = self._alike.get(setting.turn)
+            if alike is None:
+                alike = np.exp(self._turned / (-2.0 * setting.turn**2))
+                self._alike[setting.turn] = alike
+            total = (total + (setting.turning * prior.per_heading) ** 2) * alike
         total += prior.constant**2
         total += prior.per_speed**2 * self._speeds
         total += prior.per_force**2 * self._forces

@@ -25,12 +25,13 @@ class SurfaceTracker:
         self._filter = StreamFilter(
             normal=modelling.normal, axis=modelling.axis, rate_hz=modelling.rate_hz
         )
+        by_heading = InputSpace(modelling.inputs).directed
         self._cutter = BlockCutter(
-            modelling.least_speed_mm_s,
-            modelling.least_force_n,
-            by_heading=InputSpace(modelling.inputs).directed,
+            modelling.least_speed_mm_s, modelling.least_force_n, by_heading=by_heading
         )
-        self.detector = SurfaceDetector(settings.false_alarms_per_hour, settings.most)
+        self.detector = SurfaceDetector(
+            settings.false_alarms_per_hour, settings.most, by_heading=by_heading
+        )
         self.stroked_s = 0.0
         """Seconds of stroking that were looked at."""
 
