@@ -27,7 +27,7 @@ class Selection(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    limit: float = Field(13.5, gt=0, le=1000)
+    limit: float = Field(14.5, gt=0, le=1000)
     largest: int = Field(200, ge=10, le=1000)
 
 

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from selection_samples import sampled_texture
 
 from mmt.texture.selection.likeness import LEAST, likeness
-from mmt.texture.selection.outliers import LIKENESS, MODEL_KINDS, SEGMENT_KINDS, find_outliers
+from mmt.texture.selection.outliers import LIKENESS, MODEL_KINDS, find_outliers
 
 
 def _by_the_definition(excess, accused):
@@ -54,16 +54,6 @@ def test_points_that_are_all_the_same_are_all_alike(value):
     found = likeness(np.full((40, 5), value), np.arange(40) < 10)
     assert np.isfinite(found).all()
     assert np.ptp(found) == 0.0
-
-
-def test_what_knocks_have_in_common_counts_once_there_are_enough_of_them():
-    data, knocked = sampled_texture(160, 2, knocks=16, seed=1)
-    found = find_outliers(data)
-    assert found.evidence.kinds == (*SEGMENT_KINDS, LIKENESS)
-    parts = found.evidence.parts[:, -1]
-    assert np.median(parts[knocked]) > np.quantile(parts[~knocked], 0.97)
-    few, _ = sampled_texture(60, 2, knocks=2, seed=1)
-    assert find_outliers(few).evidence.kinds == SEGMENT_KINDS
 
 
 def test_likeness_finds_more_knocks_in_the_models_data_alone():

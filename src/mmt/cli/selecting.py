@@ -28,7 +28,7 @@ def select_samples(
     ] = None,
     tau: Annotated[
         float, typer.Option(min=0.0, help="Largest spectral error of the thinner model.")
-    ] = 0.225,
+    ] = 0.27,
     limit: Annotated[
         float | None, typer.Option(min=0.001, help="Score from which a sample is an outlier.")
     ] = None,

@@ -15,14 +15,16 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mmt.arrays import BoolArray, FloatArray, IntArray
-from mmt.texture.selection.consensus import Consensus, consensus
+from mmt.texture.selection.consensus import Consensus, Neighbours
 from mmt.texture.selection.enclosing import enclose_each
 from mmt.texture.selection.leave_one_out import hull_of
 from mmt.texture.selection.points import ModelPoints, amplitude_of, log_density_of
 from mmt.texture.selection.published import spectral_error
 
-TAU: Final = 0.225
+TAU: Final = 0.27
 """Relative spectral error up to which a place counts as met by the thinner model."""
+
+_NEAR: Final = 4  # times the dimensions and one more: so many points are in one place
 
 
 class Condensed(NamedTuple):
@@ -61,14 +63,17 @@ def condense(data: ModelPoints, tau: float = TAU, largest: int | None = None) ->
     minimal[hull_of(data.points)] = True
     if minimal.all() or n < 3:
         return Condensed(minimal, np.ones(n, dtype=np.bool_), np.zeros(n))
-    neighbours = consensus(data.points, np.ones(n, dtype=np.bool_))
-    agreed = _agreed(data, neighbours)
+    logarithm = log_density_of(data.lsf, data.variance)
+    asked = Neighbours(data.points, data.fit_variances(), logarithm)
+    neighbours = asked.consensus(np.ones(n, dtype=np.bool_))
+    agreed = _agreed(logarithm, neighbours)
     thin = _Thin(data, agreed, minimal.copy())
+    near = _NEAR * (data.points.shape[1] + 1)
     while largest is None or thin.kept.sum() < largest:
         worst = thin.worst()
         if thin.error[worst] <= tau:
             break
-        places = np.append(neighbours.members[worst], worst)
+        places = np.append(neighbours.members[worst, :near], worst)
         open_places = places[~thin.kept[places]]
         if not open_places.size:
             thin.error[worst] = 0.0  # all that is there is kept: nothing more can be done
@@ -78,11 +83,10 @@ def condense(data: ModelPoints, tau: float = TAU, largest: int | None = None) ->
     return Condensed(minimal, thin.kept, thin.error)
 
 
-def _agreed(data: ModelPoints, neighbours: Consensus) -> FloatArray:
+def _agreed(logarithm: FloatArray, neighbours: Consensus) -> FloatArray:
     """Return the amplitude spectra (n, f) that each point and its neighbours agree on."""
-    logarithm = log_density_of(data.lsf, data.variance)
     others = neighbours.of(logarithm)
-    share = neighbours.scatter(np.ones(len(data))) - 1.0  # variance of the others' word
+    share = neighbours.scatter(np.ones(len(logarithm))) - 1.0  # variance of the others' word
     own = (share / (1.0 + share))[:, None]
     return np.exp(0.5 * (own * logarithm + (1.0 - own) * others))
 

@@ -15,7 +15,8 @@ import numpy as np
 from mmt.arrays import BoolArray, FloatArray, IntArray
 from mmt.texture.samples import TextureSamples
 from mmt.texture.selection.leave_one_out import leave_each_out
-from mmt.texture.selection.outliers import Memory, find_outliers
+from mmt.texture.selection.memory import Memory
+from mmt.texture.selection.outliers import find_outliers
 from mmt.texture.selection.points import ModelPoints, amplitude_of
 from mmt.texture.selection.published import spectral_error
 from mmt.texture.settings import OnlineSelectionSettings

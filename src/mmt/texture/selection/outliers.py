@@ -6,23 +6,25 @@ is squared and added: knocks only add, and to which kind of evidence depends on 
 points above the limit those leave that are worst among their neighbours, and the rest is asked
 again without them, so that a knock does not drag its neighbours along. In the end every point
 that left is asked once more, by those that stayed, and may come back. What those that are
-outliers then have in common is the last kind of evidence, against all points.
+outliers then have in common is the last kind of evidence, against all points: the blow that is
+heard in their segments, or the likeness of their spectra where segments are not at hand.
 
 Nothing in it looks at the number of a point: the same points in any order give the same set.
 """
 
-from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from mmt.arrays import BoolArray, FloatArray, IntArray
-from mmt.texture.selection.consensus import Consensus, consensus
+from mmt.arrays import BoolArray, FloatArray
+from mmt.texture.selection.blows import Heard, blow_evidence, learn
+from mmt.texture.selection.consensus import Consensus, Neighbours
 from mmt.texture.selection.likeness import LEAST, likeness
+from mmt.texture.selection.memory import Memory
 from mmt.texture.selection.points import ModelPoints, log_density_of
 from mmt.texture.selection.transients import bursts, whitening
 
-LIMIT: Final = 13.5
+LIMIT: Final = 14.5
 """Score with segments from which a point is an outlier."""
 
 MODEL_LIMIT: Final = 5.0
@@ -34,13 +36,19 @@ MOST: Final = 0.3
 SEGMENT_KINDS: Final = ("spectrum", "burst", "loud burst", "loud ring", "ring")
 MODEL_KINDS: Final = ("spectrum", "level")
 
+BLOW: Final = "blow"
 LIKENESS: Final = "likeness"
 
 _ROUNDS: Final = 20
-# Weight of likeness, and what the score is divided by, so that the limit stays what it is.
-_LIKENESS: Final = (2.0, 1.2)
-_MODEL_LIKENESS: Final = (1.0, 1.4)
+_LOUD_RING: Final = 2  # its place among the bursts
+# Weight of what outliers have in common, and what the score is divided by, so that the limit
+# stays what it is.
+_BLOW: Final = (2.0, 1.2)
+_LIKENESS: Final = (1.0, 1.4)
 _LEAST_SCALE: Final = 0.02  # of a logarithm: what differs by less is the same
+_LEAST_SPREAD: Final = 1e-4  # mean square of the lengths' logarithms: less is nothing to go by
+_SLOPE_ROUNDS: Final = 4
+_FAR: Final = 2.0  # deviations from the line, beyond which a point pulls no more
 _WORDS: Final = {
     "spectrum": "its spectrum has more than its neighbours'",
     "level": "it is louder than its neighbours",
@@ -48,6 +56,7 @@ _WORDS: Final = {
     "loud burst": "a burst is louder than its neighbours allow",
     "loud ring": "something struck rings louder than its neighbours allow",
     "ring": "something struck rings out of the rest of the segment",
+    BLOW: "it holds the blow that other outliers hold",
     LIKENESS: "its spectrum has what other outliers have in common",
 }
 
@@ -69,52 +78,6 @@ class Outliers(NamedTuple):
     neighbours: Consensus
 
 
-class Memory:
-    """What earlier searches found: outliers, and bursts by a segment and its neighbours.
-
-    A search begins with the last one's outliers left out; they are asked in its end. `name`
-    gives the points of the next search their numbers; what two searches in a row have not
-    asked for is forgotten.
-    """
-
-    def __init__(self) -> None:
-        self._numbers: IntArray = np.zeros(0, dtype=np.int64)
-        self._accused: IntArray = np.zeros(0, dtype=np.int64)
-        self._old: dict[bytes, FloatArray] = {}
-        self._new: dict[bytes, FloatArray] = {}
-
-    def name(self, numbers: Sequence[int]) -> None:
-        """Begin a search among points of these numbers."""
-        self._numbers = np.asarray(numbers, dtype=np.int64)
-        self._old, self._new = self._new, {}
-
-    def suspects(self) -> BoolArray:
-        """Return which points were outliers in the last search, shape (n,)."""
-        return np.isin(self._numbers, self._accused)
-
-    def accuse(self, outlier: BoolArray) -> None:
-        """Remember the outliers of this search, shape (n,)."""
-        self._accused = self._numbers[outlier]
-
-    def keys(self, members: IntArray) -> list[bytes]:
-        """Return what stands for each point with its neighbours (n, k)."""
-        rows = np.column_stack([self._numbers, self._numbers[members]])
-        return [row.tobytes() for row in rows]
-
-    def get(self, key: bytes) -> FloatArray | None:
-        """Return what is remembered, None where nothing is."""
-        row = self._new.get(key)
-        if row is None:
-            row = self._old.get(key)
-            if row is not None:
-                self._new[key] = row
-        return row
-
-    def put(self, key: bytes, row: FloatArray) -> None:
-        """Remember."""
-        self._new[key] = row
-
-
 def least_points(dimensions: int) -> int:
     """Return how many points there must be for a consensus: a plane and as many again."""
     return 2 * (dimensions + 1)
@@ -133,7 +96,8 @@ def find_outliers(
     limit
         On the score; `LIMIT` or `MODEL_LIMIT` unless told.
     memory
-        Of earlier searches among mostly the same points, which it has named.
+        Of earlier searches among mostly the same points, which it has named. With it half as
+        many neighbours are asked.
 
     Notes
     -----
@@ -143,13 +107,14 @@ def find_outliers(
     n = len(data)
     if n < least_points(data.points.shape[1]):
         return None
+    few = memory is not None
     if memory is None:
         memory = Memory()
         memory.name(range(n))
-    witness = _Witness(data, limit, memory)
+    witness = _Witness(data, limit, memory, few=few)
     present = ~memory.suspects()
     for _ in range(_ROUNDS):
-        neighbours = consensus(data.points, present)
+        neighbours = witness.neighbours.consensus(present)
         evidence = witness.hear(neighbours)
         leaving = _worst(evidence, neighbours, present)
         if not leaving.any() or (present & ~leaving).sum() < (1.0 - MOST) * n:
@@ -168,43 +133,62 @@ def find_outliers(
 class _Witness:
     """Gathers evidence, and remembers that of points whose neighbours stay the same."""
 
-    def __init__(self, data: ModelPoints, limit: float | None, memory: Memory) -> None:
+    def __init__(
+        self, data: ModelPoints, limit: float | None, memory: Memory, *, few: bool
+    ) -> None:
         self._data = data
         self._memory = memory
         self._logarithm = log_density_of(data.lsf, data.variance)
         self._kinds: tuple[str, ...]
         if data.segments is None:
             self._kinds, usual_limit = MODEL_KINDS, MODEL_LIMIT
-            self._variances = np.ones(len(data))
         else:
             self._kinds, usual_limit = SEGMENT_KINDS, LIMIT
-            self._variances = np.array([1.0 / max(1, len(s)) for s in data.segments])
         self._limit = usual_limit if limit is None else limit
+        self._variances = data.fit_variances()
+        self._growth = -np.log(self._variances)  # but for a constant, of the lengths
+        self.neighbours = Neighbours(data.points, self._variances, self._logarithm, few=few)
 
     def hear(self, neighbours: Consensus) -> Evidence:
         """Return the evidence against every point from its neighbours."""
         predicted = neighbours.of(self._logarithm)
         excess = np.maximum(self._logarithm - predicted, 0.0)
         spread = neighbours.scatter(self._variances)
-        spectrum = np.cbrt((excess**2).mean(axis=1) / (2.0 * spread))  # near normal
+        spectrum = np.cbrt((excess**2).mean(axis=1) / spread)  # near normal
         if self._data.segments is None:
             level = np.log(np.exp(self._logarithm).mean(axis=1))
             raw = np.column_stack([spectrum, level - neighbours.of(level)])
         else:
             raw = np.column_stack([spectrum, self._heard_bursts(predicted, neighbours)])
-        parts = _standardised(raw)
+        parts = _standardised(raw, self._growth)
         score = (np.maximum(parts, 0.0) ** 2).sum(axis=1)
         return Evidence(self._kinds, parts, score, self._limit)
 
     def compare(self, neighbours: Consensus, evidence: Evidence, accused: BoolArray) -> Evidence:
         """Return the evidence with what every point has in common with the accused."""
-        excess = self._logarithm - neighbours.of(self._logarithm)
-        excess /= np.sqrt(neighbours.scatter(self._variances))[:, None]
-        parts = _standardised(likeness(excess, accused)[:, None])
-        weight, growth = _MODEL_LIKENESS if self._data.segments is None else _LIKENESS
+        predicted = neighbours.of(self._logarithm)
+        if self._data.segments is None:
+            kind, (weight, growth) = LIKENESS, _LIKENESS
+            spread = neighbours.scatter(self._variances)
+            common = likeness((self._logarithm - predicted) / np.sqrt(spread)[:, None], accused)
+        else:
+            kind, (weight, growth) = BLOW, _BLOW
+            common = self._heard_blow(predicted, neighbours, accused)
+        parts = _standardised(common[:, None], self._growth)
         score = (evidence.score + weight * np.maximum(parts[:, 0], 0.0) ** 2) / growth
-        kinds = (*evidence.kinds, LIKENESS)
+        kinds = (*evidence.kinds, kind)
         return Evidence(kinds, np.hstack([evidence.parts, parts]), score, evidence.limit)
+
+    def _heard_blow(
+        self, predicted: FloatArray, neighbours: Consensus, accused: BoolArray
+    ) -> FloatArray:
+        assert self._data.segments is not None  # noqa: S101 - asked for with segments alone
+        filters = whitening(np.exp(predicted), self._data.lsf.shape[1])
+        heard = Heard.through(self._data.segments, filters)
+        rings = np.exp(self._heard_bursts(predicted, neighbours)[accused, _LOUD_RING])
+        blow = learn(heard.taken(np.flatnonzero(accused)), rings, self._memory.wave(len(rings)))
+        self._memory.hear(blow.wave, len(rings))
+        return blow_evidence(heard, accused, blow)
 
     def _heard_bursts(self, predicted: FloatArray, neighbours: Consensus) -> FloatArray:
         assert self._data.segments is not None  # noqa: S101 - asked for with segments alone
@@ -219,11 +203,27 @@ class _Witness:
         return np.array(rows)
 
 
-def _standardised(raw: FloatArray) -> FloatArray:
-    """Centre and scale over all points: over those left, each round would narrow the scale."""
+def _standardised(raw: FloatArray, growth: FloatArray) -> FloatArray:
+    """Centre and scale over all points: over those left, each round would narrow the scale.
+
+    The centre follows a line over ``growth`` (n,), since the largest of more instants is larger:
+    that of least squares, what is far from it brought near.
+    """
     centre = np.median(raw, axis=0)
-    scale = 1.4826 * np.median(np.abs(raw - centre), axis=0)
-    return np.asarray((raw - centre) / np.maximum(scale, _LEAST_SCALE))
+    scale = _deviation(raw - centre)
+    offset = growth - growth.mean()
+    squares = max(float(offset @ offset), _LEAST_SPREAD * len(growth))
+    slope = np.zeros(raw.shape[1])
+    for _ in range(_SLOPE_ROUNDS):
+        left = raw - centre - np.multiply.outer(offset, slope)
+        slope += offset @ np.clip(left, -_FAR * scale, _FAR * scale) / squares
+    left = raw - np.multiply.outer(offset, slope)
+    left -= np.median(left, axis=0)
+    return np.asarray(left / _deviation(left))
+
+
+def _deviation(centred: FloatArray) -> FloatArray:
+    return np.asarray(np.maximum(1.4826 * np.median(np.abs(centred), axis=0), _LEAST_SCALE))
 
 
 def _worst(evidence: Evidence, neighbours: Consensus, present: BoolArray) -> BoolArray:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Final, Self
 
 import numpy as np
 
@@ -10,7 +10,10 @@ from mmt.arrays import BoolArray, FloatArray, IntArray
 from mmt.errors import InputError
 from mmt.texture.settings import LARGEST_ORDER
 
-_GRID = 96
+USUAL_SAMPLES: Final = 250
+"""Of a segment, where it is not at hand."""
+
+_GRID: Final = 96
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +87,17 @@ class ModelPoints:
             self.variance[numbers],
             None if self.segments is None else [self.segments[i] for i in numbers],
         )
+
+    def fit_variances(self) -> FloatArray:
+        """Return the mean square scatter of the logarithms of each fit's spectrum, shape (n,).
+
+        That of an autoregressive fit to the segment's samples (see
+        `mmt.texture.selection.consensus`), where they are not at hand to `USUAL_SAMPLES`.
+        """
+        samples = np.full(len(self), USUAL_SAMPLES)
+        if self.segments is not None:
+            samples = np.array([max(1, len(segment)) for segment in self.segments])
+        return np.asarray(2.0 * (self.lsf.shape[1] + 1) / samples)
 
 
 def band(count: int = _GRID) -> FloatArray:

@@ -6,20 +6,23 @@ of what was struck. The largest of either is compared with what the rest of the 
 that a wrong level of the consensus does no harm, and with what the consensus expects.
 """
 
+import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 
-from mmt.arrays import FloatArray
+from mmt.arrays import FloatArray, IntArray
 from mmt.compiled import kernel
 from mmt.texture.selection.points import band
-from mmt.texture.selection.ringing import loudest_ring, modes
+from mmt.texture.selection.ringing import ComplexArray, loudest_ring, modes
 
 SHORT: Final = 16
 LONG: Final = 32
 SHORTEST: Final = 64
 """Samples of prediction error from which a burst can be told from the rest."""
+
+_TINY: Final = float(np.finfo(np.float64).tiny)
 
 
 class Whitening(NamedTuple):
@@ -49,23 +52,71 @@ def whitening(density: FloatArray, order: int) -> Whitening:
     return Whitening(ar, 0.5 * error * scale[:, 0])
 
 
-@kernel("void(f8[::1], f8[::1], f8[::1])")
-def _residual(x: FloatArray, ar: FloatArray, error: FloatArray) -> None:
+class Packed(NamedTuple):
+    """Segments one behind the other: ``samples``, and where each begins, (n + 1,)."""
+
+    samples: FloatArray
+    starts: IntArray
+
+    @classmethod
+    def of(cls, segments: Sequence[FloatArray]) -> Self:
+        """Pack segments."""
+        starts = np.zeros(len(segments) + 1, dtype=np.int64)
+        starts[1:] = np.cumsum([len(segment) for segment in segments])
+        samples = np.concatenate([np.zeros(0), *segments])
+        return cls(np.ascontiguousarray(samples, dtype=np.float64), starts)
+
+
+@kernel("f8[::1](f8[::1], f8[::1])")
+def prediction_error(x: FloatArray, ar: FloatArray) -> FloatArray:
+    """Return what a filter, without its leading 1, does not predict of a segment.
+
+    It has the segment's length less the filter's order, none where that is not above zero.
+    """
+    error = np.empty(max(0, x.size - ar.size))
     for n in range(error.size):
         total = x[n + ar.size]
         for j in range(ar.size):
             total += ar[j] * x[n + ar.size - 1 - j]
         error[n] = total
+    return error
 
 
-@kernel("void(f8[::1], i8, f8[::1])")
-def _means(squares: FloatArray, width: int, means: FloatArray) -> None:
-    """Write the means over every window; every one is summed anew, so that none drifts."""
+@kernel("f8[::1](f8[::1], i8)")
+def _means(squares: FloatArray, width: int) -> FloatArray:
+    """Return the means over every window; every one is summed anew, so that none drifts."""
+    means = np.empty(squares.size - width + 1)
     for n in range(means.size):
         total = 0.0
         for j in range(width):
             total += squares[n + j]
         means[n] = total / width
+    return means
+
+
+@kernel("void(f8[::1], i8[::1], f8[:, ::1], f8[::1], c16[::1], f8[:, ::1])")
+def _bursts(
+    samples: FloatArray,
+    starts: IntArray,
+    ar: FloatArray,
+    variance: FloatArray,
+    grid: ComplexArray,
+    result: FloatArray,
+) -> None:
+    """Write what `bursts` returns."""
+    for row in range(variance.size):
+        error = prediction_error(samples[starts[row] : starts[row + 1]], ar[row])
+        if error.size < SHORTEST:
+            continue
+        squares = error * error
+        short, long = _means(squares, SHORT), _means(squares, LONG)
+        ring = loudest_ring(error, ar[row], grid)
+        rest = max(squares.sum() - ring, 0.0) / error.size
+        expected = max(variance[row], _TINY)
+        result[row, 0] = math.log(max(short.max(), _TINY) / max(np.median(short), _TINY))
+        result[row, 1] = math.log(max(long.max(), _TINY) / expected)
+        result[row, 2] = math.log(max(ring, _TINY) / expected)
+        result[row, 3] = math.log(max(ring, _TINY) / max(rest, _TINY))
 
 
 def bursts(segments: Sequence[FloatArray], filters: Whitening) -> FloatArray:
@@ -77,29 +128,8 @@ def bursts(segments: Sequence[FloatArray], filters: Whitening) -> FloatArray:
     segment has. Zero where a segment is too short to tell.
     """
     result = np.zeros((len(segments), 4))
-    tiny = np.finfo(np.float64).tiny
-    grid = modes()
-    for index, segment in enumerate(segments):
-        x = np.ascontiguousarray(segment, dtype=np.float64)
-        error = np.empty(max(0, len(x) - filters.ar.shape[1]))
-        if len(error) < SHORTEST:
-            continue
-        ar = np.ascontiguousarray(filters.ar[index])
-        _residual(x, ar, error)
-        squares = error * error
-        short = np.empty(len(error) - SHORT + 1)
-        long = np.empty(len(error) - LONG + 1)
-        _means(squares, SHORT, short)
-        _means(squares, LONG, long)
-        ring = loudest_ring(error, ar, grid)
-        rest = max(float(squares.sum()) - ring, 0.0) / len(error)
-        expected = max(filters.variance[index], tiny)
-        result[index] = np.log(
-            [
-                max(short.max(), tiny) / max(np.median(short), tiny),
-                max(long.max(), tiny) / expected,
-                max(ring, tiny) / expected,
-                max(ring, tiny) / max(rest, tiny),
-            ]
-        )
+    packed = Packed.of(segments)
+    ar = np.ascontiguousarray(filters.ar)
+    variance = np.ascontiguousarray(filters.variance)
+    _bursts(packed.samples, packed.starts, ar, variance, modes(), result)
     return result
