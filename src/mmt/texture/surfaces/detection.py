@@ -41,8 +41,8 @@ WINDOW: Final = 20
 TRIAL: Final = 60
 """Blocks for which a new surface may still turn out to be a known one."""
 
-SURE: Final = math.log(100.0)
-"""Evidence that a recall takes, against a new surface and every other known one."""
+SURE: Final = 7.0
+"""Evidence (natural logarithm) that a recall takes, against a new surface and every other one."""
 
 _SAME_HEADING: Final = math.cos(math.radians(30.0))
 
