@@ -132,6 +132,24 @@ def test_segments_too_short_silent_or_all_the_same_do_no_harm():
     assert not evidence[1:3].any()
 
 
+@pytest.mark.parametrize("factor", [1e-100, 1e-6, 1e6, 1e100])
+def test_one_segment_of_another_loudness_does_not_take_the_wave_from_the_others(table, factor):
+    accused = np.arange(22)
+    heard = table.taken(accused)
+    rings = heard.find(TABLE).energy
+    rings[12:] = 120.0
+    scale = np.ones(22)
+    scale[15] = factor
+    scaled = heard._replace(
+        square=heard.square * scale**2,
+        back=heard.back * scale[:, None],
+        spectrum=heard.spectrum * scale[:, None],
+    )
+    blow = learn(scaled, rings * scale**2)
+    assert likeness_of(blow.wave, TABLE) > 0.9
+    assert np.isfinite(blow.others).all()
+
+
 def test_the_blow_counts_once_there_are_enough_outliers():
     data, knocked = sampled_texture(160, 2, knocks=16, seed=1)
     found = find_outliers(data)

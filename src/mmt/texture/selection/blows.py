@@ -43,7 +43,10 @@ _EVERY: Final = 2  # mode is a beginning
 _ROUGH: Final = 0.5  # share of the ring that makes a segment count half, at first
 _FINE: Final = 0.6  # and then
 _SHARP: Final = 8.0
-_FIRST: Final = 2
+_PLENTY: Final = 100.0  # times enough: more makes no difference
+_LOUD: Final = 2.0  # times the median ring; what is louder counts no more
+_QUIET: Final = 1e-6  # of it; the same for what is quieter
+_BEST: Final = 4
 _ROUNDS: Final = 5
 _TINY: Final = float(np.finfo(np.float64).tiny)
 
@@ -191,13 +194,22 @@ class _Normal:
                 )
             back = self._heard.back[index, onset + first + order : onset + last + order]
             sides[index, first:last] = weight * back
-        total, side = matrices.sum(axis=0), sides.sum(axis=0)
+        total, left = matrices.sum(axis=0), _of_others(matrices)
         total[0] += self._prior
+        left[:, 0] += self._prior
         others = [
-            dpbsv(total - matrix, side - own, lower=1)[1]
-            for matrix, own in zip(matrices, sides, strict=True)
+            dpbsv(matrix, side, lower=1)[1]
+            for matrix, side in zip(left, _of_others(sides), strict=True)
         ]
-        return dpbsv(total, side, lower=1)[1], np.array(others)
+        return dpbsv(total, sides.sum(axis=0), lower=1)[1], np.array(others)
+
+
+def _of_others(rows: FloatArray) -> FloatArray:
+    """Return the sums without each row: no difference, in which a loud one takes all digits."""
+    result = np.zeros_like(rows)
+    np.cumsum(rows[:-1], axis=0, out=result[1:])
+    result[:-1] += np.cumsum(rows[:0:-1], axis=0)[::-1]
+    return result
 
 
 class Blow(NamedTuple):
@@ -220,28 +232,36 @@ def learn(heard: Heard, rings: FloatArray, before: FloatArray | None = None) -> 
         A wave to begin with in the place of damped tones.
     """
     normal = _Normal(heard)
-    rings = np.maximum(rings, _TINY)
+    rings = np.maximum(rings, _TINY / _QUIET)
     if before is None:
         best = _searched(heard, normal, rings)
     else:
         best = Blow(before, np.tile(before, (len(rings), 1)))
+    weights = np.minimum(1.0, _LOUD * np.median(rings) / rings)
     for _ in range(_ROUNDS if before is None else 1):
-        best = _improved(heard, normal, best, rings * _FINE, np.ones(len(rings)))
+        best = _improved(heard, normal, best, rings * _FINE, weights)
     return best
 
 
 def _searched(heard: Heard, normal: _Normal, rings: FloatArray) -> Blow:
-    """Return what explains the most segments of what damped tones grow into."""
-    equal = np.median(rings) / rings
-    blows, counts = [], []
+    """Return what explains the most segments of what damped tones grow into.
+
+    After a first step `_BEST` of them go on.
+    """
+    equal = 1.0 / np.maximum(rings / np.median(rings), _QUIET)
+    blows = []
     for mode in modes()[::_EVERY]:
         tone = (mode ** np.arange(LENGTH)).imag
         blow = Blow(tone, np.tile(tone, (len(rings), 1)))
-        for _ in range(_FIRST):
-            blow = _improved(heard, normal, blow, rings * _ROUGH, equal)
-        blows.append(blow)
-        counts.append(_counts(heard.find(_unit(blow.others)).energy, rings * _FINE).sum())
-    return blows[int(np.argmax(counts))]
+        blows.append(_improved(heard, normal, blow, rings * _ROUGH, equal))
+    count = [_explained(heard, blow, rings).sum() for blow in blows]
+    best = [blows[index] for index in np.argsort(count)[: -_BEST - 1 : -1]]
+    best = [_improved(heard, normal, blow, rings * _ROUGH, equal) for blow in best]
+    return max(best, key=lambda blow: float(_explained(heard, blow, rings).sum()))
+
+
+def _explained(heard: Heard, blow: Blow, rings: FloatArray) -> FloatArray:
+    return _counts(heard.find(_unit(blow.others)).energy, rings * _FINE)
 
 
 def _improved(
@@ -254,7 +274,8 @@ def _improved(
 
 def _counts(energy: FloatArray, enough: FloatArray) -> FloatArray:
     """Return how far each segment holds the wave, 0 to 1: half where the energy is enough."""
-    return np.asarray(1.0 / (1.0 + (enough / np.maximum(energy, _TINY)) ** _SHARP))
+    power = (np.minimum(energy, _PLENTY * enough) / enough) ** _SHARP
+    return np.asarray(power / (1.0 + power))
 
 
 def _unit(waves: FloatArray) -> FloatArray:
