@@ -249,19 +249,19 @@ def _searched(heard: Heard, normal: _Normal, rings: FloatArray) -> Blow:
     After a first step `_BEST` of them go on.
     """
     equal = 1.0 / np.maximum(rings / np.median(rings), _QUIET)
-    blows = []
+    blows: list[Blow] = []
     for mode in modes()[::_EVERY]:
         tone = (mode ** np.arange(LENGTH)).imag
         blow = Blow(tone, np.tile(tone, (len(rings), 1)))
         blows.append(_improved(heard, normal, blow, rings * _ROUGH, equal))
-    count = [_explained(heard, blow, rings).sum() for blow in blows]
-    best = [blows[index] for index in np.argsort(count)[: -_BEST - 1 : -1]]
-    best = [_improved(heard, normal, blow, rings * _ROUGH, equal) for blow in best]
-    return max(best, key=lambda blow: float(_explained(heard, blow, rings).sum()))
+    blows.sort(key=lambda blow: -_explained(heard, blow, rings))
+    blows = [_improved(heard, normal, blow, rings * _ROUGH, equal) for blow in blows[:_BEST]]
+    return max(blows, key=lambda blow: _explained(heard, blow, rings))
 
 
-def _explained(heard: Heard, blow: Blow, rings: FloatArray) -> FloatArray:
-    return _counts(heard.find(_unit(blow.others)).energy, rings * _FINE)
+def _explained(heard: Heard, blow: Blow, rings: FloatArray) -> float:
+    """Return how many segments hold a wave that is learnt from the others."""
+    return float(_counts(heard.find(_unit(blow.others)).energy, rings * _FINE).sum())
 
 
 def _improved(

@@ -34,21 +34,6 @@ def modes() -> ComplexArray:
     return np.asarray(np.exp(-1.0 / DECAY + 2j * np.pi * MODES_PER_SAMPLE))
 
 
-@kernel("void(c16, f8[::1], f8[::1], c16[::1])")
-def _measure(mode: complex, ar: FloatArray, energy: FloatArray, square: ComplexArray) -> None:
-    """Write the sums of ``|w|^2`` and ``w^2`` over the first samples of the filtered mode w."""
-    tone, part, power = 1.0 + 0.0j, 1.0 + 0.0j, 1.0 + 0.0j
-    energy[0], square[0] = 0.0, 0.0
-    for n in range(energy.size - 1):
-        if 0 < n <= ar.size:
-            power /= mode
-            part += ar[n - 1] * power
-        filtered = tone * part
-        energy[n + 1] = energy[n] + filtered.real**2 + filtered.imag**2
-        square[n + 1] = square[n] + filtered * filtered
-        tone *= mode
-
-
 @kernel("void(f8[::1], f8[::1], f8[::1])")
 def _led_back(error: FloatArray, ar: FloatArray, back: FloatArray) -> None:
     """Lead the prediction error through the filter in reversed time."""
@@ -57,6 +42,36 @@ def _led_back(error: FloatArray, ar: FloatArray, back: FloatArray) -> None:
         for j in range(min(ar.size, error.size - n - 1)):
             total += ar[j] * error[n + j + 1]
         back[n] = total
+
+
+@kernel("void(f8[:, ::1], f8)")
+def _step(state: FloatArray, sample: float) -> None:
+    """Take one sample more, for every mode side by side.
+
+    Rows of the state (10, k): the mode, its inner product with what has been led back, the sums
+    of ``|w|^2`` and of ``w^2`` over the filtered mode w, the next sample of w, each complex but
+    the fifth, and the largest energy so far. No mode waits for another, so that the compiler
+    takes several at once.
+    """
+    for k in range(state.shape[1]):
+        real, imag = state[0, k], state[1, k]
+        inner_real = sample + real * state[2, k] - imag * state[3, k]
+        inner_imag = real * state[3, k] + imag * state[2, k]
+        state[2, k], state[3, k] = inner_real, inner_imag
+        w_real, w_imag = state[7, k], state[8, k]
+        state[4, k] += w_real * w_real + w_imag * w_imag
+        state[5, k] += w_real * w_real - w_imag * w_imag
+        state[6, k] += 2.0 * w_real * w_imag
+        state[7, k] = real * w_real - imag * w_imag
+        state[8, k] = real * w_imag + imag * w_real
+        cosine = 0.5 * (state[4, k] + state[5, k])
+        sine = 0.5 * (state[4, k] - state[5, k])
+        cross = 0.5 * state[6, k]
+        determinant = cosine * sine - cross * cross
+        explained = sine * inner_real * inner_real + cosine * inner_imag * inner_imag
+        explained = (explained - 2.0 * cross * inner_real * inner_imag) / determinant
+        explained = explained if determinant > _LEAST * cosine * sine else 0.0
+        state[9, k] = explained if explained > state[9, k] else state[9, k]
 
 
 @kernel("f8(f8[::1], f8[::1], c16[::1])")
@@ -77,25 +92,24 @@ def loudest_ring(error: FloatArray, ar: FloatArray, grid: ComplexArray) -> float
     O(n (m + k)): all instants of one mode are a recursion in reversed time. Every mode decays,
     so that it is stable.
     """
-    size = error.size
-    back = np.empty(size)
-    energy, square = np.empty(size + 1), np.empty(size + 1, dtype=np.complex128)
+    if error.size < _SHORTEST:
+        return 0.0
+    back = np.empty(error.size)
     _led_back(error, ar, back)
-    best = 0.0
-    for mode in grid:
-        _measure(mode, ar, energy, square)
-        inner = 0.0 + 0.0j
-        for start in range(size - 1, -1, -1):
-            inner = back[start] + mode * inner
-            left = size - start
-            if left < _SHORTEST:
-                continue
-            cosine = 0.5 * (energy[left] + square[left].real)
-            sine = 0.5 * (energy[left] - square[left].real)
-            cross = 0.5 * square[left].imag
-            determinant = cosine * sine - cross * cross
-            if determinant > _LEAST * cosine * sine:
-                explained = sine * inner.real**2 + cosine * inner.imag**2
-                explained -= 2.0 * cross * inner.real * inner.imag
-                best = max(best, explained / determinant)
-    return best
+    part = np.ones(grid.size, dtype=np.complex128)  # the filter at the mode, as far as it goes
+    power, tone = part.copy(), part.copy()
+    state = np.zeros((10, grid.size))
+    state[0], state[1] = grid.real, grid.imag
+    for left in range(error.size):
+        if left <= ar.size:
+            for k in range(grid.size):
+                if left > 0:
+                    power[k] /= grid[k]
+                    part[k] += ar[left - 1] * power[k]
+                    tone[k] *= grid[k]
+                state[7, k] = (tone[k] * part[k]).real
+                state[8, k] = (tone[k] * part[k]).imag
+        if left == _SHORTEST - 1:
+            state[9] = 0.0  # what began later has too little left to tell
+        _step(state, back[error.size - 1 - left])
+    return float(state[9].max())
