@@ -1,10 +1,12 @@
 import os
 import sys
+import threading
 import time
+from pathlib import Path
 
 import pytest
 
-from mmt.process import ProcessMeter, ask_for_short_turns
+from mmt.process import ProcessMeter, ask_for_short_turns, wake_on_time
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux's scheduler is asked")
@@ -22,3 +24,20 @@ def test_the_meter_sees_work() -> None:
     share = (time.process_time() - used_s) / (time.monotonic() - begun_s)
     assert cost.core_share == pytest.approx(share, rel=0.1)
     assert cost.memory_mb > 5
+
+
+def test_sleeps_that_end_when_they_are_due_are_asked_of_the_system() -> None:
+    """In a thread of its own: others of this process keep their slack."""
+    slack_ns: list[int] = []
+
+    def ask() -> None:
+        if not wake_on_time():
+            return
+        own = Path(f"/proc/{threading.get_native_id()}/timerslack_ns")
+        slack_ns.append(int(own.read_text()) if own.exists() else 1)
+
+    thread = threading.Thread(target=ask)
+    thread.start()
+    thread.join()
+    assert slack_ns in ([], [1])
+    assert bool(slack_ns) == (sys.platform == "linux")

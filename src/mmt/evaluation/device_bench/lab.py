@@ -22,7 +22,7 @@ from mmt.devices.emulated.robot_link import RobotLink
 from mmt.devices.protocols import Vector
 from mmt.evaluation.device_bench.children import say
 from mmt.evaluation.device_bench.motion import Motion
-from mmt.process import prefer_even_ticks
+from mmt.process import prefer_even_ticks, wake_on_time
 from mmt.realtime import PRIORITY
 
 FORCE_PPM: Final = 40.0
@@ -131,6 +131,7 @@ def main(force: str, acceleration: str, scheduling: str) -> None:
     """Run the lab until standard input ends."""
     prefer_even_ticks()
     leave_a_processor_to_others()
+    wake_on_time()
     if scheduling == "realtime":  # all of its threads: no device waits for this machine's work
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY - 1))
     motions = (Motion(10.0), Motion(5.0), Motion(20.0, (0.0, 0.0, GRAVITY_M_S2)))
