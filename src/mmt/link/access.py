@@ -101,7 +101,7 @@ class Access:
                     "needs its own: set certificate and key of [link]"
                 )
             return None
-        context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
+        context = _recent(ssl.create_default_context(ssl.Purpose.CLIENT_AUTH))
         self._load(context)
         if self.authority is not None:
             context.verify_mode = ssl.CERT_REQUIRED
@@ -117,7 +117,7 @@ class Access:
         """
         if self.certificate is None and self.authority is None:
             return None
-        context = ssl.create_default_context(ssl.Purpose.SERVER_AUTH)
+        context = _recent(ssl.create_default_context(ssl.Purpose.SERVER_AUTH))
         self._load(context)
         return context
 
@@ -214,6 +214,12 @@ def _is_loopback(host: str) -> bool:
 
 def _bytes(text: str) -> bytes:
     return text.encode("utf-8", "backslashreplace")
+
+
+def _recent(context: ssl.SSLContext) -> ssl.SSLContext:
+    """Have a context refuse what is older than TLS 1.2, which some builds of Python leave open."""
+    context.minimum_version = max(context.minimum_version, ssl.TLSVersion.TLSv1_2)
+    return context
 
 
 def _why(error: Exception) -> str:
