@@ -59,8 +59,14 @@ class Proxy:
         return _End(self, self._target)
 
     def add(self, end: "_End") -> None:
-        """Take note of one end of a connection."""
+        """Take note of one end of a connection.
+
+        Python before 3.11.3 begins to read after this, whatever it was told in the meantime.
+        """
         self._ends.add(end)
+        asyncio.get_running_loop().call_soon(self._listen, end)
+
+    def _listen(self, end: "_End") -> None:
         end.listen(not self._stalled and end.peer is not None)
 
     def remove(self, end: "_End") -> None:
