@@ -136,6 +136,18 @@ class Leader:
             0.01,
         )
 
+    def recall(self) -> None:
+        """Let the tool come from surface 2 back onto surface 1, whose model is complete."""
+        self.update(
+            15.3,
+            1,
+            12.0,
+            started=True,
+            stopped=True,
+            changes=(change("recalled", 2, 1, 15_000),),
+            left=(state(15.0, 2, Model(22.0), started=True),),
+        )
+
 
 def state(
     time_s: float,
@@ -201,16 +213,7 @@ def test_on_a_new_surface_the_stream_is_heard_until_its_own_model_is_ready(leade
 def test_a_known_surface_is_rendered_at_once_by_a_fade_between_models(leader: Leader) -> None:
     leader.update(13.3, 2, 21.0, started=True)
     leader.heard()
-    left = (state(15.0, 2, Model(22.0), started=True),)
-    leader.update(
-        15.3,
-        1,
-        12.0,
-        started=True,
-        stopped=True,
-        changes=(change("recalled", 2, 1, 15_000),),
-        left=left,
-    )
+    leader.recall()
     assert leader.sounding.crossed == [12.0]
     assert leader.heard() == 12.0
     assert (leader.log.start_s, leader.log.stop_s) == (4.0, 8.0)
@@ -242,16 +245,7 @@ def test_a_new_surface_that_is_a_known_one_is_rendered_from_its_model(leader: Le
 
 def test_the_summary_has_every_stay_and_the_state_of_every_model(leader: Leader) -> None:
     leader.update(13.3, 2, 21.0, started=True)
-    left = (state(15.0, 2, Model(22.0), started=True),)
-    leader.update(
-        15.3,
-        1,
-        12.0,
-        started=True,
-        stopped=True,
-        changes=(change("recalled", 2, 1, 15_000),),
-        left=left,
-    )
+    leader.recall()
     assert leader.log.surfaces is not None
     table = leader.log.surfaces.as_dict(18.0)
     assert (table["now"], table["known"]) == (1, 2)
