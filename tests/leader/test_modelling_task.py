@@ -10,8 +10,8 @@ import pytest
 from frame_samples import made_frames
 
 from mmt.arrays import RecordArray
-from mmt.leader import modelling
 from mmt.leader.modelling import ModellingTask
+from mmt.texture import modellers
 from mmt.texture.completion import CompletionMonitor
 from mmt.texture.modelling import ModelUpdate
 from mmt.texture.settings import ModellingSettings
@@ -52,7 +52,7 @@ class Modelled:
 
     def __init__(self, period_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
         self._modellers: list[SlowModeller] = []
-        monkeypatch.setattr(modelling, "OnlineModeller", self._make)
+        monkeypatch.setattr(modellers, "OnlineModeller", self._make)
         self.updates: list[ModelUpdate] = []
         self.seconds: list[float] = []
         self.task = ModellingTask(ModellingSettings(), period_s, self._note)

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Final
 
 from mmt.arrays import RecordArray
 from mmt.leader.frame_queue import FrameQueue
+from mmt.texture.modellers import Modellers
 from mmt.texture.modelling import ModelUpdate, OnlineModeller
 from mmt.texture.settings import ModellingSettings
 
 if TYPE_CHECKING:
     from mmt.texture.model import TextureModel
-    from mmt.texture.surfaces.modelling import SurfaceModeller
 
 _LONGEST_QUEUE_S: Final = 10.0
 _POLL_S: Final = 0.005
@@ -51,15 +51,10 @@ class ModellingTask:
         on_update: Callable[[ModelUpdate, float], None],
         keep_frames: int = 0,
     ) -> None:
-        self._settings = settings
-        self._update_frames = max(1, round(period_s * settings.rate_hz))
-        self._period_frames = self._update_frames
-        if settings.surfaces is not None:
-            from mmt.texture.surfaces.modelling import LOOK_S
-
-            self._period_frames = min(self._update_frames, round(LOOK_S * settings.rate_hz))
+        self._modellers = Modellers(settings, period_s)
+        self._period_frames = self._modellers.frames_at_once
         self._on_update = on_update
-        self._modeller = self._make_modeller()
+        self._modeller = self._modellers.make()
         capacity = max(self._period_frames, round(_LONGEST_QUEUE_S * settings.rate_hz))
         capacity += keep_frames
         self._overloaded_frames = capacity - round(_LONGEST_QUEUE_S / 2 * settings.rate_hz)
@@ -107,7 +102,7 @@ class ModellingTask:
     def reset(self) -> None:
         """Start a new model; an update that is under way is thrown away."""
         self._generation += 1
-        self._modeller = self._make_modeller()
+        self._modeller = self._modellers.make()
         self._queue.take_all()
         self.finished = self.frozen = False
 
@@ -140,7 +135,7 @@ class ModellingTask:
                     self.working = False
                 if generation != self._generation or isinstance(update, str):
                     continue
-                if update.stopped and self._settings.surfaces is None:
+                if self._modellers.done(update):
                     self.finished = True
                     self._queue.take_all()
                 self._on_update(update, time.perf_counter() - started)
@@ -148,13 +143,6 @@ class ModellingTask:
     def models(self) -> "dict[int, TextureModel]":
         """Return the model of each surface by number; none where they are not told apart."""
         return {} if isinstance(self._modeller, OnlineModeller) else self._modeller.models()
-
-    def _make_modeller(self) -> "OnlineModeller | SurfaceModeller":
-        if self._settings.surfaces is None:
-            return OnlineModeller(self._settings)
-        from mmt.texture.surfaces.modelling import SurfaceModeller
-
-        return SurfaceModeller(self._settings, self._update_frames)
 
     def _next_period(self) -> RecordArray | None:
         """Return the frames of the next update, None where it is not due."""

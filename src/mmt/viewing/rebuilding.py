@@ -20,9 +20,9 @@ from mmt.session.recorded import JsonObject
 from mmt.session.windows import SessionWindows
 from mmt.texture.criterion import Progress, criterion_of
 from mmt.texture.model import TextureModel
-from mmt.texture.modelling import ModelUpdate, OnlineModeller
+from mmt.texture.modellers import Modellers
+from mmt.texture.modelling import ModelUpdate
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.surfaces.modelling import LOOK_S, SurfaceModeller
 from mmt.viewing.snapshots import ModelSnapshots
 
 _SPAN_S: Final = 5.0
@@ -68,10 +68,7 @@ class Rebuilding:
     ) -> None:
         self._windows = windows
         self._settings = settings
-        self._update_frames = max(1, round(period_s * settings.rate_hz))
-        self._period_frames = self._update_frames
-        if settings.surfaces is not None:
-            self._period_frames = min(self._update_frames, round(LOOK_S * settings.rate_hz))
+        self._modellers = Modellers(settings, period_s)
         self._frozen = frozen_spans(windows.events, windows.duration_s)
         self._snapshots = ModelSnapshots()
         self._leave = threading.Event()
@@ -131,16 +128,13 @@ class Rebuilding:
     def _build(self, span: Span) -> None:
         """Build one model, from its first frame until it is complete, reset, or the end."""
         growing = _Growing(self._snapshots)
-        modeller: OnlineModeller | SurfaceModeller = OnlineModeller(self._settings)
-        if self._settings.surfaces is not None:
-            modeller = SurfaceModeller(self._settings, self._update_frames)
+        modeller = self._modellers.make()
         for time_s, frames in self._blocks(span):
             update = modeller.update(frames)
             self.reached_s = time_s
             if update is not None:
                 self.states.append(growing.state(update, time_s))
-            over = update is not None and update.stopped and self._settings.surfaces is None
-            if over or self._leave.is_set():
+            if self._leave.is_set() or (update is not None and self._modellers.done(update)):
                 return
 
     def _blocks(self, span: Span) -> Iterator[tuple[float, RecordArray]]:
@@ -158,7 +152,7 @@ class Rebuilding:
             kept = ~in_spans(window.time_s, self._frozen)
             waiting.append((window.time_s[kept], window.frames[kept]))
             times_s, frames = (np.concatenate(columns) for columns in zip(*waiting, strict=True))
-            blocks = list(update_blocks(frames, self._period_frames))
+            blocks = list(update_blocks(frames, self._modellers.frames_at_once))
             done = len(blocks) - self._unused(blocks, end_s, span_end_s)
             place = 0
             for block in blocks[:done]:
@@ -175,7 +169,7 @@ class Rebuilding:
         if end_s >= self._windows.duration_s or not blocks:
             return 0
         last = blocks[-1]["sequence"]
-        return int(int(last[-1]) - int(last[0]) + 1 < self._period_frames)
+        return int(int(last[-1]) - int(last[0]) + 1 < self._modellers.frames_at_once)
 
 
 class _Growing:
