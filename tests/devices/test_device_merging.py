@@ -199,6 +199,22 @@ def test_a_lost_record_leaves_a_number_out_and_invents_nothing() -> None:
     assert missing == list(range(missing[0], missing[0] + 4))
 
 
+def test_a_value_that_no_frame_can_hold_leaves_its_number_out() -> None:
+    lane = PolledLane()
+    merger = FrameMerger({"force_n": lane}, frame_dtype(["force"]), MS)
+    found = []
+    for tick in range(10):
+        now_ns = START_NS + tick * MS
+        lane.note((1e39 if tick == 5 else 1.0, 0.0, 0.0), now_ns)
+        merger.tick(1, now_ns)
+        found.append(merger.frames())
+    frames = np.concatenate(found)
+    left_out = sorted({4, 5, 6, 7} - set(frames["sequence"].tolist()))
+    assert np.isfinite(frames["force_n"]).all()
+    assert left_out
+    assert merger.left_out >= len(left_out)
+
+
 def test_a_late_reading_makes_its_frame_late_and_not_wrong() -> None:
     lane = Lane()
     merger = FrameMerger({"force_n": lane}, DTYPE, MS)
