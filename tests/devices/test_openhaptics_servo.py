@@ -1,5 +1,6 @@
 """The servo callback by itself, with a clock and a device that the test moves."""
 
+import ctypes
 import math
 from itertools import pairwise
 
@@ -33,10 +34,10 @@ class Frame:
         self.v += self.f / self.mass * TICK_S
         self.seen = [*self.seen[1:], (self.x, self.v)]
 
-    def hdGetDoublev(self, what: int, values) -> None:  # noqa: N802
-        values[0] = 1e3 * self.seen[0][0 if what == CURRENT_POSITION else 1]
+    def hdGetDoublev(self, what: ctypes.c_uint32, values) -> None:  # noqa: N802
+        values[0] = 1e3 * self.seen[0][0 if what.value == CURRENT_POSITION else 1]
 
-    def hdSetDoublev(self, what: int, values) -> None:  # noqa: N802
+    def hdSetDoublev(self, what: ctypes.c_uint32, values) -> None:  # noqa: N802
         self.f = values[0]
         assert math.hypot(*values[:]) <= 3.0 + 1e-9
 
@@ -184,7 +185,7 @@ def pushed(frame: Frame, spoil) -> tuple[PositionServo, list[float]]:
 
     def spoilt(what: int, values) -> None:
         read(what, values)
-        spoil(len(forces), what == CURRENT_POSITION, values)
+        spoil(len(forces), what.value == CURRENT_POSITION, values)
 
     made._get = spoilt
     forces: list[float] = []

@@ -34,6 +34,7 @@ class Axes:
         if len(terms) != 3 or sorted(names) != ["x", "y", "z"]:
             raise ValueError(f"axes are {text!r}: name x, y and z once each, as in {DEFAULT_AXES}")
         self._from = tuple("xyz".index(name) for name in names)
+        self._to = tuple(names.index(name) for name in "xyz")
         self._signs = tuple(-1.0 if term is not None and term[1] == "-" else 1.0 for term in terms)
         a, b, c = self._from
         parity = (b - a) * (c - a) * (c - b) / 2.0
@@ -48,11 +49,8 @@ class Axes:
 
     def to_device(self, vector: Vector) -> Vector:
         """Turn a velocity or a force of the scene into the device's axes."""
-        turned = [0.0, 0.0, 0.0]
-        for index, sign, value in zip(self._from, self._signs, vector, strict=True):
-            turned[index] = sign * value
-        x, y, z = turned
-        return (x, y, z)
+        (a, b, c), signs = self._to, self._signs
+        return (signs[a] * vector[a], signs[b] * vector[b], signs[c] * vector[c])
 
     def place_in_scene(self, values: Sequence[float]) -> Vector:
         """Turn a position of the device (mm) into one of the scene."""

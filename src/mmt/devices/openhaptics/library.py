@@ -35,13 +35,17 @@ class ErrorInfo(ctypes.Structure):
 
 
 _DOUBLES: Final = ctypes.POINTER(ctypes.c_double)
-_COPIES: Final[dict[str, tuple[Any, list[Any]]]] = {
+_COPIES: Final[dict[str, tuple[Any, list[Any] | None]]] = {
+    "hdGetDoublev": (None, None),
+    "hdSetDoublev": (None, None),
+    "hdGetError": (ErrorInfo, []),
+}
+"""Without types of arguments: converting them takes longer than the call. They are given as what
+they are, `ctypes.c_uint32` and `Vector3`."""
+_PROTOTYPES: Final[dict[str, tuple[Any, list[Any] | None]]] = {
     "hdGetDoublev": (None, [ctypes.c_uint32, _DOUBLES]),
     "hdSetDoublev": (None, [ctypes.c_uint32, _DOUBLES]),
     "hdGetError": (ErrorInfo, []),
-}
-_PROTOTYPES: Final[dict[str, tuple[Any, list[Any]]]] = {
-    **_COPIES,
     "hdBeginFrame": (None, [ctypes.c_uint32]),
     "hdEndFrame": (None, [ctypes.c_uint32]),
     "hdInitDevice": (ctypes.c_uint32, [ctypes.c_char_p]),
@@ -164,7 +168,7 @@ def open_stack(path: str) -> Stack:
         return _stack
 
 
-def _declare(library: Any, prototypes: dict[str, tuple[Any, list[Any]]]) -> None:
+def _declare(library: Any, prototypes: dict[str, tuple[Any, list[Any] | None]]) -> None:
     for name, (result, arguments) in prototypes.items():
         function = getattr(library, name)
         function.restype, function.argtypes = result, arguments

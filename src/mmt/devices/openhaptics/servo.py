@@ -25,6 +25,10 @@ from mmt.realtime import follow_real_time
 _LONGEST_STEP_NS: Final = 10_000_000
 _COOLING_NS: Final = 1_000_000_000
 _MOST_ERRORS: Final = 8
+_POSITION, _VELOCITY, _FORCE = (
+    ctypes.c_uint32(name) for name in (CURRENT_POSITION, CURRENT_VELOCITY, CURRENT_FORCE)
+)
+"""Made once: a conversion at each tick takes as long as the call."""
 
 
 class Servo:
@@ -60,7 +64,7 @@ class Servo:
         ramp_ns: int,
         clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
-        self._handle, self.clock = handle, clock
+        self._handle, self.clock = ctypes.c_uint32(handle), clock
         self._begin, self._end, self._error = hd.hdBeginFrame, hd.hdEndFrame, copies.hdGetError
         self._get, self._set = copies.hdGetDoublev, copies.hdSetDoublev
         self._thread = 0
@@ -101,7 +105,7 @@ class Servo:
             if self.request is not None:
                 self.answer, self.request = self.request(), None
             self.drive(now_ns, self._fade(now_ns))
-            self._set(CURRENT_FORCE, self.displayed)
+            self._set(_FORCE, self.displayed)
             self._end(self._handle)
             error = self._error()
             if error.code:
@@ -130,8 +134,8 @@ class Servo:
     def _measure(self, now_ns: int) -> None:
         """Take position and velocity where they make sense; else the last ones stay."""
         of_position, of_velocity = self._measured
-        self._get(CURRENT_POSITION, of_position)
-        self._get(CURRENT_VELOCITY, of_velocity)
+        self._get(_POSITION, of_position)
+        self._get(_VELOCITY, of_velocity)
         position: Vector = VECTOR.unpack_from(of_position)
         velocity: Vector = VECTOR.unpack_from(of_velocity)
         problem = self._watch.problem(position, velocity, now_ns)
