@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mmt.devices.ati.calibration import Calibration, check_calibration
@@ -52,6 +52,26 @@ def test_overload_is_counted_by_force_and_by_torque():
     assert tested.force((0.0, 0.0, 0.0, 0.0, -121.0, 0.0)) == (0.0, 0.0, 0.0)
     assert tested.force((12.0, -12.0, 17.0, 120.0, 120.0, -120.0)) is not None
     assert tested.overloads == 2
+
+
+@given(
+    st.lists(st.lists(SOME, min_size=6, max_size=6), min_size=6, max_size=6),
+    st.lists(SOME, min_size=6, max_size=6),
+    st.sampled_from([0.0, 1e-300, 1.0, 3.0, 10.0, 1e3, 1e200, math.inf]),
+    st.booleans(),
+)
+def test_what_is_beyond_the_range_is_found_for_every_matrix(matrix, direction, scale, diagonally):
+    """The oracle is the whole wrench, part by part."""
+    matrix = np.diag(np.diag(matrix)) if diagonally else np.array(matrix)
+    raw = tuple(scale * each if each else 0.0 for each in direction)
+    with np.errstate(invalid="ignore"):
+        shares = np.abs([sum(row * raw) for row in matrix]) / (*RANGE_N, *RANGE_N_MM)
+    largest = np.nan if np.isnan(shares).any() else shares.max()
+    assume(not 1.0 - 1e-9 < largest < 1.0 + 1e-9 and not 4.0 - 1e-9 < largest < 4.0 + 1e-9)
+    tested = converter(matrix_of(matrix))
+    assert (tested.force(raw) is None) == (not largest <= 4.0)
+    assert tested.impossible == (not largest <= 4.0)
+    assert tested.overloads == (1.0 < largest <= 4.0)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300, 49.0])

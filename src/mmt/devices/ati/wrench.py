@@ -1,6 +1,7 @@
 """From six raw values to a force in the scene's axes, and whether the sensor is overloaded."""
 
 import math
+import sys
 from collections.abc import Sequence
 from typing import Final
 
@@ -96,6 +97,7 @@ class WrenchConverter:
             six_of([sum(turn[i] * matrix[i][j] for i in range(3)) for j in range(6)])
             for turn in orientation(options)
         )
+        self._safe = _within(matrix, self._limits)
         self.bias: Six = _ZERO
 
     def wrench(self, raw: Six) -> Six:
@@ -107,20 +109,33 @@ class WrenchConverter:
         p, q, r, s, t, u = raw
         i, j, k, m, n, o = self.bias
         p, q, r, s, t, u = p - i, q - j, r - k, s - m, t - n, u - o
-        beyond = False
-        for (a, b, c, d, e, f), limit in zip(self._matrix, self._limits, strict=True):
-            size = abs(a * p + b * q + c * r + d * s + e * t + f * u)
-            if not size <= limit:
-                if not size <= _IMPOSSIBLE * limit:
-                    self.impossible += 1
-                    return None
-                beyond = True
-        self.overloads += beyond
+        i, j, k, m, n, o = self._safe
+        if not (
+            -i <= p <= i and -j <= q <= j and -k <= r <= k
+            and -m <= s <= m and -n <= t <= n and -o <= u <= o
+        ):  # fmt: skip
+            beyond = self._is_beyond((p, q, r, s, t, u))
+            if beyond is None:
+                self.impossible += 1
+                return None
+            self.overloads += beyond
         (a, b, c, d, e, f), (aa, bb, cc, dd, ee, ff) = self._x, self._y
         x = a * p + b * q + c * r + d * s + e * t + f * u
         y = aa * p + bb * q + cc * r + dd * s + ee * t + ff * u
         a, b, c, d, e, f = self._z
         return (x, y, a * p + b * q + c * r + d * s + e * t + f * u)
+
+    def _is_beyond(self, values: Six) -> bool | None:
+        """Return whether a part of the wrench passes its limit, None for one that cannot be."""
+        p, q, r, s, t, u = values
+        beyond = False
+        for (a, b, c, d, e, f), limit in zip(self._matrix, self._limits, strict=True):
+            size = abs(a * p + b * q + c * r + d * s + e * t + f * u)
+            if not size <= limit:
+                if not size <= _IMPOSSIBLE * limit:
+                    return None
+                beyond = True
+        return beyond
 
     def take_bias(self, records: Sequence[Six], device: str) -> None:
         """Take the mean of records as the bias; the tool is free and at rest.
@@ -143,6 +158,23 @@ class WrenchConverter:
                     "the tool hang free and at rest, then start again"
                 )
         self.bias = mean
+
+
+def _within(matrix: Matrix, limits: Sequence[float]) -> Six:
+    """Return how large each raw value may be for no part of the wrench to pass its limit.
+
+    A row of n entries keeps its limit where none of its products passes the n-th part of it. So a
+    device that computes the wrench itself need not be asked row by row.
+    """
+    bounds = [sys.float_info.max] * 6  # not infinity, which then would be a raw value as well
+    for row, limit in zip(matrix, limits, strict=True):
+        entries = [abs(entry) for entry in row]
+        share = limit / max(1, sum(entry > 0.0 for entry in entries))
+        bounds = [
+            min(bound, share / entry) if entry > 0.0 else bound
+            for bound, entry in zip(bounds, entries, strict=True)
+        ]
+    return six_of(bounds)
 
 
 def _multiply(matrix: Matrix, values: Sequence[float]) -> Six:
