@@ -64,10 +64,10 @@ class StampedSocket:
             When there was none yet; a stamp from before, as from a wall clock that was set, is
             not believed. Without a stamp the time is that of this call.
         """
+        if len(self._stamp) != _STAMP.size:
+            return time.monotonic_ns()
         wall_ns = time.time_ns()
         now_ns = time.monotonic_ns()  # after it: a pause between the two must not make it early
-        if len(self._stamp) != _STAMP.size:
-            return now_ns
         seconds, nanoseconds = _STAMP.unpack(self._stamp)
         arrival_ns = now_ns - (wall_ns - 1_000_000_000 * int(seconds) - int(nanoseconds))
         return arrival_ns if earliest_ns <= arrival_ns <= now_ns else now_ns

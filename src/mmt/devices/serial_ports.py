@@ -3,6 +3,7 @@
 import errno
 import os
 import sys
+from typing import Final
 
 import serial
 from serial.tools import list_ports
@@ -16,8 +17,10 @@ else:
     import fcntl
     import termios
 
+    _NONE: Final = bytes(4)
+
     def _read_some(port: serial.Serial, most: int) -> bytes:
-        if not any(fcntl.ioctl(port.fd, termios.FIONREAD, bytes(4))):
+        if fcntl.ioctl(port.fd, termios.FIONREAD, _NONE) == _NONE:
             return b""
         return os.read(port.fd, most) or bytes(port.read(most))  # which says that it is gone
 

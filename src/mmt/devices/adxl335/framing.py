@@ -66,6 +66,8 @@ class FrameDecoder:
         self.faults: Counter[str] = Counter()
         """``bad frames`` (not COBS, or of no possible length), ``bad checksums``,
         ``other versions``."""
+        self.rejected = 0
+        """All of them, which a Counter would have to sum up."""
         self._buffer = b""
         self._synchronised = False
 
@@ -84,25 +86,29 @@ class FrameDecoder:
                     frames.append(frame)
         if len(rest) > _LONGEST:  # no frame is that long: skip to the next zero
             if self._synchronised:
-                self.faults["bad frames"] += 1
+                self._reject("bad frames")
                 self._synchronised = False
             rest = b""
         self._buffer = rest
         return frames
 
+    def _reject(self, fault: str) -> None:
+        self.faults[fault] += 1
+        self.rejected += 1
+
     def _decode(self, stuffed: bytes) -> Frame | None:
         plain = unstuff(stuffed) if len(stuffed) <= _LONGEST else None
         length = 0 if plain is None else len(plain) - _OVERHEAD
         if plain is None or length <= 0 or length % _SAMPLE.size:
-            self.faults["bad frames"] += 1
+            self._reject("bad frames")
             return None
         content = plain[: -_CHECK.size]
         if crc_hqx(content, 0xFFFF) != plain[-2] | plain[-1] << 8:
-            self.faults["bad checksums"] += 1
+            self._reject("bad checksums")
             return None
         version, sequence, time_us = _HEAD.unpack_from(content)
         if version != VERSION:
-            self.faults["other versions"] += 1
+            self._reject("other versions")
             return None
         if length == _SAMPLE.size:  # the usual case, twice as quick
             return Frame(sequence, time_us, (_SAMPLE.unpack_from(content, _HEAD.size),))

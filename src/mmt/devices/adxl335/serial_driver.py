@@ -37,6 +37,7 @@ class SerialAdxl335(Adxl335):
     def __init__(self, **options: Any) -> None:
         self._options = read_options(SerialOptions, NAME, options)
         super().__init__(self._options)
+        self._volts_per_count = self._options.volts_per_count
         self._board = SerialBoard(self._options.port, self._options.baud_rate)
         self._decoder = FrameDecoder()
         self._timeline = Timeline()
@@ -74,19 +75,19 @@ class SerialAdxl335(Adxl335):
         DeviceLost
             The board was unplugged.
         """
-        scale = self._options.volts_per_count
+        scale = self._volts_per_count
         place = self._timeline.place
         placed: list[tuple[int, Vector]] = []
         for frame in self._decoder.feed(self._board.read()):
             self._newest = frame.samples[-1]
-            self._survived = self._decoder.faults.total()
+            self._survived = self._decoder.rejected
             for time_ns, (x, y, z) in place(frame):
                 placed.append((time_ns, (x * scale, y * scale, z * scale)))
         return placed
 
     def complaint(self) -> str:
         """Return what is wrong with what comes, where no frame of it is good."""
-        broken = self._decoder.faults.total() - self._survived
+        broken = self._decoder.rejected - self._survived
         if broken <= 0:
             return ""
         return (
