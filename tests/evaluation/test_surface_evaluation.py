@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
+from scipy.stats import poisson
 from typer.testing import CliRunner
 
 from mmt.cli.main import app
@@ -15,9 +16,15 @@ from mmt.devices.simulated.offline import simulate_session
 from mmt.devices.simulated.surfaces import surface_from_annotations
 from mmt.devices.simulated.textures import get_surface
 from mmt.errors import InputError
+from mmt.evaluation.surfaces import running
 from mmt.evaluation.surfaces.blocks import account, stay_table
 from mmt.evaluation.surfaces.recorded import part_by_surface
-from mmt.evaluation.surfaces.running import SurfaceResult, run_session
+from mmt.evaluation.surfaces.running import (
+    SurfaceResult,
+    draw_surfaces,
+    run_session,
+    run_simulated,
+)
 from mmt.evaluation.surfaces.scoring import Found, SurfaceScore, score
 from mmt.evaluation.surfaces.tables import SurfaceEvaluation, surface_tables, verdicts
 from mmt.scene import Scene
@@ -98,6 +105,42 @@ def test_tables_and_verdicts_say_what_was_met() -> None:
     assert verdicts(evaluation)[0].endswith("met")
     alarmed = SurfaceResult("one", ("a",), scored([0, 0], [change("new", 1, 2, 1.0)]))
     assert verdicts(SurfaceEvaluation([alarmed]))[2].endswith("missed")
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 5, 6])
+def test_half_of_the_surfaces_of_a_grained_session_have_a_grain(count: int) -> None:
+    drawn = {group: draw_surfaces(group, count, 3) for group in ("isotropic", "grained")}
+    assert [len({surface.name for surface in each}) for each in drawn.values()] == [count] * 2
+    assert all(surface.isotropic for surface in drawn["isotropic"])
+    grained = sum(not surface.isotropic for surface in drawn["grained"])
+    assert grained == max(2, (count + 1) // 2)
+
+
+def test_both_groups_are_simulated_and_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(running, "COUNTS", (2,))
+    monkeypatch.setattr(running, "DURATION_S", 0.6)
+    done: list[tuple[int, int]] = []
+    results = run_simulated(1, lambda *state: done.append(state), first=7)
+    assert [result.group for result in results] == ["isotropic", "grained"]
+    assert all("seed 7" in result.name for result in results)
+    assert done == [(0, 2), (1, 2)]
+    evaluation = SurfaceEvaluation(results)
+    assert [(row["group"], row["surfaces"]) for row in evaluation.rows()] == [
+        ("isotropic", "2"),
+        ("isotropic", "all"),
+        ("grained", "2"),
+        ("grained", "all"),
+    ]
+    assert len(surface_tables(evaluation)) == 2
+    assert len(verdicts(evaluation)) == 6
+
+
+def test_the_bound_of_a_rate_is_that_of_a_poisson_count() -> None:
+    alarmed = SurfaceResult("one", ("a",), scored([0] * 900, [change("new", 1, 2, 1.0)]))
+    row = SurfaceEvaluation([alarmed]).rows()[-1]
+    hours = 0.5
+    assert row["false_alarms_per_hour"] == 1 / hours
+    assert poisson(hours * row["false_alarms_per_hour_most"]).cdf(1) == pytest.approx(0.05)
 
 
 def test_frames_that_are_missing_are_refused() -> None:

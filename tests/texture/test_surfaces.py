@@ -15,6 +15,7 @@ from mmt.errors import InputError
 from mmt.texture.aligned import AlignedBlock
 from mmt.texture.surfaces import BlockCutter, SurfaceDetector, SurfaceKnowledge
 from mmt.texture.surfaces.blocks import BANDS, BLOCK, SurfaceBlock, band_log_power
+from mmt.texture.surfaces.knowledge import HeardBlocks
 from mmt.texture.surfaces.prior import GRAINED, NOISE, PRIORS, SETTINGS, Distances, mean_of, turning
 
 
@@ -36,6 +37,10 @@ def stream(count: int, *, speed: float = 100.0, force: float = 1.0, first: int =
 
 def stacked(blocks: list[SurfaceBlock]) -> tuple[np.ndarray, np.ndarray]:
     return np.array([b.inputs for b in blocks]), np.array([b.log_power for b in blocks])
+
+
+def likelihood(surface: SurfaceKnowledge, blocks: list[SurfaceBlock]) -> np.ndarray:
+    return surface.log_likelihood(HeardBlocks.of(blocks))
 
 
 # --- blocks
@@ -103,7 +108,8 @@ def test_silence_has_a_finite_power() -> None:
 
 
 def test_an_unknown_surface_has_the_density_of_the_prior() -> None:
-    inputs, log_power = stacked(make_blocks(SMOOTH, 4, 1))
+    blocks = make_blocks(SMOOTH, 4, 1)
+    inputs, log_power = stacked(blocks)
     values = log_power @ turning().T
     densities = []
     for setting in SETTINGS:
@@ -116,7 +122,7 @@ def test_an_unknown_surface_has_the_density_of_the_prior() -> None:
                 total += multivariate_normal(mean, spread).logpdf(values[:, k])
         densities.append(total)
     expected = np.log(np.mean(np.exp(np.array(densities) - max(densities)))) + max(densities)
-    found = SurfaceKnowledge().log_likelihood(inputs, log_power)
+    found = likelihood(SurfaceKnowledge(), blocks)
     np.testing.assert_allclose(found[-1], expected, rtol=1e-9)
 
 
@@ -127,11 +133,9 @@ def test_what_was_learned_is_the_chain_rule_of_the_joint_density() -> None:
     surface, unknown = SurfaceKnowledge(), SurfaceKnowledge()
     surface.add(learned)
     assert len(surface) == 6
-    joint = unknown.log_likelihood(*stacked(learned + new))
+    joint = likelihood(unknown, learned + new)
     # Settings that the cells make less likely than e^-12 are left out.
-    np.testing.assert_allclose(
-        surface.log_likelihood(*stacked(new)), joint[6:] - joint[5], rtol=0.0, atol=1e-4
-    )
+    np.testing.assert_allclose(likelihood(surface, new), joint[6:] - joint[5], rtol=0.0, atol=1e-4)
 
 
 def test_a_surface_is_known_where_it_was_touched_and_less_far_from_there() -> None:
@@ -218,7 +222,7 @@ def test_densities_are_finite_whatever_was_learned(
     surface.add(
         [replace(template, inputs=i, log_power=p) for i, p in zip(inputs, log_power, strict=True)]
     )
-    assert np.isfinite(surface.log_likelihood(inputs, log_power)).all()
+    assert np.isfinite(surface.log_likelihood(HeardBlocks(inputs, log_power))).all()
 
 
 def test_the_evidence_for_another_surface_seldom_grows_where_there_is_none() -> None:
@@ -228,8 +232,8 @@ def test_the_evidence_for_another_surface_seldom_grows_where_there_is_none() -> 
         blocks = make_blocks(SMOOTH, 26, seed)
         surface = SurfaceKnowledge()
         surface.add(blocks[:20])
-        new = stacked(blocks[20:])
-        factor = SurfaceKnowledge().log_likelihood(*new) - surface.log_likelihood(*new)
+        new = blocks[20:]
+        factor = likelihood(SurfaceKnowledge(), new) - likelihood(surface, new)
         exceeded += bool(factor.max() > 2.0)
     assert exceeded <= 100 * np.exp(-2.0)
 

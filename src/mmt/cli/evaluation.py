@@ -14,7 +14,12 @@ def evaluate(
         Path | None, typer.Option("--scene", help="Take \\[texture] from this scene.")
     ] = None,
     step: Annotated[float, typer.Option(help="Seconds between the rows.")] = 2.5,
-    seed: Annotated[int, typer.Option(help="Chooses the segments that are held out.")] = 0,
+    seed: Annotated[
+        int,
+        typer.Option(
+            min=0, help="Chooses the segments that are held out; of --surfaces the first seed."
+        ),
+    ] = 0,
     feedback: Annotated[
         bool, typer.Option("--feedback", help="Force feedback over a delay, by method.")
     ] = False,
@@ -73,7 +78,7 @@ def evaluate(
     elif surfaces:
         from mmt.cli.surfaces_table import print_surfaces
 
-        print_surfaces(given, seeds=seeds or 2, json_file=json_file, report=report)
+        print_surfaces(given, seeds=seeds or 2, seed=seed, json_file=json_file, report=report)
     elif compare is not None:
         from mmt.cli.method_tables import print_methods
 

@@ -20,7 +20,7 @@ from mmt.texture.settings import ModellingSettings
 
 
 def print_surfaces(
-    paths: list[Path], *, seeds: int, json_file: Path | None, report: Path | None
+    paths: list[Path], *, seeds: int, seed: int, json_file: Path | None, report: Path | None
 ) -> None:
     """Score the sessions, or simulated ones where none is named; print and write the tables.
 
@@ -30,7 +30,7 @@ def print_surfaces(
         A session has no course over known surfaces, or a file cannot be written.
     """
     with counting("sessions over several surfaces", len(paths) or 1) as done:
-        results = _recorded(paths, done) if paths else run_simulated(seeds, done)
+        results = _recorded(paths, done) if paths else run_simulated(seeds, done, first=seed)
     evaluation = SurfaceEvaluation(results)
     for table in surface_tables(evaluation):
         output.print(as_rich(table))

@@ -1,8 +1,8 @@
 """Run the tracker over sessions on several known surfaces."""
 
 import random
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -10,12 +10,14 @@ import numpy as np
 from mmt.arrays import RecordArray
 from mmt.devices.simulated.course import SurfaceCourse
 from mmt.devices.simulated.offline import simulate_session
+from mmt.devices.simulated.surfaces import Surface
 from mmt.devices.simulated.textures import SURFACES
 from mmt.errors import InputError
 from mmt.evaluation.surfaces.scoring import Found, SurfaceScore, score
+from mmt.hand_table import Hand
 from mmt.scene import Scene
 from mmt.texture.filtering import StreamFilter
-from mmt.texture.settings import ModellingSettings, SurfaceSettings
+from mmt.texture.settings import Inputs, ModellingSettings, SurfaceSettings
 from mmt.texture.surfaces.modelling import LOOK_S
 from mmt.texture.surfaces.tracking import SurfaceTracker
 
@@ -25,6 +27,15 @@ LOOK_FRAMES: Final = round(1000 * LOOK_S)
 COUNTS: Final = (2, 3, 4, 5, 6)
 DURATION_S: Final = 90.0
 STAY_S: Final = 8.0
+RECORDED: Final = "recorded"
+"""The group of sessions that were not simulated here."""
+
+GROUPS: Final[Mapping[str, tuple[Scene, Inputs]]] = {
+    "isotropic": (Scene(), "isotropic"),
+    "grained": (Scene(hand=Hand(headings="all")), "anisotropic"),
+}
+"""Of simulated sessions: how they are made, and the inputs of their models."""
+
 _TOUCH_N: Final = 0.05
 _LEAST_SPEED_MM_S: Final = 10.0
 
@@ -36,33 +47,66 @@ class SurfaceResult:
     name: str
     surfaces: tuple[str, ...]
     score: SurfaceScore
+    group: str = RECORDED
 
 
 def run_simulated(
-    seeds: int, progress: Callable[[int, int], None] = lambda _done, _all: None
+    seeds: int, progress: Callable[[int, int], None] = lambda _done, _all: None, *, first: int = 0
 ) -> list[SurfaceResult]:
     """Simulate and score sessions over 2 to 6 surfaces in random order, of so many seeds each.
 
-    A third of the surfaces' names is drawn anew for each session, from all known textures that
-    are the same in all directions. Half of the changes fall on a lift-off, half happen within
-    contact.
+    Two groups of sessions: over textures that are the same in all directions, and, with a hand
+    that strokes along all headings, over some that depend on the heading. Half of the changes
+    fall on a lift-off, half happen within contact.
+
+    Parameters
+    ----------
+    seeds
+        Sessions for each number of surfaces in each group.
+    progress
+        Called with the sessions that are done, and all.
+    first
+        The first seed.
     """
-    names = [name for name, surface in SURFACES.items() if surface.isotropic]
+    wanted = [(g, c, s) for g in GROUPS for s in range(first, first + seeds) for c in COUNTS]
     results = []
-    for done, (count, seed) in enumerate((c, s) for s in range(seeds) for c in COUNTS):
-        progress(done, seeds * len(COUNTS))
-        chosen = random.Random(f"{count} {seed}").sample(names, count)  # noqa: S311 - no secret
-        number = 100 * count + seed
-        course = SurfaceCourse.draw(
-            [SURFACES[name] for name in chosen],
-            stay_s=STAY_S,
-            when="either",
-            duration_s=DURATION_S,
-            seed=number,
-        )
-        frames, _ = simulate_session(Scene(), course, DURATION_S, number)
-        results.append(run_session(f"{count} surfaces, seed {seed}", course, frames))
+    for done, (group, count, seed) in enumerate(wanted):
+        progress(done, len(wanted))
+        results.append(_simulated(group, count, seed))
     return results
+
+
+def draw_surfaces(group: str, count: int, seed: int) -> list[Surface]:
+    """Draw so many known textures; of a grained session half, two at least, have a grain."""
+    random_order = random.Random(f"{count} {seed}")  # noqa: S311 - no secret
+    plain, grained = (
+        [name for name, surface in SURFACES.items() if surface.isotropic == wanted]
+        for wanted in (True, False)
+    )
+    if group == "isotropic":
+        chosen = random_order.sample(plain, count)
+    else:
+        with_grain = max(2, (count + 1) // 2)
+        chosen = random_order.sample(grained, with_grain)
+        chosen += random_order.sample(plain, count - with_grain)
+        random_order.shuffle(chosen)
+    return [SURFACES[name] for name in chosen]
+
+
+def _simulated(group: str, count: int, seed: int) -> SurfaceResult:
+    number = 100 * count + seed
+    course = SurfaceCourse.draw(
+        draw_surfaces(group, count, seed),
+        stay_s=STAY_S,
+        when="either",
+        duration_s=DURATION_S,
+        seed=number,
+    )
+    scene, inputs = GROUPS[group]
+    frames, _ = simulate_session(scene, course, DURATION_S, number)
+    name = f"{group}, {count} surfaces, seed {seed}"
+    result = run_session(name, course, frames, ModellingSettings(inputs=inputs))
+    return replace(result, group=group)
 
 
 def run_session(

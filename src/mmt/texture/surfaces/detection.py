@@ -32,7 +32,7 @@ import numpy as np
 from mmt.arrays import BoolArray, FloatArray
 from mmt.errors import InputError
 from mmt.texture.surfaces.blocks import BLOCK, SurfaceBlock
-from mmt.texture.surfaces.knowledge import SurfaceKnowledge
+from mmt.texture.surfaces.knowledge import HeardBlocks, SurfaceKnowledge
 from mmt.texture.surfaces.prior import GRAINED, SETTINGS
 
 WINDOW: Final = 20
@@ -69,18 +69,6 @@ class SurfaceChange:
     from_sample: int
     at_sample: int
     evidence: float
-
-
-@dataclass
-class _Window:
-    """The newest blocks of the current surface, oldest first."""
-
-    blocks: list[SurfaceBlock]
-
-    @property
-    def newest_first(self) -> tuple[FloatArray, FloatArray]:
-        inputs = np.array([block.inputs for block in reversed(self.blocks)])
-        return inputs, np.array([block.log_power for block in reversed(self.blocks)])
 
 
 class SurfaceDetector:
@@ -120,13 +108,13 @@ class SurfaceDetector:
             self.current: SurfaceKnowledge(self._settings)
         }
         """Those that are known, by number; the one that the tool was on last stands last."""
-        self._window = _Window([])
+        self._window: list[SurfaceBlock] = []  # the newest of the current surface, oldest first
         self._trial: list[SurfaceBlock] | None = []
         self._unknown = SurfaceKnowledge(self._settings)
 
     def take(self, block: SurfaceBlock) -> SurfaceChange | None:
         """Take the next block; return the change that it brings to light."""
-        window = self._window.blocks
+        window = self._window
         window.append(block)
         if self._trial is not None:
             self._trial.append(block)
@@ -150,18 +138,23 @@ class SurfaceDetector:
     # --- alarms
 
     def _alarm(self) -> SurfaceChange | None:
-        blocks = self._window.blocks
-        inputs, log_power = self._window.newest_first
-        so_far = self.surfaces[self.current].log_likelihood(inputs[::-1], log_power[::-1])
-        # Of the newest block, the newest two, and so on, given what came before them.
+        return self._decide(self._weigh())
+
+    def _weigh(self) -> dict[int, FloatArray]:
+        """Return, by surface (0 for a new one), the evidence for it since each block, newest first.
+
+        Of the newest block, the newest two, and so on, given what came before them.
+        """
+        newest_first = HeardBlocks.of(self._window[::-1])
+        so_far = self.surfaces[self.current].log_likelihood(HeardBlocks.of(self._window))
         stayed = (so_far[-1] - np.append(0.0, so_far[:-1]))[::-1]
+        others = {n: k for n, k in self.surfaces.items() if n != self.current}
+        others[0] = self._unknown
+        return {n: k.log_likelihood(newest_first) - stayed for n, k in others.items()}
+
+    def _decide(self, evidence: Mapping[int, FloatArray]) -> SurfaceChange | None:
+        blocks = self._window
         margins = np.array([-self.threshold(touchdown=b.touchdown) for b in reversed(blocks)])
-        candidates = {n: k for n, k in self.surfaces.items() if n != self.current}
-        evidence = {
-            number: knowledge.log_likelihood(inputs, log_power) - stayed
-            for number, knowledge in candidates.items()
-        }
-        evidence[0] = self._unknown.log_likelihood(inputs, log_power) - stayed
         best = {number: float((values + margins).max()) for number, values in evidence.items()}
         leading = max(best, key=lambda n: best[n])
         if best[leading] <= 0.0:
@@ -181,7 +174,7 @@ class SurfaceDetector:
 
     def _without_the_loudest(self, number: int, since: int, threshold: float) -> bool:
         """Say whether the evidence holds whichever single block is left out."""
-        places = np.arange(len(self._window.blocks))
+        places = np.arange(len(self._window))
         kept = [places != left_out for left_out in places[-since:]]
         return all(self._evidence(number, since, each) > threshold for each in kept)
 
@@ -190,7 +183,7 @@ class SurfaceDetector:
 
         A texture may be rough along one heading and smooth along another: no setting knows that.
         """
-        inputs = self._window.newest_first[0][::-1]
+        inputs = np.array([block.inputs for block in self._window])
         if inputs.shape[1] < 4:
             return True
         first = len(inputs) - since
@@ -201,14 +194,12 @@ class SurfaceDetector:
 
     def _evidence(self, number: int, since: int, kept: BoolArray) -> float:
         """Return the evidence for a surface (0 for a new one) from some of the window's blocks."""
-        newest = self._window.newest_first
-        inputs, log_power = newest[0][::-1], newest[1][::-1]
         other = self.surfaces[number] if number else self._unknown
-        after = kept & (np.arange(len(kept)) >= len(kept) - since)
-        there = other.log_likelihood(inputs[after], log_power[after])[-1]
-        current = self.surfaces[self.current]
-        so_far = np.append(0.0, current.log_likelihood(inputs[kept], log_power[kept]))
-        return float(there - (so_far[-1] - so_far[-1 - int(after.sum())]))
+        blocks = [block for block, keep in zip(self._window, kept, strict=True) if keep]
+        after = int(kept[len(kept) - since :].sum())
+        there = other.log_likelihood(HeardBlocks.of(blocks[-after:]))[-1]
+        so_far = self.surfaces[self.current].log_likelihood(HeardBlocks.of(blocks))
+        return float(there - (so_far[-1] - np.append(0.0, so_far)[-1 - after]))
 
     @staticmethod
     def _best_since(evidence: Mapping[int, FloatArray], since: int) -> int:
@@ -220,7 +211,7 @@ class SurfaceDetector:
         return ranked[0]
 
     def _change(self, number: int, since: int, evidence: Mapping[int, FloatArray]) -> SurfaceChange:
-        blocks = self._window.blocks
+        blocks = self._window
         first = len(blocks) - since
         change = SurfaceChange(
             kind="recalled" if number else "new",
@@ -233,8 +224,8 @@ class SurfaceDetector:
         self.surfaces[self.current].add(blocks[: max(first - 1, 0)])
         if not blocks[first].touchdown:
             first += 1  # the block in which it happened may be of both
-        self._window = _Window(blocks[first:])
-        self._trial = None if number else list(self._window.blocks)
+        self._window = blocks[first:]
+        self._trial = None if number else list(self._window)
         self._go_to(change.surface)
         return change
 
@@ -256,12 +247,10 @@ class SurfaceDetector:
             self._trial = None
         if not known or len(trial) < 2:
             return None
-        inputs = np.array([b.inputs for b in trial])
-        log_power = np.array([b.log_power for b in trial])
-        alone = float(self._unknown.log_likelihood(inputs, log_power)[-1])
+        heard = HeardBlocks.of(trial)
+        alone = float(self._unknown.log_likelihood(heard)[-1])
         gains = {
-            n: float(knowledge.log_likelihood(inputs, log_power)[-1]) - alone
-            for n, knowledge in known.items()
+            n: float(knowledge.log_likelihood(heard)[-1]) - alone for n, knowledge in known.items()
         }
         number = max(gains, key=lambda n: gains[n])
         others = [gain for n, gain in gains.items() if n != number]
@@ -281,7 +270,7 @@ class SurfaceDetector:
             evidence=evidence,
         )
         del self.surfaces[self.current]
-        self.surfaces[number].add(trial[: len(trial) - len(self._window.blocks)])
+        self.surfaces[number].add(trial[: len(trial) - len(self._window)])
         self._trial = None
         self._go_to(number)
         return change

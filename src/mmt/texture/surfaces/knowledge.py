@@ -20,7 +20,6 @@ from typing import Final
 
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dtrtrs
-from scipy.special import logsumexp
 
 from mmt.arrays import FloatArray
 from mmt.texture.surfaces.blocks import SurfaceBlock
@@ -43,6 +42,44 @@ _SECTORS: Final = 12
 _LARGEST_WEIGHT: Final = 30.0
 _IMPOSSIBLE: Final = -12.0
 _LOG_TWO_PI: Final = float(np.log(2.0 * np.pi))
+
+
+class HeardBlocks:
+    """Blocks in the order in which they are to be judged, prepared once for all surfaces.
+
+    Parameters
+    ----------
+    inputs : (n, 2) or (n, 4)
+        Of n blocks.
+    log_power : (n, `BANDS`)
+        Of the same.
+    """
+
+    def __init__(self, inputs: FloatArray, log_power: FloatArray) -> None:
+        self.inputs = inputs
+        self._within = Distances(inputs, inputs)
+        self._covariances: dict[tuple[str, Setting], FloatArray] = {}
+        values = log_power @ turning().T
+        self.rests = {
+            kind: values[:, prior.first : prior.last] - mean_of(prior, inputs)
+            for kind, prior in PRIORS.items()
+        }
+        """By kind of component, what is left of it without the prior's mean, (n, c)."""
+
+    @classmethod
+    def of(cls, blocks: Sequence[SurfaceBlock]) -> "HeardBlocks":
+        """Prepare blocks, at least one."""
+        inputs = np.array([block.inputs for block in blocks])
+        return cls(inputs, np.array([block.log_power for block in blocks]))
+
+    def covariance(self, kind: str, setting: Setting) -> FloatArray:
+        """Return the prior covariance of a kind of component and of the noise, (n, n); read it."""
+        found = self._covariances.get((kind, setting))
+        if found is None:
+            found = self._within.covariance(PRIORS[kind], setting)
+            found.flat[:: len(found) + 1] += setting.noise * NOISE
+            self._covariances[kind, setting] = found
+        return found
 
 
 @dataclass
@@ -120,40 +157,27 @@ class SurfaceKnowledge:
             self.blocks += 1
         self._current = self._current and not blocks
 
-    def log_likelihood(self, inputs: FloatArray, log_power: FloatArray) -> FloatArray:
+    def log_likelihood(self, heard: HeardBlocks) -> FloatArray:
         """Return how likely the first block is, the first two, and so on, jointly.
 
-        Parameters
-        ----------
-        inputs : (n, 2) or (n, 4)
-            Of n blocks.
-        log_power : (n, `BANDS`)
-            Of the same.
-
-        Returns
-        -------
-        log_likelihood
-            Natural logarithms of densities, shape (n,).
+        Natural logarithms of densities, shape (n,).
         """
-        if not len(inputs):
+        if not len(heard.inputs):
             return np.empty(0)
         self._condition()
-        values = log_power @ turning().T
-        within = Distances(inputs, inputs)
-        across = Distances(self._places, inputs) if self._cells else None
+        across = Distances(self._places, heard.inputs) if self._cells else None
         possible = self._possible()
-        each = np.empty((len(possible), len(inputs)))
+        each = np.empty((len(possible), len(heard.inputs)))
         for row, number in enumerate(possible):
             setting, posteriors = self._settings[number], self._posteriors[number]
             each[row] = self._weights[number]
             for kind, prior in PRIORS.items():
-                rest = values[:, prior.first : prior.last] - mean_of(prior, inputs)
-                spread = within.covariance(prior, setting)
+                rest, spread = heard.rests[kind], heard.covariance(kind, setting)
                 if across is not None and posteriors is not None:
                     explained, known = _explain(across.covariance(prior, setting), posteriors[kind])
                     rest, spread = rest - explained, spread - known
-                each[row] += _log_density(rest, spread, setting.noise * NOISE)
-        total: FloatArray = logsumexp(each, axis=0)
+                each[row] += _log_density(rest, spread)
+        total: FloatArray = np.logaddexp.reduce(each, axis=0)
         return total
 
     def spread(self, inputs: FloatArray) -> dict[str, FloatArray]:
@@ -201,7 +225,7 @@ class SurfaceKnowledge:
                 sum(posterior.evidence for posterior in (posteriors or {}).values())
                 for posteriors in self._posteriors
             ]
-            self._weights = np.array(evidence) - logsumexp(evidence)
+            self._weights = np.array(evidence) - np.logaddexp.reduce(evidence)
 
 
 def _given(
@@ -225,12 +249,11 @@ def _explain(across: FloatArray, posterior: _Posterior) -> tuple[FloatArray, Flo
     return seen.T @ posterior.whitened, seen.T @ seen
 
 
-def _log_density(rest: FloatArray, spread: FloatArray, noise: float) -> FloatArray:
+def _log_density(rest: FloatArray, spread: FloatArray) -> FloatArray:
     """Return the log densities of the first rest (n, c), the first two, and so on, shape (n,)."""
-    spread.flat[:: len(spread) + 1] += noise
     factor = _factorise(spread)
     squares = np.square(_solve(factor, rest)).sum(axis=1)
-    scatter = rest.shape[1] * (2.0 * np.log(np.diag(factor)) + _LOG_TWO_PI)
+    scatter = rest.shape[1] * (2.0 * np.log(factor.diagonal()) + _LOG_TWO_PI)
     total: FloatArray = -0.5 * np.cumsum(squares + scatter)
     return total
 
