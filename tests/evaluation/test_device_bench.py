@@ -8,7 +8,7 @@ import pytest
 from mmt.errors import MmtError
 from mmt.evaluation.bench import devices
 from mmt.evaluation.device_bench.children import Child
-from mmt.evaluation.device_bench.measures import frame_times, time_errors_ms
+from mmt.evaluation.device_bench.measures import frame_times, late_ns, time_errors_ms
 from mmt.evaluation.device_bench.motion import PERIOD_NS, Motion
 from mmt.evaluation.device_bench.running import Measured, SetUp
 
@@ -49,12 +49,32 @@ def test_latency_jitter_and_offset_of_frames_that_are_known() -> None:
         "force": turned(moving(5.0), times_ns - 100_000 + wander_ns),
         "acceleration": turned(moving(20.0), times_ns - 300_000),
     }
-    found = frame_times(values, times_ns, times_ns + 2_000_000, stated_ms=0.5)
+    late = np.where(np.arange(1000) < 20, 1_000_000, 999_999)
+    formed_ns = times_ns + np.where(late < 1_000_000, 2_000_000, 9_000_000)
+    found = frame_times(values, times_ns, formed_ns, late, stated_ms=0.5)
     assert found.latency_p50_ms == pytest.approx(2.0 + 0.3 - 0.5)
-    assert found.latency_p99_ms == pytest.approx(1.8)
+    assert found.latency_p99_ms == pytest.approx(8.8)
+    assert found.on_time_p99_ms == pytest.approx(1.8)
     assert found.offset_ms == pytest.approx({"force": -0.1, "acceleration": -0.3})
     assert found.jitter_p99_ms == pytest.approx({"force": 0.04, "acceleration": 0.0}, abs=1e-6)
     assert found.apart_p99_ms == pytest.approx(0.24)
+
+
+def test_a_frame_is_as_late_as_the_tick_at_which_it_fell_due() -> None:
+    elapsed = np.array([1, 1, 4, 1])  # the machine stood still for three ticks
+    counts = np.cumsum(elapsed) + 100
+    lateness = np.array([20_000, 0, 300_000, 5_000])
+    ticked = np.stack([counts, START_NS + counts * 1_000_000 + lateness], axis=1)
+    numbers = np.arange(100, 107).astype(np.uint32)
+    found = late_ns(ticked, 1_000_000, numbers)
+    assert found.tolist() == [20_000, 0, 3_300_000, 2_300_000, 1_300_000, 300_000, 5_000]
+
+
+def test_without_a_tick_on_time_there_is_no_figure_of_them() -> None:
+    turning = {"force": np.array([[1.0, 0.0, 0.0]])}
+    times_ns = np.array([START_NS])
+    found = frame_times(turning, times_ns, times_ns, np.array([2_000_000]), 0.0)
+    assert found.on_time_p99_ms is None
 
 
 def test_a_child_that_fails_is_quoted() -> None:
@@ -70,13 +90,13 @@ def test_a_run_on_emulated_devices_finds_what_holds_on_any_machine() -> None:
     plan = devices.Plan(set_ups=(SetUp("both", "net_ft", "adxl335"),), duration_s=1.0, stops=1)
     result = devices.run(plan)
     assert result.left_out == ()
-    (row,) = result.records[0].rows
-    (clocks,) = result.records[1].rows
-    assert 0.0 < row["share of a core"] < 1.0  # type: ignore[operator]
-    assert 0.0 < row["tick alone"] < 1.0  # type: ignore[operator]
-    assert row["latency p50 (ms)"] > 0.5  # type: ignore[operator]
-    assert row["of"] > 100  # type: ignore[operator]
-    assert clocks["seen after, longest (ms)"] > 10.0  # type: ignore[operator]
+    (cost,), (times,), (frames,), (clocks,) = (records.rows for records in result.records)
+    assert 0.0 < cost["share of a core"] < 1.0  # type: ignore[operator]
+    assert 0.0 < cost["tick alone"] < 1.0  # type: ignore[operator]
+    assert times["latency p50 (ms)"] > 0.5  # type: ignore[operator]
+    assert frames["frames"] > 100  # type: ignore[operator]
+    assert frames["stop seen after, longest (ms)"] > 10.0  # type: ignore[operator]
+    assert clocks["error of the drift: force (ppm)"] >= 0.0  # type: ignore[operator]
     imported = result.targets[-1]
     assert imported.what == "set-ups that import scipy or numba"
     assert imported.met
@@ -90,6 +110,7 @@ def test_targets_are_of_the_worst_set_up_and_what_cannot_run_is_left_out(
         {"force": np.array([[1.0, 0.0, 0.0]]), "acceleration": np.array([[1.0, 0.0, 0.0]])},
         np.array([START_NS]),
         np.array([START_NS + 1_500_000]),
+        np.array([0]),
         0.0,
     )
 

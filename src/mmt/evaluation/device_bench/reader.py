@@ -61,6 +61,8 @@ class Reader:
         self.ticker = Ticker(PERIOD_NS, self._tick)
         self._frames: list[RecordArray] = []
         self._formed: list[tuple[int, int]] = []
+        self._ticks = 0
+        self._ticked: list[tuple[int, int]] = []
         self._measured: dict[str, float] = {}
         self._begun = (0, 0, 0)
         self._keeps = False
@@ -113,9 +115,13 @@ class Reader:
             self.ticker.stop()
 
     def _tick(self, elapsed: int) -> None:
-        if self._keeps and elapsed > _HELD_UP_TICKS:
-            self._held_up_ticks += elapsed
-        self._take(self.source.step(elapsed, time.monotonic_ns(), _COMMAND_MM))
+        now_ns = time.monotonic_ns()
+        self._ticks += elapsed
+        if self._keeps:
+            self._ticked.append((self._ticks, now_ns))
+            if elapsed > _HELD_UP_TICKS:
+                self._held_up_ticks += elapsed
+        self._take(self.source.step(elapsed, now_ns, _COMMAND_MM))
 
     def _take(self, frames: RecordArray) -> None:
         if self._keeps and len(frames):
@@ -141,7 +147,12 @@ class Reader:
     def _write(self, file: str) -> None:
         formed = [at_ns for at_ns, count in self._formed for _ in range(count)]
         frames = np.concatenate(self._frames) if self._frames else np.empty(0)
-        np.savez(file, frames=frames, formed_ns=np.array(formed, dtype=np.int64))
+        np.savez(
+            file,
+            frames=frames,
+            formed_ns=np.array(formed, dtype=np.int64),
+            ticked=np.array(self._ticked, dtype=np.int64),
+        )
 
 
 async def _bare_share(duration_s: float) -> float:

@@ -9,10 +9,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from mmt.devices.source import PERIOD_NS as TICK_NS
 from mmt.errors import MmtError
 from mmt.evaluation.device_bench.children import Child
 from mmt.evaluation.device_bench.lab import ACCELERATION_PPM, FORCE_PPM
-from mmt.evaluation.device_bench.measures import FrameTimes, frame_times
+from mmt.evaluation.device_bench.measures import FrameTimes, frame_times, late_ns
 
 DRIVERS: Final = {
     "net_ft": "ati-net-ft",
@@ -155,7 +156,7 @@ def _stop(lab: Child, reader: Child, sensor: str) -> float:
 
 def _evaluate(file: Path, found: dict[str, Any], seen_after_ms: list[float]) -> Measured:
     with np.load(file) as content:
-        frames, formed_ns = content["frames"], content["formed_ns"]
+        frames, formed_ns, ticked = content["frames"], content["formed_ns"], content["ticked"]
     if not len(frames):
         raise MmtError("no frame was formed: end what loads this machine, or use --realtime")
     values = {"force": frames["force_n"], "acceleration": frames["acceleration_m_s2"]}
@@ -168,7 +169,11 @@ def _evaluate(file: Path, found: dict[str, Any], seen_after_ms: list[float]) -> 
         missing=span - len(frames),
         held_up_ticks=found["held_up_ticks"],
         times=frame_times(
-            values, frames["time_ns"], formed_ns, max(found["latency_ns"].values()) / 1e6
+            values,
+            frames["time_ns"],
+            formed_ns,
+            late_ns(ticked, TICK_NS, frames["sequence"]),
+            max(found["latency_ns"].values()) / 1e6,
         ),
         drift_errors_ppm={
             sensor: abs(found["devices"][sensor]["drift_ppm"] + ppm) for sensor, ppm in _PPM.items()
