@@ -2,7 +2,8 @@
 
 It prints the addresses as one line of JSON, then does what the lines of its standard input say,
 ``begin``, ``stall SENSOR`` and ``resume SENSOR``, each answered by the monotonic time (ns) at
-which it was done; it ends when its input ends.
+which it was done, and ``pauses``, answered by when the sensors were held up (ns); it ends when its
+input ends.
 """
 
 import os
@@ -11,6 +12,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
+
+import numpy as np
 
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
 from mmt.devices.emulated.adxl335_board import EmulatedAdxl335Board
@@ -21,6 +24,7 @@ from mmt.devices.emulated.remote_u6 import U6Server
 from mmt.devices.emulated.robot_link import RobotLink
 from mmt.devices.protocols import Vector
 from mmt.evaluation.device_bench.children import say
+from mmt.evaluation.device_bench.measures import pauses_of_device
 from mmt.evaluation.device_bench.motion import Motion
 from mmt.process import prefer_even_ticks, wake_on_time
 from mmt.realtime import PRIORITY
@@ -144,6 +148,10 @@ def main(force: str, acceleration: str, scheduling: str) -> None:
     say({"robot": {"port": robot.port}, **{key: one.options for key, one in sensors.items()}})
     for line in sys.stdin:
         word, _, sensor = line.strip().partition(" ")
+        if word == "pauses":
+            pauses = [pauses_of_device(np.array(motion.asked)) for motion in motions[1:]]
+            say({"pauses_ns": np.concatenate(pauses).tolist()})
+            continue
         if word == "begin":
             for motion in motions:
                 motion.begin()

@@ -1,6 +1,7 @@
 """What the emulated devices measure: vectors that turn, so that a value tells its time."""
 
 import math
+import time
 from typing import Final
 
 from mmt.devices.protocols import Vector
@@ -24,6 +25,8 @@ class Motion:
         self._size = size
         self._rest = rest
         self._begun = False
+        self.asked: list[tuple[int, int]] = []
+        """What was asked for since `begin`, and when (ns): a device held up asks late."""
 
     def begin(self) -> None:
         """Turn from now on."""
@@ -34,5 +37,6 @@ class Motion:
         x, y, z = self._rest
         if not self._begun:
             return self._rest
+        self.asked.append((time_ns, time.monotonic_ns()))
         angle = time_ns % PERIOD_NS / PERIOD_NS * math.tau
         return (x + self._size * math.cos(angle), y + self._size * math.sin(angle), z)

@@ -9,11 +9,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from mmt.arrays import IntArray
 from mmt.devices.source import PERIOD_NS as TICK_NS
 from mmt.errors import MmtError
 from mmt.evaluation.device_bench.children import Child
 from mmt.evaluation.device_bench.lab import ACCELERATION_PPM, FORCE_PPM
-from mmt.evaluation.device_bench.measures import FrameTimes, frame_times, late_ns
+from mmt.evaluation.device_bench.measures import FrameTimes, frame_times, pauses_of_ticks, within
 
 DRIVERS: Final = {
     "net_ft": "ati-net-ft",
@@ -114,6 +115,7 @@ def _measure(job: dict[str, Any], lab: Child, duration_s: float, stops: int) -> 
         time.sleep(duration_s)
         reader.tell("end")
         reader.hear_of("ended", True, _ANSWER_S)
+        pauses_ns = lab.ask("pauses", _ANSWER_S)["pauses_ns"]
         seen_after_ms = [
             _stop(lab, reader, sensor)
             for _ in range(stops)
@@ -125,7 +127,8 @@ def _measure(job: dict[str, Any], lab: Child, duration_s: float, stops: int) -> 
             found = reader.hear(_ANSWER_S)
     finally:
         reader.close()
-    return _evaluate(Path(job["file"]), found, seen_after_ms)
+    device_pauses_ns = np.array(pauses_ns, dtype=np.int64).reshape(-1, 2)
+    return _evaluate(Path(job["file"]), found, seen_after_ms, device_pauses_ns)
 
 
 def _job(set_up: SetUp, addresses: dict[str, Any]) -> dict[str, Any]:
@@ -154,11 +157,14 @@ def _stop(lab: Child, reader: Child, sensor: str) -> float:
     return float(event["at_ns"] - stopped_ns) / 1e6
 
 
-def _evaluate(file: Path, found: dict[str, Any], seen_after_ms: list[float]) -> Measured:
+def _evaluate(
+    file: Path, found: dict[str, Any], seen_after_ms: list[float], device_pauses_ns: IntArray
+) -> Measured:
     with np.load(file) as content:
         frames, formed_ns, ticked = content["frames"], content["formed_ns"], content["ticked"]
     if not len(frames):
         raise MmtError("no frame was formed: end what loads this machine, or use --realtime")
+    pauses_ns = np.concatenate([pauses_of_ticks(ticked, TICK_NS), device_pauses_ns])
     values = {"force": frames["force_n"], "acceleration": frames["acceleration_m_s2"]}
     span = int(frames["sequence"][-1]) - int(frames["sequence"][0]) + 1
     return Measured(
@@ -172,7 +178,7 @@ def _evaluate(file: Path, found: dict[str, Any], seen_after_ms: list[float]) -> 
             values,
             frames["time_ns"],
             formed_ns,
-            late_ns(ticked, TICK_NS, frames["sequence"]),
+            within(pauses_ns, frames["time_ns"], formed_ns),
             max(found["latency_ns"].values()) / 1e6,
         ),
         drift_errors_ppm={
