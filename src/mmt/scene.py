@@ -13,6 +13,7 @@ from mmt.device_tables import Actuator, Devices, Handle
 from mmt.feedback_table import ForceFeedback
 from mmt.frames import Channel, ordered_channels
 from mmt.hand_table import Hand
+from mmt.link_table import Link
 from mmt.network_table import Network
 from mmt.texture_table import Texture
 
@@ -31,40 +32,6 @@ class Session(_Table):
     duration_s: float = Field(18.0, gt=0, le=86_400)
     rate_hz: Literal[1000] = 1000
     seed: int = Field(1, ge=0, lt=2**63)
-
-
-class Link(_Table):
-    """``[link]``: the leader listens, the follower connects."""
-
-    host: str = "127.0.0.1"
-    port: int = Field(8765, ge=0, le=65_535)
-    frames_per_message: int = Field(1, ge=1, le=100)
-    patience_s: float = Field(10.0, ge=0.5, le=3600)
-    clock_hz: float = Field(20.0, ge=0, le=100)
-    token_file: Path | None = None
-    certificate: Path | None = None
-    key: Path | None = None
-    authority: Path | None = None
-    open: bool = False
-    keep_s: float = Field(10.0, ge=0, le=60)
-    silence_ms: float = Field(100.0, ge=10, le=10_000)
-    on_silence: Literal["hold", "retract"] = "hold"
-    retract_mm: float = Field(10.0, gt=0, le=100)
-    stale_ms: float = Field(500.0, ge=10, le=10_000)
-    recovery_mm_s: float = Field(50.0, ge=1, le=1000)
-    limit_mm_s: float = Field(1000.0, ge=10, le=10_000)
-
-    @model_validator(mode="after")
-    def _pair(self) -> Self:
-        if (self.certificate is None) != (self.key is None):
-            raise ValueError("certificate and key belong together: give both or neither")
-        return self
-
-    def url(self, port: int | None = None) -> str:
-        """Return the leader's URL; `port` where it is not the scene's own."""
-        secure = self.certificate is not None or self.authority is not None
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"{'https' if secure else 'http'}://{host}:{self.port if port is None else port}"
 
 
 class Course(_Table):
@@ -219,14 +186,23 @@ class Scene(_Table):
         return self.model_dump(mode="json", exclude_none=True)
 
 
+Rules = list[tuple[bool, str]]
+"""Whether a combination is given, and what a person is told of it."""
+
+
 def _impossible(scene: Scene) -> list[str]:
+    rules = [*_source_rules(scene), *_interface_rules(scene), *_rendering_rules(scene)]
+    return [problem for holds, problem in rules if holds]
+
+
+def _source_rules(scene: Scene) -> Rules:
     sources = [n for n in ("simulated", "replay", "devices") if getattr(scene, n) is not None]
     parts = (
         *("network", "metrics", "monitor", "texture", "playout", "force_feedback", "recording"),
         *sources,
     )
     needs_link = [n for n in parts if getattr(scene, n) is not None]
-    rules = [
+    return [
         (
             len(sources) > 1,
             f"[{'] and ['.join(sources)}] are both given: a follower has one source, keep one",
@@ -239,6 +215,15 @@ def _impossible(scene: Scene) -> list[str]:
             scene.link is not None and not sources,
             "[link] needs a follower's source: add one of [simulated], [replay], [devices]",
         ),
+        (
+            scene.link is not None and not scene.channels(),
+            "[link] would carry nothing: add [texture], [playout], [force_feedback] or [recording]",
+        ),
+    ]
+
+
+def _interface_rules(scene: Scene) -> Rules:
+    return [
         (
             scene.hand is not None and scene.handle is not None,
             "[hand] and [handle] are both given: the leader has one interface, keep one",
@@ -257,46 +242,42 @@ def _impossible(scene: Scene) -> list[str]:
             "[rendering] and [playout] drive an actuator: add [actuator]",
         ),
         (
-            scene.rendering is not None and scene.rendering.model is None and scene.texture is None,
+            scene.force_feedback is not None and not scene.commands,
+            "[force_feedback] is shown on the leader's interface: add [hand] or [handle]",
+        ),
+    ]
+
+
+def _rendering_rules(scene: Scene) -> Rules:
+    rendering = scene.rendering
+    if rendering is None:
+        return []
+    return [
+        (
+            rendering.model is None and scene.texture is None,
             "[rendering] needs a model: add [texture], or name a saved one with its key 'model'",
         ),
         (
-            scene.rendering is not None
-            and scene.rendering.model is not None
-            and scene.rendering.before != "stream",
+            rendering.model is not None and rendering.before != "stream",
             "[rendering] renders its model from the start: leave 'before' out, or 'model'",
         ),
         (
-            scene.rendering is not None
-            and scene.rendering.model is not None
+            rendering.model is not None
             and scene.texture is not None
             and scene.texture.surfaces is not None,
             "[rendering] names one model, and [texture.surfaces] keeps one for each surface: "
             "leave 'model' out, or [texture.surfaces]",
         ),
         (
-            scene.rendering is not None
-            and scene.rendering.before == "warm"
-            and scene.texture is None,
+            rendering.before == "warm" and scene.texture is None,
             'before = "warm" of [rendering] needs a model to give way to: add [texture]',
         ),
         (
-            scene.rendering is not None
-            and bool(scene.rendering.library)
-            and scene.rendering.before != "warm",
+            bool(rendering.library) and rendering.before != "warm",
             'library of [rendering] is for a warm start: add before = "warm", or remove it',
         ),
         (
-            scene.rendering is not None and scene.link is None and not scene.commands,
+            scene.link is None and not scene.commands,
             "[rendering] needs a hand's speed and force: add [hand], [handle] or [link]",
         ),
-        (
-            scene.force_feedback is not None and not scene.commands,
-            "[force_feedback] is shown on the leader's interface: add [hand] or [handle]",
-        ),
-        (
-            scene.link is not None and not scene.channels(),
-            "[link] would carry nothing: add [texture], [playout], [force_feedback] or [recording]",
-        ),
     ]
-    return [problem for holds, problem in rules if holds]

@@ -12,7 +12,7 @@ from mmt.frames import COMMAND_DTYPE, Channel, frame_dtype
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.link.server import LeaderEvents, LeaderServer
-from mmt.scene import Link
+from mmt.link_table import Link
 
 CHANNELS: tuple[Channel, ...] = ("position", "force")
 

@@ -18,7 +18,7 @@ from mmt.errors import InputError, MmtError
 from mmt.link.access import TOKEN_VARIABLE, Access, check_listening
 from mmt.link.client import FollowerClient
 from mmt.link.server import LeaderServer
-from mmt.scene import Link
+from mmt.link_table import Link
 
 TOKEN = "a token that nobody guesses"
 

@@ -24,8 +24,8 @@ from mmt.link.outbox import Outbox
 from mmt.link.protocol import encode_event
 from mmt.link.reading import BlockReader
 from mmt.link.server import LeaderServer
+from mmt.link_table import Link
 from mmt.network_table import Network
-from mmt.scene import Link
 
 QUESTION = struct.Struct("<IqIq")
 ANSWER = struct.Struct("<Iqqq")

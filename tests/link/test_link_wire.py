@@ -29,7 +29,7 @@ from mmt.frames import CHANNELS as ALL_CHANNELS
 from mmt.frames import COMMAND_DTYPE, frame_dtype
 from mmt.link.protocol import encode_event
 from mmt.link.server import LeaderServer
-from mmt.scene import Link
+from mmt.link_table import Link
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "wire.md"
 

@@ -9,7 +9,7 @@ from mmt.cli.common import messages, stop_on_signals
 from mmt.errors import InputError, MmtError
 from mmt.kernel_cache import kernels_are_compiled
 from mmt.link.access import Access
-from mmt.scene import Link
+from mmt.link_table import Link
 from mmt.scene_files import table_from
 from mmt.shipped_models import find_model, shipped_models
 

@@ -20,9 +20,9 @@ from mmt.frames import CHANNELS, COMMAND_DTYPE, frame_dtype
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.link.server import LeaderEvents, LeaderServer
+from mmt.link_table import Link
 from mmt.process import prefer_even_ticks
 from mmt.realtime import be_real_time
-from mmt.scene import Link
 
 PATIENCE_S: Final = 60.0
 """How long one process waits for the other."""

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 from mmt.arrays import RecordArray
 from mmt.devices.protocols import DeviceBackedSource, FollowerSource, Vector
 from mmt.follower.guarding import CommandGuard
-from mmt.scene import Link, Scene
+from mmt.link_table import Link
+from mmt.scene import Scene
 from mmt.texture_table import Texture
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import Any, Final, Literal
 from mmt.arrays import RecordArray
 from mmt.devices.protocols import Vector
 from mmt.link.log import RateLimit
-from mmt.scene import Link
+from mmt.link_table import Link
 from mmt.vectors import difference, towards
 
 _COMMAND: Final = struct.Struct("<Iqqq3f")

@@ -18,8 +18,9 @@ from mmt.link.access import Access
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.from_scene import emulated_network, extra_event
 from mmt.link.protocol import FollowerHello
+from mmt.link_table import Link
 from mmt.process import ProcessCost, ProcessMeter, prefer_even_ticks
-from mmt.scene import Link, Scene
+from mmt.scene import Scene
 from mmt.ticking import Ticker
 
 if TYPE_CHECKING:

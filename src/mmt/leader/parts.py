@@ -15,7 +15,8 @@ from mmt.leader.feedback_choice import build_feedback
 from mmt.leader.playout import PlayoutBuffer
 from mmt.leader.rendering import VibrationSwitch
 from mmt.leader.stream import StreamedMotion, StreamedVibration
-from mmt.scene import Link, Rendering, Scene, Simulated
+from mmt.link_table import Link
+from mmt.scene import Rendering, Scene, Simulated
 from mmt.texture_table import Texture
 
 if TYPE_CHECKING:

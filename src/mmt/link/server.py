@@ -33,9 +33,9 @@ from mmt.link.protocol import (
 from mmt.link.reading import BlockReader
 from mmt.link.reception import Reception
 from mmt.link.traffic import Traffic
+from mmt.link_table import Link
 from mmt.pacing import shortest_period_ns
 from mmt.ranges import Range
-from mmt.scene import Link
 from mmt.ticking import TimeHistogram
 
 if TYPE_CHECKING:
