@@ -1,136 +1,18 @@
-"""`mmt device`: what there is, what it measures, and what is wrong with it."""
+"""`mmt device test`: what a device measures, and what is wrong with it."""
 
 import json
 import re
 import time
 import tomllib
-from importlib.metadata import EntryPoint
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
-from typer.testing import CliRunner, Result
+from device_drivers import run
+from typer.testing import Result
 
-from mmt.cli.main import app
-from mmt.devices import discovery, table
+from mmt.devices import table
 from mmt.devices.observing import observe
-from mmt.errors import InputError, MmtError
-
-DRIVERS = '''
-"""Devices for tests."""
-import math
-import time
-
-from mmt.devices.protocols import InterfaceState, SensorReading
-from mmt.devices.voltages import VoltageReading
-from mmt.errors import DeviceLost, MmtError
-
-
-class Polled:
-    def __init__(self, z=9.81, absent=False):
-        self.z, self.absent, self.closed = z, absent, 0
-
-    def connect(self):
-        if self.absent:
-            raise MmtError("the box does not answer at 192.168.1.1: is it switched on?")
-
-    def calibrate(self):
-        self.z = 0.0
-
-    def read(self):
-        return (0.0, 0.0, self.z)
-
-    def write(self, position_mm):
-        raise AssertionError("it must not be moved")
-
-    def close(self):
-        self.closed += 1
-
-
-class Sampled(Polled):
-    latency_ns = 200_000
-
-    def __init__(self, rate_hz=2000, noise=1.0, silent=False, at_once=1, lost_after=None, **faults):
-        super().__init__()
-        self.rate_hz, self.noise, self.silent, self.at_once = rate_hz, noise, silent, at_once
-        self.lost_after, self.faults = lost_after, faults
-        self.given = 0
-
-    def connect(self):
-        self.begun_ns = time.monotonic_ns()
-
-    def read(self):
-        due = int((time.monotonic_ns() - self.begun_ns) * self.rate_hz / 1e9)
-        if self.lost_after is not None and due > self.lost_after:
-            raise DeviceLost("unplugged")
-        if self.silent:
-            return []
-        due -= due % self.at_once
-        come = [
-            SensorReading(round(k * 1e9 / self.rate_hz), (0.0, self.noise * math.sin(k), 9.81))
-            for k in range(self.given, due)
-        ]
-        self.given = max(due, self.given)
-        return come
-
-
-class Handle(Polled):
-    def read(self, elapsed_ticks):
-        return InterfaceState((1.0, 2.0, 3.0), (0.0, 0.0, 0.0), 0.0, False)
-
-
-class Board(Polled):
-    latency_ns = 0
-    faults = {}
-
-    def read(self):
-        return [VoltageReading(time.monotonic_ns(), (0.1, 0.2, 0.3, 0.4))]
-
-
-class Bare:
-    pass
-
-
-class Sensor:
-    def connect(self):
-        pass
-
-    def read(self):
-        return (0.0, 0.0, 9.81)
-
-    def close(self):
-        pass
-
-
-def made_sensor() -> Sensor:
-    return Sensor()
-
-
-class Actuator:
-    def write(self, samples):
-        assert not any(samples)
-
-    def connect(self):
-        pass
-
-    def calibrate(self):
-        pass
-
-    def close(self):
-        pass
-'''
-
-
-@pytest.fixture
-def drivers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    name = f"cli_drivers_{tmp_path.name}".replace("-", "_")
-    (tmp_path / f"{name}.py").write_text(DRIVERS)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    return name
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, ["device", *map(str, arguments)])
+from mmt.errors import InputError
 
 
 def figures_of(drivers: str, name: str, directory: Path, *settings: str) -> tuple[Result, dict]:
@@ -235,95 +117,6 @@ def test_what_cannot_be_tested_is_bad_input(arguments: list[str], sentence: str)
     result = run("test", *arguments)
     assert isinstance(result.exception, InputError)
     assert sentence in str(result.exception)
-
-
-def test_the_list_has_drivers_ports_and_what_is_missing(
-    drivers: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    import serial.tools.list_ports as ports
-    import usb.core
-
-    monkeypatch.setitem(table.DRIVERS, "good", {"robot": f"{drivers}:Polled"})
-    monkeypatch.setitem(table.DRIVERS, "bad", {"robot": "nowhere.at_all:Polled"})
-    port = SimpleNamespace(
-        device="/dev/none", vid=0x16C0, pid=0x0483, product="Teensy", description="", hwid="USB"
-    )
-    port.serial_number = "42"
-    monkeypatch.setattr(ports, "comports", lambda: [port])
-    labjack = SimpleNamespace(idVendor=0x0CD5, idProduct=6, bus=1, address=4)
-    other = SimpleNamespace(idVendor=1, idProduct=2, bus=1, address=5)
-    monkeypatch.setattr(usb.core, "find", lambda find_all: [labjack, other])
-    result = run("list", "--json", tmp_path / "l.json")
-    assert result.exit_code == 0
-    found = json.loads((tmp_path / "l.json").read_text())
-    states = {driver["name"]: driver["problem"] for driver in found["drivers"]}
-    assert states["good"] == ""
-    assert "cannot be imported" in states["bad"]
-    assert found["serial_ports"][0]["what"] == "Teensy (16c0:0483)"
-    assert [device["what"] for device in found["usb_devices"]] == ["LabJack U6"]
-
-
-def test_without_libusb_the_list_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    import usb.core
-
-    def find(find_all: bool) -> None:
-        raise usb.core.NoBackendError("none")
-
-    monkeypatch.setattr(usb.core, "find", find)
-    with pytest.raises(MmtError, match=r"libusb 1\.0 is not there: install it"):
-        discovery.find_usb_devices()
-
-
-def test_a_port_without_permission_is_explained(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "ttyACM0").write_text("")
-    monkeypatch.setattr(discovery.os, "access", lambda path, mode: False)
-    assert "usermod -a -G" in discovery._access_problem(str(tmp_path / "ttyACM0"))
-    assert discovery._access_problem(str(tmp_path / "ttyACM1")) == ""
-
-
-def test_a_usb_device_without_permission_gets_its_udev_rule(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(discovery.os, "access", lambda path, mode: False)
-    sentence = discovery._access_problem(str(tmp_path), 0x0CD5)
-    assert 'ATTR{idVendor}=="0cd5"' in sentence
-    assert "/etc/udev/rules.d" in sentence
-
-
-def test_a_library_that_is_missing_is_named_with_the_drivers_that_want_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def none() -> None:
-        raise MmtError("the sound card needs PortAudio")
-
-    monkeypatch.setattr("mmt.devices.haptuator.library.load_sounddevice", none)
-    monkeypatch.setattr(discovery, "find_library", lambda name: None)
-    result = run("list", "--json", tmp_path / "l.json")
-    assert result.exit_code == 0
-    problems = json.loads((tmp_path / "l.json").read_text())["problems"]
-    assert "haptuator-sound, sound outputs: the sound card needs PortAudio" in problems
-    assert any(text.startswith("openhaptics: the vendor's library") for text in problems)
-
-
-def test_the_list_shows_each_role_that_a_driver_can_take(
-    drivers: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    names = {"lab-arm": "Polled", "lab-handle": "Handle", "lab-coil": "Actuator", "lab-?": "Bare"}
-    names |= {"lab-line": "made_sensor"}
-    entries = [EntryPoint(name, f"{drivers}:{made}", table.GROUP) for name, made in names.items()]
-    monkeypatch.setattr(table, "entry_points", lambda group: entries)
-    assert run("list", "--json", tmp_path / "l.json").exit_code == 0
-    found = json.loads((tmp_path / "l.json").read_text())["drivers"]
-    roles = {driver["name"]: driver["roles"] for driver in found}
-    assert roles["openhaptics"] == ["robot", "handle"]
-    assert roles["labjack-u6"] == ["board"]
-    assert roles["lab-arm"] == ["robot"]
-    assert roles["lab-handle"] == ["handle"]
-    assert roles["lab-coil"] == ["actuator"]
-    assert roles["lab-line"] == ["force_sensor", "accelerometer"]
-    assert roles["lab-?"] == []
 
 
 def test_a_driver_is_tested_in_the_role_that_is_asked_for(drivers: str, tmp_path: Path) -> None:

@@ -1,0 +1,101 @@
+"""`mmt device list`: what there is, and what is missing."""
+
+import json
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from device_drivers import run
+
+from mmt.devices import discovery, table
+from mmt.errors import MmtError
+
+
+def test_the_list_has_drivers_ports_and_what_is_missing(
+    drivers: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import serial.tools.list_ports as ports
+    import usb.core
+
+    monkeypatch.setitem(table.DRIVERS, "good", {"robot": f"{drivers}:Polled"})
+    monkeypatch.setitem(table.DRIVERS, "bad", {"robot": "nowhere.at_all:Polled"})
+    port = SimpleNamespace(
+        device="/dev/none", vid=0x16C0, pid=0x0483, product="Teensy", description="", hwid="USB"
+    )
+    port.serial_number = "42"
+    monkeypatch.setattr(ports, "comports", lambda: [port])
+    labjack = SimpleNamespace(idVendor=0x0CD5, idProduct=6, bus=1, address=4)
+    other = SimpleNamespace(idVendor=1, idProduct=2, bus=1, address=5)
+    monkeypatch.setattr(usb.core, "find", lambda find_all: [labjack, other])
+    result = run("list", "--json", tmp_path / "l.json")
+    assert result.exit_code == 0
+    found = json.loads((tmp_path / "l.json").read_text())
+    states = {driver["name"]: driver["problem"] for driver in found["drivers"]}
+    assert states["good"] == ""
+    assert "cannot be imported" in states["bad"]
+    assert found["serial_ports"][0]["what"] == "Teensy (16c0:0483)"
+    assert [device["what"] for device in found["usb_devices"]] == ["LabJack U6"]
+
+
+def test_without_libusb_the_list_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    import usb.core
+
+    def find(find_all: bool) -> None:
+        raise usb.core.NoBackendError("none")
+
+    monkeypatch.setattr(usb.core, "find", find)
+    with pytest.raises(MmtError, match=r"libusb 1\.0 is not there: install it"):
+        discovery.find_usb_devices()
+
+
+def test_a_port_without_permission_is_explained(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "ttyACM0").write_text("")
+    monkeypatch.setattr(discovery.os, "access", lambda path, mode: False)
+    assert "usermod -a -G" in discovery._access_problem(str(tmp_path / "ttyACM0"))
+    assert discovery._access_problem(str(tmp_path / "ttyACM1")) == ""
+
+
+def test_a_usb_device_without_permission_gets_its_udev_rule(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(discovery.os, "access", lambda path, mode: False)
+    sentence = discovery._access_problem(str(tmp_path), 0x0CD5)
+    assert 'ATTR{idVendor}=="0cd5"' in sentence
+    assert "/etc/udev/rules.d" in sentence
+
+
+def test_a_library_that_is_missing_is_named_with_the_drivers_that_want_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def none() -> None:
+        raise MmtError("the sound card needs PortAudio")
+
+    monkeypatch.setattr("mmt.devices.haptuator.library.load_sounddevice", none)
+    monkeypatch.setattr(discovery, "find_library", lambda name: None)
+    result = run("list", "--json", tmp_path / "l.json")
+    assert result.exit_code == 0
+    problems = json.loads((tmp_path / "l.json").read_text())["problems"]
+    assert "haptuator-sound, sound outputs: the sound card needs PortAudio" in problems
+    assert any(text.startswith("openhaptics: the vendor's library") for text in problems)
+
+
+def test_the_list_shows_each_role_that_a_driver_can_take(
+    drivers: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = {"lab-arm": "Polled", "lab-handle": "Handle", "lab-coil": "Actuator", "lab-?": "Bare"}
+    names |= {"lab-line": "made_sensor"}
+    entries = [EntryPoint(name, f"{drivers}:{made}", table.GROUP) for name, made in names.items()]
+    monkeypatch.setattr(table, "entry_points", lambda group: entries)
+    assert run("list", "--json", tmp_path / "l.json").exit_code == 0
+    found = json.loads((tmp_path / "l.json").read_text())["drivers"]
+    roles = {driver["name"]: driver["roles"] for driver in found}
+    assert roles["openhaptics"] == ["robot", "handle"]
+    assert roles["labjack-u6"] == ["board"]
+    assert roles["lab-arm"] == ["robot"]
+    assert roles["lab-handle"] == ["handle"]
+    assert roles["lab-coil"] == ["actuator"]
+    assert roles["lab-line"] == ["force_sensor", "accelerometer"]
+    assert roles["lab-?"] == []

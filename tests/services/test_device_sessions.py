@@ -1,0 +1,202 @@
+"""Sessions over devices: both services, slow and lost devices, the virtual lab."""
+
+import asyncio
+import threading
+import time
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+from instruments import Instrument
+from service_runs import Together, small_scene
+
+from mmt.devices.protocols import SensorReading
+from mmt.errors import DeviceLost, MmtError
+from mmt.scene import Scene
+from mmt.scene_files import load_scene
+from mmt.session import read_session
+
+
+async def test_a_scene_of_devices_streams_what_they_measure(tmp_path: Path, drivers: str) -> None:
+    table = {"robot": f"{drivers}:Robot", "force_sensor": f"{drivers}:Force"}
+    table["accelerometer"] = f"{drivers}:Robot"
+    together = Together.of(small_scene(tmp_path, devices=table, simulated=None))
+    await together.listen()
+    following = asyncio.create_task(together.follow())
+    await together.until(lambda: together.leader.time_s > 0.2)
+    together.leader.stop()
+    assert (await together.end()).problem is None
+    assert (await following).problem is None
+    frames = read_session(tmp_path / "session.mcap").frames
+    assert len(frames) > 20
+    assert (frames["force_n"] == (0.0, 1.0, 2.0)).all()
+    assert (np.diff(frames["time_ns"]) > 0).all()
+
+
+class Slow(Instrument):
+    """A device whose connection takes as long as the test wants."""
+
+    goes_on: ClassVar[threading.Event]
+    made: ClassVar[list[Any]]
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.made.append(self)
+
+    def connect(self) -> None:
+        assert self.goes_on.wait(20.0), "the loop that would let it go on stands still"
+
+
+@pytest.fixture
+def slow_scene(tmp_path: Path, drivers: str) -> Scene:
+    (tmp_path / "slow_drivers.py").write_text("from test_device_sessions import Slow as Robot\n")
+    Slow.goes_on, Slow.made = threading.Event(), []
+    table = {"robot": "slow_drivers:Robot", "force_sensor": f"{drivers}:Force"}
+    table["accelerometer"] = f"{drivers}:Robot"
+    return small_scene(tmp_path, devices=table, simulated=None)
+
+
+async def test_the_leader_is_answered_while_devices_are_connected(slow_scene: Scene) -> None:
+    together = Together.of(slow_scene)
+    await together.listen()
+    following = asyncio.create_task(together.follow())
+    before = together.leader.ticker.statistics.ticks
+    await together.until(lambda: together.leader.ticker.statistics.ticks > before + 300)
+    assert together.leader.status().frames == 0
+    Slow.goes_on.set()
+    await together.until(lambda: together.leader.status().frames > 20)
+    together.leader.stop()
+    assert (await together.end()).problem is None
+    assert (await following).problem is None
+
+
+async def test_a_session_that_ends_while_devices_are_connected_closes_them(
+    slow_scene: Scene,
+) -> None:
+    together = Together.of(slow_scene)
+    await together.listen()
+    following = asyncio.create_task(together.follow())
+    await together.until(lambda: any("follower connected" in said for said in together.said))
+    together.leader.stop()
+    assert (await together.end()).problem is None
+    Slow.goes_on.set()
+    assert (await following).problem is None
+    assert [device.calls for device in Slow.made] == [["calibrate", "close"]]
+
+
+# --- a sensor on a clock of its own
+
+
+class OwnClock:
+    """A force sensor of 2 kHz on a clock of its own, that can be unplugged while it runs."""
+
+    made: ClassVar[list[Any]] = []
+
+    def __init__(self, force_n: float = 1.0) -> None:
+        self.latency_ns = 0
+        self.faults: dict[str, int] = {}
+        self.force_n = force_n
+        self.unplugged = False
+        self.made.append(self)
+
+    def connect(self) -> None:
+        if self.unplugged:
+            raise MmtError("the cable is out")
+        self._begun_ns = self._read_to_ns = time.monotonic_ns()
+
+    def calibrate(self) -> None:
+        pass
+
+    def read(self) -> list[SensorReading]:
+        if self.unplugged:
+            raise DeviceLost("the cable is out")
+        now_ns = time.monotonic_ns()
+        stamps = range(self._read_to_ns, now_ns, 500_000)
+        self._read_to_ns = stamps[-1] + 500_000 if stamps else self._read_to_ns
+        return [SensorReading(t - self._begun_ns, (0.0, 0.0, self.force_n)) for t in stamps]
+
+    def close(self) -> None:
+        pass
+
+
+def device_scene(tmp_path: Path, drivers: str, on_lost: str) -> Scene:
+    (tmp_path / "own_clock.py").write_text("from test_device_sessions import OwnClock as Force\n")
+    OwnClock.made.clear()
+    table = {
+        "robot": f"{drivers}:Robot",
+        "force_sensor": {"driver": "own_clock:Force", "force_n": 2.5},
+        "accelerometer": f"{drivers}:Robot",
+        "on_lost": on_lost,
+    }
+    return small_scene(tmp_path, devices=table, simulated=None)
+
+
+async def test_a_session_survives_a_sensor_that_is_unplugged_and_plugged_again(
+    tmp_path: Path, drivers: str
+) -> None:
+    together = Together.of(device_scene(tmp_path, drivers, "hold"))
+    await together.listen()
+    following = asyncio.create_task(together.follow())
+    await together.until(lambda: together.leader.time_s > 0.3)
+    (sensor,) = OwnClock.made
+    sensor.unplugged = True
+    await together.until(lambda: any("is lost: the cable is out: hold" in s for s in together.said))
+    sensor.unplugged = False
+    await together.until(lambda: any("force sensor (OwnClock) is back" in s for s in together.said))
+    back_s = together.leader.time_s
+    await together.until(lambda: together.leader.time_s > back_s + 0.3)
+    together.leader.stop()
+    assert (await together.end()).problem is None
+    summary = await following
+    assert summary.problem is None
+    assert summary.commands["halts"] == 1
+    assert summary.devices["force_sensor"]["losses"] == 1
+    frames = read_session(tmp_path / "session.mcap").frames
+    assert (frames["force_n"] == (0.0, 0.0, 2.5)).all()
+    assert np.diff(frames["sequence"].astype(np.int64)).max() >= 50
+    assert (np.diff(frames["time_ns"]) > 0).all()
+
+
+async def test_a_session_ends_with_its_recording_kept_where_the_scene_says_stop(
+    tmp_path: Path, drivers: str
+) -> None:
+    together = Together.of(device_scene(tmp_path, drivers, "stop"))
+    await together.listen()
+    following = asyncio.create_task(together.follow())
+    await together.until(
+        lambda: together.leader.time_s > 0.3 and together.leader.status().frames > 20
+    )
+    OwnClock.made[0].unplugged = True
+    summary = await following
+    assert summary.problem is not None
+    assert "the force sensor (OwnClock) failed: the cable is out" in summary.problem
+    assert "the cable is out" in str((await together.end()).problem)
+    assert len(read_session(tmp_path / "session.mcap").frames) > 20
+
+
+async def test_the_virtual_lab_carries_the_main_job_over_its_devices(tmp_path: Path) -> None:
+    changes = {
+        "link.port": 0,
+        "recording.file": str(tmp_path / "session.mcap"),
+        "session.duration_s": 100.0,  # on a busy machine frames are rare
+    }
+    together = Together.of(load_scene(Path("virtual-lab"), changes))
+    await together.listen()
+    following = asyncio.create_task(together.follow())
+    await together.until(
+        lambda: together.leader.time_s > 2.0 and together.leader.status().frames > 200
+    )
+    together.leader.stop()
+    assert (await together.end()).problem is None
+    summary = await following
+    assert summary.problem is None
+    assert summary.devices["force_sensor"]["readings"] > 500
+    assert summary.devices["accelerometer"]["readings"] > 500
+    frames = read_session(tmp_path / "session.mcap").frames
+    assert len(frames) > 200
+    assert np.median(np.linalg.norm(frames["acceleration_m_s2"], axis=1)) == pytest.approx(
+        10, abs=2
+    )
+    assert frames["force_n"][:, 2].max() > 0.1  # the hand has pressed on the surface
+    assert np.ptp(frames["position_mm"][:, 2]) > 4.0
