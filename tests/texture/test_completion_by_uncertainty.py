@@ -11,7 +11,7 @@ from mmt.texture.aligned import AlignedBlock
 from mmt.texture.completion import CompletionMonitor, cells_of
 from mmt.texture.completion_by_uncertainty import UncertaintyCriterion
 from mmt.texture.completion_grid import completion_grid
-from mmt.texture.criterion import criterion_of
+from mmt.texture.criteria import criterion_of
 from mmt.texture.inputs import ANISOTROPIC, ISOTROPIC
 from mmt.texture.level_covariance import covariance, covariance_on_grid, departures, features
 from mmt.texture.level_outlook import outlook, right_probability

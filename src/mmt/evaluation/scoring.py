@@ -14,7 +14,7 @@ from mmt.evaluation.results import HeldOutSegment, PowerMap, Score, Worst
 from mmt.evaluation.strokes import Strokes
 from mmt.evaluation.truth import DENSITY_HZ, KnownTexture
 from mmt.texture.completion import cells_of
-from mmt.texture.criterion import criterion_of
+from mmt.texture.criteria import criterion_of
 from mmt.texture.inputs import InputSpace
 from mmt.texture.metrics import within_jnd
 from mmt.texture.segments import Segment

@@ -2,14 +2,14 @@
 
 Two stand behind the one protocol here: the published sum of distances (`mmt.texture.completion`)
 and the share of strokes whose level is expected to be right
-(`mmt.texture.completion_by_uncertainty`). Which one runs is known by who builds it alone.
+(`mmt.texture.completion_by_uncertainty`). Which one runs is known to `mmt.texture.criteria` alone.
 """
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 from mmt.texture.aligned import AlignedBlock
-from mmt.texture.settings import CriterionScale, ModellingSettings
+from mmt.texture.settings import CriterionScale
 
 if TYPE_CHECKING:
     from mmt.texture.model import TextureModel
@@ -112,15 +112,3 @@ class Thresholds:
             self.start_s = time_s
         if self.stop_s is None and self.scale.meets(value, self.scale.stop):
             self.stop_s = time_s
-
-
-def criterion_of(settings: ModellingSettings) -> Criterion:
-    """Return the criterion that settings ask for; the other one's module is not imported."""
-    if settings.criterion == "uncertainty":
-        from mmt.texture.completion_by_uncertainty import UncertaintyCriterion
-
-        return UncertaintyCriterion(settings)
-    from mmt.texture.completion import CompletionMonitor
-
-    dimensions = 3 if settings.inputs == "anisotropic" else 2
-    return CompletionMonitor(settings.start_distance, settings.stop_distance, dimensions)

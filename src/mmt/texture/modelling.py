@@ -19,7 +19,8 @@ from scipy.spatial import cKDTree
 
 from mmt.arrays import FloatArray, RecordArray
 from mmt.texture.completion import distance_sum
-from mmt.texture.criterion import Criterion, Progress, criterion_of
+from mmt.texture.criteria import criterion_of
+from mmt.texture.criterion import Criterion, Progress
 from mmt.texture.filtering import StreamFilter
 from mmt.texture.fits import Fit, automatic_order, fit_segments, samples_of
 from mmt.texture.inputs import InputSpace

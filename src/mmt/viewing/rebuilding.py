@@ -18,7 +18,8 @@ from mmt.errors import MmtError
 from mmt.evaluation.building import update_blocks
 from mmt.session.recorded import JsonObject
 from mmt.session.windows import SessionWindows
-from mmt.texture.criterion import Progress, criterion_of
+from mmt.texture.criteria import criterion_of
+from mmt.texture.criterion import Progress
 from mmt.texture.model import TextureModel
 from mmt.texture.modellers import Modellers
 from mmt.texture.modelling import ModelUpdate
