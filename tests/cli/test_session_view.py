@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from mmt.cli.main import app
 from mmt.errors import InputError
 from mmt.session.recorded import RecordedSession
-from mmt.session.windows import MemoryWindows
+from mmt.session.window_files import MemoryWindows
 from mmt.viewing.recording import ViewedRecording
 from mmt.viewing.serving import RecordingServer
 

@@ -17,7 +17,8 @@ from mmt.session.mcap_writer import FRAMES_TOPIC, open_writer
 from mmt.session.messages import FRAME_BLOCK, FrameCodec, frame_schema
 from mmt.session.recorded import OutputBlock, RecordedSession
 from mmt.session.recording import McapRecorder
-from mmt.session.windows import SessionWindows, open_windows
+from mmt.session.window_files import open_windows
+from mmt.session.windows import SessionWindows
 from mmt.session.writing import export_session
 
 COUNT = 3000

@@ -11,7 +11,7 @@ from mmt.devices.simulated.offline import simulate_session
 from mmt.errors import InputError
 from mmt.scene import Scene
 from mmt.session.recorded import OutputBlock, RecordedSession
-from mmt.session.windows import MemoryWindows, Window
+from mmt.session.window_files import MemoryWindows, Window
 from mmt.session.writing import export_session
 from mmt.texture.model import TextureModel, TextureSamples
 from mmt.texture.settings import ModellingSettings

@@ -12,7 +12,7 @@ from mmt.devices.simulated.textures import get_surface
 from mmt.evaluation.building import build, update_blocks
 from mmt.scene import Scene
 from mmt.session.recorded import JsonObject, RecordedSession
-from mmt.session.windows import MemoryWindows
+from mmt.session.window_files import MemoryWindows
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.viewing.rebuilding import Rebuilding, frozen_spans
 

@@ -8,7 +8,8 @@ from mmt.leader.monitor import states
 from mmt.pages.packing import pack
 from mmt.scene import Scene
 from mmt.scene_files import scene_from_tables
-from mmt.session.windows import SessionWindows, Window, open_windows
+from mmt.session.window_files import open_windows
+from mmt.session.windows import SessionWindows, Window
 from mmt.texture.model import TextureModel
 from mmt.texture_table import Texture
 from mmt.viewing import traces
