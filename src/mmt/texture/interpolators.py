@@ -14,7 +14,6 @@ combinations, which are; the networks of ``"rbf"`` are made valid in
 
 import importlib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, Protocol
 
@@ -22,6 +21,7 @@ import numpy as np
 
 from mmt.arrays import FloatArray, IntArray
 from mmt.compiled import kernel
+from mmt.texture.interpolant import DELAUNAY, NEAREST, Interpolant
 from mmt.texture.interpolation import locate, triangulate
 from mmt.texture.radial_basis import RadialBasisSettings
 from mmt.texture.radial_basis_evaluation import SCRATCH, radial_basis_into
@@ -29,42 +29,11 @@ from mmt.texture.settings import Interpolation
 from mmt.texture.split import separate
 from mmt.texture.tetrahedra import locate_3d
 
-NEAREST: Final = 0
-DELAUNAY: Final = 1
-RADIAL_BASIS: Final = 2
-
 LARGEST_SCRATCH: Final = SCRATCH
 """Numbers of scratch that `evaluate_into` may need."""
 
 _NO_LINKS: Final[IntArray] = np.zeros((0, 0), dtype=np.int64)
 _NO_TAIL: Final[FloatArray] = np.zeros((0, 0))
-
-
-@dataclass(frozen=True, eq=False)
-class Interpolant:
-    """What `evaluate_into` takes; an interpolator may derive from it to remember more.
-
-    Attributes
-    ----------
-    kind
-        Which interpolator it is.
-    rows
-        Shape (n, d + w): d coordinates, then w values or weights.
-    links
-        Integers, such as simplices; shape (t, columns), (0, 0) where there are none.
-    tail
-        Further numbers, shape (l, columns), (0, 0) where there are none.
-    """
-
-    kind: int
-    rows: FloatArray
-    links: IntArray
-    tail: FloatArray
-
-    @property
-    def networks(self) -> tuple[RadialBasisSettings, ...]:
-        """Settings of the networks it consists of: level, filters; none for the others."""
-        return ()
 
 
 class Builder(Protocol):
@@ -131,7 +100,7 @@ def _build_radial_basis(
     networks: tuple[RadialBasisSettings, ...],
 ) -> Interpolant:
     """Solve for samples and silence, or let an earlier solution grow, O(n^2) a sample."""
-    from mmt.texture.radial_basis_model import build_radial_basis  # it needs `Interpolant`
+    from mmt.texture.radial_basis_model import build_radial_basis
 
     is_silent = values[:, 0] == 0.0
     is_silent[:samples] = False

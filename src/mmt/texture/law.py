@@ -10,7 +10,8 @@ import numpy as np
 
 from mmt.arrays import FloatArray, IntArray
 from mmt.compiled import kernel
-from mmt.texture.interpolators import DELAUNAY, LARGEST_SCRATCH, evaluate_into, planar_into
+from mmt.texture.interpolant import DELAUNAY
+from mmt.texture.interpolators import LARGEST_SCRATCH, evaluate_into, planar_into
 from mmt.texture.level_table import TABLE_SIZES, tabulated_level
 from mmt.texture.lsf import lsf_inverse_gain
 from mmt.texture.settings import Interpolated

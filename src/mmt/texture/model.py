@@ -19,11 +19,9 @@ from mmt.arrays import FloatArray, IntArray
 from mmt.errors import InputError
 from mmt.texture.fitted import Fitted
 from mmt.texture.inputs import InputSpace
+from mmt.texture.interpolant import Interpolant
 from mmt.texture.interpolation import Triangulation, triangulate
-from mmt.texture.interpolators import (
-    BUILDERS,
-    Interpolant,
-)
+from mmt.texture.interpolators import BUILDERS
 from mmt.texture.law import (
     DIMENSIONS,
     FORCE_EXPONENT,

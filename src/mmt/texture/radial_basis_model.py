@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 
 from mmt.arrays import FloatArray, IntArray
-from mmt.texture.interpolators import RADIAL_BASIS, Interpolant
+from mmt.texture.interpolant import RADIAL_BASIS, Interpolant
 from mmt.texture.radial_basis import RadialBasisNetwork, RadialBasisSettings
 from mmt.texture.radial_basis_choice import choose_settings
 from mmt.texture.radial_basis_evaluation import Bounds

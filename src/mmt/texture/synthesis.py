@@ -28,7 +28,8 @@ from mmt.texture.generation import (
     scaled,
 )
 from mmt.texture.inputs import from_zero, normalise_into
-from mmt.texture.interpolators import DELAUNAY, LARGEST_SCRATCH, evaluate_into, planar_into
+from mmt.texture.interpolant import DELAUNAY
+from mmt.texture.interpolators import LARGEST_SCRATCH, evaluate_into, planar_into
 from mmt.texture.lattice import lattice_step, lsf_to_lattice_into
 from mmt.texture.law import (
     DIMENSIONS,
