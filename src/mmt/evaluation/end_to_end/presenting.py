@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from mmt.evaluation.document import Block, Heading, Paragraph, Table
+from mmt.evaluation.document import Table
 from mmt.evaluation.end_to_end.judging import HOP, LEAST_RMS_M_S2, WINDOW
 from mmt.evaluation.end_to_end.summary import (
     AT_ONCE,
@@ -20,8 +20,8 @@ from mmt.evaluation.end_to_end.summary import (
     rows,
 )
 from mmt.evaluation.figures import COLOURS
-from mmt.evaluation.report import environment
-from mmt.evaluation.report_files import picture, write_report_files
+from mmt.evaluation.judged_report import write_judged_report
+from mmt.evaluation.report_files import picture
 from mmt.evaluation.texts import number
 from mmt.network_table import PROFILES, Network
 
@@ -112,16 +112,15 @@ def write_felt_report(directory: Path, outcomes: Sequence[Outcome]) -> Path:
         The directory cannot be written.
     """
     profiles = [(name, str(PROFILES[name])) for name in NETWORKS]
-    blocks: list[Block] = [
-        Heading(TITLE, 1),
-        Paragraph("At each moment: vibration at the leader against what the surface would give."),
-        picture("felt", "Level of what is felt, by session time.", felt_figure(outcomes)),
-        felt_table(outcomes),
-        Heading("Definitions"),
-        Table(("figure", "what"), list(DEFINITIONS.items())),
-        Table(("network", "each way"), profiles),
-        Heading("Made with"),
-        Table(("part", "version"), list(environment().items())),
-    ]
-    data = {**as_dict(outcomes), "definitions": DEFINITIONS, "environment": environment()}
-    return write_report_files(directory, TITLE, blocks, "summary.json", data)
+    return write_judged_report(
+        directory,
+        TITLE,
+        ["At each moment: vibration at the leader against what the surface would give."],
+        [
+            picture("felt", "Level of what is felt, by session time.", felt_figure(outcomes)),
+            felt_table(outcomes),
+        ],
+        DEFINITIONS,
+        {**as_dict(outcomes), "definitions": DEFINITIONS},
+        [Table(("network", "each way"), profiles)],
+    )

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Final
 
 from mmt.contact.estimation import ContactModel
-from mmt.evaluation.document import Block, Heading, Paragraph, Table
+from mmt.evaluation.document import Table
 from mmt.evaluation.feedback.recorded import RecordedResult
 from mmt.evaluation.feedback.results import (
     DEFINITIONS,
@@ -15,8 +15,7 @@ from mmt.evaluation.feedback.results import (
 )
 from mmt.evaluation.feedback.sides import METHODS
 from mmt.evaluation.feedback.simulated import CellResult
-from mmt.evaluation.report import environment
-from mmt.evaluation.report_files import write_report_files
+from mmt.evaluation.judged_report import write_judged_report
 
 TITLE: Final = "Force feedback over a delay"
 
@@ -132,13 +131,14 @@ def write_feedback_report(directory: Path, evaluation: FeedbackEvaluation) -> Pa
     InputError
         The directory cannot be written.
     """
-    blocks: list[Block] = [Heading(TITLE, 1)]
-    blocks += [Paragraph(sentence) for sentence in verdicts(evaluation)]
-    blocks += feedback_tables(evaluation)
-    blocks += [Heading("Definitions"), Table(("figure", "what"), list(DEFINITIONS.items()))]
-    blocks += [Heading("Made with"), Table(("part", "version"), list(environment().items()))]
-    data = {**evaluation.as_dict(), "environment": environment()}
-    return write_report_files(directory, TITLE, blocks, "summary.json", data)
+    return write_judged_report(
+        directory,
+        TITLE,
+        verdicts(evaluation),
+        feedback_tables(evaluation),
+        DEFINITIONS,
+        evaluation.as_dict(),
+    )
 
 
 def _by_cell(cells: Sequence[CellResult]) -> dict[tuple[float, int], dict[str, CellResult]]:

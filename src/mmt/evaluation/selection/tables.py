@@ -7,9 +7,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from mmt.evaluation.document import Block, Heading, Paragraph, Table
-from mmt.evaluation.report import environment
-from mmt.evaluation.report_files import write_report_files
+from mmt.evaluation.document import Table
+from mmt.evaluation.judged_report import write_judged_report
 from mmt.evaluation.selection.running import METHODS, ROWS, SelectionResult
 from mmt.evaluation.selection.scaling import Scaling
 
@@ -177,10 +176,11 @@ def write_selection_report(directory: Path, evaluation: SelectionEvaluation) -> 
     InputError
         The directory cannot be written.
     """
-    blocks: list[Block] = [Heading(TITLE, 1)]
-    blocks += [Paragraph(sentence) for sentence in verdicts(evaluation)]
-    blocks += selection_tables(evaluation)
-    blocks += [Heading("Definitions"), Table(("figure", "what"), list(DEFINITIONS.items()))]
-    blocks += [Heading("Made with"), Table(("part", "version"), list(environment().items()))]
-    data = {**evaluation.as_dict(), "environment": environment()}
-    return write_report_files(directory, TITLE, blocks, "summary.json", data)
+    return write_judged_report(
+        directory,
+        TITLE,
+        verdicts(evaluation),
+        selection_tables(evaluation),
+        DEFINITIONS,
+        evaluation.as_dict(),
+    )
