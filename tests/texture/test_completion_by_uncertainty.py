@@ -221,7 +221,7 @@ def test_the_next_stroke_is_wanted_where_no_sample_lies_but_the_operator_moves(i
 
 
 def test_what_the_operator_does_weighs_more_than_what_it_leaves_out():
-    few = model_of(strokes(30, 2, largest=0.3))
+    few = model_of(strokes(8, 2, largest=0.3))
     here, away = criterion(), criterion()
     here.observe(motion(30.0, 60.0, 0.6))
     away.observe(motion(30.0, 240.0, 2.4))

@@ -13,7 +13,15 @@ from mmt.texture.autoregression import lsf_to_reflection, output_power, reflecti
 from mmt.texture.effective_length import LEAST, effective_samples, log_power_scatter
 from mmt.texture.inputs import ANISOTROPIC, ISOTROPIC
 from mmt.texture.level_choice import log_posterior
-from mmt.texture.level_covariance import PRIOR, Features, departures, features
+from mmt.texture.level_covariance import (
+    PRIOR,
+    Features,
+    departures,
+    features,
+    half_turn,
+    matern,
+    turn,
+)
 from mmt.texture.level_pooling import LevelSamples, pooled
 from mmt.texture.level_process import DB, LevelProcess
 from mmt.texture.model import TextureModel
@@ -65,8 +73,9 @@ def covariance_written_out(a, b, h):
     total = 25.0 + 0.4**2 * va * vb + 0.25**2 * fa * fb
     total += h[0] ** 2 * matern(va - vb, h[1]) * matern(fa - fb, h[2])
     if len(a) == 3:
-        around = h[4] ** 2 * math.exp(-(math.sin(ta - tb) ** 2) / (2 * h[5] ** 2))
-        around += h[6] ** 2 * math.exp(-2 * math.sin((ta - tb) / 2) ** 2 / h[7] ** 2)
+        chord = math.dist((math.cos(ta), math.sin(ta)), (math.cos(tb), math.sin(tb)))
+        around = h[4] ** 2 * matern(math.sin(ta - tb), h[5])
+        around += h[6] ** 2 * matern(chord, h[7])
         total += around * matern(va - vb, h[8]) * matern(fa - fb, h[9])
     return total
 
@@ -146,6 +155,21 @@ def test_slopes_of_the_posterior_are_those_of_its_differences(directed):
         ahead = log_posterior(between, y, variance, logarithms + step)[0]
         behind = log_posterior(between, y, variance, logarithms - step)[0]
         assert slopes[number] == pytest.approx((ahead - behind) / 2e-5, rel=1e-4, abs=1e-5)
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    headings=st.lists(st.floats(-10.0, 10.0), min_size=1, max_size=12),
+    width=st.floats(0.05, 10.0),
+)
+def test_whatever_the_headings_they_have_a_covariance(headings, width):
+    angle = np.subtract.outer(headings, headings)
+    for chord in (half_turn(angle), turn(angle)):
+        values = matern(chord, width)[0]
+        assert np.linalg.eigvalsh(values).min() > -1e-9
+        np.testing.assert_allclose(np.diag(values), 1.0)
+    np.testing.assert_allclose(half_turn(angle + np.pi), half_turn(angle), atol=1e-12)
+    np.testing.assert_allclose(turn(angle + 2.0 * np.pi), turn(angle), atol=1e-12)
 
 
 @pytest.mark.parametrize("directed", [False, True])

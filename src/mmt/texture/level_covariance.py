@@ -8,8 +8,11 @@ The level's logarithm is a power law of speed and force plus what departs from i
   Matern covariances of smoothness 5/2 (Rasmussen and Williams, Gaussian Processes for Machine
   Learning, 2006, eq. 4.17): smooth, but not as stiff as a squared exponential.
 - where the heading counts, a departure that turns with it: a part that is the same for a stroke
-  and its return, as ridges are, and one that is not, as a nap is. Each is periodic (ibid.,
-  eq. 4.31), times Matern covariances of its own.
+  and its return, as ridges are, and one that is not, as a nap is. Each is a Matern covariance of
+  the same smoothness over the chord between headings on a circle (a subset of the plane, where
+  it is one; the warping of ibid., eq. 4.31), as sharp as the turn into ridges is, times such
+  covariances of its own over speed and force. These are long: what a grain does to the level it
+  does much alike at all speeds and forces.
 
 Every term is a product over speed, force and heading, so that on a grid of the three the mean
 costs a few matrix products.
@@ -39,8 +42,9 @@ NAMES: Final = (
 )
 """Hyperparameters, all positive and kept by their logarithms; the first four without headings.
 
-Standard deviations of the departures and lengths in nepers of power, speed and force; widths in
-radians; ``noise`` multiplies the standard deviation that the samples' lengths explain."""
+Standard deviations of the departures and lengths in nepers of power, speed and force; widths are
+chords, about radians; ``noise`` multiplies the standard deviation that the samples' lengths
+explain."""
 
 PLANAR: Final = 4
 """Hyperparameters without headings."""
@@ -50,11 +54,15 @@ NOISE: Final = 3
 
 PRIOR: Final = np.column_stack(
     [
-        np.log([0.3, 1.0, 1.5, 1.0, 0.5, 0.5, 0.2, 1.0, 2.0, 2.0]),
-        [0.8, 0.7, 0.7, 0.3, 0.8, 0.5, 0.8, 0.5, 0.7, 0.7],
+        np.log([0.2, 1.6, 3.0, 1.0, 0.5, 0.7, 0.15, 1.2, 5.0, 8.0]),
+        [0.5, 0.5, 0.5, 0.3, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5],
     ]
 )
-"""Mean and standard deviation of each hyperparameter's logarithm, shape (10, 2): our choice."""
+"""Mean and standard deviation of each hyperparameter's logarithm, shape (10, 2).
+
+Known textures have longer lengths still and smaller departures: the middle lies on the way from
+there to lengths that span the plane about once, so that rougher ones fit in. Figures are in the
+decision "What a level is told by"."""
 
 _FREE: Final = 25.0  # variance of the level's constant, about the samples' mean
 _SPREAD: Final = (0.4, 0.25)  # of the exponents about the usual ones
@@ -76,7 +84,8 @@ class Features(NamedTuple):
 class Departures(NamedTuple):
     """Between a pair of sets of strokes: the law's covariance and distances, each (k, l).
 
-    ``half_turn`` and ``turn`` are sin^2 of the angle between headings and of half of it.
+    ``half_turn`` and ``turn`` are chords between headings, on a circle that half a turn and one
+    that a whole turn goes around once: |sin| of the angle, and 2 |sin| of half of it.
     """
 
     law: FloatArray
@@ -107,7 +116,17 @@ def departures(a: Features, b: Features, *, directed: bool) -> Departures:
     if not directed:
         return Departures(law, speed, force, np.empty((0, 0)), np.empty((0, 0)))
     angle = np.subtract.outer(a.heading, b.heading)
-    return Departures(law, speed, force, np.sin(angle) ** 2, np.sin(0.5 * angle) ** 2)
+    return Departures(law, speed, force, half_turn(angle), turn(angle))
+
+
+def half_turn(angle: FloatArray) -> FloatArray:
+    """Return the chord between headings of which opposite ones are the same."""
+    return np.asarray(np.abs(np.sin(angle)))
+
+
+def turn(angle: FloatArray) -> FloatArray:
+    """Return the chord between headings on the unit circle."""
+    return np.asarray(2.0 * np.abs(np.sin(0.5 * angle)))
 
 
 def law_variance(at: Features) -> FloatArray:
@@ -127,20 +146,6 @@ def matern(distance: FloatArray, length: float) -> tuple[FloatArray, FloatArray]
     r = (np.sqrt(5.0) / length) * distance
     fading = np.exp(-r)
     return (1.0 + r + r * r / 3.0) * fading, r * r * (1.0 + r) / 3.0 * fading
-
-
-def half_periodic(square: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
-    """Return the covariance of period pi from sin^2 of the angle, and its slope in ln(width)."""
-    ratio = square / width**2
-    value = np.exp(-0.5 * ratio)
-    return value, ratio * value
-
-
-def periodic(square: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
-    """Return the covariance of period 2 pi from sin^2 of half the angle, and its slope."""
-    ratio = 4.0 * square / width**2
-    value = np.exp(-0.5 * ratio)
-    return value, ratio * value
 
 
 def covariance(between: Departures, logarithms: FloatArray) -> FloatArray:
@@ -175,8 +180,8 @@ def covariance_and_slopes(
         return total, found
     speed, in_speed = matern(between.speed, h[8])
     force, in_force = matern(between.force, h[9])
-    turned, in_turned = half_periodic(between.half_turn, h[5])
-    headed, in_headed = periodic(between.turn, h[7])
+    turned, in_turned = matern(between.half_turn, h[5])
+    headed, in_headed = matern(between.turn, h[7])
     around = h[4] ** 2 * turned + h[6] ** 2 * headed
     plane = speed * force
     total += around * plane
@@ -213,8 +218,8 @@ def mean_on_grid(
     if len(logarithms) == PLANAR:
         return np.asarray(total[np.newaxis])
     angle = np.subtract.outer(grid.heading, at.heading)
-    around = h[4] ** 2 * half_periodic(np.sin(angle) ** 2, h[5])[0]
-    around += h[6] ** 2 * periodic(np.sin(0.5 * angle) ** 2, h[7])[0]
+    around = h[4] ** 2 * matern(half_turn(angle), h[5])[0]
+    around += h[6] ** 2 * matern(turn(angle), h[7])[0]
     speed, force = plane(h[8], h[9])
     both = (speed[:, None, :] * force[None, :, :]).reshape(-1, len(weights))
     turning = (around * weights) @ both.T
@@ -254,7 +259,7 @@ def covariance_on_grid(axes: Features, at: Features, logarithms: FloatArray) -> 
     if len(logarithms) == PLANAR:
         return np.asarray(total.reshape(-1, len(at.speed)))
     angle = np.subtract.outer(axes.heading, at.heading)
-    around = h[4] ** 2 * half_periodic(np.sin(angle) ** 2, h[5])[0]
-    around += h[6] ** 2 * periodic(np.sin(0.5 * angle) ** 2, h[7])[0]
+    around = h[4] ** 2 * matern(half_turn(angle), h[5])[0]
+    around += h[6] ** 2 * matern(turn(angle), h[7])[0]
     total = total + around[:, None, None] * plane(h[8], h[9])
     return np.asarray(total.reshape(-1, len(at.speed)))
