@@ -3,6 +3,7 @@
 import io
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -125,6 +126,25 @@ def test_a_model_of_version_2_is_fitted_anew() -> None:
         **{f"network_{name}": None for name in names},
     )
     assert TextureModel.from_bytes(older).fitted == model.fitted
+
+
+def test_a_level_of_version_4_has_its_hyperparameters_chosen_anew() -> None:
+    count = 12
+    plain = make_samples(ANISOTROPIC, count)
+    samples = replace(plain, effective=np.full(count, 60.0), counts=np.full(count, 200.0))
+    model = TextureModel(samples, level="gaussian_process")
+    found = TextureModel.from_bytes(model.to_bytes())
+    np.testing.assert_array_equal(found.samples.counts, samples.counts)
+    other = changed(model.to_bytes(), level_hyperparameters=np.zeros(10))
+    assert (TextureModel.from_bytes(other).fitted.level != model.fitted.level).any()
+    older = changed(other, format_version=4)
+    np.testing.assert_array_equal(TextureModel.from_bytes(older).fitted.level, model.fitted.level)
+
+
+def test_counts_that_are_none_are_refused() -> None:
+    samples = replace(make_samples(ISOTROPIC, 5), counts=np.array([100.0, 0.0, 3.0, 4.0, 5.0]))
+    with pytest.raises(InputError, match="counts must be positive"):
+        TextureModel(samples)
 
 
 @pytest.mark.parametrize(

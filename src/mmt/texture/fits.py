@@ -2,6 +2,10 @@
 
 Burg's method for each (`mmt.texture.burg`), the order chosen from the newest of them where it is
 not given. Cost: O(samples x order).
+
+What a segment's power is worth (`mmt.texture.effective_length`) follows from a fit of its own, of
+the highest automatic order: the common order is no higher than the shape of a few hundred samples
+bears, and so shows narrow lines broader than they are, and powers worth more.
 """
 
 from collections.abc import Iterator, Sequence
@@ -37,6 +41,8 @@ class Fit:
     power: float
     effective: float
     """Independent samples that the power is worth."""
+    count: int
+    """Samples of the segment."""
     number: int = 0
     """Its own among the fits of a modeller."""
 
@@ -44,18 +50,22 @@ class Fit:
 def automatic_order(segments: Sequence[Segment], settings: ModellingSettings) -> int:
     """Return the order that the newest segments call for."""
     newest = [segment.vibration_m_s2 for segment in segments[-ORDER_SEGMENTS:]]
-    largest = min(HIGHEST_AUTOMATIC_ORDER, settings.shortest_samples // 4)
-    return choose_order(newest, largest=largest)
+    return choose_order(newest, largest=_resolving_order(settings))
 
 
-def fit_segments(segments: Sequence[Segment], order: int, numbers: Iterator[int]) -> list[Fit]:
+def fit_segments(
+    segments: Sequence[Segment], order: int, numbers: Iterator[int], settings: ModellingSettings
+) -> list[Fit]:
     """Fit segments, each with a number of its own; what gives no filter is left out."""
     usable = [segment for segment in segments if len(segment.vibration_m_s2) > order]
     if not usable:
         return []
-    fits = burg_batch([segment.vibration_m_s2 for segment in usable], order)
+    vibration = [segment.vibration_m_s2 for segment in usable]
+    counts = np.array([len(part) for part in vibration])
+    fits = burg_batch(vibration, order)
     lsf = reflection_to_lsf(fits.reflection)
-    effective = effective_samples(lsf, np.array([len(s.vibration_m_s2) for s in usable]))
+    resolved = burg_batch(vibration, _resolving_order(settings)).reflection
+    effective = effective_samples(reflection_to_lsf(resolved), counts)
     fitted = [
         Fit(
             segment,
@@ -63,6 +73,7 @@ def fit_segments(segments: Sequence[Segment], order: int, numbers: Iterator[int]
             float(fits.variance[index]),
             float(fits.power[index]),
             float(effective[index]),
+            int(counts[index]),
             next(numbers),
         )
         for index, segment in enumerate(usable)
@@ -79,7 +90,13 @@ def samples_of(fits: Sequence[Fit], space: InputSpace) -> TextureSamples:
         power=np.array([fit.power for fit in fits]),
         space=space,
         effective=np.array([fit.effective for fit in fits]),
+        counts=np.array([fit.count for fit in fits], dtype=np.float64),
     )
+
+
+def _resolving_order(settings: ModellingSettings) -> int:
+    """Return the highest order that a segment of the least length bears."""
+    return min(HIGHEST_AUTOMATIC_ORDER, settings.shortest_samples // 4)
 
 
 def _is_filter(fit: Fit) -> bool:

@@ -17,9 +17,10 @@ from mmt.texture.trend import NO_TREND, Trend
 if TYPE_CHECKING:
     from mmt.texture.model import TextureModel
 
-FORMAT_VERSION: Final = 4
-"""Of what is written where level or shape are estimates of their own. Version 2, without what was
-fitted, is read too, and so is version 1, whose models are isotropic and by Delaunay."""
+FORMAT_VERSION: Final = 5
+"""Of what is written where level or shape are estimates of their own. Version 4, whose level has
+hyperparameters of another prior, is read too, version 2, without what was fitted, and version 1,
+whose models are isotropic and by Delaunay."""
 
 INTERPOLATED_VERSION: Final = 3
 """Of what is written where both are interpolated, as earlier programs render it."""
@@ -81,13 +82,14 @@ def unpack(data: bytes) -> tuple[TextureSamples, dict[str, Any]]:
             space,
             _numbers(content, "effective_samples"),
             float(content.get("noise_power", 0.0)),
+            _numbers(content, "segment_samples"),
         )
         return samples, {
             "interpolate": str(content["interpolate"]),
             "interpolator": str(content["interpolator"]),
             "rate_hz": float(content["rate_hz"]),
             **_estimates(content, version),
-            "fitted": _fitted(content, directed=space.directed) if version > 2 else None,
+            "fitted": _fitted(content, version, directed=space.directed) if version > 2 else None,
         }
     except KeyError as error:
         raise InputError(f"the array {error} is missing") from error
@@ -124,6 +126,8 @@ def _level_arrays(model: "TextureModel") -> _Arrays:
     arrays: _Arrays = {}
     if model.samples.effective is not None:
         arrays["effective_samples"] = model.samples.effective
+    if model.samples.counts is not None:
+        arrays["segment_samples"] = model.samples.counts
     if model.samples.noise_power > 0.0:
         arrays["noise_power"] = np.array(model.samples.noise_power)
     if _written_version(model) == FORMAT_VERSION:
@@ -144,7 +148,7 @@ def _fitted_arrays(fitted: Fitted, *, directed: bool) -> _Arrays:
     return arrays
 
 
-def _fitted(content: _Arrays, *, directed: bool) -> Fitted:
+def _fitted(content: _Arrays, version: int, *, directed: bool) -> Fitted:
     trend, networks = NO_TREND, []
     if directed:
         trend = Trend(*content["trend_exponents"].astype(np.float64).tolist())
@@ -155,4 +159,5 @@ def _fitted(content: _Arrays, *, directed: bool) -> Fitted:
             raise InputError("its networks are not two, or their degrees no integers")
         rows = zip(*(column.tolist() for column in columns), strict=True)
         networks = [RadialBasisSettings(*row) for row in rows]
-    return Fitted(trend, tuple(networks), _numbers(content, "level_hyperparameters"))
+    level = _numbers(content, "level_hyperparameters") if version >= FORMAT_VERSION else None
+    return Fitted(trend, tuple(networks), level)

@@ -234,7 +234,7 @@ class OnlineModeller:
             segments = segments if self.order == before else everything
         if self.order is None:
             return
-        for fit in fit_segments(segments, self.order, self._numbers):
+        for fit in fit_segments(segments, self.order, self._numbers, self.settings):
             self.fits[fit.segment.start, fit.segment.stop] = fit
 
     def _thin_out(self) -> int:

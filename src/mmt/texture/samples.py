@@ -34,6 +34,9 @@ class TextureSamples:
         not known. See `mmt.texture.effective_length`.
     noise_power
         Of the accelerometer, which is in every power, in (m/s2)^2; 0 where it is not known.
+    counts
+        Samples of the vibration that each segment has, shape (n,), positive; None where it is
+        not known.
     """
 
     inputs: FloatArray
@@ -43,6 +46,7 @@ class TextureSamples:
     space: InputSpace = ISOTROPIC
     effective: FloatArray | None = None
     noise_power: float = 0.0
+    counts: FloatArray | None = None
 
     @classmethod
     def isotropic(
@@ -79,7 +83,13 @@ class TextureSamples:
 
     @cached_property
     def lengths(self) -> FloatArray | None:
-        """How many samples each segment has, (n,), None where `effective` is not known."""
+        """How many samples each segment has, (n,), None where nothing tells it.
+
+        Without `counts`, as in a model file of an earlier version, those from which `effective`
+        follows by the filters themselves.
+        """
+        if self.counts is not None:
+            return self.counts
         return None if self.effective is None else lengths(self.lsf, self.effective)
 
     def frozen(self) -> Self:
@@ -91,6 +101,7 @@ class TextureSamples:
             variance=_read_only(self.variance),
             power=_read_only(self.power),
             effective=None if self.effective is None else _read_only(self.effective),
+            counts=None if self.counts is None else _read_only(self.counts),
         )
 
     def check(self) -> None:
@@ -115,10 +126,12 @@ class TextureSamples:
             _check_numbers(name, values, len(lsf), signed=signed)
         for name in ("variance", "power"):
             _check_numbers(name, getattr(self, name), len(lsf))
-        if self.effective is not None:
-            _check_numbers("effective", self.effective, len(lsf))
-            if not (np.asarray(self.effective) > 0.0).all():
-                raise InputError("effective must be positive")
+        for name in ("effective", "counts"):
+            values = getattr(self, name)
+            if values is not None:
+                _check_numbers(name, values, len(lsf))
+                if not (np.asarray(values) > 0.0).all():
+                    raise InputError(f"{name} must be positive")
         if not (np.isfinite(self.noise_power) and self.noise_power >= 0.0):
             raise InputError(f"noise_power is {self.noise_power}: finite and not negative needed")
         inside = np.isfinite(lsf).all() and (lsf > 0).all() and (lsf < np.pi).all()

@@ -137,6 +137,7 @@ def _fits(count: int, plan: Plan) -> dict[tuple[int, int], Fit]:
             variance=float(samples.variance[index]),
             power=float(samples.power[index]),
             effective=UNKNOWN,
+            count=200,
         )
     return fits
 
