@@ -56,8 +56,7 @@ class Builder(Protocol):
         values
             Level and line spectral frequencies, shape (n, 1 + order).
         samples
-            So many of the points, the first ones, are samples; the others are the boundary,
-            with the filter of the nearest sample.
+            So many of the points, the first ones, are samples; the others are the boundary.
         previous
             What the same builder returned for an earlier state of the model, None at first:
             most of its points are still there, and boundary points have kept their place,

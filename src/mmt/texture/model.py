@@ -191,7 +191,7 @@ class TextureModel:
         return self.level_process.level_db(points)
 
     def _lsf(self) -> FloatArray:
-        """Return the frequencies that stand at the samples, shape (n, order)."""
+        """Return the frequencies at the samples, and around them where they are smoothed."""
         if self.shape == "measured":
             return self.samples.lsf
         from mmt.texture.shape_smoothing import smoothed_shapes

@@ -6,15 +6,17 @@ frequency of the common order is estimated as a Gaussian process over the plane,
 and force: a linear part, and a departure with a Matern covariance of smoothness 5/2 (Rasmussen
 and Williams, Gaussian Processes for Machine Learning, 2006, section 2.2). A sample's noise is in
 inverse proportion to its length. What is returned are the posterior means at the samples
-themselves, so that any interpolator may go on with them.
+themselves, so that any interpolator may go on with them, and at the points around them, where a
+line that follows the speed goes on instead of standing still as a copy of the nearest sample's.
 
 The lengths of the departures are shared, and the ratio of noise to departure is each frequency's
 own, both of the largest evidence on a grid, with the scale integrated out by its best value: lines
 that follow the speed are hardly smoothed, resonances are. Over the velocity a stroke and its
 return count as nearly alike (`_RETURN`), since ridges are the same from both sides.
 
-A set of frequencies that would come closer than half as near to each other as they were fitted
-is brought back towards these: convex combinations of ordered frequencies are ordered.
+A set of frequencies that would come closer than half as near to each other as they were fitted,
+around the samples as the nearest one's were, is brought back towards these: convex combinations of
+ordered frequencies are ordered.
 
 Cost: ten symmetric eigenproblems, nine of at most `_CHOICE` samples and one of at most `LARGEST`;
 where there are more samples they are pooled by cells first.
@@ -24,8 +26,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.linalg import eigh
+from scipy.spatial import cKDTree
 
 from mmt.arrays import FloatArray, IntArray
+from mmt.texture.boundary import boundary
 from mmt.texture.level_covariance import matern
 from mmt.texture.samples import TextureSamples
 
@@ -52,8 +56,10 @@ class _Spectrum(NamedTuple):
     roots: FloatArray
 
 
-def smoothed(points: FloatArray, lsf: FloatArray, weights: FloatArray) -> FloatArray:
-    """Return the frequencies of samples without most of their scatter, shape (n, order).
+def smoothed(
+    points: FloatArray, lsf: FloatArray, weights: FloatArray, around: FloatArray | None = None
+) -> FloatArray:
+    """Return the frequencies of samples without most of their scatter, shape (n + b, order).
 
     Parameters
     ----------
@@ -63,9 +69,15 @@ def smoothed(points: FloatArray, lsf: FloatArray, weights: FloatArray) -> FloatA
         Strictly ascending in (0, pi), shape (n, order).
     weights
         How much each sample knows, such as its length, positive, shape (n,).
+    around
+        Further points to which the process is continued, shape (b, d), none by default.
     """
+    asked, fitted = points, lsf
+    if around is not None:
+        asked = np.vstack([points, around])
+        fitted = np.vstack([lsf, lsf[cKDTree(points).query(around)[1]]])
     if len(points) < LEAST_SAMPLES:
-        return lsf.copy()
+        return fitted.copy()
     nodes, values, known = _pooled(points, lsf, weights)
     known = known / known.mean()
     middle = (known @ values) / known.sum()
@@ -77,17 +89,18 @@ def smoothed(points: FloatArray, lsf: FloatArray, weights: FloatArray) -> FloatA
     noise = _costs(spectrum, rotated).argmin(axis=0)
     filtered = rotated / (spectrum.values[:, None] + np.square(_NOISE[noise]))
     gains = spectrum.roots[:, None] * (spectrum.vectors @ filtered)
-    result = _covariance(points, nodes, scales) @ gains + middle
-    return _kept_apart(result, lsf)
+    result = _covariance(asked, nodes, scales) @ gains + middle
+    return _kept_apart(result, fitted)
 
 
 def smoothed_shapes(samples: TextureSamples) -> FloatArray:
-    """Return the smoothed frequencies of a model's samples, weighted by their lengths, (n, order).
+    """Return the smoothed frequencies of a model's samples and of its boundary, (n + b, order).
 
-    Where lengths are not known all samples count alike.
+    Samples are weighted by their lengths; where these are not known all count alike.
     """
-    known = samples.lengths
-    return smoothed(samples.points, samples.lsf, np.ones(len(samples)) if known is None else known)
+    weights = np.ones(len(samples)) if samples.lengths is None else samples.lengths
+    around = boundary(samples.space.dimensions).points
+    return smoothed(samples.points, samples.lsf, weights, around)
 
 
 def _covariance(a: FloatArray, b: FloatArray, scales: tuple[float, float]) -> FloatArray:

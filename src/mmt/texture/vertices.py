@@ -25,17 +25,19 @@ def vertex_table(points: FloatArray, level: FloatArray, lsf: FloatArray) -> Vert
 
     Coincident samples become one vertex with the mean of their filters (a convex
     combination of ordered LSF is ordered) and of their level. A boundary point copies its
-    nearest sample; on the edges of no speed and no force its level is zero.
+    nearest sample, but for the LSF where its own are given; on the edges of no speed and no force
+    its level is zero.
 
     Parameters
     ----------
     points
         Of the samples, normalised, shape (n, d).
     level, lsf
-        Of the samples, shapes (n,) and (n, order).
+        Of the samples, shapes (n,) and (n, order), or (n + b, order) where those of all points
+        of `mmt.texture.boundary.boundary` follow.
     """
-    dimensions = points.shape[1]
-    rows = np.column_stack([_on_edges(points), level, lsf])
+    count, dimensions = points.shape
+    rows = np.column_stack([_on_edges(points), level, lsf[:count]])
     vertex = _coincident(rows[:, :dimensions])
     counts = np.bincount(vertex)
     merged = np.zeros((len(counts), rows.shape[1]))
@@ -48,6 +50,8 @@ def vertex_table(points: FloatArray, level: FloatArray, lsf: FloatArray) -> Vert
     extension = merged[distance.argmin(axis=1)]
     extension[:, :dimensions] = around.points
     extension[around.silent, dimensions] = 0.0
+    if len(lsf) > count:
+        extension[:, dimensions + 1 :] = lsf[count:]
     apart = distance.min(axis=1) > COINCIDENT
     return Vertices(np.ascontiguousarray(np.vstack([merged, extension[apart]])), len(merged))
 
