@@ -18,7 +18,7 @@ from mmt.texture.inputs import InputSpace
 from mmt.texture.metrics import gfc_of_rows
 from mmt.texture.model import TextureModel
 from mmt.texture.samples import TextureSamples
-from mmt.texture.segmentation import SegmentationSettings, segment
+from mmt.texture.segmentation import segment, segmentation_of
 from mmt.texture.segments import Segment
 from mmt.texture.selection import ModelPoints
 from mmt.texture.selection.leave_one_out import DelaunayNeighbours
@@ -68,15 +68,7 @@ def pool_sessions(sessions: Sequence[RecordedSession], settings: ModellingSettin
     space = InputSpace(settings.inputs)
     segments: list[Segment] = []
     origin: list[str] = []
-    cut = SegmentationSettings(
-        straightness_mm=settings.straightness_mm,
-        stationarity=settings.stationarity,
-        shortest_samples=settings.shortest_samples,
-        longest_samples=settings.longest_samples,
-        least_speed_mm_s=settings.least_speed_mm_s,
-        least_force_n=settings.least_force_n,
-        by_heading=space.directed,
-    )
+    cut = segmentation_of(settings)
     for session in sessions:
         stream = StreamFilter(normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz)
         found = segment(stream.process(session.frames), cut)

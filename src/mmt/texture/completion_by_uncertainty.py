@@ -7,7 +7,7 @@ expectation of a share that evaluations measure, `mmt evaluate --compare`, which
 is calibrated.
 
 What it leaves out: the spectrum's shape, whose error has no posterior here, and what the stream
-does not tell, such as vibration below the 10 Hz of the modelling's high-pass.
+does not tell, such as vibration far below the corner of the modelling's high-pass.
 """
 
 import numpy as np

@@ -27,6 +27,9 @@ SETTLED_SHARE: Final = 0.05
 """Samples count as valid when what a filter's restart left has decayed to this share in
 amplitude, 0.25 % in power."""
 
+VIBRATION_CUTOFF_HZ: Final = 10.0
+"""The published corner of the high-pass of the acceleration."""
+
 LARGEST_MEASUREMENT: Final = 1e6
 """No position (mm), force (N) or acceleration (m/s2) is beyond this: a broken number."""
 
@@ -92,7 +95,7 @@ class StreamFilter:
         axis: VibrationAxis = "z",
         rate_hz: float = 1000.0,
         motion_cutoff_hz: float = 20.0,
-        vibration_cutoff_hz: float = 10.0,
+        vibration_cutoff_hz: float = VIBRATION_CUTOFF_HZ,
     ) -> None:
         low_pass = bessel_low_pass(motion_cutoff_hz, rate_hz)
         high_pass = butterworth_high_pass(vibration_cutoff_hz, rate_hz)
@@ -202,6 +205,28 @@ class StreamFilter:
         step_mm = np.diff(before, axis=0)
         step_mm[restart] = 0.0
         return step_mm[:, self._tangential]
+
+
+class SectionFilter:
+    """One section over all channels of a signal that comes in blocks.
+
+    Parameters
+    ----------
+    section
+        Of the same kind for all channels; it starts in the steady state of the first sample.
+    """
+
+    def __init__(self, section: Biquad) -> None:
+        self._taps = _taps(section)
+        self._state: FloatArray | None = None
+
+    def process(self, samples: FloatArray, restart: BoolArray) -> FloatArray:
+        """Return the next samples (n, channels) filtered; anew where `restart` (n,) is true."""
+        if self._state is None:
+            self._state = np.zeros((samples.shape[1], 2))
+        filtered = np.array(samples, dtype=np.float64, order="C")
+        _filter_channels(filtered, restart, self._taps, self._state)
+        return filtered
 
 
 @dataclass(frozen=True, eq=False)

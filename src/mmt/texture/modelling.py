@@ -25,9 +25,10 @@ from mmt.texture.filtering import StreamFilter
 from mmt.texture.fits import Fit, automatic_order, fit_segments, samples_of
 from mmt.texture.inputs import InputSpace
 from mmt.texture.interpolators import load
+from mmt.texture.low_band import LowBand
 from mmt.texture.model import TextureModel
 from mmt.texture.noise_floor import NoiseFloor
-from mmt.texture.segmentation import OnlineSegmenter, SegmentationSettings
+from mmt.texture.segmentation import OnlineSegmenter, segmentation_of
 from mmt.texture.segments import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.stopwatch import Stopwatch
@@ -99,16 +100,7 @@ class OnlineModeller:
             rate_hz=self.settings.rate_hz,
         )
         self._segmenter = OnlineSegmenter(
-            SegmentationSettings(
-                straightness_mm=self.settings.straightness_mm,
-                stationarity=self.settings.stationarity,
-                shortest_samples=self.settings.shortest_samples,
-                longest_samples=self.settings.longest_samples,
-                least_speed_mm_s=self.settings.least_speed_mm_s,
-                least_force_n=self.settings.least_force_n,
-                by_heading=self.space.directed,
-            ),
-            overlap_samples=self.settings.overlap_samples,
+            segmentation_of(self.settings), overlap_samples=self.settings.overlap_samples
         )
         self.completion: Criterion = criterion_of(self.settings)
         self.order: int | None = None if self.settings.order == "auto" else self.settings.order
@@ -118,6 +110,8 @@ class OnlineModeller:
         self._chosen: list[Fit] = []
         self._outliers = self._redundant = 0
         self._noise = NoiseFloor()
+        by_process = self.settings.level != "interpolated"
+        self._low_band = LowBand(self.settings.rate_hz) if by_process else None
         self._first_sequence: int | None = None
         self._time_s = 0.0
         self.model: TextureModel | None = None
@@ -154,12 +148,16 @@ class OnlineModeller:
             self._time_s = elapsed / self.settings.rate_hz
         aligned = self._filter.process(frames)
         self._noise.update(aligned)
+        if self._low_band is not None:
+            self._low_band.update(aligned)
         self.completion.observe(aligned)
         clock.lap("filter")
         yield None
         clock.resume()
         change = self._segmenter.update(aligned)
         added = [s for s in change.added if self._accept is None or self._accept(s)]
+        if self._low_band is not None:
+            added = [self._low_band.restored(s) for s in added]
         clock.lap("segment")
         yield None
         clock.resume()

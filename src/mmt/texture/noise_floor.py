@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from mmt.arrays import FloatArray
 from mmt.texture.aligned import AlignedBlock
 
 WINDOW: Final = 50
@@ -19,7 +20,9 @@ WINDOW: Final = 50
 LEAST_WINDOWS: Final = 4
 """With fewer nothing is said."""
 
-_KEPT: Final = 200
+WINDOWS_KEPT: Final = 200
+"""So many of the newest tell the noise."""
+
 _IN_AIR_N: Final = 0.05
 _AT_REST_MM_S: Final = 3.0
 _QUARTILE: Final = 25.0
@@ -29,19 +32,11 @@ class NoiseFloor:
     """The noise of a stream, from the windows of its newest blocks."""
 
     def __init__(self) -> None:
-        self._powers: deque[float] = deque(maxlen=_KEPT)
+        self._powers: deque[float] = deque(maxlen=WINDOWS_KEPT)
 
     def update(self, block: AlignedBlock) -> None:
         """Take a block of the stream."""
-        count = len(block) // WINDOW
-        if not count:
-            return
-        part = block[: count * WINDOW]
-        power = np.square(part.vibration_m_s2).sum(axis=1).reshape(count, WINDOW).mean(axis=1)
-        still = part.speed_mm_s.reshape(count, WINDOW).max(axis=1) < _AT_REST_MM_S
-        still |= part.normal_force_n.reshape(count, WINDOW).max(axis=1) < _IN_AIR_N
-        still &= part.valid.reshape(count, WINDOW).all(axis=1) & np.isfinite(power)
-        self._powers.extend(power[still].tolist())
+        self._powers.extend(still_powers(block, np.square(block.vibration_m_s2).sum(axis=1)))
 
     @property
     def power(self) -> float:
@@ -49,3 +44,28 @@ class NoiseFloor:
         if len(self._powers) < LEAST_WINDOWS:
             return 0.0
         return float(np.percentile(self._powers, _QUARTILE))
+
+
+def still_powers(block: AlignedBlock, squares: FloatArray, *, at_rest: bool = True) -> list[float]:
+    """Return the means of windows of a block in which the tool is in the air or at rest.
+
+    Parameters
+    ----------
+    block
+        Of the stream.
+    squares
+        What is averaged, one of each of the block's samples, shape (n,).
+    at_rest
+        Whether windows at rest on the surface count.
+    """
+    count = len(block) // WINDOW
+    if not count:
+        return []
+    part = block[: count * WINDOW]
+    power = squares[: count * WINDOW].reshape(count, WINDOW).mean(axis=1)
+    still = part.normal_force_n.reshape(count, WINDOW).max(axis=1) < _IN_AIR_N
+    if at_rest:
+        still |= part.speed_mm_s.reshape(count, WINDOW).max(axis=1) < _AT_REST_MM_S
+    still &= part.valid.reshape(count, WINDOW).all(axis=1) & np.isfinite(power)
+    found: list[float] = power[still].tolist()
+    return found

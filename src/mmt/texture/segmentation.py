@@ -29,6 +29,7 @@ from mmt.errors import InputError
 from mmt.texture.aligned import AlignedBlock
 from mmt.texture.pieces import CELL, cell_moments, stationary_pieces, straight_pieces
 from mmt.texture.segments import SampleRange, Segment
+from mmt.texture.settings import ModellingSettings
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,19 @@ class SegmentationSettings:
                 f"longest_samples is {self.longest_samples}: it must be at least twice "
                 f"shortest_samples ({self.shortest_samples}) and at least {2 * CELL}"
             )
+
+
+def segmentation_of(settings: ModellingSettings) -> SegmentationSettings:
+    """Return what a modelling's settings say of segments."""
+    return SegmentationSettings(
+        straightness_mm=settings.straightness_mm,
+        stationarity=settings.stationarity,
+        shortest_samples=settings.shortest_samples,
+        longest_samples=settings.longest_samples,
+        least_speed_mm_s=settings.least_speed_mm_s,
+        least_force_n=settings.least_force_n,
+        by_heading=settings.inputs == "anisotropic",
+    )
 
 
 class SegmentChange(NamedTuple):
