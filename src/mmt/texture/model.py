@@ -126,7 +126,9 @@ class TextureModel:
                 else fit_trend(self.points, values, is_amplitude=is_amplitude)
             )
             values = without_trend(self.points, values, self.trend)
-        self.vertices, samples_alone = vertex_table(self.points, values, self._lsf())
+        inside = (level, shape) == ("gaussian_process", "smoothed")
+        lsf = self._lsf(inside=inside)
+        self.vertices, samples_alone = vertex_table(self.points, values, lsf, inside=inside)
         self.dimensions = dimensions = self.space.dimensions
         grown = previous is not None and previous._alike == self._alike
         self.interpolant: Interpolant = BUILDERS[interpolator](
@@ -190,13 +192,13 @@ class TextureModel:
             raise InputError("no sample of the model has any power: its level has no logarithm")
         return self.level_process.level_db(points)
 
-    def _lsf(self) -> FloatArray:
+    def _lsf(self, *, inside: bool) -> FloatArray:
         """Return the frequencies at the samples, and around them where they are smoothed."""
         if self.shape == "measured":
             return self.samples.lsf
         from mmt.texture.shape_smoothing import smoothed_shapes
 
-        return smoothed_shapes(self.samples)
+        return smoothed_shapes(self.samples, inside=inside)
 
     @property
     def _made_process(self) -> "LevelProcess | None":

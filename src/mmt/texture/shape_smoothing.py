@@ -93,13 +93,14 @@ def smoothed(
     return _kept_apart(result, fitted)
 
 
-def smoothed_shapes(samples: TextureSamples) -> FloatArray:
+def smoothed_shapes(samples: TextureSamples, *, inside: bool = False) -> FloatArray:
     """Return the smoothed frequencies of a model's samples and of its boundary, (n + b, order).
 
-    Samples are weighted by their lengths; where these are not known all count alike.
+    Samples are weighted by their lengths; where these are not known all count alike. ``inside``
+    says whether the boundary has its points inside the space as well.
     """
     weights = np.ones(len(samples)) if samples.lengths is None else samples.lengths
-    around = boundary(samples.space.dimensions).points
+    around = boundary(samples.space.dimensions, inside=inside).points
     return smoothed(samples.points, samples.lsf, weights, around)
 
 

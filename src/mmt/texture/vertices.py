@@ -1,10 +1,10 @@
 """The points over which a texture model is interpolated: samples, merged, and boundary points."""
 
-from functools import reduce
 from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from mmt.arrays import FloatArray, IntArray
 from mmt.texture.boundary import boundary
@@ -20,7 +20,9 @@ class Vertices(NamedTuple):
     samples: int
 
 
-def vertex_table(points: FloatArray, level: FloatArray, lsf: FloatArray) -> Vertices:
+def vertex_table(
+    points: FloatArray, level: FloatArray, lsf: FloatArray, *, inside: bool = False
+) -> Vertices:
     """Return points, level and LSF of samples and boundary points.
 
     Coincident samples become one vertex with the mean of their filters (a convex
@@ -35,6 +37,8 @@ def vertex_table(points: FloatArray, level: FloatArray, lsf: FloatArray) -> Vert
     level, lsf
         Of the samples, shapes (n,) and (n, order), or (n + b, order) where those of all points
         of `mmt.texture.boundary.boundary` follow.
+    inside
+        Whether its points inside the space are vertices, too.
     """
     count, dimensions = points.shape
     rows = np.column_stack([_on_edges(points), level, lsf[:count]])
@@ -44,9 +48,8 @@ def vertex_table(points: FloatArray, level: FloatArray, lsf: FloatArray) -> Vert
     np.add.at(merged, vertex, rows)
     merged /= counts[:, None]
 
-    around = boundary(dimensions)
-    offsets = around.points[:, None, :] - merged[None, :, :dimensions]
-    distance = reduce(np.hypot, np.moveaxis(offsets, -1, 0))
+    around = boundary(dimensions, inside=inside)
+    distance = cdist(around.points, merged[:, :dimensions])
     extension = merged[distance.argmin(axis=1)]
     extension[:, :dimensions] = around.points
     extension[around.silent, dimensions] = 0.0
