@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Final
 
 from mmt.evaluation.bands import BAND_EDGES_HZ
-from mmt.evaluation.document import Block, Heading, Paragraph, Table
+from mmt.evaluation.document import Block, Heading, Table
+from mmt.evaluation.judged_report import write_judged_report
 from mmt.evaluation.methods.certainty_tables import DEFINITIONS as CERTAINTY_DEFINITIONS
 from mmt.evaluation.methods.certainty_tables import (
     calibration_sentence,
@@ -16,8 +17,7 @@ from mmt.evaluation.methods.certainty_tables import (
 )
 from mmt.evaluation.methods.judging import FIGURES, METHODS, MOMENTS
 from mmt.evaluation.methods.summary import STANDARD_ERRORS, Difference, MethodComparison, Row
-from mmt.evaluation.report import environment
-from mmt.evaluation.report_files import picture, write_report_files
+from mmt.evaluation.report_files import picture
 from mmt.evaluation.texts import number
 
 TITLE: Final = "Methods side by side"
@@ -112,21 +112,22 @@ def write_method_report(directory: Path, comparison: MethodComparison) -> Path:
     InputError
         The directory cannot be written.
     """
-    blocks: list[Block] = [Heading(TITLE, 1)]
-    blocks += [Paragraph(sentence) for sentence in [*verdicts(comparison), *comparison.remarks]]
+    blocks: list[Block] = []
     for group in comparison.groups:
         blocks += [Heading(group.capitalize()), _shares(comparison, group)]
         blocks += [_figures(comparison, group), _bands(comparison, group)]
         blocks += [Heading("By texture" if group != "recorded strokes" else "By stroke", 3)]
         blocks += [_figures(comparison, name) for name in comparison.names(group)]
-    blocks += certainty_blocks(comparison)
-    defined = [*DEFINITIONS.items(), *CERTAINTY_DEFINITIONS.items()]
-    blocks += [Heading("Definitions"), Table(("figure", "what"), defined)]
     settings = [(name, str(dict(METHODS[name]))) for name in comparison.methods]
-    blocks += [Table(("method", "keys of [texture]"), settings)]
-    blocks += [Heading("Made with"), Table(("part", "version"), list(environment().items()))]
-    data = {**comparison.as_dict(), "definitions": DEFINITIONS, "environment": environment()}
-    return write_report_files(directory, TITLE, blocks, "summary.json", data)
+    return write_judged_report(
+        directory,
+        TITLE,
+        [*verdicts(comparison), *comparison.remarks],
+        blocks + certainty_blocks(comparison),
+        {**DEFINITIONS, **CERTAINTY_DEFINITIONS},
+        {**comparison.as_dict(), "definitions": DEFINITIONS},
+        [Table(("method", "keys of [texture]"), settings)],
+    )
 
 
 def certainty_blocks(comparison: MethodComparison) -> list[Block]:
