@@ -168,7 +168,8 @@ class SurfaceDetector:
             return None
         if not self._without_the_loudest(number, since, threshold):
             return None
-        if not number and not self._without_new_headings(since, threshold):
+        lifted = bool(number) and blocks[-since].touchdown
+        if not lifted and not self._without_new_headings(number, since, threshold):
             return None
         return self._change(number, since, evidence)
 
@@ -178,7 +179,7 @@ class SurfaceDetector:
         kept = [places != left_out for left_out in places[-since:]]
         return all(self._evidence(number, since, each) > threshold for each in kept)
 
-    def _without_new_headings(self, since: int, threshold: float) -> bool:
+    def _without_new_headings(self, number: int, since: int, threshold: float) -> bool:
         """Say whether the evidence holds without blocks at headings not touched before.
 
         A texture may be rough along one heading and smooth along another: no setting knows that.
@@ -189,8 +190,8 @@ class SurfaceDetector:
         first = len(inputs) - since
         before = np.concatenate([self.surfaces[self.current].headings, inputs[:first, 2:]])
         kept = np.ones(len(inputs), dtype=np.bool_)
-        kept[first:] = (inputs[first:, 2:] @ before.T).max(axis=1, initial=-1.0) > _SAME_HEADING
-        return bool(kept[first:].any()) and self._evidence(0, since, kept) > threshold
+        kept[first:] = np.abs(inputs[first:, 2:] @ before.T).max(axis=1, initial=0.0) > _SAME_HEADING
+        return bool(kept[first:].any()) and self._evidence(number, since, kept) > threshold
 
     def _evidence(self, number: int, since: int, kept: BoolArray) -> float:
         """Return the evidence for a surface (0 for a new one) from some of the window's blocks."""

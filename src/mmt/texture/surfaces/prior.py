@@ -54,18 +54,23 @@ class Prior(NamedTuple):
 
 
 PRIORS: Final[Mapping[str, Prior]] = {
-    "level": Prior(0, 1, (-3.0, 1.1, 0.65), 2.2, 0.35, 0.25, 0.5, float(BANDS), 1.0),
+    "level": Prior(0, 1, (-3.0, 1.1, 0.65), 2.2, 0.35, 0.2, 0.75, float(BANDS), 0.6),
     "tilt": Prior(1, 2, (2.0, 0.0, 0.0), 2.0, 0.6, 0.4, 0.8, 1.0, 2.0),
-    "coarse": Prior(2, 4, (0.0, 0.0, 0.0), 1.0, 0.5, 0.3, 0.5, 1.0, 1.5),
-    "fine": Prior(4, BANDS, (0.0, 0.0, 0.0), 0.5, 0.3, 0.2, 0.3, 1.0, 1.0),
+    "coarse": Prior(2, 4, (0.0, 0.0, 0.0), 0.6, 0.5, 0.2, 0.5, 1.0, 1.5),
+    "fine": Prior(4, BANDS, (0.0, 0.0, 0.0), 0.3, 0.2, 0.1, 0.2, 1.0, 1.0),
 }
+
+
+REVERSAL: Final = 3.0
+"""Length over which what varies with the heading also differs there and back, on the unit circle."""
 
 
 class Setting(NamedTuple):
     """How rough a surface may be: size and length of the residual, and the noise over `NOISE`.
 
     ``turning``: factor on what varies with the heading. ``turn``: length of that, as a distance
-    on the unit circle; infinite where the heading does not count.
+    on the unit circle of twice the heading, for a grain is the same there and back but for a nap;
+    infinite where the heading does not count.
     """
 
     residual: float
@@ -76,17 +81,17 @@ class Setting(NamedTuple):
 
 
 SETTINGS: Final = (
-    Setting(0.15, 0.7, 1.2),
-    Setting(0.25, 0.4, 1.6),
-    Setting(0.5, 0.2, 1.8),
-    Setting(0.25, 0.6, 2.8),
+    Setting(0.12, 0.7, 1.1),
+    Setting(0.2, 0.5, 1.3),
+    Setting(0.4, 0.35, 1.5),
+    Setting(0.6, 0.7, 1.8),
 )
 
 GRAINED: Final = (
-    Setting(0.15, 0.7, 1.2, 0.4, 0.5),
-    Setting(0.25, 0.6, 1.2, 0.8, 0.45),
-    Setting(0.5, 0.5, 1.2, 0.5, 0.35),
-    Setting(0.5, 0.4, 1.8, 1.0, 0.4),
+    Setting(0.15, 0.7, 1.2, 0.4, 1.0),
+    Setting(0.25, 0.6, 1.2, 0.8, 0.9),
+    Setting(0.5, 0.5, 1.2, 0.5, 0.7),
+    Setting(0.5, 0.4, 1.8, 1.0, 0.8),
 )
 """Of surfaces whose texture depends on the heading."""
 
@@ -119,8 +124,11 @@ class Distances:
         self._residuals: dict[float, FloatArray] = {}
         self._alike: dict[float, FloatArray] = {}
         self._turned: FloatArray | None = None
+        self._reversed: FloatArray
         if one.shape[1] == 4:
-            self._turned = 2.0 - 2.0 * (one[:, 2:] @ other[:, 2:].T)
+            cosine = one[:, 2:] @ other[:, 2:].T
+            self._turned = 4.0 * (1.0 - cosine**2)
+            self._reversed = np.exp((cosine - 1.0) / REVERSAL**2)
 
     def covariance(self, prior: Prior, setting: Setting) -> FloatArray:
         """Return the prior covariance of a component, shape (n, m)."""
@@ -132,7 +140,7 @@ class Distances:
         if self._turned is not None and setting.turn < math.inf:
             alike = self._alike.get(setting.turn)
             if alike is None:
-                alike = np.exp(self._turned / (-2.0 * setting.turn**2))
+                alike = self._reversed * np.exp(self._turned / (-2.0 * setting.turn**2))
                 self._alike[setting.turn] = alike
             total = (total + (setting.turning * prior.per_heading) ** 2) * alike
         total += prior.constant**2
