@@ -44,6 +44,12 @@ TRIAL: Final = 60
 SURE: Final = 7.0
 """Evidence (natural logarithm) that a recall takes, against a new surface and every other one."""
 
+YOUNG: Final = 20
+"""Blocks of a stay in which a change within contact takes more evidence."""
+
+EARLY: Final = 3.0
+"""So much more, for of a surface that was just met the least is known."""
+
 _SAME_HEADING: Final = math.cos(math.radians(30.0))
 
 _TOGETHER: Final = 5
@@ -108,6 +114,7 @@ class SurfaceDetector:
             self.current: SurfaceKnowledge(self._settings)
         }
         """Those that are known, by number; the one that the tool was on last stands last."""
+        self._stayed = 0  # blocks of this stay
         self._window: list[SurfaceBlock] = []  # the newest of the current surface, oldest first
         self._trial: list[SurfaceBlock] | None = []
         self._unknown = SurfaceKnowledge(self._settings)
@@ -116,6 +123,7 @@ class SurfaceDetector:
         """Take the next block; return the change that it brings to light."""
         window = self._window
         window.append(block)
+        self._stayed += 1
         if self._trial is not None:
             self._trial.append(block)
         change = self._alarm() or self._identify()
@@ -124,16 +132,19 @@ class SurfaceDetector:
             del window[:_TOGETHER]
         return change
 
-    def threshold(self, *, touchdown: bool) -> float:
+    def threshold(self, *, touchdown: bool, young: bool = False) -> float:
         """Return the evidence (natural logarithm) that a change takes.
 
         Parameters
         ----------
         touchdown
             Whether it is to have happened while the tool was off the surface.
+        young
+            Whether it is to have happened in the first `YOUNG` blocks of the stay.
         """
         per_hour = _TOUCHDOWNS_PER_HOUR if touchdown else 3600.0 * _RATE_HZ / BLOCK
-        return math.log(2.0 * per_hour * len(self.surfaces) / self._rate)
+        more = EARLY if young and not touchdown else 0.0
+        return math.log(2.0 * per_hour * len(self.surfaces) / self._rate) + more
 
     # --- alarms
 
@@ -146,15 +157,21 @@ class SurfaceDetector:
         Of the newest block, the newest two, and so on, given what came before them.
         """
         newest_first = HeardBlocks.of(self._window[::-1])
-        so_far = self.surfaces[self.current].log_likelihood(HeardBlocks.of(self._window))
-        stayed = (so_far[-1] - np.append(0.0, so_far[:-1]))[::-1]
+        oldest_first = HeardBlocks.of(self._window)
+        stayed = self.surfaces[self.current].log_likelihood_after(oldest_first)[::-1]
         others = {n: k for n, k in self.surfaces.items() if n != self.current}
         others[0] = self._unknown
         return {n: k.log_likelihood(newest_first) - stayed for n, k in others.items()}
 
     def _decide(self, evidence: Mapping[int, FloatArray]) -> SurfaceChange | None:
         blocks = self._window
-        margins = np.array([-self.threshold(touchdown=b.touchdown) for b in reversed(blocks)])
+        first = self._stayed - len(blocks)
+        margins = np.array(
+            [
+                -self.threshold(touchdown=block.touchdown, young=first + place < YOUNG)
+                for place, block in enumerate(blocks)
+            ]
+        )[::-1]
         best = {number: float((values + margins).max()) for number, values in evidence.items()}
         leading = max(best, key=lambda n: best[n])
         if best[leading] <= 0.0:
@@ -199,8 +216,8 @@ class SurfaceDetector:
         blocks = [block for block, keep in zip(self._window, kept, strict=True) if keep]
         after = int(kept[len(kept) - since :].sum())
         there = other.log_likelihood(HeardBlocks.of(blocks[-after:]))[-1]
-        so_far = self.surfaces[self.current].log_likelihood(HeardBlocks.of(blocks))
-        return float(there - (so_far[-1] - np.append(0.0, so_far)[-1 - after]))
+        stayed = self.surfaces[self.current].log_likelihood_after(HeardBlocks.of(blocks))
+        return float(there - stayed[-after])
 
     @staticmethod
     def _best_since(evidence: Mapping[int, FloatArray], since: int) -> int:
@@ -226,6 +243,7 @@ class SurfaceDetector:
         if not blocks[first].touchdown:
             first += 1  # the block in which it happened may be of both
         self._window = blocks[first:]
+        self._stayed = len(self._window)
         self._trial = None if number else list(self._window)
         self._go_to(change.surface)
         return change

@@ -37,6 +37,9 @@ from mmt.texture.surfaces.prior import (
 LARGEST: Final = 250
 """Most cells of a surface; the one that was not touched for longest leaves for the next."""
 
+SHARED: Final = 0.02
+"""Of the weight of all settings, divided anew between them where a surface may go on otherwise."""
+
 _CELL_WIDTH: Final = 0.2  # of the logarithms of speed and force
 _SECTORS: Final = 12
 _LARGEST_WEIGHT: Final = 30.0
@@ -162,8 +165,25 @@ class SurfaceKnowledge:
 
         Natural logarithms of densities, shape (n,).
         """
-        if not len(heard.inputs):
-            return np.empty(0)
+        total: FloatArray = np.logaddexp.reduce(self._by_setting(heard), axis=0)
+        return total
+
+    def log_likelihood_after(self, heard: HeardBlocks) -> FloatArray:
+        """Return how likely all blocks are, all but the first, and so on, given those before.
+
+        Natural logarithms of densities, shape (n,). A share of the weight is divided anew between
+        the settings at the moment in question (fixed share; Herbster and Warmuth, "Tracking the
+        best expert", Machine Learning 32, 1998): what was smooth so far may be rough elsewhere.
+        """
+        each = self._by_setting(heard)
+        so_far = np.concatenate([self._weights[self._possible(), None], each[:, :-1]], axis=1)
+        weights = so_far - np.logaddexp.reduce(so_far, axis=0)
+        weights = np.logaddexp(np.log1p(-SHARED) + weights, np.log(SHARED / len(each)))
+        after: FloatArray = np.logaddexp.reduce(weights + each[:, -1:] - so_far, axis=0)
+        return after
+
+    def _by_setting(self, heard: HeardBlocks) -> FloatArray:
+        """Return the weighted likelihoods (settings that are possible, n) of `log_likelihood`."""
         self._condition()
         across = Distances(self._places, heard.inputs) if self._cells else None
         possible = self._possible()
@@ -177,8 +197,7 @@ class SurfaceKnowledge:
                     explained, known = _explain(across.covariance(prior, setting), posteriors[kind])
                     rest, spread = rest - explained, spread - known
                 each[row] += _log_density(rest, spread)
-        total: FloatArray = np.logaddexp.reduce(each, axis=0)
-        return total
+        return each
 
     def spread(self, inputs: FloatArray) -> dict[str, FloatArray]:
         """Return how well each kind of component is known at inputs (n, d).
