@@ -68,6 +68,15 @@ def test_nothing_found_is_missed_and_a_change_without_one_is_a_false_alarm() -> 
     assert result.stays[0].delay_s is None
 
 
+def test_what_is_found_just_after_the_tool_has_left_again_is_no_false_alarm() -> None:
+    late = Found(SurfaceChange("new", 1, 2, 2100, 3990, 20.0), 4050)
+    result = scored([0, 1, 0], [late, change("recalled", 2, 1, 4.4)])
+    assert result.false_alarms == 0
+    assert [stay.delay_s for stay in result.stays] == [2.05, 0.4]
+    early = Found(SurfaceChange("new", 1, 2, 2100, 4090, 20.0), 4150)
+    assert scored([0, 1, 0], [early]).false_alarms == 1
+
+
 def test_the_model_of_another_surface_is_a_wrong_recall() -> None:
     found = [change("new", 1, 2, 2.3), change("new", 2, 3, 4.3), change("recalled", 3, 2, 6.3)]
     result = scored([0, 1, 2, 0], found)

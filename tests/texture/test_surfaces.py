@@ -15,8 +15,19 @@ from mmt.errors import InputError
 from mmt.texture.aligned import AlignedBlock
 from mmt.texture.surfaces import BlockCutter, SurfaceDetector, SurfaceKnowledge
 from mmt.texture.surfaces.blocks import BANDS, BLOCK, SurfaceBlock, band_log_power
-from mmt.texture.surfaces.knowledge import HeardBlocks
-from mmt.texture.surfaces.prior import GRAINED, NOISE, PRIORS, SETTINGS, Distances, mean_of, turning
+from mmt.texture.surfaces.detection import EARLY
+from mmt.texture.surfaces.heard import HeardBlocks
+from mmt.texture.surfaces.knowledge import SHARED
+from mmt.texture.surfaces.prior import (
+    GRAINED,
+    NOISE,
+    PRIORS,
+    SETTINGS,
+    Distances,
+    Setting,
+    mean_of,
+    turning,
+)
 
 
 def stream(count: int, *, speed: float = 100.0, force: float = 1.0, first: int = 0) -> AlignedBlock:
@@ -138,6 +149,33 @@ def test_what_was_learned_is_the_chain_rule_of_the_joint_density() -> None:
     np.testing.assert_allclose(likelihood(surface, new), joint[6:] - joint[5], rtol=0.0, atol=1e-4)
 
 
+@pytest.mark.parametrize("settings", [SETTINGS[:1], SETTINGS])
+def test_what_follows_is_predicted_from_what_came_before(settings: tuple[Setting, ...]) -> None:
+    """Exactly so with one degree of roughness; with several a share of the weight is spread."""
+    surface = SurfaceKnowledge(settings)
+    surface.add(make_blocks(SMOOTH, 10, 2))
+    heard = HeardBlocks.of(make_blocks(PEAKED, 12, 3))
+    so_far = surface.log_likelihood(heard)
+    exact = so_far[-1] - np.append(0.0, so_far[:-1])
+    after = surface.log_likelihood_after(heard)
+    if len(settings) == 1:
+        np.testing.assert_allclose(after, exact, atol=1e-9)
+    assert (after >= exact + np.log1p(-SHARED) - 1e-9).all()
+
+
+def test_what_was_smooth_so_far_may_be_rough_elsewhere() -> None:
+    """Where a rough degree predicts better it counts, however unlikely it was before."""
+    surface = SurfaceKnowledge((SETTINGS[0], SETTINGS[-1]))
+    blocks = make_blocks(SMOOTH, 16, 2)
+    blocks[8:] = [
+        replace(b, log_power=b.log_power + 1.2 * (-1) ** n) for n, b in enumerate(blocks[8:])
+    ]
+    heard = HeardBlocks.of(blocks)
+    rough = SurfaceKnowledge(SETTINGS[-1:]).log_likelihood(heard)
+    spread = surface.log_likelihood_after(heard)[8]
+    assert spread >= rough[-1] - rough[7] + np.log(SHARED / 2) - 1e-9
+
+
 def test_a_surface_is_known_where_it_was_touched_and_less_far_from_there() -> None:
     surface = SurfaceKnowledge()
     surface.add(make_blocks(SMOOTH, 60, 3, low=(-0.3, -0.3), high=(0.3, 0.3)))
@@ -181,6 +219,15 @@ def test_only_a_texture_that_is_the_same_in_all_directions_is_known_in_all_of_th
     assert known[1.0][1] > 1.8 * known[1.0][0]
 
 
+def test_a_grain_is_known_there_and_back_but_not_across() -> None:
+    knowledge = SurfaceKnowledge(GRAINED)
+    knowledge.add(headed(40, 3, gain=0.0, heading=0.0))
+    there, back, across = knowledge.spread(
+        np.array([[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    )["level"]
+    assert there < back < 0.6 * across
+
+
 def test_a_texture_that_depends_on_the_heading_is_one_surface() -> None:
     detector = SurfaceDetector(by_heading=True)
     found = [detector.take(block) for block in headed(200, 5, gain=1.0)]
@@ -199,6 +246,22 @@ def test_what_is_heard_at_another_heading_alone_is_no_new_surface(
     blocks = headed(40, 5, gain=0.0, heading=0.0)
     blocks += headed(10, 6, gain=0.0, heading=heading, ar=PEAKED)
     found = [detector.take(block) for block in blocks]
+    assert {change.kind for change in found if change is not None} == kinds
+
+
+@pytest.mark.parametrize(("lifted", "kinds"), [(False, set()), (True, {"recalled"})])
+def test_a_heading_never_touched_recalls_a_surface_only_behind_a_lift_off(
+    lifted: bool, kinds: set[str]
+) -> None:
+    detector = SurfaceDetector(by_heading=True)
+    detector.surfaces = {7: SurfaceKnowledge(HEADED), **detector.surfaces}
+    detector.surfaces[7].add(headed(80, 4, gain=0.0, ar=PEAKED))
+    for block in headed(40, 5, gain=0.0, heading=0.0):
+        assert detector.take(block) is None
+    across = headed(8, 6, gain=0.0, heading=1.57, ar=PEAKED)
+    across[0] = replace(across[0], touchdown=lifted)
+    across[1:] = [replace(block, touchdown=False) for block in across[1:]]
+    found = [detector.take(block) for block in across]
     assert {change.kind for change in found if change is not None} == kinds
 
 
@@ -313,6 +376,14 @@ def test_a_lower_rate_takes_more_evidence_and_a_touchdown_less() -> None:
     often, seldom = SurfaceDetector(10.0), SurfaceDetector(0.1)
     assert seldom.threshold(touchdown=False) > often.threshold(touchdown=False)
     assert often.threshold(touchdown=True) < often.threshold(touchdown=False)
+
+
+def test_a_change_early_in_a_stay_takes_more_evidence_but_behind_a_lift_off() -> None:
+    detector = SurfaceDetector()
+    early = detector.threshold(touchdown=False, young=True)
+    assert early == detector.threshold(touchdown=False) + EARLY
+    lifted = detector.threshold(touchdown=True)
+    assert detector.threshold(touchdown=True, young=True) == lifted
 
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, np.inf])

@@ -35,7 +35,7 @@ from mmt.texture.stopwatch import Stopwatch
 
 if TYPE_CHECKING:
     from mmt.texture.selection.online import OnlineSelection
-    from mmt.texture.surfaces.detection import SurfaceChange
+    from mmt.texture.surfaces.changes import SurfaceChange
 
 LARGEST_MODEL: Final = 1000
 """Samples of a model; of the two that lie closest, the older one leaves for the next."""

@@ -82,6 +82,10 @@ def score(
 ) -> SurfaceScore:
     """Compare what was found with the truth.
 
+    A change belongs to the stay in which the newest of the samples lies that it was found from,
+    also where the tool has left that surface by the time filters and the leader's period have
+    passed.
+
     Parameters
     ----------
     truth, stroking, contact
@@ -100,7 +104,7 @@ def score(
         known = surface in labels.of.values() if number else False
         alarm: Found | None = None
         settled: Found | None = None
-        while place < len(found) and found[place].frame < stop:
+        while place < len(found) and found[place].change.at_sample <= stop:
             item = found[place]
             place += 1
             was_right = labels.of.get(current) == surface

@@ -1,7 +1,8 @@
 """More than one surface: when the tool comes onto another one, and which."""
 
 from mmt.texture.surfaces.blocks import BlockCutter, SurfaceBlock
-from mmt.texture.surfaces.detection import SurfaceChange, SurfaceDetector
+from mmt.texture.surfaces.changes import SurfaceChange
+from mmt.texture.surfaces.detection import SurfaceDetector
 from mmt.texture.surfaces.knowledge import SurfaceKnowledge
 
 __all__ = ["BlockCutter", "SurfaceBlock", "SurfaceChange", "SurfaceDetector", "SurfaceKnowledge"]

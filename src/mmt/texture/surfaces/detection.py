@@ -12,27 +12,33 @@ each alternative. So with N moments an hour and M alternatives, h = log(N M / ra
 `rate` false alarms an hour. Lift-offs are natural boundaries: half of the rate is spent on the
 touchdowns, which are few, and half on all the other blocks.
 
-No alarm rests on a single block, whatever it says: the evidence must stay above the threshold
-with the block left out that speaks most for it, for a knock is no surface. Nor does that for a new
-surface rest on blocks at headings at which the current one was never touched.
+Moments within contact in the first `YOUNG` blocks of a stay get less, by e^-`EARLY`: what is known
+of a surface by then is mostly the prior.
 
-*Afterwards.* The alternative of most evidence is taken. A new surface is on trial for its first
-`TRIAL` blocks: where a known one predicts all of them better than nothing known by `SURE`, and
-better than every other known one, it was that one.
+No alarm rests on a single block, whatever it says: the evidence must stay above the threshold
+with the block left out that speaks most for it, for a knock is no surface. Nor does one rest on
+blocks at headings at which the current surface was never touched, but for that of a known
+surface behind a lift-off.
+
+*Afterwards.* The alternative of most evidence is taken. It learns what came after the last moment
+that is plausible, the former one what came before the likeliest. A new surface is on trial for its
+first `TRIAL` blocks: where a known one predicts all of them better than nothing known by `SURE`,
+and better than every other known one, it was that one.
 """
 
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 
 from mmt.arrays import BoolArray, FloatArray
 from mmt.errors import InputError
 from mmt.texture.surfaces.blocks import BLOCK, SurfaceBlock
-from mmt.texture.surfaces.knowledge import HeardBlocks, SurfaceKnowledge
+from mmt.texture.surfaces.changes import SurfaceChange, change_point
+from mmt.texture.surfaces.heard import HeardBlocks
+from mmt.texture.surfaces.knowledge import SurfaceKnowledge
 from mmt.texture.surfaces.prior import GRAINED, SETTINGS
 
 WINDOW: Final = 20
@@ -44,11 +50,17 @@ TRIAL: Final = 60
 SURE: Final = 7.0
 """Evidence (natural logarithm) that a recall takes, against a new surface and every other one."""
 
+ALIKE: Final = 3.0
+"""So much more a surface on trial takes where blocks have headings: along some, many are alike."""
+
 YOUNG: Final = 20
 """Blocks of a stay in which a change within contact takes more evidence."""
 
 EARLY: Final = 3.0
 """So much more, for of a surface that was just met the least is known."""
+
+DOUBT: Final = 3.0
+"""Change points with so much less evidence are plausible too; in between nothing is learned."""
 
 _SAME_HEADING: Final = math.cos(math.radians(30.0))
 
@@ -57,24 +69,6 @@ _TOGETHER: Final = 5
 
 _TOUCHDOWNS_PER_HOUR: Final = 1800.0
 _RATE_HZ: Final = 1000.0
-
-
-@dataclass(frozen=True)
-class SurfaceChange:
-    """The tool was found to be on another surface.
-
-    ``kind``: ``"new"`` one, a known one ``"recalled"``, or the new one on trial ``"identified"``
-    as a known one. ``before`` and ``surface`` are the numbers of the two surfaces.
-    ``from_sample``: the first sample that is no longer the former one's; ``at_sample``: where
-    it was found. ``evidence``: the Bayes factor's natural logarithm.
-    """
-
-    kind: Literal["new", "recalled", "identified"]
-    before: int
-    surface: int
-    from_sample: int
-    at_sample: int
-    evidence: float
 
 
 class SurfaceDetector:
@@ -108,6 +102,7 @@ class SurfaceDetector:
         self._rate = false_alarms_per_hour
         self._most = most
         self._settings = (*SETTINGS, *GRAINED) if by_heading else SETTINGS
+        self._alike = ALIKE if by_heading else 0.0
         self._numbers = itertools.count(1)
         self.current = next(self._numbers)
         self.surfaces: dict[int, SurfaceKnowledge] = {
@@ -188,7 +183,7 @@ class SurfaceDetector:
         lifted = bool(number) and blocks[-since].touchdown
         if not lifted and not self._without_new_headings(number, since, threshold):
             return None
-        return self._change(number, since, evidence)
+        return self._change(number, since, evidence[number], margins)
 
     def _without_the_loudest(self, number: int, since: int, threshold: float) -> bool:
         """Say whether the evidence holds whichever single block is left out."""
@@ -207,7 +202,9 @@ class SurfaceDetector:
         first = len(inputs) - since
         before = np.concatenate([self.surfaces[self.current].headings, inputs[:first, 2:]])
         kept = np.ones(len(inputs), dtype=np.bool_)
-        kept[first:] = np.abs(inputs[first:, 2:] @ before.T).max(axis=1, initial=0.0) > _SAME_HEADING
+        kept[first:] = (
+            np.abs(inputs[first:, 2:] @ before.T).max(axis=1, initial=0.0) > _SAME_HEADING
+        )
         return bool(kept[first:].any()) and self._evidence(number, since, kept) > threshold
 
     def _evidence(self, number: int, since: int, kept: BoolArray) -> float:
@@ -228,18 +225,23 @@ class SurfaceDetector:
             return 0
         return ranked[0]
 
-    def _change(self, number: int, since: int, evidence: Mapping[int, FloatArray]) -> SurfaceChange:
+    def _change(
+        self, number: int, since: int, evidence: FloatArray, margins: FloatArray
+    ) -> SurfaceChange:
+        """Go to another surface: from when on it surely is, and from when on perhaps."""
         blocks = self._window
-        first = len(blocks) - since
+        earliest = len(blocks) - since
+        plausible = evidence + margins >= evidence[since - 1] + margins[since - 1] - DOUBT
+        first = len(blocks) - (1 + int(np.argmax(plausible)))
         change = SurfaceChange(
             kind="recalled" if number else "new",
             before=self.current,
             surface=number or next(self._numbers),
-            from_sample=_change_point(blocks, first),
+            from_sample=change_point(blocks, first),
             at_sample=blocks[-1].stop,
-            evidence=float(evidence[number][since - 1]),
+            evidence=float(evidence[since - 1]),
         )
-        self.surfaces[self.current].add(blocks[: max(first - 1, 0)])
+        self.surfaces[self.current].add(blocks[: max(earliest - 1, 0)])
         if not blocks[first].touchdown:
             first += 1  # the block in which it happened may be of both
         self._window = blocks[first:]
@@ -274,7 +276,7 @@ class SurfaceDetector:
         number = max(gains, key=lambda n: gains[n])
         others = [gain for n, gain in gains.items() if n != number]
         lead = gains[number] - max([0.0, *others])
-        if lead < SURE + math.log(len(known)):
+        if lead < SURE + self._alike + math.log(len(known)):
             return None
         return self._identified(number, trial, lead)
 
@@ -293,15 +295,3 @@ class SurfaceDetector:
         self._trial = None
         self._go_to(number)
         return change
-
-
-def _change_point(blocks: list[SurfaceBlock], first: int) -> int:
-    """Return where the change is taken to be that block `first` is the first one behind.
-
-    Behind a lift-off, where contact began; within contact the block before, which may be of
-    both, is neither's.
-    """
-    block = blocks[first]
-    if block.touchdown or first == 0:
-        return min(block.start, max(block.contact_start, 0))
-    return blocks[first - 1].start

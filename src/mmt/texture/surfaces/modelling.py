@@ -16,7 +16,7 @@ from mmt.arrays import RecordArray
 from mmt.texture.model import TextureModel
 from mmt.texture.modelling import ModelUpdate, OnlineModeller
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
-from mmt.texture.surfaces.detection import SurfaceChange
+from mmt.texture.surfaces.changes import SurfaceChange
 from mmt.texture.surfaces.tracking import SurfaceTracker
 
 LOOK_S: Final = 0.05

@@ -11,12 +11,14 @@ The level follows a power law of speed and force as far as is published for text
 speed^0.8..1.4 and force^0.4..1), and bends away from it by a residual r. What a surface is like
 where it was not touched follows: near its samples it is known to within the residual, far
 from them only to within the slopes, and of a surface that was never touched nothing is known but
-the wide prior of c. The widths are a choice: vibration falls towards high frequencies,
-and the finer a feature, the smaller. How rough r is differs between textures (a ribbed one has
+the wide prior of c. Vibration falls towards high frequencies, and the finer a feature, the smaller;
+the widths are near those at which stays on the known textures are likeliest, on the wide side: a
+prior that is too wide takes two textures that are merely alike for the same. How rough r is differs between textures (a ribbed one has
 lines that move with the speed through the bands): each of `SETTINGS` is held possible.
 
 Where the heading is known as well, a texture may depend on it or not: beside `SETTINGS`, those of
-`GRAINED` are held possible, in which r and a constant h are only alike at like headings.
+`GRAINED` are held possible, in which r and a constant h are only alike at like headings. A grain is
+the same there and back, but for a nap: that counts little (`REVERSAL`).
 """
 
 import math
@@ -62,7 +64,7 @@ PRIORS: Final[Mapping[str, Prior]] = {
 
 
 REVERSAL: Final = 3.0
-"""Length over which what varies with the heading also differs there and back, on the unit circle."""
+"""Length, on the unit circle, over which a texture differs there and back."""
 
 
 class Setting(NamedTuple):

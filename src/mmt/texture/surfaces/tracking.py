@@ -5,13 +5,15 @@ from mmt.texture.filtering import StreamFilter
 from mmt.texture.inputs import InputSpace
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.texture.surfaces.blocks import BLOCK, BlockCutter
-from mmt.texture.surfaces.detection import SurfaceChange, SurfaceDetector
+from mmt.texture.surfaces.changes import SurfaceChange
+from mmt.texture.surfaces.detection import SurfaceDetector
 
 
 class SurfaceTracker:
     """Follow a stream of frames over several surfaces.
 
-    Cost: about 2 ms a block with two known surfaces and 0.3 ms more for each further one.
+    Cost: a block of 100 ms takes about 2 ms with two to six known surfaces, 3.4 ms where it has a
+    heading.
 
     Parameters
     ----------
