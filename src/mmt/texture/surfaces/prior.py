@@ -13,8 +13,9 @@ where it was not touched follows: near its samples it is known to within the res
 from them only to within the slopes, and of a surface that was never touched nothing is known but
 the wide prior of c. Vibration falls towards high frequencies, and the finer a feature, the smaller;
 the widths are near those at which stays on the known textures are likeliest, on the wide side: a
-prior that is too wide takes two textures that are merely alike for the same. How rough r is differs between textures (a ribbed one has
-lines that move with the speed through the bands): each of `SETTINGS` is held possible.
+prior that is too wide takes two textures that are merely alike for the same. How rough r is differs
+between textures (a ribbed one has lines that move with the speed through the bands): each of
+`SETTINGS` is held possible.
 
 Where the heading is known as well, a texture may depend on it or not: beside `SETTINGS`, those of
 `GRAINED` are held possible, in which r and a constant h are only alike at like headings. A grain is
