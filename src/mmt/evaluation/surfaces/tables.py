@@ -8,9 +8,8 @@ from typing import Any, Final
 import numpy as np
 from scipy.stats import chi2
 
-from mmt.evaluation.document import Block, Heading, Paragraph, Table
-from mmt.evaluation.report import environment
-from mmt.evaluation.report_files import write_report_files
+from mmt.evaluation.document import Table
+from mmt.evaluation.judged_report import write_judged_report
 from mmt.evaluation.surfaces.running import RECORDED, SurfaceResult
 from mmt.evaluation.surfaces.scoring import Stay
 
@@ -131,13 +130,14 @@ def write_surface_report(directory: Path, evaluation: SurfaceEvaluation) -> Path
     InputError
         The directory cannot be written.
     """
-    blocks: list[Block] = [Heading(TITLE, 1)]
-    blocks += [Paragraph(sentence) for sentence in verdicts(evaluation)]
-    blocks += surface_tables(evaluation)
-    blocks += [Heading("Definitions"), Table(("figure", "what"), list(DEFINITIONS.items()))]
-    blocks += [Heading("Made with"), Table(("part", "version"), list(environment().items()))]
-    data = {**evaluation.as_dict(), "environment": environment()}
-    return write_report_files(directory, TITLE, blocks, "summary.json", data)
+    return write_judged_report(
+        directory,
+        TITLE,
+        verdicts(evaluation),
+        surface_tables(evaluation),
+        DEFINITIONS,
+        evaluation.as_dict(),
+    )
 
 
 def _figures(name: str, group: Sequence[SurfaceResult]) -> dict[str, Any]:
