@@ -140,7 +140,7 @@ def test_both_groups_are_simulated_and_told_apart(monkeypatch: pytest.MonkeyPatc
         ("grained", "2"),
         ("grained", "all"),
     ]
-    assert len(surface_tables(evaluation)) == 2
+    assert len(surface_tables(evaluation)) == 4
     assert len(verdicts(evaluation)) == 6
 
 

@@ -352,6 +352,17 @@ def test_a_known_surface_is_recalled() -> None:
     assert len(detector.surfaces) == 2
 
 
+def test_a_trial_that_began_with_a_block_of_the_former_surface_is_of_the_one_that_follows() -> None:
+    detector = SurfaceDetector()
+    followed(detector, make_blocks(SMOOTH, 40, 1))
+    assert followed(detector, make_blocks(PEAKED, 70, 2, first=40))[0][0] == "new"
+    detector._go_to(3)  # as where a change was placed one block too early
+    detector._trial, detector._window, detector._stayed = [], [], 0
+    mixed = make_blocks(PEAKED, 1, 3, first=110) + make_blocks(SMOOTH, 20, 4, first=111)
+    assert [(kind, number) for kind, number, _ in followed(detector, mixed)] == [("identified", 1)]
+    assert set(detector.surfaces) == {1, 2}
+
+
 def test_an_unexplored_part_of_the_plane_is_no_other_surface() -> None:
     detector = SurfaceDetector()
     assert followed(detector, make_blocks(SMOOTH, 40, 7, high=(-0.4, -0.4))) == []

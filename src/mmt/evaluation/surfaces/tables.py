@@ -74,11 +74,13 @@ class SurfaceEvaluation:
 
 
 def surface_tables(evaluation: SurfaceEvaluation) -> list[Table]:
-    """Return a table for each group, with a row for each number of surfaces."""
-    return [_table(evaluation, group) for group in evaluation.groups]
+    """Return tables for each group, with a row for each number of surfaces."""
+    return [
+        table(evaluation, group) for group in evaluation.groups for table in (_changes, _choices)
+    ]
 
 
-def _table(evaluation: SurfaceEvaluation, group: str) -> Table:
+def _changes(evaluation: SurfaceEvaluation, group: str) -> Table:
     rows = [
         [
             row["surfaces"],
@@ -88,17 +90,29 @@ def _table(evaluation: SurfaceEvaluation, group: str) -> Table:
             _seconds(row["delay_p90_s"]),
             _share(row["within_target"]),
             str(row["missed"]),
+        ]
+        for row in evaluation.rows_of(group)
+    ]
+    columns = ["surfaces", "sessions", "stays", "delay (s)", "delay p90 (s)", "in 0.5 s", "missed"]
+    return Table(columns, rows, caption=f"{CAPTIONS[group]}: changes. Delays are medians.")
+
+
+def _choices(evaluation: SurfaceEvaluation, group: str) -> Table:
+    rows = [
+        [
+            row["surfaces"],
             _seconds(row["recall_s"]),
-            f"{row['wrong_recalls']}/{row['recalls']}",
+            str(row["recalls"]),
+            str(row["wrong_recalls"]),
             str(row["doubled"]),
             str(row["false_alarms"]),
             f"{row['stroked_s'] / 60.0:.0f}",
         ]
         for row in evaluation.rows_of(group)
     ]
-    columns = ["surfaces", "sessions", "stays", "delay (s)", "delay p90", "in 0.5 s", "missed"]
-    columns += ["recalled (s)", "wrong recalls", "doubled", "false alarms", "stroked (min)"]
-    return Table(columns, rows, caption=f"{CAPTIONS[group]}. Delays are medians.")
+    columns = ["surfaces", "recalled after (s)", "recalls", "wrong", "doubled"]
+    columns += ["false alarms", "stroked (min)"]
+    return Table(columns, rows, caption=f"{CAPTIONS[group]}: recalls and false alarms.")
 
 
 def verdicts(evaluation: SurfaceEvaluation) -> list[str]:

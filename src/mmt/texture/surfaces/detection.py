@@ -53,6 +53,9 @@ SURE: Final = 7.0
 ALIKE: Final = 3.0
 """So much more a surface on trial takes where blocks have headings: along some, many are alike."""
 
+MIXED: Final = 2
+"""First blocks of a trial that may be of the former surface, where none has a heading."""
+
 YOUNG: Final = 20
 """Blocks of a stay in which a change within contact takes more evidence."""
 
@@ -102,7 +105,7 @@ class SurfaceDetector:
         self._rate = false_alarms_per_hour
         self._most = most
         self._settings = (*SETTINGS, *GRAINED) if by_heading else SETTINGS
-        self._alike = ALIKE if by_heading else 0.0
+        self._alike, self._mixed = (ALIKE, 0) if by_heading else (0.0, MIXED)
         self._numbers = itertools.count(1)
         self.current = next(self._numbers)
         self.surfaces: dict[int, SurfaceKnowledge] = {
@@ -174,7 +177,7 @@ class SurfaceDetector:
         since = int(np.argmax(evidence[leading] + margins)) + 1
         threshold = -float(margins[since - 1])
         number = self._best_since(evidence, since)
-        if number and self._trial is not None and since >= len(self._trial):
+        if number and self._trial is not None and since >= len(self._trial) - self._mixed:
             return self._identified(number, self._trial, float(evidence[number][since - 1]))
         if since < 2 or evidence[number][since - 1] <= threshold:
             return None
