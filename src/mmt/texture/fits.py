@@ -3,9 +3,9 @@
 Burg's method for each (`mmt.texture.burg`), the order chosen from the newest of them where it is
 not given. Cost: O(samples x order).
 
-What a segment's power is worth (`mmt.texture.effective_length`) follows from a fit of its own, of
-the highest automatic order: the common order is no higher than the shape of a few hundred samples
-bears, and so shows narrow lines broader than they are, and powers worth more.
+What a segment's power is worth (`mmt.texture.effective_length`) follows from the same recursion
+led on to the highest automatic order: the common order is no higher than the shape of a few
+hundred samples bears, and so shows narrow lines broader than they are, and powers worth more.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,7 +16,7 @@ import numpy as np
 
 from mmt.arrays import FloatArray
 from mmt.texture.autoregression import reflection_to_lsf
-from mmt.texture.burg import burg_batch
+from mmt.texture.burg import ReflectionFits, burg_batch
 from mmt.texture.effective_length import effective_samples
 from mmt.texture.inputs import InputSpace
 from mmt.texture.ordering import choose_order
@@ -62,15 +62,15 @@ def fit_segments(
         return []
     vibration = [segment.vibration_m_s2 for segment in usable]
     counts = np.array([len(part) for part in vibration])
-    fits = burg_batch(vibration, order)
-    lsf = reflection_to_lsf(fits.reflection)
-    resolved = burg_batch(vibration, _resolving_order(settings)).reflection
-    effective = effective_samples(reflection_to_lsf(resolved), counts)
+    resolving = _resolving_order(settings)
+    fits = burg_batch(vibration, max(order, resolving))
+    lsf, resolved = (_lsf_of(fits, wanted) for wanted in (order, resolving))
+    effective = effective_samples(resolved, counts)
     fitted = [
         Fit(
             segment,
             lsf[index],
-            float(fits.variance[index]),
+            float(fits.variances[index, order]),
             float(fits.power[index]),
             float(effective[index]),
             int(counts[index]),
@@ -97,6 +97,11 @@ def samples_of(fits: Sequence[Fit], space: InputSpace) -> TextureSamples:
 def _resolving_order(settings: ModellingSettings) -> int:
     """Return the highest order that a segment of the least length bears."""
     return min(HIGHEST_AUTOMATIC_ORDER, settings.shortest_samples // 4)
+
+
+def _lsf_of(fits: ReflectionFits, order: int) -> FloatArray:
+    """Return the frequencies of a lower order, whose fits the recursion has gone through."""
+    return reflection_to_lsf(np.ascontiguousarray(fits.reflection[:, :order]))
 
 
 def _is_filter(fit: Fit) -> bool:
