@@ -124,7 +124,7 @@ class SurfaceDetector:
         self._stayed += 1
         if self._trial is not None:
             self._trial.append(block)
-        change = self._alarm() or self._identify()
+        change = self._decide(self._weigh()) or self._identify()
         if change is None and len(window) >= WINDOW + _TOGETHER:
             self.surfaces[self.current].add(window[:_TOGETHER])
             del window[:_TOGETHER]
@@ -145,9 +145,6 @@ class SurfaceDetector:
         return math.log(2.0 * per_hour * len(self.surfaces) / self._rate) + more
 
     # --- alarms
-
-    def _alarm(self) -> SurfaceChange | None:
-        return self._decide(self._weigh())
 
     def _weigh(self) -> dict[int, FloatArray]:
         """Return, by surface (0 for a new one), the evidence for it since each block, newest first.
