@@ -41,7 +41,8 @@ def change(
     kind: Literal["new", "recalled", "identified"], before: int, surface: int, at_s: float
 ) -> Found:
     frame = round(at_s * SECOND)
-    return Found(SurfaceChange(kind, before, surface, frame - 200, frame - 10, 20.0), frame)
+    since = frame - 200
+    return Found(SurfaceChange(kind, before, surface, since, since, frame - 10, 20.0), frame)
 
 
 def scored(places: list[int], found: list[Found]) -> SurfaceScore:
@@ -69,12 +70,21 @@ def test_nothing_found_is_missed_and_a_change_without_one_is_a_false_alarm() -> 
 
 
 def test_what_is_found_just_after_the_tool_has_left_again_is_no_false_alarm() -> None:
-    late = Found(SurfaceChange("new", 1, 2, 2100, 3990, 20.0), 4050)
+    late = Found(SurfaceChange("new", 1, 2, 3800, 3900, 4080, 20.0), 4120)
     result = scored([0, 1, 0], [late, change("recalled", 2, 1, 4.4)])
     assert result.false_alarms == 0
-    assert [stay.delay_s for stay in result.stays] == [2.05, 0.4]
-    early = Found(SurfaceChange("new", 1, 2, 2100, 4090, 20.0), 4150)
+    assert [stay.delay_s for stay in result.stays] == [2.12, 0.4]
+    assert [stay.outcome for stay in result.stays] == ["right", "right"]
+    early = Found(SurfaceChange("new", 1, 2, 3800, 3900, 4110, 20.0), 4150)
     assert scored([0, 1, 0], [early]).false_alarms == 1
+
+
+def test_an_identification_is_judged_by_what_the_trial_was_on() -> None:
+    found = [change("new", 1, 2, 2.3), change("recalled", 2, 1, 4.3), change("new", 1, 3, 6.3)]
+    on_trial = Found(SurfaceChange("identified", 3, 2, 6100, 6100, 8100, 20.0), 8150)
+    result = scored([0, 1, 0, 1, 0], [*found, on_trial, change("recalled", 2, 1, 8.5)])
+    assert result.wrong_recalls == 0
+    assert [stay.outcome for stay in result.stays] == ["right"] * 4
 
 
 def test_the_model_of_another_surface_is_a_wrong_recall() -> None:

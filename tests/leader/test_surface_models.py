@@ -176,7 +176,7 @@ def state(
 
 
 def change(kind: Any, before: int, surface: int, from_sample: int) -> SurfaceChange:
-    return SurfaceChange(kind, before, surface, from_sample, from_sample + 300, 15.0)
+    return SurfaceChange(kind, before, surface, from_sample, from_sample, from_sample + 300, 15.0)
 
 
 @pytest.fixture

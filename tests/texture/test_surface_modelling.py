@@ -25,7 +25,8 @@ Changes = dict[int, list[SurfaceChange]]
 
 
 def change(kind: str, before: int, surface: int, from_sample: int, at: int) -> SurfaceChange:
-    return SurfaceChange(kind, before, surface, from_sample, at, 20.0)  # type: ignore[arg-type]
+    since = from_sample
+    return SurfaceChange(kind, before, surface, from_sample, since, at, 20.0)  # type: ignore[arg-type]
 
 
 class ScriptedTracker:

@@ -1,6 +1,6 @@
 """What a tracker found, beside the course that the tool really took."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
@@ -60,31 +60,14 @@ class SurfaceScore:
     false_alarms: int
 
 
-class _Labels:
-    """Which true surface each of the tracker's numbers stands for."""
-
-    def __init__(self, truth: IntArray) -> None:
-        self._truth = truth
-        self.of: dict[int, int] = {1: int(truth[0])}
-
-    def at(self, frame: int) -> int:
-        """Return the true surface in a frame."""
-        return int(self._truth[min(max(frame, 0), len(self._truth) - 1)])
-
-    def learn(self, change: SurfaceChange) -> None:
-        """Take a new surface's label from where it was found."""
-        if change.kind == "new":
-            self.of[change.surface] = self.at(change.at_sample - 1)
-
-
 def score(
     truth: IntArray, stroking: BoolArray, contact: BoolArray, found: Sequence[Found]
 ) -> SurfaceScore:
     """Compare what was found with the truth.
 
-    A change belongs to the stay in which the newest of the samples lies that it was found from,
-    also where the tool has left that surface by the time filters and the leader's period have
-    passed.
+    A change belongs to the stay that most of the samples are of from which it was found, though it
+    may be found when the tool has just left that surface: it says what was heard there. A new
+    surface is that one's from then on.
 
     Parameters
     ----------
@@ -93,30 +76,30 @@ def score(
     found
         In the order of their frames.
     """
-    labels = _Labels(truth)
+    labels = {1: int(truth[0])}
     edges = [0, *(np.flatnonzero(np.diff(truth)) + 1).tolist(), len(truth)]
+    of_stay = _by_stay(edges, found)
     recalls = wrong = false = 0
-    current, place = 1, 0
+    current = 1
     stays: list[Stay] = []
     too_short = 0
     for number, (start, stop) in enumerate(pairwise(edges)):
         surface = int(truth[start])
-        known = surface in labels.of.values() if number else False
+        known = surface in labels.values() if number else False
         alarm: Found | None = None
         settled: Found | None = None
-        while place < len(found) and found[place].change.at_sample <= stop:
-            item = found[place]
-            place += 1
-            was_right = labels.of.get(current) == surface
-            labels.learn(item.change)
+        for item in of_stay.get(number, []):
+            was_right = labels.get(current) == surface
+            if item.change.kind == "new":
+                labels[item.change.surface] = surface
+            else:
+                recalls += 1
+                wrong += labels.get(item.change.surface) != surface
             if item.change.kind != "identified":
                 false += was_right
                 alarm = alarm or item
-            if item.change.kind != "new":
-                recalls += 1
-                wrong += labels.of.get(item.change.surface) != surface
             current = item.change.surface
-            settled = item if labels.of.get(current) == surface else None
+            settled = item if labels.get(current) == surface else None
         if not number:
             continue
         touched = start + int(np.argmax(contact[start:stop]))
@@ -145,6 +128,20 @@ def score(
     )
 
 
+def _by_stay(edges: Sequence[int], found: Sequence[Found]) -> dict[int, list[Found]]:
+    """Return what was found by the number of the stay that it was found from, in order."""
+    of_stay: dict[int, list[Found]] = {}
+    number = 0
+    for item in found:
+        heard = range(item.change.since_sample, item.change.at_sample)
+        shares = [
+            min(heard.stop, stop) - max(heard.start, start) for start, stop in pairwise(edges)
+        ]
+        number = max(number, int(np.argmax(shares)))
+        of_stay.setdefault(number, []).append(item)
+    return of_stay
+
+
 def _seconds(item: Found | None, touched: int) -> float | None:
     return None if item is None else (item.frame - touched) / 1000.0
 
@@ -154,11 +151,11 @@ def _stroked(item: Found | None, touched: int, stroking: BoolArray) -> float | N
 
 
 def _outcome(
-    labels: _Labels, current: int, surface: int, *, known: bool, alarm: Found | None
+    labels: Mapping[int, int], current: int, surface: int, *, known: bool, alarm: Found | None
 ) -> str:
-    if labels.of.get(current) != surface:
+    if labels.get(current) != surface:
         return "missed" if alarm is None else "wrong"
     if not known:
         return "right"
-    first = min(number for number, label in labels.of.items() if label == surface)
+    first = min(number for number, label in labels.items() if label == surface)
     return "right" if current == first else "doubled"

@@ -34,7 +34,8 @@ DEFINITIONS: Final = {
     "recalls": "how often a known model was chosen, also of a surface that was new at first",
     "wrong_recalls": "share of the recalls that chose the model of another surface",
     "doubled": "stays on a known surface at whose end the tracker had made a second model of it",
-    "false_alarms": "changes that were found while the tool stayed; in stroked_s of stroking",
+    "false_alarms": "changes that were found while the tool stayed; in stroked_s of stroking. A "
+    "change counts for the stay that most of the samples are of from which it was found",
     "false_alarms_per_hour_most": "so many an hour are still possible (95 %, one-sided)",
 }
 

@@ -13,14 +13,16 @@ class SurfaceChange:
 
     ``kind``: ``"new"`` one, a known one ``"recalled"``, or the new one on trial ``"identified"``
     as a known one. ``before`` and ``surface`` are the numbers of the two surfaces.
-    ``from_sample``: the first sample that is no longer the former one's; ``at_sample``: where
-    it was found. ``evidence``: the Bayes factor's natural logarithm.
+    ``from_sample``: the first sample that is no longer the former one's; ``since_sample``: the
+    first of the blocks that are taken to be the other one's alone; ``at_sample``: where it was
+    found. ``evidence``: the Bayes factor's natural logarithm.
     """
 
     kind: Literal["new", "recalled", "identified"]
     before: int
     surface: int
     from_sample: int
+    since_sample: int
     at_sample: int
     evidence: float
 

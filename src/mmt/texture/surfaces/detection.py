@@ -233,18 +233,19 @@ class SurfaceDetector:
         earliest = len(blocks) - since
         plausible = evidence + margins >= evidence[since - 1] + margins[since - 1] - DOUBT
         first = len(blocks) - (1 + int(np.argmax(plausible)))
+        # The block in which it happened may be of both.
+        alone = first if blocks[first].touchdown else first + 1
         change = SurfaceChange(
             kind="recalled" if number else "new",
             before=self.current,
             surface=number or next(self._numbers),
             from_sample=change_point(blocks, first),
+            since_sample=blocks[min(alone, len(blocks) - 1)].start,
             at_sample=blocks[-1].stop,
             evidence=float(evidence[since - 1]),
         )
         self.surfaces[self.current].add(blocks[: max(earliest - 1, 0)])
-        if not blocks[first].touchdown:
-            first += 1  # the block in which it happened may be of both
-        self._window = blocks[first:]
+        self._window = blocks[alone:]
         self._stayed = len(self._window)
         self._trial = None if number else list(self._window)
         self._go_to(change.surface)
@@ -287,6 +288,7 @@ class SurfaceDetector:
             before=self.current,
             surface=number,
             from_sample=trial[0].start,
+            since_sample=trial[0].start,
             at_sample=trial[-1].stop,
             evidence=evidence,
         )
