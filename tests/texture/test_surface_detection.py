@@ -8,9 +8,12 @@ from scipy.signal import freqz
 from surface_samples import PEAKED, SMOOTH, make_blocks
 
 from mmt.errors import InputError
-from mmt.texture.surfaces import SurfaceDetector
+from mmt.texture.surfaces import SurfaceDetector, SurfaceKnowledge
 from mmt.texture.surfaces.blocks import BLOCK, SurfaceBlock
 from mmt.texture.surfaces.detection import EARLY
+from mmt.texture.surfaces.heard import HeardBlocks
+from mmt.texture.surfaces.held import HeldEvidence
+from mmt.texture.surfaces.prior import SETTINGS
 
 
 def followed(detector: SurfaceDetector, blocks: list[SurfaceBlock]) -> list[tuple[str, int, int]]:
@@ -83,6 +86,30 @@ def test_a_knock_is_no_surface() -> None:
     blocks = make_blocks(SMOOTH, 80, 9)
     blocks[50] = replace(blocks[50], log_power=blocks[50].log_power + 6.0)
     assert followed(detector, blocks) == []
+
+
+def test_what_follows_a_visit_that_was_not_found_is_no_new_surface() -> None:
+    """A visit taken for the current surface makes that itself unlikely behind it."""
+    current, unknown = SurfaceKnowledge(), SurfaceKnowledge()
+    current.add(make_blocks(SMOOTH, 60, 9))
+    low, high = (0.5, 0.5), (0.6, 0.6)
+    visit = make_blocks(SMOOTH, 6, 10, amplitude=3.0, low=low, high=high)
+    behind = make_blocks(SMOOTH, 4, 11, low=low, high=high)
+    held = HeldEvidence([*visit, *behind], len(behind), current, unknown)
+    apparent = unknown.log_likelihood(HeardBlocks.of(behind, SETTINGS))[-1]
+    heard = HeardBlocks.of([*visit, *behind], SETTINGS)
+    apparent -= current.log_likelihood_after(heard)[-len(behind)]
+    assert apparent > 5.0
+    assert not held.above(0.0, at_any_heading=True)
+    really_new = HeldEvidence([*behind, *visit], len(visit), current, unknown)
+    assert really_new.above(15.0, at_any_heading=True)
+
+
+def test_where_blocks_have_headings_more_evidence_is_asked_for() -> None:
+    plain, headed = SurfaceDetector(), SurfaceDetector(by_heading=True)
+    for touchdown in (False, True):
+        asked = headed.threshold(touchdown=touchdown)
+        assert asked == plain.threshold(touchdown=touchdown) + 2.0
 
 
 def test_the_surface_that_was_left_for_longest_is_forgotten() -> None:

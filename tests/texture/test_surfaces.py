@@ -10,19 +10,20 @@ from hypothesis.extra import numpy as hnp
 from scipy.stats import multivariate_normal
 from surface_samples import PEAKED, SMOOTH, make_blocks
 
+from mmt.arrays import RecordArray
 from mmt.texture.aligned import AlignedBlock
 from mmt.texture.surfaces import BlockCutter, SurfaceDetector, SurfaceKnowledge
 from mmt.texture.surfaces.blocks import BANDS, BLOCK, SurfaceBlock, band_log_power
-from mmt.texture.surfaces.heard import HeardBlocks
+from mmt.texture.surfaces.covariance import Covariances, Places
+from mmt.texture.surfaces.heard import HeardBlocks, log_densities
 from mmt.texture.surfaces.knowledge import SHARED
 from mmt.texture.surfaces.prior import (
     GRAINED,
     NOISE,
     PRIORS,
     SETTINGS,
-    Distances,
     Setting,
-    mean_of,
+    settings_of,
     turning,
 )
 
@@ -48,7 +49,7 @@ def stacked(blocks: list[SurfaceBlock]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def likelihood(surface: SurfaceKnowledge, blocks: list[SurfaceBlock]) -> np.ndarray:
-    return surface.log_likelihood(HeardBlocks.of(blocks))
+    return surface.log_likelihood(HeardBlocks.of(blocks, surface.settings))
 
 
 # --- blocks
@@ -116,22 +117,44 @@ def test_silence_has_a_finite_power() -> None:
 
 
 def test_an_unknown_surface_has_the_density_of_the_prior() -> None:
+    """By an independent oracle: covariances written out, and scipy's normal density."""
     blocks = make_blocks(SMOOTH, 4, 1)
     inputs, log_power = stacked(blocks)
     values = log_power @ turning().T
+    speed, force = inputs.T
     densities = []
-    for setting in SETTINGS:
+    for setting in (Setting(*record) for record in SETTINGS.tolist()):
+        far = np.exp(-0.5 * np.subtract.outer(force, force) ** 2 / setting.length**2)
+        smooth = np.exp(-0.5 * np.subtract.outer(speed, speed) ** 2 / setting.length**2)
+        moved = np.subtract.outer(np.exp(speed), np.exp(speed)) / setting.period
+        rough = setting.residual**2 * smooth + setting.lines**2 * np.exp(-0.5 * moved**2)
         total = 0.0
         for prior in PRIORS.values():
-            spread = Distances(inputs, inputs).covariance(prior, setting)
+            spread = prior.constant**2 + prior.per_speed**2 * np.outer(speed, speed)
+            spread += prior.per_force**2 * np.outer(force, force)
+            spread += prior.roughness**2 * rough * far
+            spread *= prior.scale
             spread += setting.noise * NOISE * np.eye(4)
+            mean = prior.mean[0] + prior.mean[1] * speed + prior.mean[2] * force
             for k in range(prior.first, prior.last):
-                mean = mean_of(prior, inputs)[:, 0]
-                total += multivariate_normal(mean, spread).logpdf(values[:, k])
+                normal = multivariate_normal(np.sqrt(prior.scale) * mean, spread)
+                total += normal.logpdf(values[:, k])
         densities.append(total)
     expected = np.log(np.mean(np.exp(np.array(densities) - max(densities)))) + max(densities)
     found = likelihood(SurfaceKnowledge(), blocks)
     np.testing.assert_allclose(found[-1], expected, rtol=1e-9)
+
+
+def test_densities_by_the_factor_are_those_of_the_normal_distribution() -> None:
+    random = np.random.default_rng(4)
+    roots = random.standard_normal((3, 6, 6))
+    spreads = roots @ roots.transpose(0, 2, 1) + NOISE * np.eye(6)
+    for rests in (random.standard_normal((3, 6, 2)), 1e6 * random.standard_normal((1, 6, 2))):
+        found = log_densities(rests, spreads)
+        for k, n in ((0, 1), (1, 4), (2, 6)):
+            normal = multivariate_normal(np.zeros(n), spreads[k, :n, :n])
+            expected = normal.logpdf(rests[min(k, len(rests) - 1), :n].T).sum()
+            np.testing.assert_allclose(found[k, n - 1], expected, rtol=1e-8)
 
 
 def test_what_was_learned_is_the_chain_rule_of_the_joint_density() -> None:
@@ -146,12 +169,12 @@ def test_what_was_learned_is_the_chain_rule_of_the_joint_density() -> None:
     np.testing.assert_allclose(likelihood(surface, new), joint[6:] - joint[5], rtol=0.0, atol=1e-4)
 
 
-@pytest.mark.parametrize("settings", [SETTINGS[:1], SETTINGS])
-def test_what_follows_is_predicted_from_what_came_before(settings: tuple[Setting, ...]) -> None:
+@pytest.mark.parametrize("settings", [SETTINGS[:1], SETTINGS], ids=len)
+def test_what_follows_is_predicted_from_what_came_before(settings: RecordArray) -> None:
     """Exactly so with one degree of roughness; with several a share of the weight is spread."""
     surface = SurfaceKnowledge(settings)
     surface.add(make_blocks(SMOOTH, 10, 2))
-    heard = HeardBlocks.of(make_blocks(PEAKED, 12, 3))
+    heard = HeardBlocks.of(make_blocks(PEAKED, 12, 3), settings)
     so_far = surface.log_likelihood(heard)
     exact = so_far[-1] - np.append(0.0, so_far[:-1])
     after = surface.log_likelihood_after(heard)
@@ -162,14 +185,14 @@ def test_what_follows_is_predicted_from_what_came_before(settings: tuple[Setting
 
 def test_what_was_smooth_so_far_may_be_rough_elsewhere() -> None:
     """Where a rough degree predicts better it counts, however unlikely it was before."""
-    surface = SurfaceKnowledge((SETTINGS[0], SETTINGS[-1]))
+    two = settings_of(Setting(0.12, 0.7, 1.1), Setting(0.6, 0.7, 1.8))
+    surface = SurfaceKnowledge(two)
     blocks = make_blocks(SMOOTH, 16, 2)
     blocks[8:] = [
         replace(b, log_power=b.log_power + 1.2 * (-1) ** n) for n, b in enumerate(blocks[8:])
     ]
-    heard = HeardBlocks.of(blocks)
-    rough = SurfaceKnowledge(SETTINGS[-1:]).log_likelihood(heard)
-    spread = surface.log_likelihood_after(heard)[8]
+    rough = likelihood(SurfaceKnowledge(two[1:]), blocks)
+    spread = surface.log_likelihood_after(HeardBlocks.of(blocks, two))[8]
     assert spread >= rough[-1] - rough[7] + np.log(SHARED / 2) - 1e-9
 
 
@@ -183,7 +206,7 @@ def test_a_surface_is_known_where_it_was_touched_and_less_far_from_there() -> No
         assert surface.spread(far)[kind][0] < SurfaceKnowledge().spread(far)[kind][0]
 
 
-HEADED = (*SETTINGS, *GRAINED)
+HEADED = np.concatenate([SETTINGS, GRAINED])
 
 
 def headed(
@@ -223,6 +246,59 @@ def test_a_grain_is_known_there_and_back_but_not_across() -> None:
         np.array([[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
     )["level"]
     assert there < back < 0.6 * across
+
+
+def ridged(count: int, seed: int, *, across: float) -> list[SurfaceBlock]:
+    """Return blocks of ridges: a line whose band follows the speed across them."""
+    random = np.random.default_rng(seed)
+    bands = np.arange(BANDS)
+    found = []
+    for block in make_blocks(SMOOTH, count, seed):
+        angle = float(random.uniform(-np.pi, np.pi))
+        turned = angle - across
+        heard = np.exp(block.inputs[0]) * np.hypot(np.cos(turned), 0.15 * np.sin(turned))
+        line = 2.5 * np.exp(-0.5 * (bands - 3.0 * heard) ** 2) + np.log(heard)
+        inputs = np.r_[block.inputs, np.cos(angle), np.sin(angle)]
+        found.append(replace(block, inputs=inputs, log_power=block.log_power + line))
+    return found
+
+
+@pytest.mark.parametrize("across", [0.0, 1.1, 2.6])
+def test_the_direction_of_ridges_is_learned(across: float) -> None:
+    knowledge = SurfaceKnowledge(HEADED)
+    knowledge.add(ridged(80, 3, across=across))
+    likeliest = Setting(*HEADED[knowledge.likeliest].tolist())
+    assert likeliest.along < 1.0
+    assert not likeliest.crossed
+    assert np.cos(2.0 * (likeliest.across - across)) > np.cos(2.0 * np.radians(11.0))
+
+
+def test_ridges_are_heard_by_the_speed_across_them() -> None:
+    """A fast stroke at a slant is one that goes slowly straight across."""
+    setting = settings_of(Setting(0.2, 0.7, 1.2, 0.6, 0.5, across=0.4, along=0.15))
+    slant = 0.4 + np.pi / 3.0
+    heard = np.log(np.hypot(np.cos(slant - 0.4), 0.15 * np.sin(slant - 0.4)))
+    inputs = np.array([[0.0, 0.0, np.cos(slant), np.sin(slant)]])
+    straight = np.array([[heard, 0.0, np.cos(0.4), np.sin(0.4)]])
+    places = Places(inputs, setting), Places(straight, setting)
+    np.testing.assert_allclose(places[0].across, places[1].across, atol=1e-12)
+    np.testing.assert_allclose(places[0].mean(PRIORS["level"]), places[1].mean(PRIORS["level"]))
+
+
+@settings(max_examples=40)
+@given(
+    hnp.arrays(np.float64, (6, 2), elements=st.floats(-4.0, 2.0)),
+    hnp.arrays(np.float64, (6,), elements=st.floats(-np.pi, np.pi)),
+)
+def test_every_covariance_is_symmetric_and_has_no_negative_eigenvalue(
+    inputs: np.ndarray, angle: np.ndarray
+) -> None:
+    places = Places(np.column_stack([inputs, np.cos(angle), np.sin(angle)]), HEADED)
+    within = Covariances(places, places)
+    for prior in PRIORS.values():
+        matrices = within.of(prior)
+        np.testing.assert_allclose(matrices, matrices.transpose(0, 2, 1), atol=1e-9)
+        assert np.linalg.eigvalsh(matrices).min() > -1e-9 * matrices.max()
 
 
 def test_a_texture_that_depends_on_the_heading_is_one_surface() -> None:
@@ -282,7 +358,7 @@ def test_densities_are_finite_whatever_was_learned(
     surface.add(
         [replace(template, inputs=i, log_power=p) for i, p in zip(inputs, log_power, strict=True)]
     )
-    assert np.isfinite(surface.log_likelihood(HeardBlocks(inputs, log_power))).all()
+    assert np.isfinite(surface.log_likelihood(HeardBlocks(inputs, log_power, SETTINGS))).all()
 
 
 def test_the_evidence_for_another_surface_seldom_grows_where_there_is_none() -> None:

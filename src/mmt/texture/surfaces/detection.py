@@ -15,10 +15,8 @@ touchdowns, which are few, and half on all the other blocks.
 Moments within contact in the first `YOUNG` blocks of a stay get less, by e^-`EARLY`: what is known
 of a surface by then is mostly the prior.
 
-No alarm rests on a single block, whatever it says: the evidence must stay above the threshold
-with the block left out that speaks most for it, for a knock is no surface. Nor does one rest on
-blocks at headings at which the current surface was never touched, but for that of a known
-surface behind a lift-off.
+The evidence must hold with some blocks left out (`mmt.texture.surfaces.held`), and where blocks
+have headings more is asked for.
 
 *Afterwards.* The alternative of most evidence is taken. It learns what came after the last moment
 that is plausible, the former one what came before the likeliest. A new surface is on trial for its
@@ -29,15 +27,16 @@ and better than every other known one, it was that one.
 import itertools
 import math
 from collections.abc import Mapping
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from mmt.arrays import BoolArray, FloatArray
+from mmt.arrays import FloatArray
 from mmt.errors import InputError
 from mmt.texture.surfaces.blocks import BLOCK, SurfaceBlock
 from mmt.texture.surfaces.changes import SurfaceChange, change_point
 from mmt.texture.surfaces.heard import HeardBlocks
+from mmt.texture.surfaces.held import HeldEvidence
 from mmt.texture.surfaces.knowledge import SurfaceKnowledge
 from mmt.texture.surfaces.prior import GRAINED, SETTINGS
 
@@ -50,8 +49,17 @@ TRIAL: Final = 60
 SURE: Final = 7.0
 """Evidence (natural logarithm) that a recall takes, against a new surface and every other one."""
 
-ALIKE: Final = 3.0
-"""So much more a surface on trial takes where blocks have headings: along some, many are alike."""
+
+class _Caution(NamedTuple):
+    """How much more evidence is asked for where blocks have headings: along some, many are alike.
+
+    ``alarm``, ``recall``, ``trial``: of a change, of a known surface, of one on trial.
+    """
+
+    alarm: float = 2.0
+    recall: float = 1.5
+    trial: float = 4.5
+
 
 MIXED: Final = 2
 """First blocks of a trial that may be of the former surface, where none has a heading."""
@@ -64,8 +72,6 @@ EARLY: Final = 3.0
 
 DOUBT: Final = 3.0
 """Change points with so much less evidence are plausible too; in between nothing is learned."""
-
-_SAME_HEADING: Final = math.cos(math.radians(30.0))
 
 _TOGETHER: Final = 5
 """Blocks that the current surface learns at a time."""
@@ -104,8 +110,9 @@ class SurfaceDetector:
             raise InputError(f"most is {most}: at least two surfaces must be kept")
         self._rate = false_alarms_per_hour
         self._most = most
-        self._settings = (*SETTINGS, *GRAINED) if by_heading else SETTINGS
-        self._alike, self._mixed = (ALIKE, 0) if by_heading else (0.0, MIXED)
+        self._settings = np.concatenate([SETTINGS, GRAINED]) if by_heading else SETTINGS
+        self._caution = _Caution() if by_heading else _Caution(0.0, 0.0, 0.0)
+        self._mixed = 0 if by_heading else MIXED
         self._numbers = itertools.count(1)
         self.current = next(self._numbers)
         self.surfaces: dict[int, SurfaceKnowledge] = {
@@ -141,7 +148,7 @@ class SurfaceDetector:
             Whether it is to have happened in the first `YOUNG` blocks of the stay.
         """
         per_hour = _TOUCHDOWNS_PER_HOUR if touchdown else 3600.0 * _RATE_HZ / BLOCK
-        more = EARLY if young and not touchdown else 0.0
+        more = self._caution.alarm + (EARLY if young and not touchdown else 0.0)
         return math.log(2.0 * per_hour * len(self.surfaces) / self._rate) + more
 
     # --- alarms
@@ -151,8 +158,8 @@ class SurfaceDetector:
 
         Of the newest block, the newest two, and so on, given what came before them.
         """
-        newest_first = HeardBlocks.of(self._window[::-1])
-        oldest_first = HeardBlocks.of(self._window)
+        newest_first = HeardBlocks.of(self._window[::-1], self._settings)
+        oldest_first = HeardBlocks.of(self._window, self._settings)
         stayed = self.surfaces[self.current].log_likelihood_after(oldest_first)[::-1]
         others = {n: k for n, k in self.surfaces.items() if n != self.current}
         others[0] = self._unknown
@@ -178,50 +185,17 @@ class SurfaceDetector:
             return self._identified(number, self._trial, float(evidence[number][since - 1]))
         if since < 2 or evidence[number][since - 1] <= threshold:
             return None
-        if not self._without_the_loudest(number, since, threshold):
-            return None
-        lifted = bool(number) and blocks[-since].touchdown
-        if not lifted and not self._without_new_headings(number, since, threshold):
+        other = self.surfaces[number] if number else self._unknown
+        held = HeldEvidence(blocks, since, self.surfaces[self.current], other)
+        if not held.above(threshold, at_any_heading=bool(number) and blocks[-since].touchdown):
             return None
         return self._change(number, since, evidence[number], margins)
 
-    def _without_the_loudest(self, number: int, since: int, threshold: float) -> bool:
-        """Say whether the evidence holds whichever single block is left out."""
-        places = np.arange(len(self._window))
-        kept = [places != left_out for left_out in places[-since:]]
-        return all(self._evidence(number, since, each) > threshold for each in kept)
-
-    def _without_new_headings(self, number: int, since: int, threshold: float) -> bool:
-        """Say whether the evidence holds without blocks at headings not touched before.
-
-        A texture may be rough along one heading and smooth along another: no setting knows that.
-        """
-        inputs = np.array([block.inputs for block in self._window])
-        if inputs.shape[1] < 4:
-            return True
-        first = len(inputs) - since
-        before = np.concatenate([self.surfaces[self.current].headings, inputs[:first, 2:]])
-        kept = np.ones(len(inputs), dtype=np.bool_)
-        kept[first:] = (
-            np.abs(inputs[first:, 2:] @ before.T).max(axis=1, initial=0.0) > _SAME_HEADING
-        )
-        return bool(kept[first:].any()) and self._evidence(number, since, kept) > threshold
-
-    def _evidence(self, number: int, since: int, kept: BoolArray) -> float:
-        """Return the evidence for a surface (0 for a new one) from some of the window's blocks."""
-        other = self.surfaces[number] if number else self._unknown
-        blocks = [block for block, keep in zip(self._window, kept, strict=True) if keep]
-        after = int(kept[len(kept) - since :].sum())
-        there = other.log_likelihood(HeardBlocks.of(blocks[-after:]))[-1]
-        stayed = self.surfaces[self.current].log_likelihood_after(HeardBlocks.of(blocks))
-        return float(there - stayed[-after])
-
-    @staticmethod
-    def _best_since(evidence: Mapping[int, FloatArray], since: int) -> int:
+    def _best_since(self, evidence: Mapping[int, FloatArray], since: int) -> int:
         """Return the known surface that is surely meant, 0 for a new one."""
         at = {number: float(values[since - 1]) for number, values in evidence.items()}
         ranked = sorted(at, key=lambda n: at[n], reverse=True)
-        if ranked[0] != 0 and at[ranked[0]] - at[ranked[1]] < SURE:
+        if ranked[0] and at[ranked[0]] - at[ranked[1]] < SURE + self._caution.recall:
             return 0
         return ranked[0]
 
@@ -269,7 +243,7 @@ class SurfaceDetector:
             self._trial = None
         if not known or len(trial) < 2:
             return None
-        heard = HeardBlocks.of(trial)
+        heard = HeardBlocks.of(trial, self._settings)
         alone = float(self._unknown.log_likelihood(heard)[-1])
         gains = {
             n: float(knowledge.log_likelihood(heard)[-1]) - alone for n, knowledge in known.items()
@@ -277,7 +251,7 @@ class SurfaceDetector:
         number = max(gains, key=lambda n: gains[n])
         others = [gain for n, gain in gains.items() if n != number]
         lead = gains[number] - max([0.0, *others])
-        if lead < SURE + self._alike + math.log(len(known)):
+        if lead < SURE + self._caution.trial + math.log(len(known)):
             return None
         return self._identified(number, trial, lead)
 

@@ -13,23 +13,27 @@ where it was not touched follows: near its samples it is known to within the res
 from them only to within the slopes, and of a surface that was never touched nothing is known but
 the wide prior of c. Vibration falls towards high frequencies, and the finer a feature, the smaller;
 the widths are near those at which stays on the known textures are likeliest, on the wide side: a
-prior that is too wide takes two textures that are merely alike for the same. How rough r is differs
-between textures (a ribbed one has lines that move with the speed through the bands): each of
-`SETTINGS` is held possible.
+prior that is too wide takes two textures that are merely alike for the same.
 
-Where the heading is known as well, a texture may depend on it or not: beside `SETTINGS`, those of
-`GRAINED` are held possible, in which r and a constant h are only alike at like headings. A grain is
-the same there and back, but for a nap: that counts little (`REVERSAL`).
+How rough r is differs between textures: each of `SETTINGS` is held possible. One has *lines*,
+which move with the speed v through the bands. These are equally wide, and a line of period p
+is at v / p: r is then alike at like speeds, not at like logarithms.
+
+Where the heading is known as well, those of `GRAINED` are held possible besides: with a *grain*,
+for which l is the logarithm of the speed that is heard across it, v sqrt(c^2 + a^2 s^2), c and s
+being cosine and sine of the angle from its axis to the heading and a what is heard along it; and
+without one, r and a constant h being only alike at like headings. What depends on the heading
+is the same there and back, but for a nap.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from mmt.arrays import FloatArray
+from mmt.arrays import FloatArray, RecordArray
 from mmt.texture.surfaces.blocks import BANDS
 
 NOISE: Final = 0.19
@@ -69,32 +73,75 @@ REVERSAL: Final = 3.0
 
 
 class Setting(NamedTuple):
-    """How rough a surface may be: size and length of the residual, and the noise over `NOISE`.
+    """How rough a surface may be, and how its texture may depend on the heading.
 
-    ``turning``: factor on what varies with the heading. ``turn``: length of that, as a distance
+    ``residual`` and ``length``: size of r, and its length in the logarithms of speed and force.
+    ``noise``: over `NOISE`. ``lines`` and ``period``: size of a further residual, and its length in
+    the speed itself, in 100 mm/s: a line moves with the speed through bands of equal width.
+
+    ``across``: heading across a grain (rad). The speed is what is heard of it there, v sqrt(c^2 +
+    along^2 s^2), where ``along`` is 1 if there is no grain. ``crossed``: the angle from there to
+    a second direction in which the same is heard (rad), 0 for none. ``nap``: factor on what
+    differs there and back.
+
+    ``turning``: factor on a part that varies with the heading; ``turn``: its length, as a distance
     on the unit circle of twice the heading, for a grain is the same there and back but for a nap;
-    infinite where the heading does not count.
+    infinite for no such part. Without a grain the residuals are alike at like headings only.
+
+    ``weight``: beside the other settings', before any block.
     """
 
     residual: float
     length: float
     noise: float
+    lines: float = 0.0
+    period: float = 1.0
     turning: float = 0.0
     turn: float = math.inf
+    across: float = 0.0
+    along: float = 1.0
+    crossed: float = 0.0
+    nap: float = 0.0
+    weight: float = 1.0
 
 
-SETTINGS: Final = (
+def settings_of(*settings: Setting) -> RecordArray:
+    """Return settings as records, whose fields are those of `Setting`."""
+    return np.array(list(settings), dtype=[(name, np.float64) for name in Setting._fields])
+
+
+def _along_axes() -> Iterator[Setting]:
+    """Yield textures with a grain along each of many axes.
+
+    Fibres, smooth; fibres with a nap and weak lines; ridges; threads that cross at right angles;
+    and the diamonds of a knurl, whose ridges cross at 60 degrees.
+    """
+    fibres = Setting(0.12, 0.7, 1.2, turning=0.15, turn=0.8, along=0.35)
+    nap = Setting(0.25, 0.7, 1.2, 0.3, 0.5, turning=0.3, turn=0.8, along=0.35, nap=0.4)
+    ridges = Setting(0.25, 0.7, 1.2, 0.6, 0.5, turning=0.3, turn=0.8, along=0.15)
+    crossed = Setting(0.12, 0.7, 1.2, 0.5, 0.35, turning=0.3, turn=0.8, along=0.35)
+    threads = crossed._replace(crossed=math.pi / 2.0)
+    diamonds = crossed._replace(crossed=math.pi / 3.0)
+    for setting, axes in ((fibres, 12), (nap, 12), (ridges, 24), (threads, 12), (diamonds, 18)):
+        turn = math.pi / (2.0 if setting is threads else 1.0)  # after that all is the same again
+        for number in range(axes):
+            yield setting._replace(across=turn * (number + 0.5) / axes, weight=1.0 / axes)
+
+
+SETTINGS: Final = settings_of(
     Setting(0.12, 0.7, 1.1),
     Setting(0.2, 0.5, 1.3),
     Setting(0.4, 0.35, 1.5),
     Setting(0.6, 0.7, 1.8),
+    Setting(0.1, 0.7, 1.4, lines=0.5, period=0.35),
 )
 
-GRAINED: Final = (
-    Setting(0.15, 0.7, 1.2, 0.4, 1.0),
-    Setting(0.25, 0.6, 1.2, 0.8, 0.9),
-    Setting(0.5, 0.5, 1.2, 0.5, 0.7),
-    Setting(0.5, 0.4, 1.8, 1.0, 0.8),
+GRAINED: Final = settings_of(
+    Setting(0.15, 0.7, 1.2, turning=0.4, turn=1.0),
+    Setting(0.25, 0.6, 1.2, turning=0.8, turn=0.9),
+    Setting(0.5, 0.5, 1.2, turning=0.5, turn=0.7),
+    Setting(0.5, 0.4, 1.8, turning=1.0, turn=0.8),
+    *_along_axes(),
 )
 """Of surfaces whose texture depends on the heading."""
 
@@ -107,47 +154,3 @@ def turning() -> FloatArray:
     rows[0] = np.sqrt(1.0 / BANDS)
     rows.setflags(write=False)
     return rows
-
-
-def mean_of(prior: Prior, inputs: FloatArray) -> FloatArray:
-    """Return the prior mean of a component at inputs (n, 2) or (n, 4), shape (n, 1)."""
-    constant, per_speed, per_force = prior.mean
-    mean: FloatArray = constant + per_speed * inputs[:, :1] + per_force * inputs[:, 1:2]
-    return np.asarray(np.sqrt(prior.scale) * mean, dtype=np.float64)
-
-
-class Distances:
-    """What covariances between inputs (n, d) and (m, d) are made of, computed once."""
-
-    def __init__(self, one: FloatArray, other: FloatArray) -> None:
-        self._speeds = np.outer(one[:, 0], other[:, 0])
-        self._forces = np.outer(one[:, 1], other[:, 1])
-        self._apart = np.square(one[:, None, 0] - other[None, :, 0])
-        self._apart += np.square(one[:, None, 1] - other[None, :, 1])
-        self._residuals: dict[float, FloatArray] = {}
-        self._alike: dict[float, FloatArray] = {}
-        self._turned: FloatArray | None = None
-        self._reversed: FloatArray
-        if one.shape[1] == 4:
-            cosine = one[:, 2:] @ other[:, 2:].T
-            self._turned = 4.0 * (1.0 - cosine**2)
-            self._reversed = np.exp((cosine - 1.0) / REVERSAL**2)
-
-    def covariance(self, prior: Prior, setting: Setting) -> FloatArray:
-        """Return the prior covariance of a component, shape (n, m)."""
-        residual = self._residuals.get(setting.length)
-        if residual is None:
-            residual = np.exp(self._apart / (-2.0 * setting.length**2))
-            self._residuals[setting.length] = residual
-        total: FloatArray = (setting.residual * prior.roughness) ** 2 * residual
-        if self._turned is not None and setting.turn < math.inf:
-            alike = self._alike.get(setting.turn)
-            if alike is None:
-                alike = self._reversed * np.exp(self._turned / (-2.0 * setting.turn**2))
-                self._alike[setting.turn] = alike
-            total = (total + (setting.turning * prior.per_heading) ** 2) * alike
-        total += prior.constant**2
-        total += prior.per_speed**2 * self._speeds
-        total += prior.per_force**2 * self._forces
-        total *= prior.scale
-        return total
