@@ -349,16 +349,23 @@ def test_where_the_heading_does_not_count_another_heading_is_another_surface() -
 @given(
     hnp.arrays(np.float64, (5, 2), elements=st.floats(-4.0, 2.0)),
     hnp.arrays(np.float64, (5, BANDS), elements=st.floats(-27.0, 27.0)),
+    hnp.arrays(np.float64, (5,), elements=st.just(np.nan) | st.floats(-np.pi, np.pi)),
 )
 def test_densities_are_finite_whatever_was_learned(
-    inputs: np.ndarray, log_power: np.ndarray
+    inputs: np.ndarray, log_power: np.ndarray, angle: np.ndarray
 ) -> None:
-    surface = SurfaceKnowledge()
+    """Also where a stroke goes to and fro within a block, and has no heading."""
+    direction = np.nan_to_num(np.column_stack([np.cos(angle), np.sin(angle)]))
     template = make_blocks(SMOOTH, 1, 0)[0]
-    surface.add(
-        [replace(template, inputs=i, log_power=p) for i, p in zip(inputs, log_power, strict=True)]
-    )
-    assert np.isfinite(surface.log_likelihood(HeardBlocks(inputs, log_power, SETTINGS))).all()
+    for which, places in ((SETTINGS, inputs), (HEADED, np.column_stack([inputs, direction]))):
+        surface = SurfaceKnowledge(which)
+        surface.add(
+            [
+                replace(template, inputs=i, log_power=p)
+                for i, p in zip(places, log_power, strict=True)
+            ]
+        )
+        assert np.isfinite(surface.log_likelihood(HeardBlocks(places, log_power, which))).all()
 
 
 def test_the_evidence_for_another_surface_seldom_grows_where_there_is_none() -> None:

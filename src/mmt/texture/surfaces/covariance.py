@@ -38,7 +38,7 @@ class Places:
         share = np.square(settings["along"])[:, None]
         other = heading + np.where(angle > 0.0, angle, 0.5 * np.pi)
         x, y = inputs[:, 2], inputs[:, 3]
-        length = x * x + y * y
+        length = np.maximum(x * x + y * y, np.finfo(np.float64).tiny)  # to and fro has none
         there = np.square(np.cos(heading) * x + np.sin(heading) * y) / length
         aside = np.square(np.cos(other) * x + np.sin(other) * y) / length
         self.across = speed + 0.5 * np.log(there + share * (1.0 - there))

@@ -37,8 +37,8 @@ SHARED: Final = 0.02
 _CELL_WIDTH: Final = 0.2  # of the logarithms of speed and force
 _SECTORS: Final = 12
 _LARGEST_WEIGHT: Final = 30.0
-_IMPOSSIBLE: Final = -12.0
-_HOPELESS: Final = -50.0
+_IMPOSSIBLE: Final = -12.0  # of a setting's weight, as a logarithm, below that of the likeliest
+_HOPELESS: Final = -50.0  # so far below it is not even judged again
 _TOGETHER: Final = 8  # settings that are conditioned in one array
 
 
