@@ -5,6 +5,7 @@ every setting with each new block, and in one array that takes a fraction of the
 """
 
 from collections.abc import Sequence
+from copy import copy
 from typing import Final
 
 import numpy as np
@@ -43,18 +44,15 @@ class Places:
         aside = np.square(np.cos(other) * x + np.sin(other) * y) / length
         self.across = speed + 0.5 * np.log(there + share * (1.0 - there))
         self.along = speed + 0.5 * np.log(aside + share * (1.0 - aside))
-        crossed = settings["crossed"][:, None] > 0.0
-        self.law = np.where(crossed, 0.5 * (self.across + self.along), self.across)
+        self.law = np.where(angle > 0.0, 0.5 * (self.across + self.along), self.across)
 
     def under(self, numbers: Sequence[int]) -> "Places":
         """Return the same for some of the settings."""
         if len(numbers) == len(self.settings):
             return self
-        found = object.__new__(Places)
-        chosen = list(numbers)
-        found.inputs, found.settings = self.inputs, self.settings[chosen]
+        found, chosen = copy(self), list(numbers)
+        found.settings, found.law = self.settings[chosen], self.law[chosen]
         found.across, found.along = self.across[chosen], self.along[chosen]
-        found.law = self.law[chosen]
         return found
 
     def mean(self, prior: Prior) -> FloatArray:

@@ -61,7 +61,7 @@ class HeldEvidence:
         """
         return (
             all(self._evidence(kept) > threshold for kept in self._without_one())
-            and self._evidence(self._without_a_visit()) > threshold
+            and (self._current.blocks < LEARNED or self._without_a_visit() > threshold)
             and (at_any_heading or self._at_known_headings(threshold))
         )
 
@@ -70,21 +70,21 @@ class HeldEvidence:
         places = np.arange(len(self._blocks))
         return [places != left_out for left_out in places[self._first :]]
 
-    def _without_a_visit(self) -> BoolArray:
+    def _without_a_visit(self) -> float:
         """Leave out what was heard just before.
 
         That may have been a short visit to another surface, which was not found: what is heard
         behind it is the current one again, though not what the visit makes one expect.
         """
         kept = np.ones(len(self._blocks), dtype=np.bool_)
-        if self._current.blocks >= LEARNED:
-            kept[max(self._first - VISIT, 0) : self._first] = False
-        return kept
+        kept[max(self._first - VISIT, 0) : self._first] = False
+        return self._evidence(kept)
 
     def _at_known_headings(self, threshold: float) -> bool:
         """Say whether it holds without blocks at headings not touched before.
 
-        A texture may be rough along one heading and smooth along another: no setting knows that.
+        A texture may be rough along one heading and smooth along another, and one that was touched
+        along the former alone does not tell.
         """
         inputs = np.array([block.inputs for block in self._blocks])
         if inputs.shape[1] < 4:

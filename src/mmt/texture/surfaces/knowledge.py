@@ -12,7 +12,7 @@ Cost: with n = 100 about 1 ms for each setting that is still possible after bloc
 mostly one or two, and as much to predict 25 blocks; 4 ms where nothing is known yet, for all
 settings at once. Stability: covariances are positive
 definite by the noise on their diagonal, `NOISE` over the number of blocks in a cell, against a
-largest prior variance of about 50: a condition number below 1e6.
+largest prior variance of about 65: with `LARGEST` cells a condition number below 1e7.
 """
 
 from collections.abc import Sequence
@@ -174,12 +174,13 @@ class SurfaceKnowledge:
         """
         number = self.likeliest
         places = Places(inputs, self.settings[[number]])
+        within = Covariances(places, places)
+        across = Covariances(self._places.under([number]), places) if self._cells else None
         found = {}
         for kind, prior in PRIORS.items():
-            spread = Covariances(places, places).of(prior)[0]
-            if self._cells:
-                across = Covariances(self._places.under([number]), places).of(prior)[0]
-                spread = spread - _explain(across, self._posteriors[number][kind])[1]
+            spread = within.of(prior)[0]
+            if across is not None:
+                spread -= _explain(across.of(prior)[0], self._posteriors[number][kind])[1]
             found[kind] = np.sqrt(np.maximum(np.diag(spread), 0.0) / prior.scale)
         return found
 
