@@ -12,7 +12,7 @@ from mmt.texture.surfaces.detection import SurfaceDetector
 class SurfaceTracker:
     """Follow a stream of frames over several surfaces.
 
-    Cost: a block of 100 ms takes about 2 ms with two to six known surfaces, 11 to 15 ms where it
+    Cost: a block of 100 ms takes about 3 ms with two to six known surfaces, 11 to 15 ms where it
     has a heading, at most 160 ms.
 
     Parameters
