@@ -1,5 +1,6 @@
 """Devices merged into frames in real time, however busy the machine is."""
 
+import re
 import time
 from collections.abc import Callable
 from typing import Any
@@ -60,6 +61,19 @@ class RunningSource:
     def start(self) -> None:
         self.source.start(0)
         self._last_ns = time.monotonic_ns()
+
+    def run_until_told(self, *patterns: str) -> None:
+        """Tick until a loss has been told for each of these reasons.
+
+        Others may come first: a machine that has no time for a device is a silent device.
+        """
+        before = len(self.told)
+        self.run(
+            lambda _: all(
+                any(lost and re.search(pattern, sentence) for lost, sentence in self.told[before:])
+                for pattern in patterns
+            )
+        )
 
     def run(self, done: Callable[[int], Any]) -> RecordArray:
         """Tick until it is done, which is told how many frames there are."""

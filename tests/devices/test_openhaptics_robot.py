@@ -169,10 +169,10 @@ def test_a_moment_without_an_answer_is_survived(make, emulated) -> None:
     robot = make()
     robot.connect()
     emulated.unplug()
-    before = emulated.ticks
-    until(lambda: emulated.ticks > before)
-    emulated.plug()
     until(lambda: robot.faults.get("COMM_ERROR", 0) > 0)
+    emulated.plug()
+    before = emulated.ticks
+    until(lambda: emulated.ticks > before + 1)
     until(lambda: robot.read()[0] > 1.0, lambda: robot.write((2.0, 0.0, 0.0)))
 
 
