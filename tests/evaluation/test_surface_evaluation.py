@@ -79,6 +79,15 @@ def test_what_is_found_just_after_the_tool_has_left_again_is_no_false_alarm() ->
     assert scored([0, 1, 0], [early]).false_alarms == 1
 
 
+def test_what_is_dated_too_early_is_found_if_the_tool_had_left_by_then() -> None:
+    dated_early = Found(SurfaceChange("new", 1, 2, 1000, 1100, 2290, 20.0), 2300)
+    result = scored([0, 1, 0], [dated_early, change("recalled", 2, 1, 4.4)])
+    assert (result.wrong_recalls, result.false_alarms) == (0, 0)
+    assert [stay.delay_s for stay in result.stays] == [0.3, 0.4]
+    too_soon = Found(SurfaceChange("new", 1, 2, 1000, 1100, 2050, 20.0), 2060)
+    assert scored([0, 1, 0], [too_soon]).false_alarms == 1  # no whole block of the next one
+
+
 def test_an_identification_is_judged_by_what_the_trial_was_on() -> None:
     found = [change("new", 1, 2, 2.3), change("recalled", 2, 1, 4.3), change("new", 1, 3, 6.3)]
     on_trial = Found(SurfaceChange("identified", 3, 2, 6100, 6100, 8100, 20.0), 8150)

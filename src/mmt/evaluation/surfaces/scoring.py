@@ -1,6 +1,6 @@
 """What a tracker found, beside the course that the tool really took."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
@@ -9,6 +9,7 @@ import numpy as np
 
 from mmt.arrays import BoolArray, IntArray
 from mmt.texture.surfaces import SurfaceChange
+from mmt.texture.surfaces.blocks import BLOCK
 
 LEAST_STROKED_S: Final = 0.3
 """A stay with less stroking says nothing: what is not found there is not counted as missed."""
@@ -66,8 +67,9 @@ def score(
     """Compare what was found with the truth.
 
     A change belongs to the stay that most of the samples are of from which it was found, though it
-    may be found when the tool has just left that surface: it says what was heard there. A new
-    surface is that one's from then on.
+    may be found when the tool has just left that surface: it says what was heard there. Where the
+    tracker was right about that stay, and a whole block of the next one was heard, it was the next
+    one that was found, though dated too early. A new surface is that one's from then on.
 
     Parameters
     ----------
@@ -76,30 +78,27 @@ def score(
     found
         In the order of their frames.
     """
-    labels = {1: int(truth[0])}
+    belief = _Belief(int(truth[0]))
     edges = [0, *(np.flatnonzero(np.diff(truth)) + 1).tolist(), len(truth)]
-    of_stay = _by_stay(edges, found)
+    of_stay = _by_stay(edges, truth, found)
     recalls = wrong = false = 0
-    current = 1
     stays: list[Stay] = []
     too_short = 0
     for number, (start, stop) in enumerate(pairwise(edges)):
         surface = int(truth[start])
-        known = surface in labels.values() if number else False
+        known = surface in belief.labels.values() if number else False
         alarm: Found | None = None
         settled: Found | None = None
         for item in of_stay.get(number, []):
-            was_right = labels.get(current) == surface
-            if item.change.kind == "new":
-                labels[item.change.surface] = surface
-            else:
+            was_right = belief.is_of(surface)
+            belief.follow(item.change, surface)
+            if item.change.kind != "new":
                 recalls += 1
-                wrong += labels.get(item.change.surface) != surface
+                wrong += not belief.is_of(surface)
             if item.change.kind != "identified":
                 false += was_right
                 alarm = alarm or item
-            current = item.change.surface
-            settled = item if labels.get(current) == surface else None
+            settled = item if belief.is_of(surface) else None
         if not number:
             continue
         touched = start + int(np.argmax(contact[start:stop]))
@@ -114,7 +113,7 @@ def score(
                 delay_s=_seconds(alarm, touched),
                 stroked_delay_s=_stroked(alarm, touched, stroking),
                 recall_s=_seconds(settled, touched) if known else None,
-                outcome=_outcome(labels, current, surface, known=known, alarm=alarm),
+                outcome=belief.outcome(surface, known=known, alarm=alarm),
             )
         )
     return SurfaceScore(
@@ -128,9 +127,42 @@ def score(
     )
 
 
-def _by_stay(edges: Sequence[int], found: Sequence[Found]) -> dict[int, list[Found]]:
-    """Return what was found by the number of the stay that it was found from, in order."""
+class _Belief:
+    """Which surface the tracker takes the tool to be on: that of its current model.
+
+    ``labels``: the surface that each model is of, by its number.
+    """
+
+    def __init__(self, first: int) -> None:
+        self.labels = {1: first}
+        self._current = 1
+
+    def is_of(self, surface: int) -> bool:
+        """Say whether the current model is that surface's."""
+        return self.labels.get(self._current) == surface
+
+    def follow(self, change: SurfaceChange, surface: int) -> None:
+        """Take a change that was found on a surface."""
+        self._current = change.surface
+        if change.kind == "new":
+            self.labels[change.surface] = surface
+
+    def outcome(self, surface: int, *, known: bool, alarm: Found | None) -> str:
+        """Return the outcome of a stay on a surface, as it ends."""
+        if not self.is_of(surface):
+            return "missed" if alarm is None else "wrong"
+        if not known:
+            return "right"
+        first = min(number for number, label in self.labels.items() if label == surface)
+        return "right" if self._current == first else "doubled"
+
+
+def _by_stay(
+    edges: Sequence[int], truth: IntArray, found: Sequence[Found]
+) -> dict[int, list[Found]]:
+    """Return what was found by the number of the stay that it belongs to, in order."""
     of_stay: dict[int, list[Found]] = {}
+    belief = _Belief(int(truth[0]))
     number = 0
     for item in found:
         heard = range(item.change.since_sample, item.change.at_sample)
@@ -138,6 +170,11 @@ def _by_stay(edges: Sequence[int], found: Sequence[Found]) -> dict[int, list[Fou
             min(heard.stop, stop) - max(heard.start, start) for start, stop in pairwise(edges)
         ]
         number = max(number, int(np.argmax(shares)))
+        was_right = belief.is_of(int(truth[edges[number]]))
+        of_next = shares[number + 1] if number + 1 < len(shares) else 0
+        if was_right and item.change.kind != "identified" and of_next >= BLOCK:
+            number += 1
+        belief.follow(item.change, int(truth[edges[number]]))
         of_stay.setdefault(number, []).append(item)
     return of_stay
 
@@ -148,14 +185,3 @@ def _seconds(item: Found | None, touched: int) -> float | None:
 
 def _stroked(item: Found | None, touched: int, stroking: BoolArray) -> float | None:
     return None if item is None else float(stroking[touched : item.frame].sum()) / 1000.0
-
-
-def _outcome(
-    labels: Mapping[int, int], current: int, surface: int, *, known: bool, alarm: Found | None
-) -> str:
-    if labels.get(current) != surface:
-        return "missed" if alarm is None else "wrong"
-    if not known:
-        return "right"
-    first = min(number for number, label in labels.items() if label == surface)
-    return "right" if current == first else "doubled"
