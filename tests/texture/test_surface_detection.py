@@ -14,6 +14,7 @@ from mmt.texture.surfaces.detection import EARLY
 from mmt.texture.surfaces.heard import HeardBlocks
 from mmt.texture.surfaces.held import HeldEvidence
 from mmt.texture.surfaces.prior import SETTINGS
+from mmt.texture.surfaces.trial import Trial
 
 
 def followed(detector: SurfaceDetector, blocks: list[SurfaceBlock]) -> list[tuple[str, int, int]]:
@@ -69,10 +70,11 @@ def test_a_trial_that_began_with_a_block_of_the_former_surface_is_of_the_one_tha
     followed(detector, make_blocks(SMOOTH, 40, 1))
     assert followed(detector, make_blocks(PEAKED, 70, 2, first=40))[0][0] == "new"
     detector._go_to(3)  # as where a change was placed one block too early
-    detector._trial, detector._window, detector._stayed = [], [], 0
+    detector._trial, detector._window, detector._stayed = Trial(), [], 0
     mixed = make_blocks(PEAKED, 1, 3, first=110) + make_blocks(SMOOTH, 20, 4, first=111)
     assert [(kind, number) for kind, number, _ in followed(detector, mixed)] == [("identified", 1)]
     assert set(detector.surfaces) == {1, 2}
+    assert [block.start for block in detector._window] == [BLOCK * n for n in range(111, 131)]
 
 
 def test_an_unexplored_part_of_the_plane_is_no_other_surface() -> None:

@@ -18,6 +18,7 @@ from mmt.texture.completion import CompletionMonitor
 from mmt.texture.modelling import ModelUpdate, OnlineModeller
 from mmt.texture.settings import ModellingSettings, OnlineSelectionSettings, SurfaceSettings
 from mmt.texture.surfaces import SurfaceChange, modelling
+from mmt.texture.surfaces.blocks import BLOCK
 from mmt.texture.surfaces.modelling import SurfaceModeller
 
 SETTINGS = ModellingSettings(order=10, surfaces=SurfaceSettings())
@@ -232,10 +233,12 @@ def test_strokes_at_other_headings_are_not_another_surface() -> None:
     scene = Scene.model_validate(
         {"hand": Hand(headings="all"), "link": {}, "simulated": {}, "recording": {}}
     )
-    frames, _ = simulate_session(scene, course, 40.0, 2)
+    frames, _ = simulate_session(scene, course, 43.0, 2)
     modeller = SurfaceModeller(replace(SETTINGS, inputs="anisotropic"), 1000)
     found = [c for u in updates(modeller, frames) for c in u.changes]
-    assert [(c.kind, c.surface) for c in found] == [("new", 2), ("recalled", 1)]
+    assert [(c.kind, c.surface) for c in found] == [("new", 2), ("new", 3), ("identified", 1)]
+    assert found[2].at_sample - found[2].since_sample >= 8 * BLOCK
+    assert set(modeller.models()) == {1, 2}
     assert all(model.space.directed for model in modeller.models().values())
 
 

@@ -322,9 +322,9 @@ def test_what_is_heard_at_another_heading_alone_is_no_new_surface(
     assert {change.kind for change in found if change is not None} == kinds
 
 
-@pytest.mark.parametrize(("lifted", "kinds"), [(False, set()), (True, {"recalled"})])
+@pytest.mark.parametrize(("lifted", "kinds"), [(False, []), (True, ["new", "identified"])])
 def test_a_heading_never_touched_recalls_a_surface_only_behind_a_lift_off(
-    lifted: bool, kinds: set[str]
+    lifted: bool, kinds: list[str]
 ) -> None:
     detector = SurfaceDetector(by_heading=True)
     detector.surfaces = {7: SurfaceKnowledge(HEADED), **detector.surfaces}
@@ -334,8 +334,9 @@ def test_a_heading_never_touched_recalls_a_surface_only_behind_a_lift_off(
     across = headed(8, 6, gain=0.0, heading=1.57, ar=PEAKED)
     across[0] = replace(across[0], touchdown=lifted)
     across[1:] = [replace(block, touchdown=False) for block in across[1:]]
-    found = [detector.take(block) for block in across]
-    assert {change.kind for change in found if change is not None} == kinds
+    found = [change for block in across if (change := detector.take(block)) is not None]
+    assert [change.kind for change in found] == kinds
+    assert detector.current == (7 if lifted else 1)
 
 
 def test_where_the_heading_does_not_count_another_heading_is_another_surface() -> None:

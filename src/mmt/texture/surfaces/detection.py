@@ -20,8 +20,10 @@ have headings more is asked for.
 
 *Afterwards.* The alternative of most evidence is taken. It learns what came after the last moment
 that is plausible, the former one what came before the likeliest. A new surface is on trial for its
-first `TRIAL` blocks: where a known one predicts all of them better than nothing known by `SURE`,
-and better than every other known one, it was that one.
+first blocks (`mmt.texture.surfaces.trial`): where a known one predicts all of them better than
+nothing known by `SURE`, and better than every other known one, it was that one. Where blocks have
+headings a known surface is not recalled from a few, in which it may look like another; till then
+the surface is a new one.
 """
 
 import itertools
@@ -39,12 +41,10 @@ from mmt.texture.surfaces.heard import HeardBlocks
 from mmt.texture.surfaces.held import HeldEvidence
 from mmt.texture.surfaces.knowledge import SurfaceKnowledge
 from mmt.texture.surfaces.prior import GRAINED, SETTINGS
+from mmt.texture.surfaces.trial import LONGEST, Trial
 
 WINDOW: Final = 20
 """Blocks that are looked back; older ones are what the current surface is learned from."""
-
-TRIAL: Final = 60
-"""Blocks for which a new surface may still turn out to be a known one."""
 
 SURE: Final = 7.0
 """Evidence (natural logarithm) that a recall takes, against a new surface and every other one."""
@@ -54,15 +54,17 @@ class _Caution(NamedTuple):
     """How much more evidence is asked for where blocks have headings: along some, many are alike.
 
     ``alarm``, ``recall``, ``trial``: of a change, of a known surface, of one on trial.
+    ``blocks``: so many of a stay a known surface takes.
     """
 
     alarm: float = 2.0
     recall: float = 1.5
-    trial: float = 4.5
+    trial: float = 3.0
+    blocks: int = 8
 
 
 MIXED: Final = 2
-"""First blocks of a trial that may be of the former surface, where none has a heading."""
+"""First blocks of a trial that may be of the former surface."""
 
 YOUNG: Final = 20
 """Blocks of a stay in which a change within contact takes more evidence."""
@@ -111,8 +113,7 @@ class SurfaceDetector:
         self._rate = false_alarms_per_hour
         self._most = most
         self._settings = np.concatenate([SETTINGS, GRAINED]) if by_heading else SETTINGS
-        self._caution = _Caution() if by_heading else _Caution(0.0, 0.0, 0.0)
-        self._mixed = 0 if by_heading else MIXED
+        self._caution = _Caution() if by_heading else _Caution(0.0, 0.0, 0.0, 0)
         self._numbers = itertools.count(1)
         self.current = next(self._numbers)
         self.surfaces: dict[int, SurfaceKnowledge] = {
@@ -121,7 +122,7 @@ class SurfaceDetector:
         """Those that are known, by number; the one that the tool was on last stands last."""
         self._stayed = 0  # blocks of this stay
         self._window: list[SurfaceBlock] = []  # the newest of the current surface, oldest first
-        self._trial: list[SurfaceBlock] | None = []
+        self._trial: Trial | None = Trial()
         self._unknown = SurfaceKnowledge(self._settings)
 
     def take(self, block: SurfaceBlock) -> SurfaceChange | None:
@@ -130,7 +131,7 @@ class SurfaceDetector:
         window.append(block)
         self._stayed += 1
         if self._trial is not None:
-            self._trial.append(block)
+            self._trial.blocks.append(block)
         change = self._decide(self._weigh()) or self._identify()
         if change is None and len(window) >= WINDOW + _TOGETHER:
             self.surfaces[self.current].add(window[:_TOGETHER])
@@ -162,6 +163,9 @@ class SurfaceDetector:
         oldest_first = HeardBlocks.of(self._window, self._settings)
         stayed = self.surfaces[self.current].log_likelihood_after(oldest_first)[::-1]
         others = {n: k for n, k in self.surfaces.items() if n != self.current}
+        if self._trial is not None and others:
+            self._trial.ask(self._unknown, others, self._settings)
+            stayed = self._trial.after(stayed)
         others[0] = self._unknown
         return {n: k.log_likelihood(newest_first) - stayed for n, k in others.items()}
 
@@ -181,15 +185,17 @@ class SurfaceDetector:
         since = int(np.argmax(evidence[leading] + margins)) + 1
         threshold = -float(margins[since - 1])
         number = self._best_since(evidence, since)
-        if number and self._trial is not None and since >= len(self._trial) - self._mixed:
-            return self._identified(number, self._trial, float(evidence[number][since - 1]))
+        named = number if since >= self._caution.blocks else 0
+        if number and self._trial is not None and since >= len(self._trial) - MIXED:
+            found = float(evidence[number][since - 1])
+            return self._identified(named, self._trial.blocks[-since:], found) if named else None
         if since < 2 or evidence[number][since - 1] <= threshold:
             return None
         other = self.surfaces[number] if number else self._unknown
         held = HeldEvidence(blocks, since, self.surfaces[self.current], other)
         if not held.above(threshold, at_any_heading=bool(number) and blocks[-since].touchdown):
             return None
-        return self._change(number, since, evidence[number], margins)
+        return self._change(named, since, evidence[number], margins)
 
     def _best_since(self, evidence: Mapping[int, FloatArray], since: int) -> int:
         """Return the known surface that is surely meant, 0 for a new one."""
@@ -221,7 +227,7 @@ class SurfaceDetector:
         self.surfaces[self.current].add(blocks[: max(earliest - 1, 0)])
         self._window = blocks[alone:]
         self._stayed = len(self._window)
-        self._trial = None if number else list(self._window)
+        self._trial = None if number else Trial(self._window)
         self._go_to(change.surface)
         return change
 
@@ -235,39 +241,36 @@ class SurfaceDetector:
 
     def _identify(self) -> SurfaceChange | None:
         """Say whether the surface on trial is a known one."""
-        if self._trial is None:
-            return None
-        known = {n: k for n, k in self.surfaces.items() if n != self.current}
         trial = self._trial
-        if len(trial) >= TRIAL:
+        if trial is None:
+            return None
+        if len(trial) >= LONGEST:
             self._trial = None
-        if not known or len(trial) < 2:
+        if not trial.asked or len(trial) < max(2, self._caution.blocks):
             return None
-        heard = HeardBlocks.of(trial, self._settings)
-        alone = float(self._unknown.log_likelihood(heard)[-1])
-        gains = {
-            n: float(knowledge.log_likelihood(heard)[-1]) - alone for n, knowledge in known.items()
-        }
-        number = max(gains, key=lambda n: gains[n])
-        others = [gain for n, gain in gains.items() if n != number]
-        lead = gains[number] - max([0.0, *others])
-        if lead < SURE + self._caution.trial + math.log(len(known)):
+        number, lead = trial.leading()
+        if lead < SURE + self._caution.trial + math.log(len(self.surfaces) - 1):
             return None
-        return self._identified(number, trial, lead)
+        return self._identified(number, trial.blocks, lead)
 
-    def _identified(self, number: int, trial: list[SurfaceBlock], evidence: float) -> SurfaceChange:
-        """Take the surface on trial for a known one; what it has learned goes there."""
+    def _identified(
+        self, number: int, blocks: list[SurfaceBlock], evidence: float
+    ) -> SurfaceChange:
+        """Take the surface on trial for a known one, which learns these of its blocks."""
         change = SurfaceChange(
             kind="identified",
             before=self.current,
             surface=number,
-            from_sample=trial[0].start,
-            since_sample=trial[0].start,
-            at_sample=trial[-1].stop,
+            from_sample=blocks[0].start,
+            since_sample=blocks[0].start,
+            at_sample=blocks[-1].stop,
             evidence=evidence,
         )
         del self.surfaces[self.current]
-        self.surfaces[number].add(trial[: len(trial) - len(self._window)])
+        waiting = min(len(blocks), len(self._window))
+        self.surfaces[number].add(blocks[: len(blocks) - waiting])
+        self._window = blocks[len(blocks) - waiting :]
+        self._stayed = len(blocks)
         self._trial = None
         self._go_to(number)
         return change
