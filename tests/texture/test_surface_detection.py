@@ -77,6 +77,21 @@ def test_a_trial_that_began_with_a_block_of_the_former_surface_is_of_the_one_tha
     assert [block.start for block in detector._window] == [BLOCK * n for n in range(111, 131)]
 
 
+@pytest.mark.parametrize(("amplitude", "kind"), [(1.43, "identified"), (2.0, "recalled")])
+def test_a_trial_whose_first_strokes_were_odd_was_of_a_known_surface_if_that_tells_it_all(
+    amplitude: float, kind: str
+) -> None:
+    """Where it does not, the tool was on a new surface first and has come back."""
+    detector = SurfaceDetector()
+    followed(detector, make_blocks(SMOOTH, 40, 1))
+    followed(detector, make_blocks(PEAKED, 70, 2, first=40))
+    detector._go_to(3)
+    detector._trial, detector._window, detector._stayed = Trial(), [], 0
+    odd = make_blocks(SMOOTH, 4, 3, first=110, amplitude=amplitude)
+    found = followed(detector, odd + make_blocks(SMOOTH, 20, 4, first=114))
+    assert [(found_kind, number) for found_kind, number, _ in found] == [(kind, 1)]
+
+
 def test_an_unexplored_part_of_the_plane_is_no_other_surface() -> None:
     detector = SurfaceDetector()
     assert followed(detector, make_blocks(SMOOTH, 40, 7, high=(-0.4, -0.4))) == []

@@ -195,6 +195,8 @@ class SurfaceDetector:
         held = HeldEvidence(blocks, since, self.surfaces[self.current], other)
         if not held.above(threshold, at_any_heading=bool(number) and blocks[-since].touchdown):
             return None
+        if named and self._trial is not None and (gain := self._trial.gains()[named]) > 0.0:
+            return self._identified(named, self._trial.blocks, gain)  # so it was there all along
         return self._change(named, since, evidence[number], margins)
 
     def _best_since(self, evidence: Mapping[int, FloatArray], since: int) -> int:

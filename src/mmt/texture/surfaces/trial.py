@@ -75,12 +75,19 @@ class Trial:
         total = np.logaddexp.reduce(weights + expected) - np.logaddexp.reduce(weights)
         return np.asarray(total, dtype=np.float64)
 
+    def gains(self) -> dict[int, float]:
+        """Return how much likelier than one that nobody knows each known surface makes all blocks.
+
+        Natural logarithms.
+        """
+        return {n: float(each[-1] - self._unknown[-1]) for n, each in self._known.items()}
+
     def leading(self) -> tuple[int, float]:
         """Return the known surface that the blocks speak for most, and by how much.
 
         That is against one that nobody knows and every other known one, as a natural logarithm.
         """
-        gains = {n: float(each[-1] - self._unknown[-1]) for n, each in self._known.items()}
+        gains = self.gains()
         first = max(gains, key=lambda n: gains[n])
         return first, gains[first] - max([0.0, *(g for n, g in gains.items() if n != first)])
 
