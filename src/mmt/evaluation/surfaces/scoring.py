@@ -80,8 +80,7 @@ def score(
     """
     belief = _Belief(int(truth[0]))
     edges = [0, *(np.flatnonzero(np.diff(truth)) + 1).tolist(), len(truth)]
-    of_stay = _by_stay(edges, truth, found)
-    recalls = wrong = false = 0
+    recalls = wrong = false = place = 0
     stays: list[Stay] = []
     too_short = 0
     for number, (start, stop) in enumerate(pairwise(edges)):
@@ -89,8 +88,11 @@ def score(
         known = surface in belief.labels.values() if number else False
         alarm: Found | None = None
         settled: Found | None = None
-        for item in of_stay.get(number, []):
-            was_right = belief.is_of(surface)
+        while place < len(found):
+            item, was_right = found[place], belief.is_of(surface)
+            if _is_of_later(item.change, edges, number, was_right=was_right):
+                break
+            place += 1
             belief.follow(item.change, surface)
             if item.change.kind != "new":
                 recalls += 1
@@ -157,26 +159,18 @@ class _Belief:
         return "right" if self._current == first else "doubled"
 
 
-def _by_stay(
-    edges: Sequence[int], truth: IntArray, found: Sequence[Found]
-) -> dict[int, list[Found]]:
-    """Return what was found by the number of the stay that it belongs to, in order."""
-    of_stay: dict[int, list[Found]] = {}
-    belief = _Belief(int(truth[0]))
-    number = 0
-    for item in found:
-        heard = range(item.change.since_sample, item.change.at_sample)
-        shares = [
-            min(heard.stop, stop) - max(heard.start, start) for start, stop in pairwise(edges)
-        ]
-        number = max(number, int(np.argmax(shares)))
-        was_right = belief.is_of(int(truth[edges[number]]))
-        of_next = shares[number + 1] if number + 1 < len(shares) else 0
-        if was_right and item.change.kind != "identified" and of_next >= BLOCK:
-            number += 1
-        belief.follow(item.change, int(truth[edges[number]]))
-        of_stay.setdefault(number, []).append(item)
-    return of_stay
+def _is_of_later(
+    change: SurfaceChange, edges: Sequence[int], number: int, *, was_right: bool
+) -> bool:
+    """Say whether a change belongs to a later stay than this one; see `score`."""
+    shares = [
+        min(change.at_sample, stop) - max(change.since_sample, start)
+        for start, stop in pairwise(edges)
+    ]
+    if int(np.argmax(shares)) > number:
+        return True
+    next_one = shares[number + 1] if number + 1 < len(shares) else 0
+    return was_right and change.kind != "identified" and next_one >= BLOCK
 
 
 def _seconds(item: Found | None, touched: int) -> float | None:

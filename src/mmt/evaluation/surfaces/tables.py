@@ -35,7 +35,8 @@ DEFINITIONS: Final = {
     "wrong_recalls": "share of the recalls that chose the model of another surface",
     "doubled": "stays on a known surface at whose end the tracker had made a second model of it",
     "false_alarms": "changes that were found while the tool stayed; in stroked_s of stroking. A "
-    "change counts for the stay that most of the samples are of from which it was found",
+    "change counts for the stay that most of the samples are of from which it was found, or for "
+    "the next where that was heard and the surface in use was right before",
     "false_alarms_per_hour_most": "so many an hour are still possible (95 %, one-sided)",
 }
 
