@@ -164,7 +164,7 @@ class SurfaceDetector:
         stayed = self.surfaces[self.current].log_likelihood_after(oldest_first)[::-1]
         others = {n: k for n, k in self.surfaces.items() if n != self.current}
         if self._trial is not None and others:
-            self._trial.ask(self._unknown, others, self._settings)
+            self._trial.ask(self._unknown, others)
             stayed = self._trial.after(stayed)
         others[0] = self._unknown
         return {n: k.log_likelihood(newest_first) - stayed for n, k in others.items()}

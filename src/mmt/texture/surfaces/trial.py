@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.arrays import FloatArray, RecordArray
+from mmt.arrays import FloatArray
 from mmt.texture.surfaces.blocks import SurfaceBlock
 from mmt.texture.surfaces.heard import HeardBlocks
 from mmt.texture.surfaces.knowledge import SurfaceKnowledge
@@ -39,17 +39,12 @@ class Trial:
         """Return the number of blocks."""
         return len(self.blocks)
 
-    def ask(
-        self,
-        unknown: SurfaceKnowledge,
-        known: Mapping[int, SurfaceKnowledge],
-        settings: RecordArray,
-    ) -> None:
+    def ask(self, unknown: SurfaceKnowledge, known: Mapping[int, SurfaceKnowledge]) -> None:
         """Ask surfaces by number, and one that nobody knows, how likely they make the blocks.
 
         Costs what one prediction of all blocks costs with each of them.
         """
-        heard = HeardBlocks.of(self.blocks, settings)
+        heard = HeardBlocks.of(self.blocks, unknown.settings)
         self._unknown, *each = (
             np.concatenate([[0.0], surface.log_likelihood(heard)])
             for surface in (unknown, *known.values())
