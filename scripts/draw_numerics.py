@@ -9,14 +9,14 @@ from typing import Final
 
 from image_files import write
 
-from mmt.devices.simulated.textures import SURFACES
-from mmt.evaluation.bench import run_stage
-from mmt.evaluation.bench.plotting import stage_figure
-from mmt.evaluation.end_to_end.presenting import felt_figure
-from mmt.evaluation.end_to_end.summary import cases, feel_all
-from mmt.evaluation.stability.cases import run_case
-from mmt.evaluation.stability.families import load_cases
-from mmt.evaluation.stability.figures import contact_map, loop_map
+from mmt.testing.simulation.textures import SURFACES
+from mmt_lab.bench import run_stage
+from mmt_lab.bench.plotting import stage_figure
+from mmt_lab.felt.presenting import felt_figure
+from mmt_lab.felt.summary import cases, feel_all
+from mmt_lab.stability.cases import run_case
+from mmt_lab.stability.families import load_cases
+from mmt_lab.stability.figures import contact_map, loop_map
 
 PANELS: Final = {
     "burg": ("batch", "offset"),

@@ -10,9 +10,10 @@ from contextlib import suppress
 
 import pytest
 from hypothesis import HealthCheck, settings
+from stroked_sessions import make_session, stroked_session  # noqa: F401 - fixtures
 
 import mmt.cli  # noqa: F401 - before NumPy: linear algebra in one thread, as the programs have it
-from mmt.process import ask_for_short_turns
+from mmt.core.process import ask_for_short_turns
 
 SLOWEST_FIRST = (
     "test_service_processes.py",

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from mmt.arrays import RecordArray
-from mmt.frames import FIELD_OF_CHANNEL, channels_of, frame_dtype
+from mmt.core.arrays import RecordArray
+from mmt.core.frames import FIELD_OF_CHANNEL, channels_of, frame_dtype
 
 PERIOD_NS = 1_000_000
 

@@ -4,8 +4,8 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
-from mmt.viewing.recording import ViewedRecording
-from mmt.viewing.serving import RecordingServer
+from mmt.web.viewing.recording import ViewedRecording
+from mmt.web.viewing.serving import RecordingServer
 
 
 @asynccontextmanager

@@ -13,7 +13,7 @@ from pydantic.fields import FieldInfo
 
 from mmt.cli import follower, leader, main
 from mmt.scene import Scene
-from mmt.scene_files import example_scenes
+from mmt.scene.files import example_scenes
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"

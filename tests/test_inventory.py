@@ -9,8 +9,8 @@ from contextlib import contextmanager
 
 import pytest
 
-from mmt import inventory
-from mmt.inventory import Inventory, name_of
+from mmt.core import inventory
+from mmt.core.inventory import Inventory, name_of
 
 
 async def lingering() -> None:
@@ -58,7 +58,7 @@ async def test_a_task_of_a_library_is_named_by_its_package() -> None:
 def test_modules_are_those_that_were_imported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "made_up_at_run_time", types.ModuleType("made_up"))
     modules = Inventory().as_dict()["modules"]
-    assert {"asyncio", "mmt.inventory", "numpy"} & set(modules) >= {"asyncio", "mmt.inventory"}
+    assert {"asyncio", "mmt.core.inventory", "numpy"} & set(modules) >= {"asyncio", "mmt.core.inventory"}
     assert "made_up_at_run_time" not in modules
 
 

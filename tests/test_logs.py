@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from mmt.errors import InputError, MmtError
-from mmt.logs import Logs, details
+from mmt.core.errors import InputError, MmtError
+from mmt.core.logs import Logs, details
 
 LOG = logging.getLogger("mmt.test")
 
@@ -138,7 +138,7 @@ def test_a_full_disk_is_said_once(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_stalled_disk_holds_up_nothing_and_the_loss_is_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("mmt.logs._MOST_WAITING", 100)
+    monkeypatch.setattr("mmt.core.logs._MOST_WAITING", 100)
     path = tmp_path / "log.jsonl"
     flowing = threading.Event()
     write = logging.FileHandler.emit
@@ -147,7 +147,7 @@ def test_a_stalled_disk_holds_up_nothing_and_the_loss_is_written(
         flowing.wait(30)
         write(handler, record)
 
-    monkeypatch.setattr("mmt.logs._FileWriter.emit", stalled)
+    monkeypatch.setattr("mmt.core.logs._FileWriter.emit", stalled)
     with Logs("leader", path) as logs:
         for number in range(300):
             LOG.info("line %d", number)

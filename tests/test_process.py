@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from mmt.process import ProcessMeter, ask_for_short_turns, wake_on_time
+from mmt.core.process import ProcessMeter, ask_for_short_turns, wake_on_time
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux's scheduler is asked")

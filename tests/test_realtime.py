@@ -6,9 +6,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from mmt import realtime
-from mmt.errors import MmtError
-from mmt.realtime import PRIORITY, be_real_time, follow_real_time, require_real_time
+from mmt.core import realtime
+from mmt.core.errors import MmtError
+from mmt.core.realtime import PRIORITY, be_real_time, follow_real_time, require_real_time
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Linux's scheduler is asked")
 

@@ -3,10 +3,10 @@ from typing import Any
 
 import pytest
 
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 from mmt.scene import Scene
-from mmt.scene_files import environment_overrides, load_scene, scene_from_tables
-from mmt.scene_parts import SERVICES_OF_PART
+from mmt.scene.files import environment_overrides, load_scene, scene_from_tables
+from mmt.scene.parts import SERVICES_OF_PART
 
 CONFIGS = sorted((Path(__file__).parents[1] / "configs").glob("*.toml"))
 SIMULATED: dict[str, Any] = {"link": {}, "simulated": {}, "hand": {}, "recording": {}}

@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from mmt.scene_description import Stream, describe_scene
-from mmt.scene_files import example_scenes, load_scene, scene_from_tables
+from mmt.cli.scene.description import Stream, describe_scene
+from mmt.scene.files import example_scenes, load_scene, scene_from_tables
 
 FRAME = 12
 """Sequence number (4) and time (8); each channel adds three floats, 12."""

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import mmt.ticking
-from mmt.ticking import Ticker, TickStatistics, TimeHistogram
+import mmt.core.ticking
+from mmt.core.ticking import Ticker, TickStatistics, TimeHistogram
 
 PERIOD_NS = 1_000_000
 
@@ -15,8 +15,8 @@ PERIOD_NS = 1_000_000
 @pytest.fixture(params=["timerfd", "call_at"])
 def clock(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     if request.param == "call_at":
-        monkeypatch.setattr(mmt.ticking, "open_timer", lambda: None)
-    elif mmt.ticking.open_timer() is None:
+        monkeypatch.setattr(mmt.core.ticking, "open_timer", lambda: None)
+    elif mmt.core.ticking.open_timer() is None:
         pytest.skip("this system has no timerfd")
     return str(request.param)
 
@@ -154,7 +154,7 @@ async def test_without_statistics_only_the_ticks_are_counted() -> None:
 
 
 async def test_no_file_stays_open() -> None:
-    timer = mmt.ticking.open_timer()
+    timer = mmt.core.ticking.open_timer()
     if timer is None:
         pytest.skip("this system has no timerfd")
     first = timer.file
@@ -163,7 +163,7 @@ async def test_no_file_stays_open() -> None:
         ticker = Ticker(PERIOD_NS, lambda elapsed: None)
         ticker.start()
         ticker.stop()
-    timer = mmt.ticking.open_timer()
+    timer = mmt.core.ticking.open_timer()
     assert timer is not None
     assert timer.file == first
     timer.close()

@@ -11,7 +11,7 @@ import time
 
 from mmt.devices.protocols import InterfaceState, SensorReading
 from mmt.devices.voltages import VoltageReading
-from mmt.errors import DeviceLost, MmtError
+from mmt.core.errors import DeviceLost, MmtError
 
 
 class Polled:

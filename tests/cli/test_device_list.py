@@ -9,7 +9,7 @@ import pytest
 from device_drivers import run
 
 from mmt.devices import discovery, table
-from mmt.errors import MmtError
+from mmt.core.errors import MmtError
 
 
 def test_the_list_has_drivers_ports_and_what_is_missing(

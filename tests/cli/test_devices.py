@@ -12,7 +12,7 @@ from typer.testing import Result
 
 from mmt.devices import table
 from mmt.devices.observing import observe
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 
 def figures_of(drivers: str, name: str, directory: Path, *settings: str) -> tuple[Result, dict]:
@@ -143,7 +143,7 @@ def test_a_role_that_a_driver_cannot_take_is_bad_input(what: str, role: str, sen
 def test_an_actuator_plays_silence_and_shows_what_it_counted(tmp_path: Path) -> None:
     file = tmp_path / "a.json"
     options = ["--set", "full_scale_v=3", "--set", "volts_per_m_s2=0.1", "--set", "buffer_ms=100"]
-    driver = "mmt.devices.emulated.haptuator:emulated_haptuator"
+    driver = "mmt.testing.emulated.haptuator:emulated_haptuator"
     run("test", driver, *options, "--duration", 0.4, "--json", file)
     seen = json.loads(file.read_text())["devices"][0]
     assert seen["role"] == "actuator"

@@ -12,7 +12,7 @@ from typer.testing import CliRunner, Result
 from mmt.cli.main import app
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, UPS, Calibration
 from mmt.devices.calibrations import load_calibration
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 TRUE = Calibration((1.60, 1.68, 1.75), (0.0345, 0.033, 0.0325))
 
@@ -88,7 +88,7 @@ def test_another_device_is_told(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there are no pseudo-terminals")
 def test_a_sensor_is_turned_six_ways(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from mmt.devices.emulated.adxl335_board import EmulatedAdxl335Board
+    from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
 
     held = {"felt": felt("+z"), "shaken": False}
     asked: list[str] = []

@@ -9,11 +9,11 @@ from scipy.io import wavfile
 from typer.testing import CliRunner, Result
 
 from mmt.cli.main import app
-from mmt.devices.simulated.offline import simulate_session
-from mmt.errors import InputError
+from mmt.testing.simulation.offline import simulate_session
+from mmt.core.errors import InputError
 from mmt.scene import Scene
 from mmt.session import write_session
-from mmt.texture.model import TextureModel
+from mmt.texture.model.texture_model import TextureModel
 
 MODEL = Path("configs/models/plastic.npz")
 

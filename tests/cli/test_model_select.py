@@ -8,12 +8,12 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from mmt.cli.main import app
-from mmt.devices.simulated.offline import simulate_session
-from mmt.errors import InputError
+from mmt.testing.simulation.offline import simulate_session
+from mmt.core.errors import InputError
 from mmt.scene import Scene
 from mmt.session import write_session
-from mmt.texture.model import TextureModel
-from mmt.texture.samples import TextureSamples
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.model.samples import TextureSamples
 
 KNOCK_AT = (4000, 9000)
 
@@ -74,7 +74,7 @@ def test_models_are_pooled_and_the_published_algorithm_can_be_asked(
 def test_a_model_whose_heading_counts_is_drawn_in_two_planes(tmp_path: Path):
     from mmt.evaluation.pooling import pool_models
     from mmt.evaluation.selection_figure import selection_plane
-    from mmt.texture.inputs import InputSpace
+    from mmt.texture.model.inputs import InputSpace
     from mmt.texture.selection import select
 
     generator = np.random.default_rng(0)

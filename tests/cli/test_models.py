@@ -8,19 +8,19 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from mmt.cli.main import app
-from mmt.devices.simulated.course import CourseChange, SurfaceCourse
-from mmt.devices.simulated.offline import simulate_session
-from mmt.devices.simulated.textures import get_surface
-from mmt.errors import InputError, MmtError
-from mmt.evaluation.building import trials
-from mmt.frames import empty_frames
+from mmt.testing.simulation.course import CourseChange, SurfaceCourse
+from mmt.testing.simulation.offline import simulate_session
+from mmt.testing.simulation.textures import get_surface
+from mmt.core.errors import InputError, MmtError
+from mmt.texture.online.history import trials
+from mmt.core.frames import empty_frames
 from mmt.scene import Scene
 from mmt.session import write_session
-from mmt.texture.completion import STOP_DISTANCE, distance_sum
-from mmt.texture.model import TextureModel
-from mmt.texture.modelling import OnlineModeller
-from mmt.texture.pieces import CELL
-from mmt.texture_table import Texture
+from mmt.texture.completion.distance import STOP_DISTANCE, distance_sum
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.online.modeller import OnlineModeller
+from mmt.texture.segmentation.pieces import CELL
+from mmt.scene.texture_table import Texture
 
 DURATION_S = 12.0
 
@@ -195,7 +195,7 @@ def test_a_session_is_no_model(session_file: Path) -> None:
 
 
 def test_the_shipped_model_can_be_rendered() -> None:
-    from mmt.scene_files import example_scenes, load_scene
+    from mmt.scene.files import example_scenes, load_scene
 
     scene = load_scene(example_scenes()["model-only"])
     assert scene.rendering is not None

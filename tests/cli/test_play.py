@@ -10,7 +10,7 @@ import pytest
 from player_samples import flat_texture
 
 from mmt.cli.playing import play
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 
 def given(directory: Path, **options: object) -> dict[str, object]:

@@ -10,11 +10,11 @@ from recording_server import serving
 from typer.testing import CliRunner
 
 from mmt.cli.main import app
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 from mmt.session.recorded import RecordedSession
 from mmt.session.window_files import MemoryWindows
-from mmt.viewing.recording import ViewedRecording
-from mmt.viewing.serving import RecordingServer
+from mmt.web.viewing.recording import ViewedRecording
+from mmt.web.viewing.serving import RecordingServer
 
 
 def recording() -> ViewedRecording:

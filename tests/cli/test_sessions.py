@@ -4,7 +4,7 @@ import numpy as np
 from typer.testing import CliRunner
 
 from mmt.cli.main import app
-from mmt.devices.simulated.surfaces import surface_from_annotations
+from mmt.testing.simulation.surfaces import surface_from_annotations
 from mmt.session import read_session
 
 

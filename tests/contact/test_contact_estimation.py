@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.contact.estimation import ContactEstimator, ContactModel, EstimationSettings
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 TICK_S = 1e-3
 

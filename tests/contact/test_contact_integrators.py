@@ -18,7 +18,7 @@ from mmt.contact.integrators import (
     total_energy_j,
 )
 from mmt.contact.normal import ContactLaw, Drive
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 STIFFNESS = st.floats(2.0, 7.0).map(lambda exponent: 10.0**exponent)
 MASS = st.floats(-3.0, 0.0).map(lambda exponent: 10.0**exponent)

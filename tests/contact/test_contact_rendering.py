@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from mmt.contact.estimation import ContactModel
 from mmt.contact.passivity import REACH_M_S2, ForcePort, PassivitySettings
 from mmt.contact.rendering import LocalContact, RenderingSettings
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 models = st.builds(
     ContactModel,

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from mmt.contact.friction import SMOOTHING_M_S, friction_slope_n_s_m, step_tangential
 from mmt.contact.normal import ContactLaw, Drive, step_normal, substeps
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 STIFFNESS = st.floats(50.0, 50_000.0)
 MASS = st.floats(0.02, 0.5)

@@ -7,7 +7,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mmt.contact.passivity import REACH_M_S2, ForcePort, MotionPort, PassivitySettings
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 SETTINGS = PassivitySettings()
 REACH_M = REACH_M_S2 * SETTINGS.tick_s**2

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mmt.arrays import RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.devices.protocols import SampledSensor, Vector
 from mmt.devices.source import DeviceSource
 

@@ -18,7 +18,7 @@ from mmt.devices.adxl335.gravity import (
     nominal,
     rests_from,
 )
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 TRUE = Calibration((1.60, 1.68, 1.75), (0.0345, 0.033, 0.0325))
 STILL = (0.002, 0.002, 0.003)

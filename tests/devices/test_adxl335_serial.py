@@ -14,12 +14,12 @@ from mmt.devices.adxl335.serial_driver import SerialAdxl335
 from mmt.devices.calibrations import save_calibration
 from mmt.devices.loading import load_device
 from mmt.devices.protocols import SensorReading, Vector
-from mmt.errors import DeviceLost, InputError, MmtError
+from mmt.core.errors import DeviceLost, InputError, MmtError
 
 if sys.platform == "win32":
     pytest.skip("there are no pseudo-terminals", allow_module_level=True)
 
-from mmt.devices.emulated.adxl335_board import EmulatedAdxl335Board
+from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
 
 LEVEL = (0.0, 0.0, GRAVITY_M_S2)
 

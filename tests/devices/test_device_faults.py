@@ -13,17 +13,17 @@ from running_source import RunningSource
 from sensor_reading import read_some, read_until, read_until_fault
 
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
-from mmt.devices.emulated.labjack_u6 import EmulatedU6
-from mmt.devices.emulated.net_ft import EmulatedNetFt
+from mmt.testing.emulated.labjack_u6 import EmulatedU6
+from mmt.testing.emulated.net_ft import EmulatedNetFt
 from mmt.devices.loading import load_device
 from mmt.devices.protocols import SampledSensor, Vector
-from mmt.errors import DeviceLost, MmtError
+from mmt.core.errors import DeviceLost, MmtError
 
 if sys.platform != "linux":
     pytest.skip("the emulated ports are for Linux", allow_module_level=True)
 
-from mmt.devices.emulated.adxl335_board import EmulatedAdxl335Board
-from mmt.devices.emulated.digital_ft import EmulatedDigitalFt
+from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
+from mmt.testing.emulated.digital_ft import EmulatedDigitalFt
 
 PRESSED = (0.0, 0.0, 2.0)
 

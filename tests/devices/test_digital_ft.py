@@ -12,12 +12,12 @@ from sensor_reading import read_some, read_until, read_until_fault
 from mmt.devices.ati.digital_ft import DigitalFtOptions, digital_ft, record_rate_hz
 from mmt.devices.ati.digital_registers import GAINS, STATUS
 from mmt.devices.loading import load_device
-from mmt.errors import DeviceLost, InputError, MmtError
+from mmt.core.errors import DeviceLost, InputError, MmtError
 
 if sys.platform != "linux":
     pytest.skip("the emulated port is for Linux", allow_module_level=True)
 
-from mmt.devices.emulated.digital_ft import EmulatedDigitalFt
+from mmt.testing.emulated.digital_ft import EmulatedDigitalFt
 
 FORCE = (0.5, -0.25, 2.0)
 NEAR = pytest.approx(FORCE, abs=0.03)

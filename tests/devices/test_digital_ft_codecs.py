@@ -25,7 +25,7 @@ from mmt.devices.ati.modbus import (
     registers_of,
     write_request,
 )
-from mmt.errors import MmtError
+from mmt.core.errors import MmtError
 
 MS = 1_000_000
 GAUGES = st.tuples(*[st.integers(-32768, 32767)] * 6)

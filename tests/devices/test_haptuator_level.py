@@ -17,7 +17,7 @@ from mmt.devices.haptuator.drive import VoltageDrive
 from mmt.devices.haptuator.equalising import TAPS, Equaliser, fit_equaliser, sweep
 from mmt.devices.haptuator.level import level_of, store_level
 from mmt.devices.haptuator.options import HaptuatorOptions
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 
 def actuator(volts: np.ndarray) -> np.ndarray:

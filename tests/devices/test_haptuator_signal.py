@@ -15,7 +15,7 @@ from mmt.devices.haptuator.interpolation import AFTER, BEFORE, Interpolator, tap
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.haptuator.pulling import Puller
 from mmt.devices.loading import read_options
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 
 def drive(**changes: float) -> VoltageDrive:

@@ -9,15 +9,15 @@ import types
 import numpy as np
 import pytest
 
-from mmt.devices.emulated.haptuator import EmulatedHaptuator
-from mmt.devices.emulated.sound_card import EmulatedSoundCard
+from mmt.testing.emulated.haptuator import EmulatedHaptuator
+from mmt.testing.emulated.sound_card import EmulatedSoundCard
 from mmt.devices.haptuator.library import load_sounddevice
 from mmt.devices.haptuator.sound import SoundHaptuator, SoundOptions
 from mmt.devices.loading import load_device
 from mmt.devices.mending import MendedActuator
-from mmt.errors import DeviceLost, InputError, MmtError
+from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.leader.parts import build_parts
-from mmt.scene_files import scene_from_tables
+from mmt.scene.files import scene_from_tables
 
 OPTIONS = {"volts_per_m_s2": 0.1, "full_scale_v": 6.0}
 
@@ -175,7 +175,7 @@ def test_a_lost_actuator_comes_back_while_the_leader_goes_on() -> None:
             "link": {},
             "devices": {"robot": "lab:Robot", "accelerometer": "lab:A"},
             "playout": {},
-            "actuator": {"driver": "mmt.devices.emulated.haptuator:emulated_haptuator", **OPTIONS},
+            "actuator": {"driver": "mmt.testing.emulated.haptuator:emulated_haptuator", **OPTIONS},
         }
     )
     parts = build_parts(scene, lambda _update, _time: None)

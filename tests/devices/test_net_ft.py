@@ -22,9 +22,9 @@ from mmt.devices.ati.net_records import (
     request,
 )
 from mmt.devices.ati.net_settings import filter_delay_ns, parse_page, parse_settings
-from mmt.devices.emulated.net_ft import EmulatedNetFt
+from mmt.testing.emulated.net_ft import EmulatedNetFt
 from mmt.devices.loading import load_device
-from mmt.errors import DeviceLost, InputError, MmtError
+from mmt.core.errors import DeviceLost, InputError, MmtError
 
 PAGE = """<?xml version="1.0" encoding="utf-8"?><netft><setuserfilter>4</setuserfilter>
 <cfgcpf>1000000</cfgcpf><cfgcpt>2000</cfgcpt><scfgfu>N</scfgfu><scfgtu>Nm</scfgtu>

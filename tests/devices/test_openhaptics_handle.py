@@ -8,10 +8,10 @@ from emulated_arm import emulated_arm, until
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmt.devices.emulated.hd import EmulatedHd
+from mmt.testing.emulated.hd import EmulatedHd
 from mmt.devices.loading import load_device
 from mmt.devices.openhaptics.handle import HandForce, OpenHapticsHandle
-from mmt.errors import DeviceLost, InputError
+from mmt.core.errors import DeviceLost, InputError
 
 emulated = emulated_arm
 

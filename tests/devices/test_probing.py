@@ -6,7 +6,7 @@ import time
 import pytest
 
 from mmt.devices.probing import LoopTimer, Retry
-from mmt.timer_file import open_timer
+from mmt.core.timer_file import open_timer
 
 PATIENCE_S = 20.0
 

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from mmt.devices.simulated.follower import SimulatedFollower
-from mmt.devices.simulated.instruments import Instruments
-from mmt.devices.simulated.offline import simulate_session
-from mmt.devices.simulated.robot import TipState
-from mmt.devices.simulated.surfaces import surface_from_annotations
-from mmt.devices.simulated.textures import get_surface
-from mmt.errors import InputError
-from mmt.frames import CHANNELS, frame_dtype
+from mmt.testing.simulation.follower import SimulatedFollower
+from mmt.testing.simulation.instruments import Instruments
+from mmt.testing.simulation.offline import simulate_session
+from mmt.testing.simulation.robot import TipState
+from mmt.testing.simulation.surfaces import surface_from_annotations
+from mmt.testing.simulation.textures import get_surface
+from mmt.core.errors import InputError
+from mmt.core.frames import CHANNELS, frame_dtype
 from mmt.scene import Scene, Simulated
-from mmt.scene_files import scene_from_tables
+from mmt.scene.files import scene_from_tables
 
 
 def _follower(seed=1, channels=CHANNELS, **table):
@@ -177,8 +177,8 @@ def test_a_simulated_follower_stays_small():
     code = (
         "import sys, psutil\n"
         "from mmt.scene import Simulated\n"
-        "from mmt.devices.simulated.follower import SimulatedFollower\n"
-        "import mmt.devices.simulated.offline, mmt.devices.simulated.actuator\n"
+        "from mmt.testing.simulation.follower import SimulatedFollower\n"
+        "import mmt.testing.simulation.offline, mmt.testing.simulation.actuator\n"
         "SimulatedFollower(Simulated(), channels=('force',), seed=1).step(100, 0, None)\n"
         "assert not {'numba', 'scipy'} & set(sys.modules), 'too much is imported'\n"
         "print(psutil.Process().memory_info().rss)\n"

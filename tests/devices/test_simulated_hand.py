@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from mmt.devices.simulated.hand import SimulatedHand
-from mmt.devices.simulated.robot import SimulatedRobot, nominal_compliance_mm_n
-from mmt.hand_table import Hand
+from mmt.testing.simulation.hand import SimulatedHand
+from mmt.testing.simulation.robot import SimulatedRobot, nominal_compliance_mm_n
+from mmt.scene.hand_table import Hand
 from mmt.scene import Simulated
 
 TICKS = 18_000

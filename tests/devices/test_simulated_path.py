@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from mmt.devices.simulated.offline import simulate_session
-from mmt.devices.simulated.recorded_path import load_path
-from mmt.devices.simulated.surfaces import surface_from_annotations
-from mmt.errors import InputError
+from mmt.testing.simulation.offline import simulate_session
+from mmt.testing.simulation.recorded_path import load_path
+from mmt.testing.simulation.surfaces import surface_from_annotations
+from mmt.core.errors import InputError
 from mmt.scene import Scene
 
 RECORDED = Path(__file__).parents[2] / ".." / "shared" / "data" / "bilateral_1dof"

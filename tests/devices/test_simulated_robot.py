@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.devices.simulated.robot import SimulatedRobot, nominal_compliance_mm_n
+from mmt.testing.simulation.robot import SimulatedRobot, nominal_compliance_mm_n
 from mmt.scene import Simulated
 
 

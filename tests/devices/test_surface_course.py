@@ -6,16 +6,16 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from mmt.devices.simulated.course import (
+from mmt.testing.simulation.course import (
     SETTLED_TICKS,
     CourseChange,
     SurfaceCourse,
     course_from_annotations,
 )
-from mmt.devices.simulated.offline import simulate_session
-from mmt.devices.simulated.surfaces import surface_from_annotations
-from mmt.devices.simulated.textures import get_surface
-from mmt.errors import InputError
+from mmt.testing.simulation.offline import simulate_session
+from mmt.testing.simulation.surfaces import surface_from_annotations
+from mmt.testing.simulation.textures import get_surface
+from mmt.core.errors import InputError
 from mmt.follower.sources import build_source
 from mmt.scene import Scene, Simulated
 

@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
-from mmt.devices.emulated import drivers as drivers_module
-from mmt.devices.emulated.drivers import VirtualAdxl335, VirtualNetFt, VirtualRobot
-from mmt.devices.emulated.world import TICK_NS, World
+from mmt.testing.emulated import drivers as drivers_module
+from mmt.testing.emulated.drivers import VirtualAdxl335, VirtualNetFt, VirtualRobot
+from mmt.testing.emulated.world import TICK_NS, World
 from mmt.devices.loading import load_device
-from mmt.errors import DeviceLost, InputError, MmtError
+from mmt.core.errors import DeviceLost, InputError, MmtError
 
 
 def until(happened: Any, longest_s: float = 20.0) -> None:
@@ -140,7 +140,7 @@ def test_a_lab_that_dies_is_a_lost_robot_and_comes_back() -> None:
 
 def test_a_follower_on_devices_imports_neither_scipy_nor_numba() -> None:
     modules = (
-        "mmt.devices.source, mmt.devices.emulated.drivers, mmt.devices.ati.net_ft, "
+        "mmt.devices.source, mmt.testing.emulated.drivers, mmt.devices.ati.net_ft, "
         "mmt.devices.adxl335.serial_driver"
     )
     program = f"import sys, {modules}; print(sorted({{'numba', 'scipy'}} & set(sys.modules)))"

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from mmt.cli.main import app
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 from mmt.evaluation.comparison import compare_reports, figures, write_comparison
 
 PNG = b"\x89PNG\r\n\x1a\n and so on"

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.evaluation.held_out import HELD_OUT, HeldOutRecording, choose_held_out, outside
-from mmt.texture.autoregression import burg, reflection_to_lsf
-from mmt.texture.model import TextureModel, TextureSamples
-from mmt.texture.segments import Segment
+from mmt.texture.autoregression.forms import burg, reflection_to_lsf
+from mmt.texture.model.texture_model import TextureModel, TextureSamples
+from mmt.texture.segmentation.segments import Segment
 
 
 def segment(start: int, stop: int, vibration: np.ndarray | None = None) -> Segment:

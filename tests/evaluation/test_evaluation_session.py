@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mmt.devices.simulated.offline import simulate_session
-from mmt.errors import InputError
-from mmt.evaluation.building import build, update_blocks
+from mmt.testing.simulation.offline import simulate_session
+from mmt.core.errors import InputError
+from mmt.texture.online.history import build, update_blocks
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.held_out import choose_held_out, outside
 from mmt.evaluation.results import evaluations_as_dict
-from mmt.frames import empty_frames
-from mmt.hand_table import Hand
+from mmt.core.frames import empty_frames
+from mmt.scene.hand_table import Hand
 from mmt.scene import Scene
 from mmt.session import RecordedSession
-from mmt.texture.completion import FARTHEST
+from mmt.texture.completion.distance import FARTHEST
 from mmt.texture.settings import ModellingSettings
 
 SETTINGS = ModellingSettings(order=8)

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from mmt.devices.simulated.modes import Resonance
-from mmt.devices.simulated.surfaces import Surface
-from mmt.devices.simulated.textures import SURFACES, get_surface
+from mmt.testing.simulation.modes import Resonance
+from mmt.testing.simulation.surfaces import Surface
+from mmt.testing.simulation.textures import SURFACES, get_surface
 from mmt.evaluation.levels import level_error_db
 from mmt.evaluation.strokes import GRID_FORCE_N, GRID_SPEED_MM_S, Strokes
 from mmt.evaluation.truth import KnownTexture, known_texture
-from mmt.texture.autoregression import ar_to_lsf
-from mmt.texture.model import TextureModel, TextureSamples
+from mmt.texture.autoregression.forms import ar_to_lsf
+from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import ModellingSettings
 
 ORDER = 24

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.arrays import RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.devices.protocols import Vector
 from mmt.follower.guarding import CommandGuard
-from mmt.frames import COMMAND_DTYPE
-from mmt.link_table import Link
+from mmt.core.frames import COMMAND_DTYPE
+from mmt.scene.link_table import Link
 
 HOME = (0.0, 0.0, 5.0)
 SECOND_NS = 1_000_000_000

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mmt.devices.protocols import Vector
 from mmt.follower.service import FollowerService
-from mmt.scene_files import scene_from_tables
+from mmt.scene.files import scene_from_tables
 
 LIMIT_MM_S = 200.0
 

@@ -14,9 +14,9 @@ import psutil
 import pytest
 from hypothesis import strategies as st
 
-from mmt.errors import FAILED, MmtError
-from mmt.feedback_records import CONTACT, ENERGY
-from mmt.frames import Channel, frame_dtype
+from mmt.core.errors import FAILED, MmtError
+from mmt.core.feedback_records import CONTACT, ENERGY
+from mmt.core.frames import Channel, frame_dtype
 from mmt.leader.service import LeaderService
 from mmt.leader.summary import LeaderSummary
 from mmt.link.access import Access
@@ -25,7 +25,7 @@ from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.link.reading import BlockReader
 from mmt.link.receiving import binary_event
-from mmt.scene_files import scene_from_tables
+from mmt.scene.files import scene_from_tables
 
 LIMIT_M_S2 = 20.0
 LIMIT_N = 2.0

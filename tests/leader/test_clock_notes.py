@@ -1,6 +1,6 @@
 from typing import Any
 
-from mmt.frames import frame_dtype
+from mmt.core.frames import frame_dtype
 from mmt.leader.clock_notes import ClockNotes
 from mmt.link.clock_exchange import ClockAnswerer
 from mmt.link.clock_offset import ClockJump

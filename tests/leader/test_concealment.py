@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from mmt.frames import frame_dtype
+from mmt.core.frames import frame_dtype
 from mmt.leader.concealment import LONGEST_SAMPLES, build_concealment, course
 from mmt.leader.playout import PlayoutBuffer
 from mmt.leader.stream import StreamedVibration

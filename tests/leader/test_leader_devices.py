@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from mmt.errors import InputError, MmtError
+from mmt.core.errors import InputError, MmtError
 from mmt.leader.parts import build_parts
 from mmt.scene import Scene
-from mmt.scene_description import describe_scene
-from mmt.scene_files import load_scene, scene_from_tables
+from mmt.cli.scene.description import describe_scene
+from mmt.scene.files import load_scene, scene_from_tables
 
 DRIVERS = """
 from mmt.devices.protocols import InterfaceState

@@ -6,11 +6,11 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.arrays import RecordArray
-from mmt.frames import frame_dtype
+from mmt.core.arrays import RecordArray
+from mmt.core.frames import frame_dtype
 from mmt.leader import missing
 from mmt.leader.missing import MissingFrames
-from mmt.ranges import Range
+from mmt.core.ranges import Range
 
 
 def numbered(*numbers: int) -> RecordArray:

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from frame_samples import made_frames
 
-from mmt.arrays import RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.leader.modelling import ModellingTask
-from mmt.texture import modellers
-from mmt.texture.completion import CompletionMonitor
-from mmt.texture.modelling import ModelUpdate
+from mmt.texture.online import modellers
+from mmt.texture.completion.distance import CompletionMonitor
+from mmt.texture.online.modeller import ModelUpdate
 from mmt.texture.settings import ModellingSettings
 
 

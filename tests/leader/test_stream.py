@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from frame_samples import made_frames
 
-from mmt.arrays import RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.leader.playout import PlayoutBuffer
 from mmt.leader.stream import StreamedMotion, StreamedVibration
 from mmt.texture.settings import VibrationAxis

@@ -6,7 +6,7 @@ from frame_samples import made_frames
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.arrays import RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.feedback import StreamedForce
 

@@ -12,8 +12,8 @@ from mmt.leader.parts import LeaderParts
 from mmt.leader.rendering import VibrationSwitch
 from mmt.leader.summary import RunLog
 from mmt.leader.surface_files import write_surface_models
-from mmt.texture.completion import CompletionMonitor
-from mmt.texture.modelling import ModelUpdate
+from mmt.texture.completion.distance import CompletionMonitor
+from mmt.texture.online.modeller import ModelUpdate
 from mmt.texture.surfaces import SurfaceChange
 
 FADE = 50

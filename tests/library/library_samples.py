@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mmt.texture.autoregression import lsf_to_ar, lsf_to_reflection, output_power
-from mmt.texture.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
-from mmt.texture.model import TextureModel, TextureSamples
+from mmt.texture.autoregression.forms import lsf_to_ar, lsf_to_reflection, output_power
+from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
+from mmt.texture.model.texture_model import TextureModel, TextureSamples
 
 
 def model(

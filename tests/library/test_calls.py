@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from library_samples import directed, model
 
-from mmt.errors import InputError, MmtError
-from mmt.library import close, open_textures, render, touch
-from mmt.texture.generation import estimate
-from mmt.texture.model import TextureModel
+from mmt.core.errors import InputError, MmtError
+from mmt.rendering import close, open_textures, render, touch
+from mmt.texture.synthesis.generation import estimate
+from mmt.texture.model.texture_model import TextureModel
 
 
 def expected_rms(of: TextureModel, *inputs: float) -> float:

@@ -7,10 +7,10 @@ import pytest
 from library_samples import directed, model, write_hatt
 from scipy.signal import freqz
 
-from mmt.errors import InputError
-from mmt.library.hatt import export_hatt, import_hatt
-from mmt.library.hatt_file import parse_hatt
-from mmt.texture.autoregression import lsf_to_ar
+from mmt.core.errors import InputError
+from mmt.exchange.hatt import export_hatt, import_hatt
+from mmt.exchange.hatt_file import parse_hatt
+from mmt.texture.autoregression.forms import lsf_to_ar
 
 FREQUENCIES = np.linspace(5.0, 495.0, 99)
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.errors import InputError
-from mmt.library.rate import RateConverter
+from mmt.core.errors import InputError
+from mmt.rendering.rate import RateConverter
 
 
 @cache

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mmt.arrays import RecordArray
-from mmt.frames import COMMAND_DTYPE, Channel, frame_dtype
+from mmt.core.arrays import RecordArray
+from mmt.core.frames import COMMAND_DTYPE, Channel, frame_dtype
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.link.server import LeaderEvents, LeaderServer
-from mmt.link_table import Link
+from mmt.scene.link_table import Link
 
 CHANNELS: tuple[Channel, ...] = ("position", "force")
 

@@ -14,11 +14,11 @@ import trustme
 import yarl
 from link_samples import CHANNELS, FollowerNotes, LeaderNotes, frames, hello, until
 
-from mmt.errors import InputError, MmtError
+from mmt.core.errors import InputError, MmtError
 from mmt.link.access import TOKEN_VARIABLE, Access, check_listening
 from mmt.link.client import FollowerClient
 from mmt.link.server import LeaderServer
-from mmt.link_table import Link
+from mmt.scene.link_table import Link
 
 TOKEN = "a token that nobody guesses"
 

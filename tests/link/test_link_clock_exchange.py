@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from link_samples import CHANNELS, FollowerNotes, LeaderNotes, commands, frames, hello, until
 
 import mmt.link.clock_exchange
-from mmt.frames import COMMAND_DTYPE
+from mmt.core.frames import COMMAND_DTYPE
 from mmt.link.client import FollowerClient
 from mmt.link.clock import clock_id
 from mmt.link.clock_exchange import ClockAnswerer, ClockAsker
@@ -24,8 +24,8 @@ from mmt.link.outbox import Outbox
 from mmt.link.protocol import encode_event
 from mmt.link.reading import BlockReader
 from mmt.link.server import LeaderServer
-from mmt.link_table import Link
-from mmt.network_table import Network
+from mmt.scene.link_table import Link
+from mmt.scene.network_table import Network
 
 QUESTION = struct.Struct("<IqIq")
 ANSWER = struct.Struct("<Iqqq")

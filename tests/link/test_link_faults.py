@@ -21,7 +21,7 @@ from link_samples import (
 import mmt.link.client
 import mmt.link.direct
 import mmt.link.hosting
-from mmt.errors import MmtError
+from mmt.core.errors import MmtError
 from mmt.link.client import FollowerClient
 from mmt.link.dialling import Line
 from mmt.link.gate import Gate

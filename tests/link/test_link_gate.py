@@ -21,7 +21,7 @@ from link_samples import (
 
 import mmt.link.direct
 import mmt.link.gate
-from mmt.errors import MmtError
+from mmt.core.errors import MmtError
 from mmt.link.gate import Gate
 from mmt.link.protocol import encode_event
 

@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from link_samples import commands, frames
 
-from mmt.arrays import RecordArray
-from mmt.frames import COMMAND_DTYPE
+from mmt.core.arrays import RecordArray
+from mmt.core.frames import COMMAND_DTYPE
 from mmt.link.reading import BlockReader
-from mmt.pacing import shortest_period_ns
+from mmt.core.pacing import shortest_period_ns
 
 
 def reader() -> BlockReader:

@@ -22,11 +22,11 @@ from link_samples import (
     until,
 )
 
-from mmt.errors import InputError, MmtError
+from mmt.core.errors import InputError, MmtError
 from mmt.link.client import FollowerClient
 from mmt.link.protocol import FollowerHello, reason_of
 from mmt.link.server import LeaderServer
-from mmt.link_table import Link
+from mmt.scene.link_table import Link
 
 GOOD = hello().to_auth()
 

@@ -16,12 +16,12 @@ from link_samples import (
     until,
 )
 
-from mmt.errors import MmtError
-from mmt.frames import frame_dtype
+from mmt.core.errors import MmtError
+from mmt.core.frames import frame_dtype
 from mmt.link.client import FollowerClient
 from mmt.link.protocol import FollowerHello
 from mmt.link.server import LeaderEvents, LeaderServer
-from mmt.link_table import Link
+from mmt.scene.link_table import Link
 
 
 async def test_frames_go_up_and_commands_come_down_unchanged() -> None:

@@ -25,11 +25,11 @@ from link_samples import (
 )
 from socketio.msgpack_packet import MsgPackPacket
 
-from mmt.frames import CHANNELS as ALL_CHANNELS
-from mmt.frames import COMMAND_DTYPE, frame_dtype
+from mmt.core.frames import CHANNELS as ALL_CHANNELS
+from mmt.core.frames import COMMAND_DTYPE, frame_dtype
 from mmt.link.protocol import encode_event
 from mmt.link.server import LeaderServer
-from mmt.link_table import Link
+from mmt.scene.link_table import Link
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "wire.md"
 

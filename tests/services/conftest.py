@@ -9,7 +9,7 @@ import pytest
 def drivers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     (tmp_path / "lab_drivers.py").write_text(
         "from instruments import Instrument as Robot, Instrument as Force\n"
-        "from mmt.errors import MmtError\n"
+        "from mmt.core.errors import MmtError\n"
         "number = 3\n"
         "def absent():\n    raise OSError('no such port')\n"
         "def explained():\n    raise MmtError('switch it on')\n"

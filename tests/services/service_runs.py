@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from mmt.arrays import RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.devices.protocols import Vector
 from mmt.follower import service as follower_service
 from mmt.follower.service import FollowerService
 from mmt.follower.summary import FollowerSummary
-from mmt.frames import frame_dtype
+from mmt.core.frames import frame_dtype
 from mmt.leader.service import LeaderService
 from mmt.leader.summary import LeaderSummary
 from mmt.link.server import LeaderServer
 from mmt.scene import Scene
-from mmt.scene_files import scene_from_tables
+from mmt.scene.files import scene_from_tables
 
 LONGEST_S = 60.0
 """No wait lasts longer."""

@@ -12,9 +12,9 @@ from instruments import Instrument
 from service_runs import Together, small_scene
 
 from mmt.devices.protocols import SensorReading
-from mmt.errors import DeviceLost, MmtError
+from mmt.core.errors import DeviceLost, MmtError
 from mmt.scene import Scene
-from mmt.scene_files import load_scene
+from mmt.scene.files import load_scene
 from mmt.session import read_session
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from service_runs import Together, small_scene
 
-from mmt.errors import MmtError
+from mmt.core.errors import MmtError
 
 
 def scene_with(directory: Path, method: str, **tables: Any) -> Any:

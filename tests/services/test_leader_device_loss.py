@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from service_runs import Together, small_scene
 
-from mmt.devices.emulated.haptuator import EmulatedHaptuator
-from mmt.devices.emulated.haptuator_board import EmulatedHaptuatorBoard
-from mmt.devices.emulated.hd import EmulatedHd
-from mmt.errors import MmtError
+from mmt.testing.emulated.haptuator import EmulatedHaptuator
+from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard
+from mmt.testing.emulated.hd import EmulatedHd
+from mmt.core.errors import MmtError
 from mmt.scene import Scene
 from mmt.session import read_session
 
@@ -141,7 +141,7 @@ async def test_a_sound_card_is_lost_and_comes_back(tmp_path: Path) -> None:
             tmp_path,
             session={"duration_s": 600.0},
             actuator={
-                "driver": "mmt.devices.emulated.haptuator:emulated_haptuator",
+                "driver": "mmt.testing.emulated.haptuator:emulated_haptuator",
                 "volts_per_m_s2": 0.05,
                 "full_scale_v": 3.0,
             },

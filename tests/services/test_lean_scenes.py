@@ -12,14 +12,14 @@ import pytest
 from frame_samples import made_frames
 from service_processes import CONFIGS, LONGEST_S, Service
 
-from mmt.scene_files import load_scene
+from mmt.scene.files import load_scene
 from mmt.session import write_session
 
 PROGRAM = """
 import asyncio, importlib, json, pathlib, sys
 service, scene, changes = sys.argv[1], pathlib.Path(sys.argv[2]), json.loads(sys.argv[3])
 importlib.import_module(f"mmt.cli.{service}")
-from mmt.scene_files import load_scene
+from mmt.scene.files import load_scene
 
 async def main():
     module = importlib.import_module(f"mmt.{service}.service")
@@ -69,18 +69,18 @@ class Device:
         pass
 """
 
-NUMERICS = {"numba", "scipy", "mmt.compiled"}
+NUMERICS = {"numba", "scipy", "mmt.core.compiled"}
 NETWORK = {"mmt.link", "socketio", "aiohttp", "msgpack"}
 FILES = {"mmt.session", "mcap", "google.protobuf", "zstandard"}
-MODEL = {*NUMERICS, "mmt.texture.modelling", "mmt.texture.synthesis"}
+MODEL = {*NUMERICS, "mmt.texture.online.modeller", "mmt.texture.synthesis.synthesizer"}
 SURFACES = {"mmt.texture.surfaces", "mmt.leader.model_crossfade"}
-WARM = {"mmt.leader.warming", "mmt.texture.warm_start"}
-LEVEL = {"mmt.texture.level_process", "mmt.texture.completion_by_uncertainty"}
-HAND = "mmt.devices.simulated.hand"
-ACTUATOR = "mmt.devices.simulated.actuator"
+WARM = {"mmt.leader.warming", "mmt.texture.model.warm_start"}
+LEVEL = {"mmt.texture.field.level_process", "mmt.texture.completion.uncertainty"}
+HAND = "mmt.testing.simulation.hand"
+ACTUATOR = "mmt.testing.simulation.actuator"
 RECORDER = "mmt.session.recording"
 SIMULATED, REPLAY, DEVICE_SOURCE = SOURCES = (
-    "mmt.devices.simulated.follower",
+    "mmt.testing.simulation.follower",
     "mmt.session.replay",
     "mmt.devices.source",
 )
@@ -92,7 +92,7 @@ EXPECTED: dict[str, set[str]] = {
     "follower replay": {*NETWORK, *FILES, REPLAY},
     "leader stream-only": {*NETWORK, HAND, ACTUATOR},
     "follower stream-only": {*NETWORK, SIMULATED},
-    "leader model-only": {*MODEL - {"mmt.texture.modelling"}, HAND, ACTUATOR},
+    "leader model-only": {*MODEL - {"mmt.texture.online.modeller"}, HAND, ACTUATOR},
     "leader passive": {*NETWORK, HAND, "mmt.leader.feedback_passive", "mmt.contact.passivity"},
     "follower passive": {*NETWORK, SIMULATED, "mmt.follower.feedback", "mmt.contact.passivity"},
     "leader model": {
@@ -129,10 +129,10 @@ FEEDBACK = {
 WATCHED = {*NETWORK, *MODEL, *FILES, *SOURCES, *FEEDBACK, *SURFACES, *WARM, *LEVEL}
 WATCHED |= {RECORDER, HAND, ACTUATOR}
 NEVER = {
-    "mmt.leader.monitor",
-    "mmt.pages",
+    "mmt.web.monitor",
+    "mmt.web.pages",
     "prometheus_client",
-    "mmt.exposition",
+    "mmt.core.exposition",
     "matplotlib",
     "scipy.signal",
     "mmt.evaluation",

@@ -11,7 +11,7 @@ from frame_samples import made_frames
 from monitor_browser import Browser, address, monitored, open_browser, until
 from service_runs import MadeSource, Together, small_scene
 
-from mmt.leader.monitor.viewers import MOST_VIEWERS
+from mmt.web.monitor.viewers import MOST_VIEWERS
 from mmt.link.access import TOKEN_VARIABLE
 
 TOKEN = "a token that nobody guesses"

@@ -11,7 +11,7 @@ from frame_samples import made_frames
 from prometheus_client.parser import text_string_to_metric_families
 from service_runs import MadeSource, Together, small_scene
 
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 from mmt.link.access import TOKEN_VARIABLE
 
 TOKEN = "a token that nobody guesses"

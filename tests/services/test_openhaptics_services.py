@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from service_runs import run_session
 
-from mmt.devices.emulated.hd import EmulatedHd
-from mmt.errors import MmtError
+from mmt.testing.emulated.hd import EmulatedHd
+from mmt.core.errors import MmtError
 from mmt.scene import Scene
-from mmt.scene_files import scene_from_tables
+from mmt.scene.files import scene_from_tables
 from mmt.session import read_session
 
 

@@ -11,19 +11,19 @@ import pytest
 from frame_samples import made_frames
 from service_runs import MadeSource, Together, run_session, small_scene
 
-from mmt.arrays import RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.devices.simulated.offline import simulate_session
-from mmt.errors import InputError, MmtError
-from mmt.frames import CHANNELS, finite_frames
+from mmt.testing.simulation.offline import simulate_session
+from mmt.core.errors import InputError, MmtError
+from mmt.core.frames import CHANNELS, finite_frames
 from mmt.leader.feedback import StreamedForce
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.scene import Scene
-from mmt.scene_files import scene_from_tables
+from mmt.scene.files import scene_from_tables
 from mmt.session import read_session, write_session
 from mmt.session.mcap_writer import SessionWriter
-from mmt.texture.modelling import ModelUpdate, OnlineModeller
+from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
 
 
 def bad_blocks() -> list[RecordArray]:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from service_processes import Service, follower_of, scene, session, streamed_s
 
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 from mmt.session import RecordedSession, read_session
 from mmt.session.recover import recover
 

@@ -11,9 +11,9 @@ import pytest
 from frame_samples import made_frames
 from service_runs import MadeSource, Together, small_scene
 
-from mmt.arrays import RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.devices.protocols import Vector
-from mmt.frames import frame_dtype
+from mmt.core.frames import frame_dtype
 from mmt.session import read_session
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mmt.evaluation.soak.faults import plan_faults
+from mmt_lab.soak.faults import plan_faults
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="processes are paused by signals")

@@ -10,17 +10,17 @@ from typing import Any
 import pytest
 from service_runs import Together, small_scene
 
-from mmt.arrays import RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.devices.protocols import Vector
-from mmt.devices.simulated.course import CourseChange, SurfaceCourse
-from mmt.devices.simulated.offline import simulate_session
-from mmt.devices.simulated.textures import get_surface
-from mmt.errors import InputError
+from mmt.testing.simulation.course import CourseChange, SurfaceCourse
+from mmt.testing.simulation.offline import simulate_session
+from mmt.testing.simulation.textures import get_surface
+from mmt.core.errors import InputError
 from mmt.leader.service import LeaderService
 from mmt.leader.summary import LeaderSummary
 from mmt.scene import Scene
 from mmt.session import read_session
-from mmt.texture.model import TextureModel
+from mmt.texture.model.texture_model import TextureModel
 
 FRAMES_A_TICK = 5
 Gate = tuple[int, Callable[[LeaderService], object]]

@@ -3,8 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from mmt.arrays import RecordArray
-from mmt.frames import CHANNELS, FIELD_OF_CHANNEL, Channel, frame_dtype
+from mmt.core.arrays import RecordArray
+from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, Channel, frame_dtype
 
 START_NS = 12_345_678_901_234
 

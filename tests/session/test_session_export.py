@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from session_samples import made_frames
 
-from mmt.errors import InputError, MmtError
+from mmt.core.errors import InputError, MmtError
 from mmt.session import export_session
 from mmt.session.recorded import RecordedSession
 

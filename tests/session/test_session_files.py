@@ -15,8 +15,8 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from session_samples import START_NS, made_frames
 
-from mmt.errors import InputError, MmtError
-from mmt.frames import CHANNELS, FIELD_OF_CHANNEL, frame_dtype
+from mmt.core.errors import InputError, MmtError
+from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, frame_dtype
 from mmt.session import OutputBlock, read_session, write_session
 from mmt.session.info import info
 from mmt.session.mcap_writer import SessionWriter

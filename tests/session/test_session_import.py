@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from session_samples import made_frames
 
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 from mmt.session import export_session, import_session, read_session, write_session
 from mmt.session.recorded import RecordedSession
 

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from session_samples import START_NS, made_frames
 
-from mmt.errors import InputError
-from mmt.frames import CHANNELS
+from mmt.core.errors import InputError
+from mmt.core.frames import CHANNELS
 from mmt.session import read_session
 from mmt.session.mcap_writer import SessionWriter
 from mmt.session.recording import McapRecorder

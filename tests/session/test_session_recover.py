@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from session_samples import made_frames
 
-from mmt.errors import InputError
-from mmt.frames import CHANNELS
+from mmt.core.errors import InputError
+from mmt.core.frames import CHANNELS
 from mmt.session import OutputBlock, read_session, write_session
 from mmt.session.info import info
 from mmt.session.mcap_writer import SessionWriter
@@ -166,7 +166,7 @@ WRITER = """
 import sys, time, pathlib
 sys.path.insert(0, sys.argv[2])
 from session_samples import made_frames
-from mmt.frames import CHANNELS
+from mmt.core.frames import CHANNELS
 from mmt.session.recording import McapRecorder
 frames = made_frames(60_000)
 recorder = McapRecorder(pathlib.Path(sys.argv[1]), channels=CHANNELS)

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from session_samples import made_frames
 
-from mmt.errors import InputError
-from mmt.frames import CHANNELS, frame_dtype
+from mmt.core.errors import InputError
+from mmt.core.frames import CHANNELS, frame_dtype
 from mmt.session import write_session
 from mmt.session.recorded import RecordedSession
 from mmt.session.replay import ReplaySource

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from session_samples import made_frames
 
-from mmt.errors import InputError
-from mmt.frames import CHANNELS
+from mmt.core.errors import InputError
+from mmt.core.frames import CHANNELS
 from mmt.session import read_session, write_session
 from mmt.session.mcap_writer import FRAMES_TOPIC, open_writer
 from mmt.session.messages import FRAME_BLOCK, FrameCodec, frame_schema

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from mmt.arrays import FloatArray
+from mmt.core.arrays import FloatArray
 from mmt.texture.surfaces import SurfaceBlock
 from mmt.texture.surfaces.blocks import BLOCK, band_log_power
 

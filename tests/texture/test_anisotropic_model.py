@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay
 
-from mmt.errors import InputError
-from mmt.texture.autoregression import output_power, reflection_to_lsf
-from mmt.texture.inputs import ANISOTROPIC, ISOTROPIC, InputSpace, normalise_into
-from mmt.texture.interpolators import BUILDERS
-from mmt.texture.model import TextureModel, TextureSamples
-from mmt.texture.synthesis import Synthesizer
+from mmt.core.errors import InputError
+from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
+from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace, normalise_into
+from mmt.texture.interpolation.interpolators import BUILDERS
+from mmt.texture.model.texture_model import TextureModel, TextureSamples
+from mmt.texture.synthesis.synthesizer import Synthesizer
 
 
 def make_samples(inputs: np.ndarray, order: int = 8) -> TextureSamples:

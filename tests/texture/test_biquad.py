@@ -8,8 +8,8 @@ import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.errors import InputError
-from mmt.texture.biquad import (
+from mmt.core.errors import InputError
+from mmt.texture.signals.biquad import (
     LARGEST,
     Biquad,
     BiquadFilter,

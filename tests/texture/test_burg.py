@@ -7,8 +7,8 @@ from hypothesis.extra import numpy as hnp
 from scipy.signal import lfilter
 from spectrum import arburg
 
-from mmt.errors import InputError
-from mmt.texture.autoregression import burg, burg_batch, output_power, reflection_to_ar
+from mmt.core.errors import InputError
+from mmt.texture.autoregression.forms import burg, burg_batch, output_power, reflection_to_ar
 
 
 def noise(samples, seed=0):

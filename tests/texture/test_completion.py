@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.spatial import cKDTree
 
-from mmt.texture.completion import (
+from mmt.texture.completion.distance import (
     CELL_CENTRES,
     FARTHEST,
     PLANE_CELLS,

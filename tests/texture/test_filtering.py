@@ -8,12 +8,12 @@ import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.arrays import RecordArray
-from mmt.errors import InputError
-from mmt.frames import empty_frames
-from mmt.texture.aligned import AlignedBlock
-from mmt.texture.biquad import BiquadFilter, butterworth_high_pass
-from mmt.texture.filtering import LARGEST_MEASUREMENT, StreamFilter
+from mmt.core.arrays import RecordArray
+from mmt.core.errors import InputError
+from mmt.core.frames import empty_frames
+from mmt.texture.signals.aligned import AlignedBlock
+from mmt.texture.signals.biquad import BiquadFilter, butterworth_high_pass
+from mmt.texture.signals.filtering import LARGEST_MEASUREMENT, StreamFilter
 
 RATE_HZ = 1000.0
 GRAVITY_M_S2 = 9.81

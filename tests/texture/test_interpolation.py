@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.interpolate import LinearNDInterpolator
 
-from mmt.texture.interpolation import locate, triangulate
+from mmt.texture.interpolation.delaunay import locate, triangulate
 
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
 

@@ -6,7 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from mmt.texture.autoregression import reflection_to_lsf
+from mmt.texture.autoregression.forms import reflection_to_lsf
 
 ONE = 1 - 2.0**-53
 LEAST = 2.0**-99

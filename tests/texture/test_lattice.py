@@ -6,16 +6,16 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.signal import lfilter
 
-from mmt.texture.autoregression import (
+from mmt.texture.autoregression.forms import (
     burg,
     lsf_to_reflection,
     output_power,
     reflection_to_ar,
     reflection_to_lsf,
 )
-from mmt.texture.lattice import lattice_step, lsf_to_lattice_into
-from mmt.texture.model import TextureModel, TextureSamples
-from mmt.texture.synthesis import Synthesizer
+from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
+from mmt.texture.model.texture_model import TextureModel, TextureSamples
+from mmt.texture.synthesis.synthesizer import Synthesizer
 
 ONE = 1 - 2.0**-53
 

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.errors import InputError
-from mmt.texture.autoregression import lsf_to_reflection, output_power, reflection_to_lsf
-from mmt.texture.effective_length import LEAST, effective_samples, log_power_scatter
-from mmt.texture.inputs import ANISOTROPIC, ISOTROPIC
-from mmt.texture.level_choice import log_posterior
-from mmt.texture.level_covariance import (
+from mmt.core.errors import InputError
+from mmt.texture.autoregression.forms import lsf_to_reflection, output_power, reflection_to_lsf
+from mmt.texture.autoregression.effective_length import LEAST, effective_samples, log_power_scatter
+from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
+from mmt.texture.field.level_choice import log_posterior
+from mmt.texture.field.level_covariance import (
     PRIOR,
     Features,
     departures,
@@ -22,11 +22,11 @@ from mmt.texture.level_covariance import (
     matern,
     turn,
 )
-from mmt.texture.level_pooling import LevelSamples, pooled
-from mmt.texture.level_process import DB, LevelProcess
-from mmt.texture.model import TextureModel
-from mmt.texture.samples import TextureSamples
-from mmt.texture.synthesis import Synthesizer
+from mmt.texture.field.level_pooling import LevelSamples, pooled
+from mmt.texture.field.level_process import DB, LevelProcess
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.model.samples import TextureSamples
+from mmt.texture.synthesis.synthesizer import Synthesizer
 
 
 def scattered(count, directed=False, seed=0):

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from mmt.errors import InputError
-from mmt.texture.autoregression import (
+from mmt.core.errors import InputError
+from mmt.texture.autoregression.forms import (
     ar_to_lsf,
     ar_to_reflection,
     lsf_to_ar,
@@ -16,7 +16,7 @@ from mmt.texture.autoregression import (
     reflection_to_ar,
     reflection_to_lsf,
 )
-from mmt.texture.lsf import lsf_inverse_gain
+from mmt.texture.autoregression.lsf import lsf_inverse_gain
 
 ORDERS = [1, 2, 3, 4, 5, 6, 7, 8, 15, 16, 29, 30, 63, 64]
 SHAPES = {

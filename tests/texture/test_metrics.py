@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.signal import lfilter, welch
 
-from mmt.errors import InputError
-from mmt.texture.amplitude_spectra import amplitude_spectra, amplitude_spectrum, expected_amplitude
-from mmt.texture.autoregression import reflection_to_ar
-from mmt.texture.metrics import (
+from mmt.core.errors import InputError
+from mmt.texture.signals.amplitude_spectra import amplitude_spectra, amplitude_spectrum, expected_amplitude
+from mmt.texture.autoregression.forms import reflection_to_ar
+from mmt.texture.signals.metrics import (
     JND_DB,
     gfc,
     gfc_ceiling,
@@ -21,7 +21,7 @@ from mmt.texture.metrics import (
     power_error_db,
     within_jnd,
 )
-from mmt.texture.spectra import ar_spectrum
+from mmt.texture.autoregression.spectra import ar_spectrum
 
 amplitudes = hnp.arrays(np.float64, 12, elements=st.floats(0, 1e3))
 

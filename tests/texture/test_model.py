@@ -6,15 +6,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import welch
 
-from mmt.errors import InputError
-from mmt.texture.autoregression import (
+from mmt.core.errors import InputError
+from mmt.texture.autoregression.forms import (
     ar_to_reflection,
     lsf_to_ar,
     output_power,
     reflection_to_lsf,
 )
-from mmt.texture.model import LEVELS, TextureModel, TextureSamples
-from mmt.texture.synthesis import Synthesizer
+from mmt.texture.model.texture_model import LEVELS, TextureModel, TextureSamples
+from mmt.texture.synthesis.synthesizer import Synthesizer
 
 FREQUENCIES_HZ = np.linspace(10, 490, 97)
 

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mmt.errors import InputError
-from mmt.shipped_models import find_model
-from mmt.texture.autoregression import lsf_to_ar, output_power, reflection_to_lsf
-from mmt.texture.inputs import ANISOTROPIC, ISOTROPIC
-from mmt.texture.lsf import lsf_inverse_gain
-from mmt.texture.model import TextureModel
-from mmt.texture.samples import TextureSamples
+from mmt.core.errors import InputError
+from mmt.models import find_model
+from mmt.texture.autoregression.forms import lsf_to_ar, output_power, reflection_to_lsf
+from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
+from mmt.texture.autoregression.lsf import lsf_inverse_gain
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.model.samples import TextureSamples
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "model-file.md"
 

@@ -3,16 +3,16 @@ import itertools
 import numpy as np
 import pytest
 
-import mmt.texture.modelling
-from mmt.arrays import RecordArray
-from mmt.devices.simulated.offline import simulate_session
-from mmt.devices.simulated.textures import get_surface
-from mmt.frames import empty_frames
-from mmt.hand_table import Hand
+import mmt.texture.online.modeller
+from mmt.core.arrays import RecordArray
+from mmt.testing.simulation.offline import simulate_session
+from mmt.testing.simulation.textures import get_surface
+from mmt.core.frames import empty_frames
+from mmt.scene.hand_table import Hand
 from mmt.scene import Scene
-from mmt.texture.autoregression import lsf_to_reflection, output_power
-from mmt.texture.completion import distance_sum
-from mmt.texture.modelling import ModelUpdate, OnlineModeller
+from mmt.texture.autoregression.forms import lsf_to_reflection, output_power
+from mmt.texture.completion.distance import distance_sum
+from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
 from mmt.texture.settings import ModellingSettings
 
 FREQUENCIES_HZ = np.linspace(10, 490, 121)
@@ -142,7 +142,7 @@ def test_a_model_that_is_never_complete_stays_small_and_spread(
 ) -> None:
     whole = OnlineModeller(ModellingSettings(start_distance=0.1, stop_distance=0.1))
     feed(whole, frames)
-    monkeypatch.setattr(mmt.texture.modelling, "LARGEST_MODEL", 15)
+    monkeypatch.setattr(mmt.texture.online.modeller, "LARGEST_MODEL", 15)
     small = OnlineModeller(whole.settings)
     updates = feed(small, frames)
     assert len(whole.fits) > 20
@@ -161,7 +161,7 @@ def closest(modeller: OnlineModeller) -> float:
 
 
 def test_of_two_samples_at_one_point_the_older_leaves(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mmt.texture.modelling, "LARGEST_MODEL", 4)
+    monkeypatch.setattr(mmt.texture.online.modeller, "LARGEST_MODEL", 4)
     to_and_fro = empty_frames(12_000)
     to_and_fro["sequence"] = np.arange(12_000)
     way = 150.0 * (-1.0) ** (np.arange(12_000) // 1000)

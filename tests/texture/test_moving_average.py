@@ -6,9 +6,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.signal import freqz, lfilter
 
-from mmt.errors import InputError
-from mmt.texture.autoregression import reflection_to_ar
-from mmt.texture.moving_average import all_pole, autocorrelation
+from mmt.core.errors import InputError
+from mmt.texture.autoregression.forms import reflection_to_ar
+from mmt.texture.autoregression.moving_average import all_pole, autocorrelation
 
 
 def random_filter(seed: int, poles: int, zeros: int) -> tuple[np.ndarray, np.ndarray]:

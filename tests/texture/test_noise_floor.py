@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from mmt.texture.aligned import AlignedBlock
-from mmt.texture.level_process import LevelProcess
-from mmt.texture.noise_floor import LEAST_WINDOWS, WINDOW, NoiseFloor
+from mmt.texture.signals.aligned import AlignedBlock
+from mmt.texture.field.level_process import LevelProcess
+from mmt.texture.signals.noise_floor import LEAST_WINDOWS, WINDOW, NoiseFloor
 
 
 def block(count, noise, speed=0.0, force=0.0, seed=0, valid=True):

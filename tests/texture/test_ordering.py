@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.errors import InputError
-from mmt.texture.autoregression import burg, choose_order
-from mmt.texture.realisation import realise
+from mmt.core.errors import InputError
+from mmt.texture.autoregression.forms import burg, choose_order
+from mmt.texture.autoregression.realisation import realise
 
 
 def segments(order, count=5, samples=300, seed=0):

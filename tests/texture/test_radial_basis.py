@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import RBFInterpolator
 
-from mmt.errors import InputError
-from mmt.texture.radial_basis import RadialBasisSettings
-from mmt.texture.radial_basis_choice import CANDIDATES, choose_settings, tried
-from mmt.texture.radial_basis_functions import FUNCTIONS, KernelName, evaluate_into, monomials
-from mmt.texture.radial_basis_online import RadialBasisSystem
+from mmt.core.errors import InputError
+from mmt.texture.interpolation.radial_basis.network import RadialBasisSettings
+from mmt.texture.interpolation.radial_basis.choice import CANDIDATES, choose_settings, tried
+from mmt.texture.interpolation.radial_basis.functions import FUNCTIONS, KernelName, evaluate_into, monomials
+from mmt.texture.interpolation.radial_basis.online import RadialBasisSystem
 
 KERNELS = get_args(KernelName)
 

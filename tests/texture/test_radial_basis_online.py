@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.texture.radial_basis import RadialBasisSettings
-from mmt.texture.radial_basis_online import RadialBasisSystem
+from mmt.texture.interpolation.radial_basis.network import RadialBasisSettings
+from mmt.texture.interpolation.radial_basis.online import RadialBasisSystem
 
 QUERIES = {d: np.random.default_rng(9).random((40, d)) for d in (2, 3)}
 

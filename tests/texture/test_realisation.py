@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.signal import lfilter
 
-from mmt.texture.autoregression import burg, output_power, reflection_to_ar
-from mmt.texture.realisation import realise
+from mmt.texture.autoregression.forms import burg, output_power, reflection_to_ar
+from mmt.texture.autoregression.realisation import realise
 
 REFLECTION = np.array([-0.8, 0.6, -0.3, 0.2])
 

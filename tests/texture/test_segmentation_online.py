@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from mmt.frames import empty_frames
-from mmt.texture.aligned import AlignedBlock
-from mmt.texture.filtering import StreamFilter
-from mmt.texture.segmentation import OnlineSegmenter, segment
-from mmt.texture.segments import SampleRange
+from mmt.core.frames import empty_frames
+from mmt.texture.signals.aligned import AlignedBlock
+from mmt.texture.signals.filtering import StreamFilter
+from mmt.texture.segmentation.segmenter import OnlineSegmenter, segment
+from mmt.texture.segmentation.segments import SampleRange
 
 RATE_HZ = 1000.0
 RECORDED = Path(__file__).parents[2] / "../shared/data/bilateral_1dof"

@@ -8,8 +8,8 @@ from scipy.interpolate import LinearNDInterpolator
 from scipy.signal import lfilter
 from selection_samples import ORDER, sampled_texture, true_lsf
 
-from mmt.errors import InputError
-from mmt.texture.autoregression import lsf_to_ar
+from mmt.core.errors import InputError
+from mmt.texture.autoregression.forms import lsf_to_ar
 from mmt.texture.selection import ModelPoints, SelectionSettings, select, select_published
 from mmt.texture.selection.condensed import condense
 from mmt.texture.selection.leave_one_out import retrained
@@ -18,7 +18,7 @@ from mmt.texture.selection.points import band, log_density_of
 from mmt.texture.selection.ringing import loudest_ring, modes
 from mmt.texture.selection.transients import bursts, whitening
 from mmt.texture.selection.valid import valid_filter
-from mmt.texture.spectra import lsf_spectrum
+from mmt.texture.autoregression.spectra import lsf_spectrum
 
 
 @pytest.fixture(scope="module")

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from selection_samples import sampled_texture
 
-from mmt.texture.radial_basis import RadialBasisSettings
-from mmt.texture.radial_basis_online import RadialBasisSystem
+from mmt.texture.interpolation.radial_basis.network import RadialBasisSettings
+from mmt.texture.interpolation.radial_basis.online import RadialBasisSystem
 from mmt.texture.selection import select_published
 from mmt.texture.selection.leave_one_out import retrained
 from mmt.texture.selection.network import NetworkNeighbours, network

@@ -7,10 +7,10 @@ import time
 import numpy as np
 from selection_samples import sampled_texture
 
-from mmt.devices.simulated.offline import simulate_session
+from mmt.testing.simulation.offline import simulate_session
 from mmt.scene import Scene
-from mmt.texture.modelling import OnlineModeller
-from mmt.texture.samples import TextureSamples
+from mmt.texture.online.modeller import OnlineModeller
+from mmt.texture.model.samples import TextureSamples
 from mmt.texture.selection import select
 from mmt.texture.selection.leave_one_out import hull_of
 from mmt.texture.selection.online import OnlineSelection, best_predicted
@@ -120,7 +120,7 @@ def test_the_model_stays_below_its_largest_size():
 
 def test_without_the_table_the_selection_is_not_imported():
     program = (
-        "import sys; from mmt.texture.modelling import OnlineModeller; OnlineModeller();"
+        "import sys; from mmt.texture.online.modeller import OnlineModeller; OnlineModeller();"
         "sys.exit(any(name.startswith('mmt.texture.selection') for name in sys.modules))"
     )
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0

@@ -5,8 +5,8 @@ import pytest
 from scipy.integrate import trapezoid
 from scipy.signal import freqz
 
-from mmt.errors import InputError
-from mmt.texture.autoregression import (
+from mmt.core.errors import InputError
+from mmt.texture.autoregression.forms import (
     ar_spectrum,
     lsf_spectrum,
     lsf_to_ar,

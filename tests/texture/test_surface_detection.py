@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import freqz
 from surface_samples import PEAKED, SMOOTH, make_blocks
 
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 from mmt.texture.surfaces import SurfaceDetector, SurfaceKnowledge
 from mmt.texture.surfaces.blocks import BLOCK, SurfaceBlock
 from mmt.texture.surfaces.detection import EARLY

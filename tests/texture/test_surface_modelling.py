@@ -7,19 +7,20 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from mmt.arrays import RecordArray
-from mmt.devices.simulated.course import CourseChange, SurfaceCourse
-from mmt.devices.simulated.offline import simulate_session
-from mmt.devices.simulated.textures import get_surface
-from mmt.errors import InputError
-from mmt.hand_table import Hand
+from mmt.core.arrays import RecordArray
+from mmt.testing.simulation.course import CourseChange, SurfaceCourse
+from mmt.testing.simulation.offline import simulate_session
+from mmt.testing.simulation.textures import get_surface
+from mmt.core.errors import InputError
+from mmt.scene.hand_table import Hand
 from mmt.scene import Scene
-from mmt.texture.completion import CompletionMonitor
-from mmt.texture.modelling import ModelUpdate, OnlineModeller
+from mmt.texture.completion.distance import CompletionMonitor
+from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
 from mmt.texture.settings import ModellingSettings, OnlineSelectionSettings, SurfaceSettings
-from mmt.texture.surfaces import SurfaceChange, modelling
+from mmt.texture.surfaces import SurfaceChange
+from mmt.texture.surfaces import modeller as modelling
 from mmt.texture.surfaces.blocks import BLOCK
-from mmt.texture.surfaces.modelling import SurfaceModeller
+from mmt.texture.surfaces.modeller import SurfaceModeller
 
 SETTINGS = ModellingSettings(order=10, surfaces=SurfaceSettings())
 Changes = dict[int, list[SurfaceChange]]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from surface_samples import PEAKED, SMOOTH, make_blocks
 
-from mmt.arrays import FloatArray
+from mmt.core.arrays import FloatArray
 from mmt.texture.surfaces import SurfaceBlock, SurfaceKnowledge
 from mmt.texture.surfaces.heard import HeardBlocks
 from mmt.texture.surfaces.prior import SETTINGS

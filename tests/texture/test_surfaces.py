@@ -10,8 +10,8 @@ from hypothesis.extra import numpy as hnp
 from scipy.stats import multivariate_normal
 from surface_samples import PEAKED, SMOOTH, make_blocks
 
-from mmt.arrays import RecordArray
-from mmt.texture.aligned import AlignedBlock
+from mmt.core.arrays import RecordArray
+from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.surfaces import BlockCutter, SurfaceDetector, SurfaceKnowledge
 from mmt.texture.surfaces.blocks import BANDS, BLOCK, SurfaceBlock, band_log_power
 from mmt.texture.surfaces.covariance import Covariances, Places

@@ -6,8 +6,8 @@ from hypothesis.extra import numpy as hnp
 from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay
 
-from mmt.texture.interpolation import triangulate
-from mmt.texture.tetrahedra import locate_3d
+from mmt.texture.interpolation.delaunay import triangulate
+from mmt.texture.interpolation.tetrahedra import locate_3d
 
 CORNERS = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
 

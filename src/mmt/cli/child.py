@@ -13,7 +13,7 @@ _LONGEST_LINE: Final = 2**20
 _KEPT_MESSAGES: Final = 2**16
 """Bytes of what a child writes to standard error that are kept, the newest."""
 _WARNING: Final = b"warning: "
-"""How the line of one begins; see `mmt.logs`."""
+"""How the line of one begins; see `mmt.core.logs`."""
 
 
 class Child:

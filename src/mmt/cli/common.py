@@ -13,10 +13,10 @@ from rich.console import Console
 from rich.text import Text
 
 import mmt
-from mmt.errors import InputError, MmtError
-from mmt.inventory import Inventory
+from mmt.core.errors import InputError, MmtError
+from mmt.core.inventory import Inventory
 from mmt.scene import Scene
-from mmt.scene_parts import parts_of
+from mmt.scene.parts import parts_of
 
 Result = TypeVar("Result")
 

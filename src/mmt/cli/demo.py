@@ -14,11 +14,11 @@ from rich.progress import BarColumn, Progress, TextColumn
 from mmt.cli.child import Child
 from mmt.cli.common import messages, output, print_error, write_json
 from mmt.cli.tables import summary_table
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 from mmt.follower.sources import build_source
-from mmt.realtime import require_real_time
+from mmt.core.realtime import require_real_time
 from mmt.scene import Scene
-from mmt.scene_files import load_scene
+from mmt.scene.files import load_scene
 
 _LAST_SECONDS: Final = 5.0
 

@@ -9,7 +9,7 @@ from rich.table import Table
 from mmt.cli.common import output, write_json
 from mmt.devices import discovery
 from mmt.devices.table import ROLE_NAMES
-from mmt.errors import MmtError
+from mmt.core.errors import MmtError
 
 if TYPE_CHECKING:
     from collections.abc import Callable

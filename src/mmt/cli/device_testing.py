@@ -11,9 +11,9 @@ from mmt.devices.loading import load_device
 from mmt.devices.observing import Observation, Values, observe
 from mmt.devices.roles import role_for
 from mmt.devices.table import ROLE_NAMES, Role
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 from mmt.scene import Scene
-from mmt.scene_files import example_scenes, load_scene
+from mmt.scene.files import example_scenes, load_scene
 
 
 class NamedDevice(NamedTuple):

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 
 def evaluate(
@@ -68,19 +68,19 @@ def evaluate(
         names = ", ".join(asked)
         raise InputError(f"evaluate: name a session, or give one of {names}")
     if feedback:
-        from mmt.cli.feedback import print_feedback
+        from mmt_lab.cli.feedback import print_feedback
 
         print_feedback(given, seed=seed, json_file=json_file, report=report)
     elif selection:
-        from mmt.cli.selection_table import print_selection
+        from mmt_lab.cli.selection_table import print_selection
 
         print_selection(given, seeds=seeds or 20, json_file=json_file, report=report)
     elif surfaces:
-        from mmt.cli.surfaces_table import print_surfaces
+        from mmt_lab.cli.surfaces_table import print_surfaces
 
         print_surfaces(given, seeds=seeds or 2, seed=seed, json_file=json_file, report=report)
     elif compare is not None:
-        from mmt.cli.method_tables import print_methods
+        from mmt_lab.cli.method_tables import print_methods
 
         print_methods(
             compare,
@@ -92,7 +92,7 @@ def evaluate(
             report=report,
         )
     elif end_to_end:
-        from mmt.cli.felt import print_felt
+        from mmt_lab.cli.felt import print_felt
 
         print_felt(
             given,

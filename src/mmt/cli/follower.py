@@ -19,13 +19,13 @@ from mmt.cli.common import (
     write_json,
     write_line,
 )
-from mmt.errors import InputError, MmtError
+from mmt.core.errors import InputError, MmtError
 from mmt.follower.service import FollowerService
 from mmt.follower.summary import FollowerSummary
-from mmt.logs import Logs, details
-from mmt.realtime import be_real_time, require_real_time
+from mmt.core.logs import Logs, details
+from mmt.core.realtime import be_real_time, require_real_time
 from mmt.scene import Scene
-from mmt.scene_files import load_scene
+from mmt.scene.files import load_scene
 
 LOG: Final = logging.getLogger("mmt.follower")
 

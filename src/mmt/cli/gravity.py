@@ -22,7 +22,7 @@ from mmt.devices.adxl335.gravity import (
 )
 from mmt.devices.adxl335.sensor import CALIBRATED_AS, Adxl335
 from mmt.devices.calibrations import calibration_file, load_calibration, save_calibration
-from mmt.errors import InputError, MmtError
+from mmt.core.errors import InputError, MmtError
 
 _SKIP: Final = "s"
 

@@ -21,13 +21,13 @@ from mmt.cli.common import (
     write_json,
     write_line,
 )
-from mmt.errors import InputError, MmtError
-from mmt.kernel_cache import kernels_are_compiled
+from mmt.core.errors import InputError, MmtError
+from mmt.core.kernel_cache import kernels_are_compiled
 from mmt.leader.summary import LeaderStatus, LeaderSummary
-from mmt.logs import Logs, details
-from mmt.realtime import be_real_time, require_real_time
+from mmt.core.logs import Logs, details
+from mmt.core.realtime import be_real_time, require_real_time
 from mmt.scene import Scene
-from mmt.scene_files import load_scene
+from mmt.scene.files import load_scene
 
 LOG: Final = logging.getLogger("mmt.leader")
 

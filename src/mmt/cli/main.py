@@ -16,7 +16,7 @@ from mmt.cli import (
     sessions,
 )
 from mmt.cli.common import messages, run_app, version, write_json
-from mmt.errors import MmtError
+from mmt.core.errors import MmtError
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -102,7 +102,7 @@ def bench(
     ] = False,
 ) -> None:
     """Measure error against run time on this machine, beside every peer that is installed."""
-    from mmt.cli.benching import run_benches
+    from mmt_lab.cli.benching import run_benches
 
     _, figures = run_benches(what or [], duration, report, realtime=realtime)
     write_json(json_file, figures)
@@ -133,7 +133,7 @@ def sweep(
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the summary.")] = None,
 ) -> None:
     """Evaluate every session with every combination of settings; go on where it stopped."""
-    from mmt.cli.sweeping import sweep_files
+    from mmt_lab.cli.sweeping import sweep_files
 
     good = sweep_files(
         sessions,
@@ -202,7 +202,7 @@ def soak(
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
 ) -> None:
     """Run both services for a long time with faults, and check that nothing wears out."""
-    from mmt.cli.soaking import run_soak
+    from mmt_lab.cli.soaking import run_soak
 
     if not run_soak(
         duration_s=duration, every_s=every, seed=seed, directory=directory, json_file=json_file
@@ -220,7 +220,7 @@ def stability(
     report: Annotated[Path | None, typer.Option(help="Write a report there.")] = None,
 ) -> None:
     """Run the stiff and extreme cases, a row each, and say whether it held."""
-    from mmt.cli.stability import run_stability
+    from mmt_lab.cli.stability import run_stability
 
     if not run_stability(families or [], json_file=json_file, report_to=report):
         raise typer.Exit(1)

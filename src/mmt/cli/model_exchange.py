@@ -8,11 +8,11 @@ import typer
 from mmt.cli.common import messages, output, write_json
 from mmt.cli.models import SUFFIX, describe, save
 from mmt.cli.tables import summary_table
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 if TYPE_CHECKING:
-    from mmt.arrays import FloatArray
-    from mmt.texture.model import TextureModel
+    from mmt.core.arrays import FloatArray
+    from mmt.texture.model.texture_model import TextureModel
 
 _LONGEST_S = 3600.0
 
@@ -28,7 +28,7 @@ def import_model(
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
 ) -> None:
     """Make a model of one that the Penn Haptic Texture Toolkit stored as XML."""
-    from mmt.library.hatt import import_hatt
+    from mmt.exchange.hatt import import_hatt
 
     if target.suffix.lower() != SUFFIX:
         raise InputError(f"model {target}: the name of a model file must end in {SUFFIX}")
@@ -82,8 +82,8 @@ def export_model(
     seed: Annotated[int, typer.Option(min=0, help="WAV: of the vibration.")] = 0,
 ) -> None:
     """Write a model for the Penn toolkit (.xml), or its vibration as sound (.wav)."""
-    from mmt.shipped_models import find_model
-    from mmt.texture.model import TextureModel
+    from mmt.models import find_model
+    from mmt.texture.model.texture_model import TextureModel
 
     model = TextureModel.load(find_model(source))
     suffix = target.suffix.lower()
@@ -92,8 +92,8 @@ def export_model(
         return
     if suffix != ".wav":
         raise InputError(f"{target}: the name must end in .xml or .wav, which says what is written")
-    from mmt.library.effects import effect
-    from mmt.library.sound_file import write_wav
+    from mmt.exchange.effects import effect
+    from mmt.exchange.sound_file import write_wav
 
     velocity_mm_s, force_n, motion_hz = (
         _constant(speed, heading, force, seconds) if motion is None else _recorded(motion)
@@ -108,7 +108,7 @@ def export_model(
 
 
 def _write_xml(model: "TextureModel", target: Path, material: str, friction: float | None) -> None:
-    from mmt.library.hatt import export_hatt
+    from mmt.exchange.hatt import export_hatt
 
     content = export_hatt(model, material, friction)
     try:
@@ -135,8 +135,8 @@ def _recorded(path: Path) -> "tuple[FloatArray, FloatArray, float]":
     """Return velocity and force as the model of that session would be asked with."""
     from mmt.cli.reporting import scene_of
     from mmt.session import read_session
-    from mmt.texture.filtering import StreamFilter
-    from mmt.texture_table import Texture
+    from mmt.texture.signals.filtering import StreamFilter
+    from mmt.scene.texture_table import Texture
 
     session = read_session(path)
     scene = scene_of(session, None)

@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mmt.arrays import FloatArray
+from mmt.core.arrays import FloatArray
 from mmt.cli.common import messages, output, write_json
 from mmt.cli.tables import summary_table
-from mmt.errors import InputError, MmtError
+from mmt.core.errors import InputError, MmtError
 from mmt.session import RecordedSession, read_session
-from mmt.texture_table import Texture
+from mmt.scene.texture_table import Texture
 
 if TYPE_CHECKING:
-    from mmt.evaluation.building import ModelHistory
-    from mmt.texture.model import TextureModel
+    from mmt.texture.online.history import ModelHistory
+    from mmt.texture.model.texture_model import TextureModel
     from mmt.texture.settings import ModellingSettings
 
 SUFFIX = ".npz"
@@ -41,7 +41,7 @@ def build_model(
 ) -> None:
     """Build a session's model as the live leader does, or one of several, and save it."""
     from mmt.cli.reporting import scene_of
-    from mmt.evaluation.building import build, trials, update_blocks
+    from mmt.texture.online.history import build, trials, update_blocks
 
     if target.suffix.lower() != SUFFIX:
         raise InputError(f"model {target}: the name of a model file must end in {SUFFIX}")
@@ -84,8 +84,8 @@ def info(
     json_file: Annotated[Path | None, typer.Option("--json", help="Write it there.")] = None,
 ) -> None:
     """Say what a model file holds."""
-    from mmt.shipped_models import find_model
-    from mmt.texture.model import TextureModel
+    from mmt.models import find_model
+    from mmt.texture.model.texture_model import TextureModel
 
     figures = describe(TextureModel.load(find_model(source)))
     output.print(summary_table(source.name, {"model": figures}))
@@ -97,8 +97,8 @@ def list_models(
     json_file: Annotated[Path | None, typer.Option("--json", help="Write it there.")] = None,
 ) -> None:
     """Name the shipped models."""
-    from mmt.shipped_models import shipped_models
-    from mmt.texture.model_file import unpack
+    from mmt.models import shipped_models
+    from mmt.texture.model.file import unpack
 
     figures = {}
     for name, path in shipped_models().items():
@@ -115,7 +115,7 @@ def list_models(
 
 def describe(model: "TextureModel") -> dict[str, Any]:
     """Return what a person wants to know of a model, as plain values."""
-    from mmt.texture.completion import distance_sum
+    from mmt.texture.completion.distance import distance_sum
 
     samples = model.samples
     return {
@@ -150,7 +150,7 @@ def _on_surface(
         if surface is not None:
             raise InputError("--surface: the scene has no [texture.surfaces], all is one surface")
         return session
-    from mmt.evaluation.surfaces.recorded import part_by_surface
+    from mmt.evaluation.recorded_surfaces import part_by_surface
 
     found = part_by_surface(session, settings).sessions
     if surface is None and len(found) == 1:

@@ -6,15 +6,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from mmt.cli.common import messages, stop_on_signals
-from mmt.errors import InputError, MmtError
-from mmt.kernel_cache import kernels_are_compiled
+from mmt.core.errors import InputError, MmtError
+from mmt.core.kernel_cache import kernels_are_compiled
 from mmt.link.access import Access
-from mmt.link_table import Link
-from mmt.scene_files import table_from
-from mmt.shipped_models import find_model, shipped_models
+from mmt.scene.link_table import Link
+from mmt.scene.files import table_from
+from mmt.models import find_model, shipped_models
 
 if TYPE_CHECKING:
-    from mmt.player.player import Player
+    from mmt.web.player.player import Player
 
 _MCAP: Final = ".mcap"
 _ALL_ADDRESSES: Final = {"", "0.0.0.0", "::"}  # noqa: S104 - compared with, not listened on
@@ -45,9 +45,9 @@ def play(
         raise InputError(f"--record {record}: the name of a recording must end in {_MCAP}")
     if not kernels_are_compiled():
         messages.print("compiling the numerics, at the first start only (15 to 60 s)")
-    from mmt.player.player import Player
-    from mmt.player.results import ResultsFile
-    from mmt.texture.model import TextureModel
+    from mmt.web.player.player import Player
+    from mmt.web.player.results import ResultsFile
+    from mmt.texture.model.texture_model import TextureModel
 
     files = [find_model(source) for source in sources] or list(shipped_models().values())
     names = [file.stem for file in files]

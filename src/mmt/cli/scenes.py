@@ -9,10 +9,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from mmt.cli.common import messages, output, write_json
 from mmt.scene import Scene
-from mmt.scene_files import load_scene
+from mmt.scene.files import load_scene
 
 if TYPE_CHECKING:
-    from mmt.evaluation.scene_costs import SceneCosts
+    from mmt.cli.scene.costs import SceneCosts
 
 app = typer.Typer(no_args_is_help=True, help="Look at scenes.")
 
@@ -49,8 +49,8 @@ def explain(
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
 ) -> None:
     """Say what a scene runs, sends and imports, and measure what each part costs."""
-    from mmt.cli import scene_tables
-    from mmt.scene_description import describe_scene
+    from mmt.cli.scene import tables as scene_tables
+    from mmt.cli.scene.description import describe_scene
 
     scene = load_scene(scene_file, replay=replay)
     description = describe_scene(scene)
@@ -74,8 +74,8 @@ def _measure(
     scene: Scene, duration_s: float, rounds: int, parts: bool
 ) -> "tuple[SceneCosts, Scene]":
     """Return the costs, and the scene as it was run."""
-    from mmt.cli.scene_runs import SceneRunner
-    from mmt.evaluation.scene_costs import measure_scene
+    from mmt.cli.scene.runs import SceneRunner
+    from mmt.cli.scene.costs import measure_scene
 
     progress = Progress(
         TextColumn("{task.description}"),
@@ -98,8 +98,8 @@ def _measure(
 
 
 def _print_costs(costs: "SceneCosts", scene: Scene) -> None:
-    from mmt.cli import scene_tables
-    from mmt.evaluation.scene_results import remarks
+    from mmt.cli.scene import tables as scene_tables
+    from mmt.cli.scene.results import remarks
 
     output.print(scene_tables.whole_table(costs, scene))
     for table in scene_tables.part_tables(costs, scene):
@@ -111,7 +111,7 @@ def _print_costs(costs: "SceneCosts", scene: Scene) -> None:
 
 
 def _figures(costs: "SceneCosts", scene: Scene) -> dict[str, Any]:
-    from mmt.evaluation.bench.measuring import machine
-    from mmt.evaluation.scene_results import costs_as_dict
+    from mmt_lab.bench.measuring import machine
+    from mmt.cli.scene.results import costs_as_dict
 
     return {"machine": machine(), **costs_as_dict(costs, scene)}

@@ -7,8 +7,8 @@ import typer
 
 from mmt.cli.common import messages, output, write_json
 from mmt.cli.models import SUFFIX, save
-from mmt.errors import InputError
-from mmt.texture_table import Texture
+from mmt.core.errors import InputError
+from mmt.scene.texture_table import Texture
 
 if TYPE_CHECKING:
     from mmt.evaluation.pooling import Pool
@@ -66,7 +66,7 @@ def _pool(sources: list[Path], scene_file: Path | None) -> "Pool":
     from mmt.cli.reporting import scene_of
     from mmt.evaluation.pooling import is_model, pool_models, pool_sessions
     from mmt.session import read_session
-    from mmt.texture.model import TextureModel
+    from mmt.texture.model.texture_model import TextureModel
 
     kinds = {is_model(path) for path in sources}
     if len(kinds) > 1:

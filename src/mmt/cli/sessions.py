@@ -9,7 +9,7 @@ import typer
 from mmt.cli.common import messages, output, write_json
 from mmt.cli.tables import summary_table
 from mmt.scene import Scene
-from mmt.scene_files import load_scene
+from mmt.scene.files import load_scene
 from mmt.session import export_session, import_session, read_session, write_session
 
 app = typer.Typer(no_args_is_help=True, help="Make, convert, look at and mend sessions.")
@@ -44,7 +44,7 @@ def simulate(
     ] = None,
 ) -> None:
     """Simulate a session on a known texture; its truth travels with the file."""
-    from mmt.devices.simulated.offline import simulate_session
+    from mmt.testing.simulation.offline import simulate_session
 
     scene = load_scene(scene_file) if scene_file is not None else Scene()
     recorded_scene = scene.dump() if scene_file is not None else None

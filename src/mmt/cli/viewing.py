@@ -5,15 +5,15 @@ from pathlib import Path
 
 from mmt.cli.browsing import open_page
 from mmt.cli.common import messages, output, stop_on_signals
-from mmt.kernel_cache import kernels_are_compiled
+from mmt.core.kernel_cache import kernels_are_compiled
 
 
 def view_file(path: Path, *, port: int, show: bool) -> None:
     """Serve a recording's page until Ctrl-C; `show` opens it in the browser."""
     if not kernels_are_compiled():
         messages.print("compiling the numerics, at the first start only (15 to 60 s)")
-    from mmt.viewing.recording import ViewedRecording
-    from mmt.viewing.serving import RecordingServer
+    from mmt.web.viewing.recording import ViewedRecording
+    from mmt.web.viewing.serving import RecordingServer
 
     recording = ViewedRecording.open(path)
     if recording.windows.in_memory:

@@ -4,8 +4,8 @@ from typing import Final
 
 import numpy as np
 
-from mmt.arrays import RecordArray
-from mmt.feedback_records import ENERGY_DTYPE
+from mmt.core.arrays import RecordArray
+from mmt.core.feedback_records import ENERGY_DTYPE
 
 Energies = tuple[float, float, float]
 

@@ -28,7 +28,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from mmt.contact.least_squares import RecursiveLeastSquares
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 _MM: Final = 1e3
 _SPEED_SCALE: Final = 0.1

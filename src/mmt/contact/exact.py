@@ -18,7 +18,7 @@ from enum import Enum, auto
 from typing import Final
 
 from mmt.contact.normal import ContactLaw, Drive
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 _MOST_HALVINGS: Final = 80
 

@@ -16,7 +16,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 STEP_ANGLE: Final = 0.3
 """Largest phase (rad) of the fastest vibration within one sub-step; the midpoint rule is

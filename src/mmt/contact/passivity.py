@@ -23,7 +23,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 REACH_M_S2: Final = 100.0
 """Largest acceleration that is expected of a hand on its handle."""

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from mmt.contact.estimation import ContactModel
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 _FILTER_S: Final = 3e-3
 """Time constant of the speed that the rendered damper feels: a position has steps."""

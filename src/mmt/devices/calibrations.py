@@ -14,7 +14,7 @@ from typing import Any
 
 import platformdirs
 
-from mmt.errors import InputError, MmtError
+from mmt.core.errors import InputError, MmtError
 
 
 def calibration_file(device: str, serial: str, directory: Path | None = None) -> Path:

@@ -8,8 +8,8 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from mmt.devices.table import Role, locate
-from mmt.errors import InputError, MmtError
-from mmt.scene_files import explain_problems
+from mmt.core.errors import InputError, MmtError
+from mmt.scene.files import explain_problems
 
 Options = TypeVar("Options", bound=BaseModel)
 

@@ -4,7 +4,7 @@ import time
 from collections.abc import Sequence
 from typing import Any, Generic, Protocol, TypeVar
 
-from mmt.arrays import FloatArray
+from mmt.core.arrays import FloatArray
 from mmt.devices.protocols import (
     ActuatorStatistics,
     Device,
@@ -14,7 +14,7 @@ from mmt.devices.protocols import (
     VibrationActuator,
 )
 from mmt.devices.reconnecting import Reconnection
-from mmt.errors import DeviceLost
+from mmt.core.errors import DeviceLost
 
 AnyDevice = TypeVar("AnyDevice", bound=Device)
 

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.arrays import RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.devices.clocks import SensorClock
 from mmt.devices.protocols import SensorReading, Vector
 

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.devices.protocols import Remarking, SensorReading
-from mmt.errors import MmtError
+from mmt.core.errors import MmtError
 
 UNITS: Final = {
     "robot": "mm",

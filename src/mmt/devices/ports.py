@@ -18,7 +18,7 @@ from mmt.devices.protocols import (
 )
 from mmt.devices.reconnecting import Reasons, Reconnection
 from mmt.devices.vibration_lane import VibrationLane
-from mmt.errors import DeviceLost, MmtError
+from mmt.core.errors import DeviceLost, MmtError
 
 SILENT_NS: Final = 15_000_000
 """A sampled sensor that gives nothing for so long is lost."""

@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-from mmt import vectors
-from mmt.arrays import FloatArray, RecordArray
+from mmt.core import vectors
+from mmt.core.arrays import FloatArray, RecordArray
 
 Vector = vectors.Vector
 """x, y, z as plain floats."""

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.arrays import FloatArray
+from mmt.core.arrays import FloatArray
 
 BEFORE: Final = 8
 """Readings before the instant that have a part in its value; one after it has."""

@@ -5,7 +5,7 @@ from typing import Any, get_type_hints
 
 from mmt.devices.loading import load_factory
 from mmt.devices.table import DRIVERS, ROLE_NAMES, Role
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 
 def roles_of(driver: str) -> tuple[Role, ...]:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from importlib.metadata import EntryPoint, entry_points
 from typing import Final, Literal
 
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 Role = Literal["robot", "force_sensor", "accelerometer", "handle", "actuator", "board"]
 """What a device can be in a scene: in ``[devices]``, as ``[handle]``, as ``[actuator]``, or the
@@ -36,13 +36,13 @@ DRIVERS: Final[dict[str, Mapping[Role, str]]] = {
         "robot": "mmt.devices.openhaptics.robot:OpenHapticsRobot",
         "handle": "mmt.devices.openhaptics.handle:OpenHapticsHandle",
     },
-    "virtual-adxl335": {"accelerometer": "mmt.devices.emulated.drivers:VirtualAdxl335"},
+    "virtual-adxl335": {"accelerometer": "mmt.testing.emulated.drivers:VirtualAdxl335"},
     "virtual-handle-adxl335": {
-        "accelerometer": "mmt.devices.emulated.drivers:VirtualHandleAdxl335"
+        "accelerometer": "mmt.testing.emulated.drivers:VirtualHandleAdxl335"
     },
-    "virtual-haptuator": {"actuator": "mmt.devices.emulated.drivers:VirtualHaptuator"},
-    "virtual-net-ft": {"force_sensor": "mmt.devices.emulated.drivers:VirtualNetFt"},
-    "virtual-robot": {"robot": "mmt.devices.emulated.drivers:VirtualRobot"},
+    "virtual-haptuator": {"actuator": "mmt.testing.emulated.drivers:VirtualHaptuator"},
+    "virtual-net-ft": {"force_sensor": "mmt.testing.emulated.drivers:VirtualNetFt"},
+    "virtual-robot": {"robot": "mmt.testing.emulated.drivers:VirtualRobot"},
 }
 """Name -> role -> ``module:factory`` of the drivers that are part of mmt."""
 

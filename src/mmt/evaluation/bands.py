@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.arrays import FloatArray
+from mmt.core.arrays import FloatArray
 from mmt.evaluation.levels import bounded_error_db
 
 BANDS: Final = 9

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 from mmt.evaluation.document import Block, Heading, Paragraph, Picture, SideBySide, Table
 from mmt.evaluation.report_files import FIGURES, write_report_files
 

@@ -5,11 +5,11 @@ from typing import Final
 
 import numpy as np
 
-from mmt.arrays import FloatArray, RecordArray
+from mmt.core.arrays import FloatArray, RecordArray
 from mmt.evaluation.results import Cell, Coverage
-from mmt.texture.completion import Cells, cell_distances, cells_of
-from mmt.texture.filtering import StreamFilter
-from mmt.texture.inputs import InputSpace
+from mmt.texture.completion.distance import Cells, cell_distances, cells_of
+from mmt.texture.signals.filtering import StreamFilter
+from mmt.texture.model.inputs import InputSpace
 from mmt.texture.settings import ModellingSettings
 
 _PERCENTILES: Final = (5.0, 95.0)

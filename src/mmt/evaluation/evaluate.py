@@ -13,9 +13,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from mmt.arrays import RecordArray
-from mmt.errors import InputError
-from mmt.evaluation.building import ModelHistory, build, update_blocks
+from mmt.core.arrays import RecordArray
+from mmt.core.errors import InputError
+from mmt.texture.online.history import ModelHistory, build, update_blocks
 from mmt.evaluation.coverage import coverage
 from mmt.evaluation.held_out import choose_held_out, outside
 from mmt.evaluation.results import Evaluation

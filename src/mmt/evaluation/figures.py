@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from mmt.evaluation.results import Evaluation, HeldOutSegment, Score
 from mmt.evaluation.truth import DENSITY_HZ
-from mmt.texture.metrics import JND_DB
+from mmt.texture.signals.metrics import JND_DB
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
 
 COLOURS: Final = (

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmt.arrays import BoolArray, FloatArray
+from mmt.core.arrays import BoolArray, FloatArray
 from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.strokes import SECTOR_DEG, SECTORS, Strokes
-from mmt.texture.metrics import within_jnd
+from mmt.texture.signals.metrics import within_jnd
 
 
 @dataclass(frozen=True)

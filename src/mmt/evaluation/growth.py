@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
 from mmt.evaluation.results import Evaluation
-from mmt.texture.completion import CELL_CENTRES, DIVISIONS, VELOCITY_CELLS, cell_distances
-from mmt.texture.model import TextureModel
+from mmt.texture.completion.distance import CELL_CENTRES, DIVISIONS, VELOCITY_CELLS, cell_distances
+from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
 
 _RED: Final = "#b2182b"

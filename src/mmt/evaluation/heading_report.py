@@ -7,7 +7,7 @@ from mmt.evaluation.document import Block
 from mmt.evaluation.figures import COLOURS
 from mmt.evaluation.report_files import picture
 from mmt.evaluation.results import Evaluation
-from mmt.texture.metrics import JND_DB
+from mmt.texture.signals.metrics import JND_DB
 
 
 def errors_by_heading(evaluation: Evaluation) -> Figure:

@@ -11,13 +11,13 @@ from typing import Final
 
 import numpy as np
 
-from mmt.arrays import FloatArray
+from mmt.core.arrays import FloatArray
 from mmt.evaluation.levels import level_error_db
-from mmt.texture.amplitude_spectra import amplitude_spectra, amplitude_spectrum
-from mmt.texture.metrics import gfc_of_rows
-from mmt.texture.model import TextureModel
-from mmt.texture.segments import Segment
-from mmt.texture.synthesis import Synthesizer
+from mmt.texture.signals.amplitude_spectra import amplitude_spectra, amplitude_spectrum
+from mmt.texture.signals.metrics import gfc_of_rows
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.segmentation.segments import Segment
+from mmt.texture.synthesis.synthesizer import Synthesizer
 
 HELD_OUT: Final = 5
 """Segments taken out, fewer where the model has fewer than twice as many samples."""

@@ -4,10 +4,10 @@ from typing import Final
 
 import numpy as np
 
-from mmt.arrays import FloatArray
-from mmt.texture.autoregression import lsf_to_reflection, output_power
-from mmt.texture.metrics import power_error_db
-from mmt.texture.model import TextureModel
+from mmt.core.arrays import FloatArray
+from mmt.texture.autoregression.forms import lsf_to_reflection, output_power
+from mmt.texture.signals.metrics import power_error_db
+from mmt.texture.model.texture_model import TextureModel
 
 LARGEST_ERROR_DB: Final = 60.0
 """Errors count as no larger, so that one silent point does not make a mean infinite."""

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 from mmt.evaluation.document import Block, Picture, SideBySide, to_html, to_markdown
 
 if TYPE_CHECKING:

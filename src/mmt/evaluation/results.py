@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
-from mmt.arrays import FloatArray
+from mmt.core.arrays import FloatArray
 from mmt.evaluation.definitions import DEFINITIONS
 from mmt.evaluation.grid_errors import HeadingErrors
-from mmt.texture.model import TextureModel
+from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings
 
 Basis = Literal["truth", "held-out"]

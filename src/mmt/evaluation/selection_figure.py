@@ -4,8 +4,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mmt.arrays import FloatArray
-from mmt.texture.samples import TextureSamples
+from mmt.core.arrays import FloatArray
+from mmt.texture.model.samples import TextureSamples
 from mmt.texture.selection import Selection
 
 

@@ -4,8 +4,8 @@ from typing import Final, NamedTuple, Self
 
 import numpy as np
 
-from mmt.arrays import FloatArray, IntArray
-from mmt.texture.inputs import InputSpace
+from mmt.core.arrays import FloatArray, IntArray
+from mmt.texture.model.inputs import InputSpace
 
 GRID_SPEED_MM_S: Final[FloatArray] = np.linspace(40.0, 260.0, 12)
 GRID_FORCE_N: Final[FloatArray] = np.linspace(0.4, 2.6, 12)

@@ -5,11 +5,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mmt.arrays import FloatArray
+from mmt.core.arrays import FloatArray
 from mmt.evaluation.results import Limit, Worst
 from mmt.evaluation.strokes import Strokes
-from mmt.texture.model import TextureModel
-from mmt.texture.vertices import COINCIDENT
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.interpolation.vertices import COINCIDENT
 
 _SPARSE: Final = 0.2  # of the normalised plane
 _MUCH: Final = 0.5

@@ -5,12 +5,12 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from mmt.arrays import RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.devices.protocols import DeviceBackedSource, FollowerSource, Vector
 from mmt.follower.guarding import CommandGuard
-from mmt.link_table import Link
+from mmt.scene.link_table import Link
 from mmt.scene import Scene
-from mmt.texture_table import Texture
+from mmt.scene.texture_table import Texture
 
 if TYPE_CHECKING:
     from mmt.follower.feedback import FollowerFeedback

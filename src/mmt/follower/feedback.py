@@ -5,18 +5,18 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 
-from mmt.arrays import RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.contact.energies import EnergyCounts, EnergyReport
 from mmt.contact.passivity import MotionPort, PassivitySettings
 from mmt.devices.protocols import Vector
-from mmt.feedback_records import (
+from mmt.core.feedback_records import (
     CONTACT,
     CONTACT_DTYPE,
     CONTACT_GATHERED,
     ENERGY,
     ENERGY_DTYPE,
 )
-from mmt.feedback_table import ForceFeedback
+from mmt.scene.feedback_table import ForceFeedback
 
 _M: Final = 1e-3
 

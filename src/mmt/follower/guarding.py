@@ -4,14 +4,14 @@ import struct
 from collections.abc import Callable
 from typing import Any, Final, Literal
 
-from mmt.arrays import RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.devices.protocols import Vector
 from mmt.link.log import RateLimit
-from mmt.link_table import Link
-from mmt.vectors import difference, towards
+from mmt.scene.link_table import Link
+from mmt.core.vectors import difference, towards
 
 _COMMAND: Final = struct.Struct("<Iqqq3f")
-"""The layout of `mmt.frames.COMMAND_DTYPE`; NumPy takes over twice as long to read it."""
+"""The layout of `mmt.core.frames.COMMAND_DTYPE`; NumPy takes over twice as long to read it."""
 
 _NORMALS: Final[dict[str, Vector]] = {
     "x": (1.0, 0.0, 0.0),

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
-from mmt.exposition import (
+from mmt.core.exposition import (
     counter,
     gauge,
     histogram,

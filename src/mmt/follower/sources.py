@@ -2,9 +2,9 @@
 
 from typing import TYPE_CHECKING, Any
 
-from mmt.device_tables import Devices, Driver
+from mmt.scene.device_tables import Devices, Driver
 from mmt.devices.protocols import FollowerSource
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 from mmt.scene import Replay, Scene, Simulated
 
 if TYPE_CHECKING:
@@ -29,8 +29,8 @@ def build_source(scene: Scene) -> FollowerSource:
 
 
 def _simulated(scene: Scene, table: Simulated) -> FollowerSource:
-    from mmt.devices.simulated.course import SurfaceCourse
-    from mmt.devices.simulated.follower import SimulatedFollower
+    from mmt.testing.simulation.course import SurfaceCourse
+    from mmt.testing.simulation.follower import SimulatedFollower
 
     session = scene.session
     course = SurfaceCourse.of(table, session.duration_s, session.seed)

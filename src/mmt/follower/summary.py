@@ -3,7 +3,7 @@
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
-from mmt.errors import FAILED
+from mmt.core.errors import FAILED
 
 _UNWANTED: Final = (FAILED, f"leader {FAILED}", "leader lost")
 

@@ -4,11 +4,11 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from mmt.arrays import RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.leader.missing import MissingFrames, Note
 from mmt.leader.numbering import SessionNumbering
 from mmt.leader.parts import LeaderParts
-from mmt.ranges import Range
+from mmt.core.ranges import Range
 
 if TYPE_CHECKING:
     from mmt.link.protocol import FollowerHello

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from mmt.arrays import RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.devices.protocols import Vector
-from mmt.frames import COMMAND_DTYPE
+from mmt.core.frames import COMMAND_DTYPE
 from mmt.leader.numbering import SessionNumbering
 
 

@@ -11,7 +11,7 @@ from typing import Final, Literal, Protocol
 
 import numpy as np
 
-from mmt.arrays import FloatArray
+from mmt.core.arrays import FloatArray
 
 Way = Literal["model", "repetition", "silence"]
 """How gaps are concealed."""
@@ -149,7 +149,7 @@ def backwards(past: FloatArray, gain: FloatArray) -> FloatArray:
 
 def modelled(seed: int) -> GoOn:
     """Return what goes on from a model of the newest samples; imports the compiled numerics."""
-    from mmt.texture.concealment import continuation
+    from mmt.texture.synthesis.concealment import continuation
 
     generator = np.random.default_rng(seed)
 

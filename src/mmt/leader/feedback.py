@@ -5,7 +5,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from mmt.arrays import RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.silence import SILENCE_TICKS, SilenceRamp
 

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Literal
 
-from mmt.feedback_table import ForceFeedback
+from mmt.scene.feedback_table import ForceFeedback
 from mmt.leader.feedback import Feedback, ForceDisplay, StreamedForce
 
 if TYPE_CHECKING:

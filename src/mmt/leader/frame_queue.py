@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mmt.arrays import RecordArray
+from mmt.core.arrays import RecordArray
 
 
 class FrameQueue:

@@ -2,7 +2,7 @@
 
 from mmt.devices.mending import MendedHandle
 from mmt.devices.protocols import InterfaceState, LeaderInterface, Vector
-from mmt.vectors import difference, towards
+from mmt.core.vectors import difference, towards
 
 
 class OperatorHandle(MendedHandle):

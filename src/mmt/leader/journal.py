@@ -4,7 +4,7 @@ import logging
 from collections.abc import Callable
 from typing import Any, Final
 
-from mmt import logs
+from mmt.core import logs
 from mmt.leader.parts import LeaderParts
 
 LOG: Final = logging.getLogger("mmt.leader")

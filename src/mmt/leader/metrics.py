@@ -27,7 +27,7 @@ def pages(service: "LeaderService") -> "list[Page]":
 
     served = [health_page(lambda: health(service))]
     if service.scene.metrics is not None:
-        from mmt.exposition import registry_of
+        from mmt.core.exposition import registry_of
 
         served.append(metrics_page(registry_of(lambda: collect(service))))
     if service.monitor is not None:
@@ -50,7 +50,7 @@ def health(service: "LeaderService") -> dict[str, Any]:
 
 def collect(service: "LeaderService") -> Iterator["Metric"]:
     """Yield the leader's metrics; called in a thread, about a millisecond."""
-    from mmt.exposition import counter, gauge, link_metrics, session, state, tick_metrics
+    from mmt.core.exposition import counter, gauge, link_metrics, session, state, tick_metrics
 
     status = service.status()
     yield session(service.log.session_id, "leader")
@@ -78,7 +78,7 @@ def collect(service: "LeaderService") -> Iterator["Metric"]:
 
 
 def _backfill(backfill: Backfill) -> Iterator["Metric"]:
-    from mmt.exposition import counter, gauge
+    from mmt.core.exposition import counter, gauge
 
     frames = backfill.missing.summary
     yield counter("missing_frames", "Frames that were missing at their turn.", frames["missing"])
@@ -88,7 +88,7 @@ def _backfill(backfill: Backfill) -> Iterator["Metric"]:
 
 
 def _model(service: "LeaderService") -> Iterator["Metric"]:
-    from mmt.exposition import counter, gauge
+    from mmt.core.exposition import counter, gauge
 
     modelling, log = service.parts.modelling, service.log
     if modelling is None:

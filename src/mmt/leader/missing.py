@@ -7,8 +7,8 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from mmt.arrays import BoolArray, RecordArray
-from mmt.ranges import Range, RangeSet
+from mmt.core.arrays import BoolArray, RecordArray
+from mmt.core.ranges import Range, RangeSet
 
 PERIOD_TICKS: Final = 50
 """Gaps are noted and asked for so often."""

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mmt.arrays import FloatArray
+from mmt.core.arrays import FloatArray
 
 if TYPE_CHECKING:
-    from mmt.texture.model import TextureModel
-    from mmt.texture.synthesis import Synthesizer
+    from mmt.texture.model.texture_model import TextureModel
+    from mmt.texture.synthesis.synthesizer import Synthesizer
 
 
 class ModelCrossfade:

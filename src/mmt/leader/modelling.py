@@ -14,14 +14,14 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
-from mmt.arrays import RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.leader.frame_queue import FrameQueue
-from mmt.texture.modellers import Modellers
-from mmt.texture.modelling import ModelUpdate, OnlineModeller
+from mmt.texture.online.modellers import Modellers
+from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
 from mmt.texture.settings import ModellingSettings
 
 if TYPE_CHECKING:
-    from mmt.texture.model import TextureModel
+    from mmt.texture.model.texture_model import TextureModel
 
 _LONGEST_QUEUE_S: Final = 10.0
 _POLL_S: Final = 0.005

@@ -4,15 +4,15 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 from mmt.leader.parts import LeaderParts
 from mmt.leader.summary import RunLog
 
 if TYPE_CHECKING:
     from mmt.session.recording import McapRecorder
-    from mmt.texture.library_choice import Choice
-    from mmt.texture.model import TextureModel
-    from mmt.texture.modelling import ModelUpdate
+    from mmt.texture.model.library_choice import Choice
+    from mmt.texture.model.texture_model import TextureModel
+    from mmt.texture.online.modeller import ModelUpdate
 
 
 class ModelUse:

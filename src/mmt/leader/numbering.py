@@ -4,8 +4,8 @@ from typing import Final
 
 import numpy as np
 
-from mmt.arrays import RecordArray
-from mmt.pacing import most_ahead, shortest_period_ns
+from mmt.core.arrays import RecordArray
+from mmt.core.pacing import most_ahead, shortest_period_ns
 
 _SAME_CLOCK_NS: Final = 1_000_000_000
 """Times that are further off than this come from another clock."""

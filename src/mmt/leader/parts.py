@@ -5,30 +5,30 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from mmt.arrays import RecordArray
-from mmt.device_tables import Actuator, Handle
+from mmt.core.arrays import RecordArray
+from mmt.scene.device_tables import Actuator, Handle
 from mmt.devices.protocols import LeaderInterface, VibrationActuator
-from mmt.errors import MmtError
+from mmt.core.errors import MmtError
 from mmt.leader.concealment import build_concealment
 from mmt.leader.feedback import Feedback
 from mmt.leader.feedback_choice import build_feedback
 from mmt.leader.playout import PlayoutBuffer
 from mmt.leader.rendering import VibrationSwitch
 from mmt.leader.stream import StreamedMotion, StreamedVibration
-from mmt.link_table import Link
+from mmt.scene.link_table import Link
 from mmt.scene import Rendering, Scene, Simulated
-from mmt.texture_table import Texture
+from mmt.scene.texture_table import Texture
 
 if TYPE_CHECKING:
     from mmt.devices.mending import LossCallback, Mended, MendedActuator
     from mmt.leader.handle import OperatorHandle
     from mmt.leader.model_crossfade import ModelCrossfade
     from mmt.leader.modelling import ModellingTask
-    from mmt.leader.monitor.tap import MonitorTap
+    from mmt.web.monitor.tap import MonitorTap
     from mmt.leader.warming import WarmingTask
     from mmt.session.recording import McapRecorder
-    from mmt.texture.modelling import ModelUpdate
-    from mmt.texture.synthesis import Synthesizer
+    from mmt.texture.online.modeller import ModelUpdate
+    from mmt.texture.synthesis.synthesizer import Synthesizer
 
 
 @dataclass
@@ -162,8 +162,8 @@ def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None])
     first, second = (axis for axis, name in enumerate("xyz") if name != geometry.normal)
     parts.tangential = first, second
     if scene.hand is not None:
-        from mmt.devices.simulated.hand import SimulatedHand
-        from mmt.devices.simulated.robot import nominal_compliance_mm_n
+        from mmt.testing.simulation.hand import SimulatedHand
+        from mmt.testing.simulation.robot import nominal_compliance_mm_n
 
         parts.hand = SimulatedHand(
             scene.hand,
@@ -212,7 +212,7 @@ def _build_handle(scene: Scene, table: Handle, parts: LeaderParts) -> None:
 
 def _make_actuator(table: Actuator, parts: LeaderParts) -> VibrationActuator:
     if table.driver is None:
-        from mmt.devices.simulated.actuator import SimulatedActuator
+        from mmt.testing.simulation.actuator import SimulatedActuator
 
         return SimulatedActuator(limit_m_s2=table.limit_m_s2)
     from mmt.devices.loading import load_device
@@ -269,15 +269,15 @@ def _build_vibration(scene: Scene, parts: LeaderParts) -> None:
 def _build_synthesizer(
     scene: Scene, table: Rendering, limit_m_s2: float, parts: LeaderParts
 ) -> None:
-    from mmt.texture.synthesis import Synthesizer
+    from mmt.texture.synthesis.synthesizer import Synthesizer
 
     def made(seed: int) -> Synthesizer:
         return Synthesizer(seed=seed, renewal_samples=table.renewal_samples, limit_m_s2=limit_m_s2)
 
     parts.synthesizer = first = made(scene.session.seed)
     if table.model is not None:
-        from mmt.shipped_models import find_model
-        from mmt.texture.model import TextureModel
+        from mmt.models import find_model
+        from mmt.texture.model.texture_model import TextureModel
 
         first.model = TextureModel.load(find_model(table.model))
     if scene.texture is not None and scene.texture.surfaces is not None:

@@ -6,7 +6,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from mmt.arrays import FloatArray
+from mmt.core.arrays import FloatArray
 
 Mode = Literal["silent", "streamed", "fading", "synthesized"]
 

@@ -5,22 +5,22 @@ import logging
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
-from mmt import logs
-from mmt.ending import Ending
-from mmt.errors import MmtError
+from mmt.core import logs
+from mmt.core.ending import Ending
+from mmt.core.errors import MmtError
 from mmt.leader.journal import LOG, Journal
 from mmt.leader.models import ModelUse
 from mmt.leader.parts import LeaderParts, build_parts
 from mmt.leader.remote import RemoteFollower
 from mmt.leader.summary import LeaderStatus, LeaderSummary, RunLog, summarise
 from mmt.leader.tick import LeaderTick
-from mmt.process import prefer_even_ticks
+from mmt.core.process import prefer_even_ticks
 from mmt.scene import Scene
-from mmt.ticking import Ticker
+from mmt.core.ticking import Ticker
 
 if TYPE_CHECKING:
-    from mmt.leader.monitor.running import LeaderMonitor
-    from mmt.texture.modelling import ModelUpdate
+    from mmt.web.monitor.running import LeaderMonitor
+    from mmt.texture.online.modeller import ModelUpdate
 
 _STATUS_PERIOD_S: Final = 0.2
 _LAST_UPDATES_S: Final = 1.0
@@ -161,7 +161,7 @@ class LeaderService:
     def _make_monitor(self) -> "LeaderMonitor | None":
         if self.scene.monitor is None:
             return None
-        from mmt.leader.monitor.running import LeaderMonitor
+        from mmt.web.monitor.running import LeaderMonitor
 
         monitor = LeaderMonitor(self, self._journal, self.scene.monitor)
         self.parts.tap = monitor.tap

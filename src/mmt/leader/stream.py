@@ -7,10 +7,10 @@ neither numba nor scipy.
 import math
 from typing import Final
 
-from mmt.arrays import RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.leader.concealment import LONGEST_SAMPLES
 from mmt.leader.playout import PlayoutBuffer
-from mmt.texture.biquad import BiquadFilter, bessel_low_pass, butterworth_high_pass
+from mmt.texture.signals.biquad import BiquadFilter, bessel_low_pass, butterworth_high_pass
 from mmt.texture.settings import Axis, VibrationAxis
 
 _AXES: Final[dict[str, int]] = {"x": 0, "y": 1, "z": 2}

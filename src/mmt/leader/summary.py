@@ -5,16 +5,16 @@ import uuid
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
-from mmt.errors import FAILED
+from mmt.core.errors import FAILED
 from mmt.leader.parts import LeaderParts
-from mmt.process import ProcessMeter
-from mmt.ticking import TickStatistics, TimeHistogram
+from mmt.core.process import ProcessMeter
+from mmt.core.ticking import TickStatistics, TimeHistogram
 
 if TYPE_CHECKING:
     from mmt.leader.surface_log import SurfaceLog
     from mmt.link.protocol import LinkStatistics
-    from mmt.texture.library_choice import Choice
-    from mmt.texture.modelling import ModelUpdate
+    from mmt.texture.model.library_choice import Choice
+    from mmt.texture.online.modeller import ModelUpdate
 
 _UNWANTED: Final = (FAILED, f"follower {FAILED}", "follower lost")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from mmt.texture.model import TextureModel
+    from mmt.texture.model.texture_model import TextureModel
 
 
 def model_file(recording: Path, surface: int) -> Path:

@@ -3,7 +3,7 @@
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
-from mmt.texture.modelling import ModelUpdate
+from mmt.texture.online.modeller import ModelUpdate
 from mmt.texture.surfaces import SurfaceChange
 
 _SENTENCES: Final = {

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.arrays import FloatArray
+from mmt.core.arrays import FloatArray
 from mmt.devices.protocols import InterfaceState
 from mmt.leader.feedback import Feedback
 from mmt.leader.journal import Journal

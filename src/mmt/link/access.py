@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from mmt.errors import InputError
-from mmt.link_table import Link
+from mmt.core.errors import InputError
+from mmt.scene.link_table import Link
 
 TOKEN_VARIABLE: Final = "MMT_LINK_TOKEN"  # noqa: S105 - the variable's name
 SHORTEST_TOKEN: Final = 16

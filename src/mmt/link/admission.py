@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 
-from mmt.errors import InputError, MmtError
-from mmt.frames import Channel
+from mmt.core.errors import InputError, MmtError
+from mmt.core.frames import Channel
 from mmt.link.access import REFUSED, Access
 from mmt.link.protocol import FollowerHello
 

@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 from aiohttp import web
 
 from mmt.link.access import Access
-from mmt.pages import PageFile
+from mmt.web.pages import PageFile
 
 REFUSED: Final = 4401
 """Close code: the token is missing or wrong."""

@@ -6,7 +6,7 @@ from typing import Final
 
 import socketio
 
-from mmt.errors import MmtError
+from mmt.core.errors import MmtError
 from mmt.link.access import Access, check_scheme
 from mmt.link.dialling import ATTEMPT_S, Line, check_url, distrust, what_to_check
 from mmt.link.direct import Send, client_send

@@ -10,7 +10,7 @@ from typing import Final
 import aiohttp
 import socketio
 
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 from mmt.link.gate import Gate
 from mmt.link.log import LOG, wire_logger
 from mmt.link.protocol import MAX_MESSAGE_BYTES

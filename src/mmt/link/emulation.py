@@ -14,8 +14,8 @@ from typing import Final
 
 from mmt.link.impairments import MessageFates
 from mmt.link.outbox import Outbox
-from mmt.network_table import Network
-from mmt.timer_file import TimerFile, open_timer
+from mmt.scene.network_table import Network
+from mmt.core.timer_file import TimerFile, open_timer
 
 _MOST_HELD: Final = 20_000
 """Messages that are held back at most."""

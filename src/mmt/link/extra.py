@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mmt.arrays import RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.link.events import call
 from mmt.link.protocol import encode_event
 from mmt.link.reading import BlockReader

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 
-from mmt.arrays import RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.scene import Scene
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Final
 
-from mmt.errors import MmtError
+from mmt.core.errors import MmtError
 
 MESSAGES_PER_PERIOD: Final = 10
 """Messages that a peer may send for each record that the session's rate expects of it."""

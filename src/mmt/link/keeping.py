@@ -4,8 +4,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from mmt.arrays import RecordArray
-from mmt.ranges import Range
+from mmt.core.arrays import RecordArray
+from mmt.core.ranges import Range
 
 
 class KeptFrames:

@@ -7,7 +7,7 @@ import socketio
 from aiohttp import web
 from aiohttp.typedefs import Handler
 
-from mmt.errors import MmtError
+from mmt.core.errors import MmtError
 from mmt.link.access import Access, check_listening
 from mmt.link.log import wire_logger
 from mmt.link.protocol import MAX_MESSAGE_BYTES, PING_INTERVAL_S

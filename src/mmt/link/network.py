@@ -6,10 +6,10 @@ from typing import Any, Final, Literal
 
 from aiohttp import web
 
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 from mmt.link.emulation import EmulatedOutbox
-from mmt.network_table import Network
-from mmt.scene_files import table_from
+from mmt.scene.network_table import Network
+from mmt.scene.files import table_from
 
 PATH: Final = "/network"
 _MOST_BYTES: Final = 4096

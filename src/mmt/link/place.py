@@ -3,7 +3,7 @@
 import asyncio
 from contextlib import suppress
 
-from mmt.errors import MmtError
+from mmt.core.errors import MmtError
 from mmt.link.log import LOG
 from mmt.link.protocol import FollowerHello
 

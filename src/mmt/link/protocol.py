@@ -9,10 +9,10 @@ from typing import Final, TypeVar
 
 import msgpack
 
-from mmt.errors import InputError
-from mmt.frames import Channel, ordered_channels
+from mmt.core.errors import InputError
+from mmt.core.frames import Channel, ordered_channels
 from mmt.link.clock import clock_id
-from mmt.ranges import Range
+from mmt.core.ranges import Range
 
 PROTOCOL_VERSION: Final = 1
 

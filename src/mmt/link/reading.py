@@ -6,11 +6,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from mmt.arrays import RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.link.log import LOG, RateLimit
 from mmt.link.protocol import MAX_RECORDS_PER_MESSAGE, argument_of
-from mmt.pacing import JumpBound, shortest_period_ns
-from mmt.ticking import TimeHistogram
+from mmt.core.pacing import JumpBound, shortest_period_ns
+from mmt.core.ticking import TimeHistogram
 
 _CODES: Final = {"<u4": "I", "<i8": "q", "<f4": "f", "<f8": "d"}
 _WINDOW: Final = 256
@@ -40,7 +40,7 @@ class BlockReader:
     kind
         What one record is called in the log.
     shortest_ns
-        Least time that a record may take on average; see `mmt.pacing`.
+        Least time that a record may take on average; see `mmt.core.pacing`.
     """
 
     def __init__(

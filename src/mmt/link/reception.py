@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import socketio
 
-from mmt.errors import MmtError
+from mmt.core.errors import MmtError
 from mmt.link.clock import clock_id
 from mmt.link.clock_exchange import ClockAnswerer
 from mmt.link.direct import Send

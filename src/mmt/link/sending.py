@@ -3,8 +3,8 @@
 import struct
 from typing import Final
 
-from mmt.arrays import RecordArray
-from mmt.frames import frame_dtype
+from mmt.core.arrays import RecordArray
+from mmt.core.frames import frame_dtype
 from mmt.link.backfilling import Backfiller
 from mmt.link.keeping import KeptFrames
 from mmt.link.protocol import FRAMES, SETTLE_S, FollowerHello

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
-from mmt.arrays import RecordArray
-from mmt.frames import COMMAND_DTYPE, Channel, frame_dtype, ordered_channels
+from mmt.core.arrays import RecordArray
+from mmt.core.frames import COMMAND_DTYPE, Channel, frame_dtype, ordered_channels
 from mmt.link.access import Access
 from mmt.link.admission import admit
 from mmt.link.clock_exchange import ClockAnswerer
@@ -33,10 +33,10 @@ from mmt.link.protocol import (
 from mmt.link.reading import BlockReader
 from mmt.link.reception import Reception
 from mmt.link.traffic import Traffic
-from mmt.link_table import Link
-from mmt.pacing import shortest_period_ns
-from mmt.ranges import Range
-from mmt.ticking import TimeHistogram
+from mmt.scene.link_table import Link
+from mmt.core.pacing import shortest_period_ns
+from mmt.core.ranges import Range
+from mmt.core.ticking import TimeHistogram
 
 if TYPE_CHECKING:
     from mmt.link.network import EmulatedNetwork
@@ -185,7 +185,7 @@ class LeaderServer:
         Parameters
         ----------
         commands
-            Shape (n,), of `mmt.frames.COMMAND_DTYPE`; their ``sequence`` must increase.
+            Shape (n,), of `mmt.core.frames.COMMAND_DTYPE`; their ``sequence`` must increase.
 
         Raises
         ------

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from mmt.arrays import FloatArray, RecordArray
+from mmt.core.arrays import FloatArray, RecordArray
 from mmt.session.mcap_writer import FRAMES_PER_BLOCK
 
 _SAMPLE_BYTES = 4

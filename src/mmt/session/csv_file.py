@@ -8,9 +8,9 @@ from typing import TextIO
 
 import numpy as np
 
-from mmt.arrays import FloatArray
-from mmt.errors import InputError
-from mmt.frames import FIELD_OF_CHANNEL, Channel
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError
+from mmt.core.frames import FIELD_OF_CHANNEL, Channel
 from mmt.session.flat import axis_columns, flat_columns
 from mmt.session.framing import frames_of
 from mmt.session.recorded import RecordedSession

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from mmt.frames import FIELD_OF_CHANNEL, Channel
+from mmt.core.frames import FIELD_OF_CHANNEL, Channel
 from mmt.session.recorded import RecordedSession
 
 

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mmt.arrays import FloatArray, IntArray, RecordArray
-from mmt.errors import InputError
-from mmt.frames import CHANNELS, FIELD_OF_CHANNEL, Channel, frame_dtype
+from mmt.core.arrays import FloatArray, IntArray, RecordArray
+from mmt.core.errors import InputError
+from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, Channel, frame_dtype
 from mmt.session.recorded import FRAME_PERIOD_NS
 from mmt.session.samples import Samples
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 from mmt.session.jsontext import to_json
 from mmt.session.recorded import RecordedSession
 from mmt.session.replacing import replacing

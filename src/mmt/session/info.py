@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from mmt.frames import Channel
+from mmt.core.frames import Channel
 from mmt.session.mcap_reader import scan_mcap, session_of
 from mmt.session.reading import read_session
 from mmt.session.recorded import RecordedSession, duration_s, missing_frames

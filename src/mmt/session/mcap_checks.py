@@ -10,7 +10,7 @@ import zstandard
 from mcap.exceptions import McapError
 from mcap.records import Schema
 
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 from mmt.session.mcap_writer import FORMAT_VERSION, FRAMES_TOPIC
 from mmt.session.messages import FRAME_BLOCK
 

@@ -24,8 +24,8 @@ from mcap.records import (
 )
 from mcap.stream_reader import StreamReader, breakup_chunk, read_magic
 
-from mmt.arrays import RecordArray
-from mmt.errors import InputError
+from mmt.core.arrays import RecordArray
+from mmt.core.errors import InputError
 from mmt.session.mcap_checks import DAMAGE, frame_schema, parse_json
 from mmt.session.mcap_writer import (
     ANNOTATIONS_ATTACHMENT,

@@ -14,9 +14,9 @@ from mcap.reader import make_reader
 from mcap.records import Chunk, ChunkIndex, Message
 from mcap.stream_reader import breakup_chunk
 
-from mmt.arrays import FloatArray, IntArray, RecordArray
-from mmt.errors import InputError
-from mmt.frames import Channel
+from mmt.core.arrays import FloatArray, IntArray, RecordArray
+from mmt.core.errors import InputError
+from mmt.core.frames import Channel
 from mmt.session.mcap_checks import DAMAGE, frame_schema, parse_json
 from mmt.session.mcap_writer import (
     BACKFILL_TOPIC,

@@ -13,8 +13,8 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
 from mmt import __version__
-from mmt.arrays import FloatArray, RecordArray
-from mmt.frames import Channel, channels_of
+from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.frames import Channel, channels_of
 from mmt.session.jsontext import to_json
 from mmt.session.messages import (
     EVENT_SCHEMA,

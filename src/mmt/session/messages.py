@@ -12,9 +12,9 @@ import numpy as np
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from google.protobuf.message import DecodeError
 
-from mmt.arrays import FloatArray, RecordArray
-from mmt.errors import InputError
-from mmt.frames import CHANNELS, FIELD_OF_CHANNEL, Channel, channels_of, frame_dtype
+from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.errors import InputError
+from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, Channel, channels_of, frame_dtype
 
 FRAME_BLOCK: Final = "mmt.FrameBlock"
 PLOT_SAMPLE: Final = "mmt.PlotSample"

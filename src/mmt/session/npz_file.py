@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from mmt.arrays import FloatArray
-from mmt.errors import InputError
-from mmt.frames import CHANNELS, FIELD_OF_CHANNEL
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError
+from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL
 from mmt.session.framing import frames_of
 from mmt.session.jsontext import to_json
 from mmt.session.recorded import RecordedSession

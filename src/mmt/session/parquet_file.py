@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 from mmt.session.flat import flat_columns
 from mmt.session.jsontext import to_json
 from mmt.session.recorded import RecordedSession

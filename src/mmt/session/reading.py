@@ -6,7 +6,7 @@ A new kind of file is one new module and one line in a table here.
 from pathlib import Path
 from typing import Final
 
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 from mmt.session.recorded import RecordedSession
 from mmt.session.suffixes import choose
 

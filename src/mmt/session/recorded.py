@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from mmt.arrays import FloatArray, RecordArray
-from mmt.frames import Channel, channels_of
+from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.frames import Channel, channels_of
 
 FRAME_PERIOD_NS = 1_000_000
 """Frames come at 1 kHz."""
@@ -37,7 +37,7 @@ class RecordedSession:
     """
 
     frames: RecordArray
-    """Shape (n,), the dtype of `mmt.frames.frame_dtype`; missing frames are jumps in
+    """Shape (n,), the dtype of `mmt.core.frames.frame_dtype`; missing frames are jumps in
     ``sequence``."""
     scene: JsonObject | None = None
     """The resolved scene, None where the file holds none."""

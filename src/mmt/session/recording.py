@@ -18,9 +18,9 @@ from typing import BinaryIO, Final, Literal, NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
-from mmt.arrays import RecordArray
-from mmt.errors import InputError
-from mmt.frames import Channel, frame_dtype, ordered_channels
+from mmt.core.arrays import RecordArray
+from mmt.core.errors import InputError
+from mmt.core.frames import Channel, frame_dtype, ordered_channels
 from mmt.session.assembling import FrameAssembler, OutputAssembler
 from mmt.session.jsontext import to_json
 from mmt.session.locking import lock

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 from mmt.session.mcap_reader import Scan, frames_of, scan_mcap
 from mmt.session.mcap_writer import RECOVERY_METADATA, SCENE_METADATA, open_writer
 from mmt.session.recorded import duration_s, missing_frames

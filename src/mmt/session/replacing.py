@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from mmt.errors import InputError, MmtError
+from mmt.core.errors import InputError, MmtError
 
 
 @contextmanager

@@ -5,9 +5,9 @@ from typing import Final, Literal
 
 import numpy as np
 
-from mmt.arrays import IntArray, RecordArray
-from mmt.errors import InputError
-from mmt.frames import FIELD_OF_CHANNEL, Channel, frame_dtype, ordered_channels
+from mmt.core.arrays import IntArray, RecordArray
+from mmt.core.errors import InputError
+from mmt.core.frames import FIELD_OF_CHANNEL, Channel, frame_dtype, ordered_channels
 from mmt.session.recorded import FRAME_PERIOD_NS, RecordedSession, duration_s, missing_frames
 
 JOINT_STEP: Final = 2

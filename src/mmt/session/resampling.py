@@ -16,8 +16,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import firwin, resample_poly
 
-from mmt.arrays import FloatArray, IntArray
-from mmt.frames import Channel
+from mmt.core.arrays import FloatArray, IntArray
+from mmt.core.frames import Channel
 from mmt.session.samples import Samples
 
 RATE_HZ: Final = 1000.0

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmt.arrays import FloatArray
-from mmt.errors import InputError
-from mmt.frames import FIELD_OF_CHANNEL, Channel
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError
+from mmt.core.frames import FIELD_OF_CHANNEL, Channel
 
 _LONGEST_S = 4_200_000.0
 """What 32 bits of frame numbers hold."""

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 
 def choose(path: Path, table: Mapping[str, str], verb: str) -> Callable[..., Any]:

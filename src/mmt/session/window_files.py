@@ -6,8 +6,8 @@ from typing import Self
 
 import numpy as np
 
-from mmt.errors import InputError
-from mmt.frames import Channel
+from mmt.core.errors import InputError
+from mmt.core.frames import Channel
 from mmt.session.recorded import JsonObject, RecordedSession, duration_s
 from mmt.session.windows import SessionWindows, Window, overlapping
 

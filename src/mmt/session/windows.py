@@ -11,8 +11,8 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from mmt.arrays import FloatArray, IntArray, RecordArray
-from mmt.frames import Channel
+from mmt.core.arrays import FloatArray, IntArray, RecordArray
+from mmt.core.frames import Channel
 from mmt.session.recorded import JsonObject, OutputBlock
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from mmt.arrays import RecordArray
+from mmt.core.arrays import RecordArray
 from mmt.session.recorded import JsonObject, OutputBlock, RecordedSession
 from mmt.session.suffixes import choose
 

@@ -12,25 +12,25 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mmt.texture.autoregression import lsf_to_ar, reflection_to_lsf
-    from mmt.texture.burg import burg_batch
-    from mmt.texture.filtering import StreamFilter
-    from mmt.texture.model import TextureModel, TextureSamples
-    from mmt.texture.modelling import OnlineModeller
-    from mmt.texture.segmentation import OnlineSegmenter, segment
-    from mmt.texture.synthesis import Synthesizer
+    from mmt.texture.autoregression.forms import lsf_to_ar, reflection_to_lsf
+    from mmt.texture.autoregression.burg import burg_batch
+    from mmt.texture.signals.filtering import StreamFilter
+    from mmt.texture.model.texture_model import TextureModel, TextureSamples
+    from mmt.texture.online.modeller import OnlineModeller
+    from mmt.texture.segmentation.segmenter import OnlineSegmenter, segment
+    from mmt.texture.synthesis.synthesizer import Synthesizer
 
 _HOMES = {
-    "OnlineModeller": "modelling",
-    "OnlineSegmenter": "segmentation",
-    "StreamFilter": "filtering",
-    "Synthesizer": "synthesis",
-    "TextureModel": "model",
-    "TextureSamples": "model",
-    "burg_batch": "burg",
-    "lsf_to_ar": "autoregression",
-    "reflection_to_lsf": "autoregression",
-    "segment": "segmentation",
+    "OnlineModeller": "online.modeller",
+    "OnlineSegmenter": "segmentation.segmenter",
+    "StreamFilter": "signals.filtering",
+    "Synthesizer": "synthesis.synthesizer",
+    "TextureModel": "model.texture_model",
+    "TextureSamples": "model.texture_model",
+    "burg_batch": "autoregression.burg",
+    "lsf_to_ar": "autoregression.forms",
+    "reflection_to_lsf": "autoregression.forms",
+    "segment": "segmentation.segmenter",
 }
 
 __all__ = [

@@ -27,7 +27,7 @@ DISTANCES: Final[dict[Inputs, tuple[float, float]]] = {
     "anisotropic": (52.63, 36.0),
 }
 """Completion distances at which rendering starts and modelling ends; how they are derived is in
-`mmt.texture.completion`."""
+`mmt.texture.completion.distance`."""
 
 AUTOMATIC: Final = 0.0
 """Stands for the distance that belongs to the inputs."""

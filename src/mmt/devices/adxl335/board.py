@@ -8,7 +8,7 @@ import serial
 from serial.tools import list_ports
 
 from mmt.devices.serial_ports import explain_refusal, read_waiting
-from mmt.errors import DeviceLost, MmtError
+from mmt.core.errors import DeviceLost, MmtError
 
 _AT_ONCE: Final = 16384
 

@@ -10,7 +10,7 @@ from math import isfinite
 from typing import Any, Final, Literal, NamedTuple, cast, get_args
 
 from mmt.devices.protocols import Vector
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 GRAVITY_M_S2: Final = 9.80665
 

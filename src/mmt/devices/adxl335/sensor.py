@@ -20,7 +20,7 @@ from mmt.devices.adxl335.gravity import (
 from mmt.devices.adxl335.options import Adxl335Options
 from mmt.devices.calibrations import load_calibration
 from mmt.devices.protocols import SensorReading, Vector
-from mmt.errors import MmtError
+from mmt.core.errors import MmtError
 
 LOG: Final = logging.getLogger("mmt.devices")
 

@@ -12,7 +12,7 @@ from mmt.devices.adxl335.sensor import Adxl335
 from mmt.devices.adxl335.timeline import Timeline
 from mmt.devices.loading import read_options
 from mmt.devices.protocols import SensorReading, Vector
-from mmt.errors import DeviceLost, MmtError
+from mmt.core.errors import DeviceLost, MmtError
 
 NAME: Final = "adxl335-serial"
 _FIRST_FRAMES: Final = 3

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from mmt.devices.ati.options import AtiOptions
 from mmt.devices.protocols import Vector
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 RANGE_TOLERANCE = 0.01
 

@@ -9,7 +9,7 @@ from typing import Final
 from mmt.devices.ati.calibration import Calibration
 from mmt.devices.ati.units import force_in_newton, length_in_mm, torque_in_newton_mm
 from mmt.devices.ati.wrench import Matrix, matrix_of
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 _AXES: Final = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 _LARGEST: Final = 1 << 20

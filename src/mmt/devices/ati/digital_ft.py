@@ -28,7 +28,7 @@ from mmt.devices.ati.options import AtiOptions
 from mmt.devices.ati.sensor import AtiSensor, Stamped
 from mmt.devices.ati.wrench import WrenchConverter
 from mmt.devices.loading import read_options
-from mmt.errors import DeviceLost, MmtError
+from mmt.core.errors import DeviceLost, MmtError
 
 DRIVER: Final = "ati-digital-ft"
 

@@ -18,7 +18,7 @@ from mmt.devices.ati.modbus import (
     write_request,
 )
 from mmt.devices.serial_ports import explain_refusal, read_waiting
-from mmt.errors import DeviceLost, MmtError
+from mmt.core.errors import DeviceLost, MmtError
 
 _ANSWER_S: Final = 0.15
 _ATTEMPTS: Final = 3

@@ -4,7 +4,7 @@ import struct
 from collections.abc import Sequence
 from typing import Final
 
-from mmt.errors import MmtError
+from mmt.core.errors import MmtError
 
 READ_REGISTERS: Final = 0x03
 WRITE_REGISTERS: Final = 0x10

@@ -27,7 +27,7 @@ from mmt.devices.ati.sensor import AtiSensor, Stamped
 from mmt.devices.ati.wrench import WrenchConverter
 from mmt.devices.datagrams import StampedSocket
 from mmt.devices.loading import read_options
-from mmt.errors import DeviceLost, MmtError
+from mmt.core.errors import DeviceLost, MmtError
 
 DRIVER: Final = "ati-net-ft"
 

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 _FORCES_N: Final = {
     "n": 1.0,

@@ -7,7 +7,7 @@ from typing import Final
 
 from mmt.devices.ati.options import AtiOptions
 from mmt.devices.protocols import Vector
-from mmt.errors import MmtError
+from mmt.core.errors import MmtError
 
 Six = tuple[float, float, float, float, float, float]
 """Counts or volts of a record, in the order of the matrix's columns; or a wrench: Fx, Fy, Fz

@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from operator import mul
 from typing import Final
 
-from mmt.arrays import FloatArray
+from mmt.core.arrays import FloatArray
 from mmt.devices.haptuator.level import level_of
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.protocols import ActuatorStatistics
-from mmt.texture.biquad import BiquadFilter, bessel_low_pass, butterworth_high_pass
+from mmt.texture.signals.biquad import BiquadFilter, bessel_low_pass, butterworth_high_pass
 
 _HIGHEST_SHARE: Final = 0.4999
 """A low-pass above this share of the rate would pass all that there is."""

@@ -13,8 +13,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mmt.arrays import FloatArray
-from mmt.errors import InputError
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError
 
 RATE_HZ: Final = 1000.0
 """Of the session, for which all of this is."""

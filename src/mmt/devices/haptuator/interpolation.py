@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.arrays import FloatArray
+from mmt.core.arrays import FloatArray
 
 TAPS: Final = 6
 BEFORE: Final = TAPS // 2 - 1

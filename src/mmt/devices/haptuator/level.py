@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 from mmt.devices.calibrations import calibration_file, load_calibration, save_calibration
 from mmt.devices.haptuator.equalising import TAPS, Equaliser
 from mmt.devices.haptuator.options import HaptuatorOptions
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 DEVICE: Final = "haptuator"
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from mmt.errors import InputError, MmtError
+from mmt.core.errors import InputError, MmtError
 
 
 def load_sounddevice() -> Any:

@@ -6,7 +6,7 @@ from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from mmt.arrays import FloatArray
+from mmt.core.arrays import FloatArray
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.arrays import FloatArray
+from mmt.core.arrays import FloatArray
 from mmt.devices.haptuator.drive import VoltageDrive
 from mmt.devices.haptuator.options import HaptuatorOptions
 

@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.arrays import FloatArray
+from mmt.core.arrays import FloatArray
 from mmt.devices.haptuator.following import FillFollower
 from mmt.devices.haptuator.interpolation import AFTER, BEFORE, Interpolator
 

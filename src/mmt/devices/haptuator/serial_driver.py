@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from pydantic import Field
 
-from mmt.arrays import FloatArray
+from mmt.core.arrays import FloatArray
 from mmt.devices.haptuator.board import HaptuatorBoard
 from mmt.devices.haptuator.framing import FULL_SCALE, MOST_SAMPLES, Report, Reset, Samples
 from mmt.devices.haptuator.interpolation import AFTER
@@ -17,7 +17,7 @@ from mmt.devices.haptuator.playing import RATE_HZ, SILENCE_NS, PlayingHaptuator
 from mmt.devices.haptuator.pushing import Pusher
 from mmt.devices.loading import read_options
 from mmt.devices.protocols import ActuatorStatistics
-from mmt.errors import DeviceLost, MmtError
+from mmt.core.errors import DeviceLost, MmtError
 
 DRIVER: Final = "haptuator-serial"
 

@@ -16,7 +16,7 @@ from mmt.devices.haptuator.playing import RATE_HZ, SILENCE_NS, PlayingHaptuator
 from mmt.devices.haptuator.pulling import Puller
 from mmt.devices.loading import read_options
 from mmt.devices.protocols import ActuatorStatistics
-from mmt.errors import DeviceLost, MmtError
+from mmt.core.errors import DeviceLost, MmtError
 
 DRIVER: Final = "haptuator-sound"
 

@@ -23,7 +23,7 @@ from mmt.devices.labjack.packets import (
 )
 from mmt.devices.labjack.usb_link import U6Link, check_alone, find_boxes
 from mmt.devices.voltages import VoltageReading
-from mmt.errors import DeviceLost, InputError, MmtError
+from mmt.core.errors import DeviceLost, InputError, MmtError
 
 INPUTS: Final = 14
 MOST_SAMPLES_HZ: Final = 50_000

@@ -21,8 +21,8 @@ from mmt.devices.labjack.packets import (
     read_reply,
     read_short_reply,
 )
-from mmt.errors import DeviceLost, MmtError
-from mmt.realtime import follow_real_time
+from mmt.core.errors import DeviceLost, MmtError
+from mmt.core.realtime import follow_real_time
 
 VENDOR: Final = 0x0CD5
 PRODUCT: Final = 0x0006

@@ -14,7 +14,7 @@ from mmt.devices.labjack.sharing import (
     disconnect,
 )
 from mmt.devices.voltages import VoltageReading
-from mmt.errors import DeviceLost, InputError
+from mmt.core.errors import DeviceLost, InputError
 
 
 class U6Voltages:

@@ -13,7 +13,7 @@ from mmt.devices.openhaptics.library import CALLBACK, Stack, open_stack
 from mmt.devices.openhaptics.options import HdOptions
 from mmt.devices.openhaptics.sentences import HdError, explain
 from mmt.devices.openhaptics.servo import Servo
-from mmt.errors import DeviceLost, MmtError
+from mmt.core.errors import DeviceLost, MmtError
 
 LOG: Final = logging.getLogger("mmt.devices.openhaptics")
 

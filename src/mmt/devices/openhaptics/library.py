@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from mmt.devices.openhaptics.sentences import HdError, explain
-from mmt.errors import InputError, MmtError
+from mmt.core.errors import InputError, MmtError
 
 EMULATED: Final = "emulated"
 """In the place of a path: the library that emulates a device."""
@@ -154,7 +154,7 @@ def open_stack(path: str) -> Stack:
     """
     global _stack  # noqa: PLW0603 - a process has one, and it cannot be unloaded
     if path == EMULATED:
-        from mmt.devices.emulated.hd import build_library
+        from mmt.testing.emulated.hd import build_library
 
         path = str(build_library())
     with _stack_lock:

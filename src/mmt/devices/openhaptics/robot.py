@@ -10,7 +10,7 @@ from mmt.devices.openhaptics.measuring import STUCK
 from mmt.devices.openhaptics.options import RobotOptions
 from mmt.devices.openhaptics.servo import Servo
 from mmt.devices.protocols import Vector
-from mmt.errors import InputError
+from mmt.core.errors import InputError
 
 _LONGEST_STEP_S: Final = 0.005
 _STUCK_NS: Final = 200_000_000

@@ -24,8 +24,8 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.linalg.lapack import dpbsv
 
-from mmt.arrays import BoolArray, FloatArray, IntArray
-from mmt.compiled import kernel
+from mmt.core.arrays import BoolArray, FloatArray, IntArray
+from mmt.core.compiled import kernel
 from mmt.texture.selection.ringing import ComplexArray, modes
 from mmt.texture.selection.transients import SHORTEST, Packed, Whitening, prediction_error
 

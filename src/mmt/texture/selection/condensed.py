@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mmt.arrays import BoolArray, FloatArray, IntArray
+from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.texture.selection.consensus import Consensus, Neighbours
 from mmt.texture.selection.enclosing import enclose_each
 from mmt.texture.selection.leave_one_out import hull_of

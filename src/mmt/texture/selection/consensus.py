@@ -23,7 +23,7 @@ import numpy as np
 from scipy.linalg import cho_solve, cholesky
 from scipy.spatial import cKDTree
 
-from mmt.arrays import BoolArray, FloatArray, IntArray
+from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.texture.selection.kriging import covariance, kriged, nearest
 
 _NEIGHBOURS: Final = {1: 16, 2: 24}
@@ -38,7 +38,7 @@ _JITTER: Final = 1e-9
 SMOOTHNESS: Final = ((0.35, 1.5), (0.7, 0.85), (0.75, 0.26))
 """Departure in nepers, and its length along the logarithm of velocity: of a surface with
 resonances, with some that follow the speed, and with lines. Between what the 17 textures of
-`mmt.devices.simulated` have by themselves."""
+`mmt.testing.simulation` have by themselves."""
 
 
 class Consensus(NamedTuple):

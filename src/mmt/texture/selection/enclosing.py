@@ -20,8 +20,8 @@ from typing import Final
 
 import numpy as np
 
-from mmt.arrays import BoolArray, FloatArray, IntArray
-from mmt.compiled import kernel
+from mmt.core.arrays import BoolArray, FloatArray, IntArray
+from mmt.core.compiled import kernel
 
 _FAR: Final = 1e8  # cost of a stand-in, in squares of the reach
 _EMPTY: Final = 1e-12  # how far inside a circumsphere a point may lie, relative to its square

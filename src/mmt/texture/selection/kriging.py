@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from mmt.arrays import FloatArray, IntArray
-from mmt.compiled import kernel
+from mmt.core.arrays import FloatArray, IntArray
+from mmt.core.compiled import kernel
 
 
 @kernel("i8[:, ::1](i8[:, ::1], i8[::1], i8)")

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from scipy.spatial import ConvexHull, Delaunay, QhullError
 
-from mmt.arrays import BoolArray, FloatArray, IntArray
+from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.texture.selection.enclosing import enclose, enclose_each
 
 

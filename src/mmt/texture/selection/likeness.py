@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.arrays import BoolArray, FloatArray
+from mmt.core.arrays import BoolArray, FloatArray
 
 LEAST: Final = 8
 """So many must be accused before they have something in common."""

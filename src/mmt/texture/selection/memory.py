@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.arrays import BoolArray, FloatArray, IntArray
+from mmt.core.arrays import BoolArray, FloatArray, IntArray
 
 _GROWTH: Final = 1.25  # of the number of outliers, from which their blow is searched for anew
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from mmt.arrays import BoolArray, FloatArray
-from mmt.texture.radial_basis import RadialBasisSettings
-from mmt.texture.radial_basis_online import RadialBasisSystem
+from mmt.core.arrays import BoolArray, FloatArray
+from mmt.texture.interpolation.radial_basis.network import RadialBasisSettings
+from mmt.texture.interpolation.radial_basis.online import RadialBasisSystem
 from mmt.texture.selection.leave_one_out import Interpolator
 
 

@@ -12,8 +12,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mmt.arrays import BoolArray, FloatArray, IntArray
-from mmt.texture.samples import TextureSamples
+from mmt.core.arrays import BoolArray, FloatArray, IntArray
+from mmt.texture.model.samples import TextureSamples
 from mmt.texture.selection.leave_one_out import leave_each_out
 from mmt.texture.selection.memory import Memory
 from mmt.texture.selection.outliers import find_outliers

@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mmt.arrays import BoolArray, FloatArray
+from mmt.core.arrays import BoolArray, FloatArray
 from mmt.texture.selection.blows import Heard, blow_evidence, learn
 from mmt.texture.selection.consensus import Consensus, Neighbours
 from mmt.texture.selection.likeness import LEAST, likeness

@@ -6,8 +6,8 @@ from typing import Final, Self
 
 import numpy as np
 
-from mmt.arrays import BoolArray, FloatArray, IntArray
-from mmt.errors import InputError
+from mmt.core.arrays import BoolArray, FloatArray, IntArray
+from mmt.core.errors import InputError
 from mmt.texture.settings import LARGEST_ORDER
 
 USUAL_SAMPLES: Final = 250
@@ -108,7 +108,7 @@ def band(count: int = _GRID) -> FloatArray:
 def log_density_of(lsf: FloatArray, variance: FloatArray) -> FloatArray:
     """Return the logarithms of the filters' exact power densities (n, f) at `band`; the rate is 1.
 
-    As `mmt.texture.spectra.lsf_spectrum`, with differences of cosines in the place of products
+    As `mmt.texture.autoregression.spectra.lsf_spectrum`, with differences of cosines in the place of products
     of sines: several times faster, at an absolute error of a rounding in each factor.
     """
     angles = 2.0 * np.pi * band()

@@ -22,8 +22,8 @@ from typing import Final
 
 import numpy as np
 
-from mmt.arrays import BoolArray, FloatArray
-from mmt.errors import InputError
+from mmt.core.arrays import BoolArray, FloatArray
+from mmt.core.errors import InputError
 from mmt.texture.selection.leave_one_out import (
     DelaunayNeighbours,
     Interpolator,

@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from mmt.arrays import FloatArray
-from mmt.compiled import kernel
+from mmt.core.arrays import FloatArray
+from mmt.core.compiled import kernel
 
 ComplexArray = npt.NDArray[np.complex128]
 

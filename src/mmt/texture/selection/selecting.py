@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mmt.arrays import BoolArray, FloatArray
-from mmt.errors import InputError
+from mmt.core.arrays import BoolArray, FloatArray
+from mmt.core.errors import InputError
 from mmt.texture.selection.condensed import TAU, condense
 from mmt.texture.selection.outliers import find_outliers, reasons
 from mmt.texture.selection.points import ModelPoints

@@ -12,8 +12,8 @@ from typing import Final, NamedTuple, Self
 
 import numpy as np
 
-from mmt.arrays import FloatArray, IntArray
-from mmt.compiled import kernel
+from mmt.core.arrays import FloatArray, IntArray
+from mmt.core.compiled import kernel
 from mmt.texture.selection.points import band
 from mmt.texture.selection.ringing import ComplexArray, loudest_ring, modes
 

@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.arrays import FloatArray
+from mmt.core.arrays import FloatArray
 
 LEAST_GAP_RAD: Final = 0.01
 """Between line spectral frequencies that had to be put in order."""

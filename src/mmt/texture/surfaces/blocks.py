@@ -18,8 +18,8 @@ from typing import Final
 
 import numpy as np
 
-from mmt.arrays import FloatArray
-from mmt.texture.aligned import AlignedBlock
+from mmt.core.arrays import FloatArray
+from mmt.texture.signals.aligned import AlignedBlock
 
 BLOCK: Final = 100
 """Samples of a block."""

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.arrays import FloatArray, RecordArray
+from mmt.core.arrays import FloatArray, RecordArray
 from mmt.texture.surfaces.prior import REVERSAL, Prior, Setting
 
 _ALONG: Final = -0.5 / 2.0**2

@@ -33,8 +33,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mmt.arrays import FloatArray
-from mmt.errors import InputError
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError
 from mmt.texture.surfaces.blocks import BLOCK, SurfaceBlock
 from mmt.texture.surfaces.changes import SurfaceChange, change_point
 from mmt.texture.surfaces.heard import HeardBlocks

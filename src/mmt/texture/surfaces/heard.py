@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mmt.arrays import FloatArray, RecordArray
+from mmt.core.arrays import FloatArray, RecordArray
 from mmt.texture.surfaces.blocks import SurfaceBlock
 from mmt.texture.surfaces.covariance import Covariances, Places
 from mmt.texture.surfaces.prior import NOISE, PRIORS, turning

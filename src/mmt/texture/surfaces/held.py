@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.arrays import BoolArray
+from mmt.core.arrays import BoolArray
 from mmt.texture.surfaces.blocks import SurfaceBlock
 from mmt.texture.surfaces.heard import HeardBlocks
 from mmt.texture.surfaces.knowledge import SurfaceKnowledge

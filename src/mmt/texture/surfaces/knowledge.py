@@ -22,7 +22,7 @@ from typing import Final
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dtrtrs
 
-from mmt.arrays import FloatArray, RecordArray
+from mmt.core.arrays import FloatArray, RecordArray
 from mmt.texture.surfaces.blocks import SurfaceBlock
 from mmt.texture.surfaces.covariance import Covariances, Places
 from mmt.texture.surfaces.heard import HeardBlocks, log_densities

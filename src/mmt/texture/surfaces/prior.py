@@ -33,7 +33,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mmt.arrays import FloatArray, RecordArray
+from mmt.core.arrays import FloatArray, RecordArray
 from mmt.texture.surfaces.blocks import BANDS
 
 NOISE: Final = 0.19

@@ -1,8 +1,8 @@
 """From frames to the surface under the tool: filter, cut into blocks, detect."""
 
-from mmt.arrays import RecordArray
-from mmt.texture.filtering import StreamFilter
-from mmt.texture.inputs import InputSpace
+from mmt.core.arrays import RecordArray
+from mmt.texture.signals.filtering import StreamFilter
+from mmt.texture.model.inputs import InputSpace
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.texture.surfaces.blocks import BLOCK, BlockCutter
 from mmt.texture.surfaces.changes import SurfaceChange

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.arrays import FloatArray
+from mmt.core.arrays import FloatArray
 from mmt.texture.surfaces.blocks import SurfaceBlock
 from mmt.texture.surfaces.heard import HeardBlocks
 from mmt.texture.surfaces.knowledge import SurfaceKnowledge

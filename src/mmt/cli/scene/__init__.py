@@ -1,0 +1,1 @@
+"""``mmt scene``: what a scene runs, sends, imports and costs."""

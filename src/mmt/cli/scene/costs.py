@@ -1,0 +1,207 @@
+"""What the parts of a scene cost: run it whole and with parts left out, and compare.
+
+The cost of a part is the difference of means between the whole scene's runs and those
+without the part. All scenes take turns, so that they meet the same machine. What a figure
+scatters from run to run is estimated from the repetitions of all scenes together (the pooled
+variance of a one-way layout), and a difference comes with the half-width of its 95 %
+confidence interval by Student's t: one that does not exceed it is not told apart from none.
+"""
+
+import math
+import statistics
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from mmt.core.errors import MmtError
+from mmt.cli.scene.import_times import import_times_s
+from mmt.cli.scene.variants import Variant, variants_of
+from mmt.scene import Scene
+
+FIGURES: Final = ("start_s", "core_share", "memory_mb")
+"""Seconds until ready, share of a core while streaming, resident memory at the end."""
+
+CONFIDENCE: Final = 0.95
+
+
+@dataclass(frozen=True)
+class ServiceRun:
+    """One service in one run."""
+
+    start_s: float
+    core_share: float
+    memory_mb: float
+    modules: tuple[str, ...]
+    tasks: Mapping[str, float]
+    """Share of the looks in which a task was seen, by its name."""
+    threads: Mapping[str, float]
+    system_threads: int
+
+
+@dataclass(frozen=True)
+class SceneRun:
+    """One run of a scene; `services` holds "leader" and, where there is one, "follower"."""
+
+    services: Mapping[str, ServiceRun]
+    bytes_per_s: Mapping[str, float]
+    """Sent, by way: "up", "down"."""
+    model_from_s: float | None
+    """When the model began to drive the vibration."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """What a part adds, and the half-width of its confidence interval."""
+
+    value: float
+    half_width: float
+
+    @property
+    def told_apart(self) -> bool:
+        """Whether it is more than what scatters from run to run."""
+        return abs(self.value) > self.half_width
+
+
+@dataclass(frozen=True)
+class PartCost:
+    """What one service costs more with a part than without it."""
+
+    figures: Mapping[str, Difference]
+    modules: tuple[str, ...]
+    """That nothing else in the scene imports."""
+    import_s: float
+
+
+@dataclass
+class SceneCosts:
+    """Every run, and what they say."""
+
+    whole: list[SceneRun] = field(default_factory=list)
+    variants: dict[str, Variant] = field(default_factory=dict)
+    """The scenes with a part left out, by their names."""
+    without: dict[str, list[SceneRun]] = field(default_factory=dict)
+    """Their runs; those that failed are not there."""
+    kept: list[str] = field(default_factory=list)
+    """Parts that cannot be left out of this scene."""
+    failed: dict[str, str] = field(default_factory=dict)
+    """Why a scene without a part did not run, by the variant's name."""
+    import_s: dict[str, dict[str, float]] = field(default_factory=dict)
+    """By service and module."""
+
+    @property
+    def services(self) -> list[str]:
+        """The services that the scene has."""
+        return list(self.whole[0].services)
+
+    def values(self, service: str, figure: str) -> list[float]:
+        """Return a figure of the whole scene's runs."""
+        return _values(self.whole, service, figure)
+
+    def part(self, name: str, service: str) -> PartCost:
+        """Return what a variant's part costs in one service."""
+        runs = self.without[name]
+        left = {name for run in runs for name in run.services[service].modules}
+        modules = tuple(m for m in self.whole[0].services[service].modules if m not in left)
+        times = self.import_s.get(service, {})
+        return PartCost(
+            figures={figure: self._difference(runs, service, figure) for figure in FIGURES},
+            modules=modules,
+            import_s=sum(times.get(module, 0.0) for module in modules),
+        )
+
+    def _difference(self, runs: Sequence[SceneRun], service: str, figure: str) -> Difference:
+        groups = [_values(group, service, figure) for group in (self.whole, *self.without.values())]
+        whole, without = self.values(service, figure), _values(runs, service, figure)
+        return Difference(
+            value=statistics.fmean(whole) - statistics.fmean(without),
+            half_width=half_width(groups, len(whole), len(without)),
+        )
+
+
+def half_width(groups: Sequence[Sequence[float]], first: int, second: int) -> float:
+    """Return the half-width of the confidence interval of a difference of two means.
+
+    Parameters
+    ----------
+    groups
+        Repetitions, all taken to scatter alike; infinite where no group has two.
+    first, second
+        Sizes of the two groups that are compared.
+    """
+    from scipy.special import stdtrit
+
+    freedom = sum(len(group) - 1 for group in groups)
+    if freedom < 1:
+        return math.inf
+    squares = sum(
+        math.fsum((value - statistics.fmean(group)) ** 2 for value in group) for group in groups
+    )
+    quantile = float(stdtrit(freedom, 0.5 + CONFIDENCE / 2))
+    return quantile * math.sqrt(squares / freedom * (1 / first + 1 / second))
+
+
+def measure_scene(
+    scene: Scene,
+    run: Callable[[Scene], SceneRun],
+    *,
+    rounds: int,
+    parts: bool = True,
+    on_step: Callable[[str, int, int], None] = lambda *_: None,
+) -> SceneCosts:
+    """Run a scene whole and with parts left out, in turns, and time the imports.
+
+    Parameters
+    ----------
+    scene
+        What to run.
+    run
+        Runs a scene once; raises MmtError where that fails.
+    rounds
+        How often every scene has its turn; among others the whole one has one more at the end.
+    parts
+        Whether parts are left out at all.
+    on_step
+        Called before each step with what it is, its number from 0, and how many there are.
+
+    Raises
+    ------
+    MmtError
+        The whole scene does not run.
+    """
+    variants, kept = variants_of(scene) if parts else ([], [])
+    costs = SceneCosts(variants={variant.name: variant for variant in variants}, kept=kept)
+    steps = list(_turns(variants, rounds))
+    total = len(steps) + len(("leader", "follower") if scene.source else ("leader",))
+    for number, variant in enumerate(steps):
+        on_step("the whole scene" if variant is None else f"without {variant.name}", number, total)
+        if variant is None:
+            costs.whole.append(run(scene))
+        elif variant.name not in costs.failed:
+            _run_variant(costs, variant, run)
+    for number, service in enumerate(costs.services, len(steps)):
+        on_step(f"imports of the {service}", number, total)
+        costs.import_s[service] = import_times_s(costs.whole[0].services[service].modules)
+    return costs
+
+
+def _turns(variants: list[Variant], rounds: int) -> Iterator[Variant | None]:
+    """Yield whose turn it is, None for the whole scene; the order moves on between rounds."""
+    for number in range(rounds):
+        yield None
+        shift = number * (len(variants) // max(1, rounds))
+        yield from variants[shift:] + variants[:shift]
+    if variants:
+        yield None
+
+
+def _run_variant(costs: SceneCosts, variant: Variant, run: Callable[[Scene], SceneRun]) -> None:
+    try:
+        finished = run(variant.scene)
+        costs.without.setdefault(variant.name, []).append(finished)
+    except MmtError as error:
+        costs.failed[variant.name] = str(error)
+        costs.without.pop(variant.name, None)
+
+
+def _values(runs: Sequence[SceneRun], service: str, figure: str) -> list[float]:
+    return [float(getattr(run.services[service], figure)) for run in runs]

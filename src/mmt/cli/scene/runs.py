@@ -1,0 +1,134 @@
+"""Run scenes as processes to measure them, and leave nothing behind."""
+
+import asyncio
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from rich.console import Console
+
+from mmt.cli.demo import DemoRun, run_services
+from mmt.core.errors import MmtError
+from mmt.cli.scene.costs import SceneRun, ServiceRun
+from mmt.scene import Replay, Scene
+from mmt.scene.files import ENVIRONMENT_PREFIX
+
+_MARGIN_S = 2.0
+"""A recording made for a replay is so much longer than the run."""
+_MOMENT = {"duration_s": 0.2}
+
+
+class SceneRunner:
+    """Runs scenes for so many seconds each, with everything they write in one directory.
+
+    Parameters
+    ----------
+    directory
+        For the scene's file and its recording.
+    duration_s
+        Of a run.
+    """
+
+    def __init__(self, directory: Path, duration_s: float) -> None:
+        self._directory = directory
+        self._duration_s = duration_s
+        # the scene holds these already; they would bring back a table that is left out
+        self._environment = {
+            name: value
+            for name, value in os.environ.items()
+            if not (name.startswith(ENVIRONMENT_PREFIX) and "__" in name)
+        }
+
+    def prepare(self, scene: Scene) -> Scene:
+        """Return the scene as it is run: its duration, its recording, what it replays."""
+        changes: dict[str, Any] = {
+            "session": scene.session.model_copy(update={"duration_s": self._duration_s})
+        }
+        if scene.recording is not None:
+            file = self._directory / "recorded.mcap"
+            changes["recording"] = scene.recording.model_copy(update={"file": file})
+        if scene.replay is not None and scene.replay.file is None:
+            changes["replay"] = scene.replay.model_copy(update={"file": self._simulate(scene)})
+        return scene.model_copy(update=changes)
+
+    def _simulate(self, scene: Scene) -> Path:
+        from mmt.testing.simulation.offline import simulate_session
+        from mmt.session import write_session
+
+        file = self._directory / "simulated.mcap"
+        speed = (scene.replay or Replay()).speed
+        frames, annotations = simulate_session(
+            Scene(), duration_s=(self._duration_s + _MARGIN_S) * max(1.0, speed)
+        )
+        write_session(file, frames, annotations=annotations)
+        return file
+
+    def warm_up(self, scene: Scene) -> None:
+        """Run it for a moment: compiling at the first start is not the scene's cost."""
+        self(scene.model_copy(update={"session": scene.session.model_copy(update=_MOMENT)}))
+
+    def __call__(self, scene: Scene) -> SceneRun:
+        """Run a prepared scene, whole or in part, once.
+
+        Raises
+        ------
+        MmtError
+            A service failed.
+        KeyboardInterrupt
+            It was interrupted; both services have ended.
+        """
+        file = self._directory / "scene.toml"
+        file.write_text(tomli_w.dumps(scene.dump()), encoding="utf-8")
+        quiet = Console(quiet=True)
+        run = asyncio.run(
+            run_services(file, scene, None, None, console=quiet, environment=self._environment)
+        )
+        if scene.recording is not None:
+            with suppress(FileNotFoundError):
+                scene.recording.file.unlink()
+        if run.interrupted:
+            raise KeyboardInterrupt
+        if run.failed:
+            raise MmtError("; ".join(run.errors))
+        return _scene_run(run)
+
+
+def _scene_run(run: DemoRun) -> SceneRun:
+    tables = run.tables()
+    streamed_s = max(float(run.leader["session"]["duration_s"]), 1e-3)
+    senders = {"up": run.follower.get("link"), "down": run.leader.get("link")}
+    sent = {way: link["bytes_sent"] for way, link in senders.items() if link}
+    return SceneRun(
+        services={
+            name: _service_run(summary, run.start_s[name], run.inventories[name])
+            for name, summary in tables.items()
+        },
+        bytes_per_s={way: count / streamed_s for way, count in sent.items()},
+        model_from_s=_model_from_s(run.leader.get("vibration", {})),
+    )
+
+
+def _service_run(
+    summary: Mapping[str, Any], start_s: float, inventory: Mapping[str, Any]
+) -> ServiceRun:
+    looks = max(1, inventory["looks"])
+    return ServiceRun(
+        start_s=start_s,
+        core_share=summary["process"]["core_share"],
+        memory_mb=summary["process"]["memory_mb"],
+        modules=tuple(inventory["modules"]),
+        tasks={name: seen / looks for name, seen in inventory["tasks"].items()},
+        threads={name: seen / looks for name, seen in inventory["threads"].items()},
+        system_threads=inventory["system_threads"],
+    )
+
+
+def _model_from_s(vibration: Mapping[str, Any]) -> float | None:
+    """Return when the model began to drive the vibration, 0 where it did from the start."""
+    for switch in vibration.get("switches", []):
+        if switch["mode"] == "synthesized":
+            return float(switch["time_s"])
+    return 0.0 if vibration.get("mode") == "synthesized" else None

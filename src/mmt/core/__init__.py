@@ -1,0 +1,1 @@
+"""What every layer uses: arrays, errors, frames, ticks, clocks, logs, compiled kernels."""

@@ -1,0 +1,145 @@
+"""What a service counts as metrics for Prometheus, read only when somebody asks.
+
+Nothing here is imported in a run whose scene lacks ``[metrics]``, and nothing is counted for it:
+the figures are those that the services keep for their summaries.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any, Final
+
+from mmt import __version__
+from mmt.core.errors import InputError
+from mmt.core.ticking import TickStatistics, TimeHistogram
+
+try:
+    from prometheus_client import CollectorRegistry, ProcessCollector
+    from prometheus_client.core import (
+        CounterMetricFamily,
+        GaugeMetricFamily,
+        HistogramMetricFamily,
+        Metric,
+    )
+except ImportError as missing:
+    raise InputError(
+        "[metrics] needs prometheus-client: pip install 'mmt-haptics[metrics]', "
+        "or leave the table out"
+    ) from missing
+
+BOUNDS_S: Final = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+"""Upper ends of a histogram's bins, 0.1 ms to 1 s."""
+
+
+class _Collector:
+    def __init__(self, collect: Callable[[], Iterable[Metric]]) -> None:
+        self._collect = collect
+
+    def collect(self) -> Iterable[Metric]:
+        return self._collect()
+
+
+def registry_of(collect: Callable[[], Iterable[Metric]]) -> CollectorRegistry:
+    """Return a registry of these metrics, and of the process's processor time and memory."""
+    registry = CollectorRegistry(auto_describe=False)
+    registry.register(_Collector(collect))
+    ProcessCollector(registry=registry)
+    return registry
+
+
+def counter(name: str, text: str, value: float) -> Metric:
+    """Return something that only grows."""
+    return CounterMetricFamily(f"mmt_{name}", text, value=value)
+
+
+def gauge(name: str, text: str, value: float) -> Metric:
+    """Return something that goes up and down."""
+    return GaugeMetricFamily(f"mmt_{name}", text, value=value)
+
+
+def labelled(name: str, text: str, label: str, values: Mapping[str, float]) -> Metric:
+    """Return a counter for each value of a label."""
+    family = CounterMetricFamily(f"mmt_{name}", text, labels=[label])
+    for key, value in values.items():
+        family.add_metric([key], value)
+    return family
+
+
+def state(name: str, text: str, label: str, now: str, all_of: Iterable[str]) -> Metric:
+    """Return a gauge for each state, 1 for the present one."""
+    family = GaugeMetricFamily(f"mmt_{name}", text, labels=[label])
+    for key in all_of:
+        family.add_metric([key], float(key == now))
+    return family
+
+
+def histogram(name: str, text: str, times: TimeHistogram) -> Metric:
+    """Return the counts of a time histogram, in seconds."""
+    counts, sum_ns = times.cumulative([round(bound * 1e9) for bound in BOUNDS_S])
+    buckets: list[Any] = [
+        (f"{bound:.4g}", count) for bound, count in zip(BOUNDS_S, counts, strict=True)
+    ]
+    total = max(times.count, counts[-1])
+    return HistogramMetricFamily(
+        f"mmt_{name}_seconds", text, buckets=[*buckets, ("+Inf", total)], sum_value=sum_ns / 1e9
+    )
+
+
+def session(session_id: str | None, service: str) -> Metric:
+    """Return which session this is."""
+    family = GaugeMetricFamily(
+        "mmt_session_info", "The session, always 1.", labels=["id", "service", "version"]
+    )
+    family.add_metric([session_id or "", service, __version__], 1.0)
+    return family
+
+
+def link_metrics(link: Any, latency: TimeHistogram) -> Iterator[Metric]:
+    """Yield what one side of the link counts.
+
+    Parameters
+    ----------
+    link
+        `mmt.link.protocol.LinkStatistics`.
+    latency
+        Of what arrives, one way, where the clocks are known.
+    """
+    for name, text in (
+        ("frames", "Frames sent (follower) or accepted (leader)."),
+        ("commands", "Commands accepted (follower) or sent (leader)."),
+        ("messages_sent", "Messages sent."),
+        ("messages_received", "Messages received."),
+        ("bytes_sent", "Bytes sent."),
+        ("bytes_received", "Bytes received."),
+        ("lost", "Frames or commands that never came."),
+        ("out_of_order", "Frames or commands that came after a newer one."),
+        ("repeated", "Frames or commands that came twice."),
+        ("dropped", "Frames or commands given up before they were sent."),
+    ):
+        yield counter(name, text, getattr(link, name))
+    yield labelled("rejected", "What could not be used, by reason.", "reason", link.rejected)
+    yield histogram("latency", "One way, from measuring or commanding to arrival.", latency)
+    if link.emulated:
+        lost, repeated = link.emulated["lost"], link.emulated["repeated"]
+        once = link.emulated["messages"] - lost - repeated
+        fates = {"once": once, "lost": lost, "repeated": repeated}
+        yield labelled("emulated", "Messages by what an emulated network did.", "fate", fates)
+    yield from _clock_metrics(link.clock)
+
+
+def _clock_metrics(clock: Mapping[str, float | None]) -> Iterator[Metric]:
+    yield counter("clock_jumps", "Steps of one clock against the other.", clock["jumps"] or 0)
+    for name, text in (
+        ("offset", "The other side's clock minus this one's."),
+        ("uncertainty", "The offset is right to this."),
+    ):
+        value_ms = clock[f"{name}_ms"]
+        if value_ms is not None:
+            yield gauge(f"clock_{name}_seconds", text, value_ms / 1e3)
+
+
+def tick_metrics(ticks: TickStatistics, periods: TimeHistogram) -> Iterator[Metric]:
+    """Yield how a service keeps its time."""
+    yield counter("ticks", "Ticks that fell due.", ticks.ticks)
+    yield counter("ticks_missed", "Ticks handed over together with a later one.", ticks.missed)
+    late = round((ticks.late_share_1ms or 0.0) * ticks.ticks)
+    yield counter("ticks_late", "Ticks that were over 1 ms late.", late)
+    yield histogram("tick_period", "Time from tick to tick.", periods)

@@ -1,0 +1,88 @@
+"""The 1 kHz frame and blocks of frames: one NumPy structured dtype.
+
+A block of frames is a structured array of shape (n,). All numbers are little-endian, so
+that the bytes of a block are the same on the wire and in a file on every machine.
+"""
+
+from collections.abc import Iterable
+from typing import Final, Literal
+
+import numpy as np
+
+from mmt.core.arrays import RecordArray
+from mmt.core.errors import InputError
+
+Channel = Literal["position", "force", "acceleration"]
+
+CHANNELS: Final[tuple[Channel, ...]] = ("position", "force", "acceleration")
+"""Every channel in the order in which it stands in a frame."""
+
+FIELD_OF_CHANNEL: Final[dict[Channel, str]] = {
+    "position": "position_mm",
+    "force": "force_n",
+    "acceleration": "acceleration_m_s2",
+}
+"""The field's name carries the unit."""
+
+COMMAND_DTYPE: Final = np.dtype(
+    [
+        ("sequence", "<u4"),
+        ("time_ns", "<i8"),
+        ("echo_time_ns", "<i8"),
+        ("echo_age_ns", "<i8"),
+        ("position_mm", "<f4", (3,)),
+    ]
+)
+"""A motion command: the leader's sequence number and monotonic time, the follower's time
+of the newest frame seen by the leader with its age (zero before the first frame), and the
+position that the follower is to take."""
+
+
+def ordered_channels(channels: Iterable[str]) -> tuple[Channel, ...]:
+    """Return the channels in the frame's order, each once.
+
+    Raises
+    ------
+    InputError
+        A name is no channel, or there is none at all.
+    """
+    wanted = set(channels)
+    unknown = wanted - set(CHANNELS)
+    if unknown or not wanted:
+        given = ", ".join(sorted(unknown)) or "none"
+        raise InputError(f"channels: {given} given, allowed are {', '.join(CHANNELS)}")
+    return tuple(channel for channel in CHANNELS if channel in wanted)
+
+
+def frame_dtype(channels: Iterable[str] = CHANNELS) -> np.dtype[np.void]:
+    """Return the packed little-endian dtype of a frame with these channels.
+
+    Fields: ``sequence`` (u4, counts from 0 and never repeats within a session),
+    ``time_ns`` (i8, the follower's monotonic clock), then of the chosen channels
+    ``position_mm``, ``force_n``, ``acceleration_m_s2``, each of shape (3,), f4.
+    """
+    fields: list[tuple[str, str] | tuple[str, str, tuple[int, ...]]] = [
+        ("sequence", "<u4"),
+        ("time_ns", "<i8"),
+    ]
+    fields += [(FIELD_OF_CHANNEL[channel], "<f4", (3,)) for channel in ordered_channels(channels)]
+    return np.dtype(fields)
+
+
+def channels_of(dtype: np.dtype[np.void]) -> tuple[Channel, ...]:
+    """Return the channels that a frame dtype carries."""
+    names = dtype.names or ()
+    return tuple(channel for channel in CHANNELS if FIELD_OF_CHANNEL[channel] in names)
+
+
+def empty_frames(count: int, channels: Iterable[str] = CHANNELS) -> RecordArray:
+    """Return `count` frames of zeros."""
+    return np.zeros(count, dtype=frame_dtype(channels))
+
+
+def finite_frames(frames: RecordArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Return, per frame, whether every number in it is finite; shape (n,)."""
+    good = np.ones(len(frames), dtype=np.bool_)
+    for channel in channels_of(frames.dtype):
+        good &= np.isfinite(frames[FIELD_OF_CHANNEL[channel]]).all(axis=-1)
+    return good

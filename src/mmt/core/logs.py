@@ -1,0 +1,182 @@
+"""Structured logs: one JSON object a line, written by a thread of its own.
+
+The event loop formats a line and queues it; a disk that stalls holds up nothing, and when the
+queue is full lines are dropped and counted.
+"""
+
+import json
+import logging
+import queue
+import sys
+from contextlib import suppress
+from datetime import UTC, datetime
+from logging.handlers import QueueHandler, QueueListener
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Self
+
+from mmt.core.errors import InputError, MmtError
+
+LEVELS: Final = ("debug", "info", "warning", "error")
+
+_MOST_WAITING: Final = 10_000
+_LONGEST_EVENT: Final = 4000
+
+
+def details(**values: object) -> dict[str, Any]:
+    """Return the ``extra`` of a log call that adds these keys to its line."""
+    return {"details": values}
+
+
+class Logs:
+    """Where the log of one service goes; a context that ends with everything written.
+
+    Parameters
+    ----------
+    service
+        "leader" or "follower"; stands in every line.
+    file
+        JSON lines are added to it; None writes none.
+    level
+        Least level of the file, by default "info"; without a file that of the lines on
+        standard error, by default "warning".
+
+    Raises
+    ------
+    InputError
+        The level is none, or the file cannot be written.
+    """
+
+    def __init__(self, service: str, file: Path | None = None, level: str | None = None) -> None:
+        if level is not None and level not in LEVELS:
+            raise InputError(f"--log-level {level}: allowed are {', '.join(LEVELS)}")
+        self._lines = _JsonLines(service)
+        chosen = (level or ("warning" if file is None else "info")).upper()
+        self._terminal = terminal = logging.StreamHandler()
+        terminal.setFormatter(_TerminalLines("%(levelname)s: %(message)s"))
+        terminal.setLevel(chosen if file is None else logging.WARNING)
+        self._handlers: list[logging.Handler] = [terminal]
+        self._listener: QueueListener | None = None
+        if file is not None:
+            self._open(file, chosen)
+        self._root, self._own = logging.getLogger(), logging.getLogger("mmt")
+        self._levels = self._own.level
+        for handler in self._handlers:
+            self._root.addHandler(handler)
+        self._own.setLevel(chosen)
+
+    @property
+    def session_id(self) -> str | None:
+        """What both services' lines of one session have in common, None before it is known."""
+        return self._lines.session_id
+
+    @session_id.setter
+    def session_id(self, session_id: str) -> None:
+        self._lines.session_id = session_id
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._root.removeHandler(self._terminal)  # where the command line says it itself
+        if isinstance(error, Exception):
+            trace_of = None if isinstance(error, MmtError) else error
+            self._own.error("the service failed: %s", error, exc_info=trace_of)
+        self.close()
+
+    def close(self) -> None:
+        """Write what waits and let go of the file."""
+        for handler in self._handlers:
+            self._root.removeHandler(handler)
+        self._own.setLevel(self._levels)
+        if self._listener is not None:
+            self._listener.stop()
+            for handler in self._listener.handlers:
+                handler.close()
+
+    def _open(self, file: Path, level: str) -> None:
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            writer = _FileWriter(file, encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"--log {file}: {error.strerror or error}") from error
+        waiting: queue.Queue[logging.LogRecord] = queue.Queue(_MOST_WAITING)
+        handler = _BoundedQueue(waiting)
+        handler.setFormatter(self._lines)
+        handler.setLevel(level)
+        self._listener = QueueListener(waiting, writer)
+        self._listener.start()
+        self._handlers.append(handler)
+
+
+class _JsonLines(logging.Formatter):
+    def __init__(self, service: str) -> None:
+        super().__init__()
+        self._service = service
+        self.session_id: str | None = None
+
+    def format(self, record: logging.LogRecord) -> str:
+        line: dict[str, object] = {
+            "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="microseconds"),
+            "level": record.levelname.lower(),
+            "service": self._service,
+            "session": self.session_id,
+            "logger": record.name,
+            "event": record.getMessage()[:_LONGEST_EVENT],
+        }
+        if record.exc_info:
+            line["traceback"] = self.formatException(record.exc_info)
+        more = getattr(record, "details", {})
+        return json.dumps({**more, **line}, default=str)
+
+
+class _TerminalLines(logging.Formatter):
+    """Text for a terminal, which nothing from elsewhere may steer."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's name
+        record.levelname = record.levelname.lower()
+        text = super().formatMessage(record)
+        return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
+
+
+class _BoundedQueue(QueueHandler):
+    """Drop and count what a full queue cannot take."""
+
+    dropped = 0
+
+    def enqueue(self, record: logging.LogRecord) -> None:
+        record.dropped = self.dropped
+        try:
+            self.queue.put_nowait(record)
+        except queue.Full:
+            self.dropped += 1
+        else:
+            self.dropped = 0
+
+
+class _FileWriter(logging.FileHandler):
+    """Write lines that are already formatted; say once what keeps it from writing."""
+
+    _failed = False
+
+    def format(self, record: logging.LogRecord) -> str:
+        dropped = getattr(record, "dropped", 0)
+        return record.getMessage() + (
+            f'\n{{"level": "warning", "event": "log lines dropped", "count": {dropped}}}'
+            if dropped
+            else ""
+        )
+
+    def close(self) -> None:
+        with suppress(OSError):  # what is left in the buffer of a full disk
+            super().close()
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: ARG002, N802
+        if not self._failed:
+            self._failed = True
+            sys.stderr.write(f"warning: log {self.baseFilename}: {sys.exc_info()[1]}\n")

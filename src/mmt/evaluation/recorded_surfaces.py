@@ -1,0 +1,175 @@
+"""A recorded session over several surfaces, parted as the live leader parts it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from mmt.core.arrays import IntArray, RecordArray
+from mmt.testing.simulation.course import SurfaceCourse, course_from_annotations
+from mmt.core.errors import InputError
+from mmt.texture.online.history import trials
+from mmt.session.recorded import RecordedSession, missing_frames
+from mmt.texture.settings import ModellingSettings, SurfaceSettings
+from mmt.texture.surfaces import SurfaceChange
+from mmt.texture.surfaces.modeller import LOOK_S
+from mmt.texture.surfaces.tracking import SurfaceTracker
+
+
+@dataclass(frozen=True)
+class SurfaceStay:
+    """One stay as the leader found it.
+
+    ``surface``: its number. ``from_s`` and ``to_s``: session times. ``found_s``: when the leader
+    knew, None for the session's first. ``truth``: the name of the known surface that was under
+    the tool for most of it, None where that is not recorded.
+    """
+
+    surface: int
+    from_s: float
+    to_s: float
+    found_s: float | None
+    truth: str | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it for a program."""
+        return {
+            "surface": self.surface,
+            "from_s": round(self.from_s, 3),
+            "to_s": round(self.to_s, 3),
+            "found_s": None if self.found_s is None else round(self.found_s, 3),
+            "truth": self.truth,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceParts:
+    """A session by its surfaces.
+
+    ``stays`` in order. ``sessions``: by number, the frames of all stays on a surface as one
+    session, without the time in between; with the surface's truth where it is known.
+    ``missing``: by number, frames that are missing within its stays. ``course`` and ``truth``:
+    what the tool really went over, and which of it in each frame (n,); None where unknown.
+    """
+
+    stays: tuple[SurfaceStay, ...]
+    sessions: dict[int, RecordedSession]
+    missing: dict[int, int]
+    course: SurfaceCourse | None
+    truth: IntArray | None
+
+
+def part_by_surface(session: RecordedSession, settings: ModellingSettings) -> SurfaceParts:
+    """Tell the surfaces of a session apart.
+
+    Parameters
+    ----------
+    session
+        With position, force and acceleration, and at least one frame.
+    settings
+        Of the modelling; ``surfaces`` says how they are told apart.
+    """
+    frames = session.frames
+    edges = _stays(_changes(frames, settings), frames)
+    course = _course(session)
+    truth = _truth(course, frames)
+    sequence = frames["sequence"].astype(np.int64)
+    first = int(sequence[0])
+    stays, blocks = [], dict[int, list[RecordArray]]()
+    of_surface = dict[int, list[IntArray]]()
+    for surface, start, stop, found in edges:
+        inside = (sequence >= start) & (sequence < stop)
+        under = np.empty(0, np.int64) if truth is None else truth[inside]
+        if inside.any():
+            blocks.setdefault(surface, []).append(frames[inside])
+            of_surface.setdefault(surface, []).append(under)
+        stays.append(
+            SurfaceStay(
+                surface=surface,
+                from_s=(start - first) / settings.rate_hz,
+                to_s=(stop - first) / settings.rate_hz,
+                found_s=None if found is None else (found - first) / settings.rate_hz,
+                truth=_name(course, under),
+            )
+        )
+    return SurfaceParts(
+        stays=tuple(stays),
+        sessions={
+            number: replace(
+                session,
+                frames=np.concatenate(trials(parts)),
+                annotations=_annotations(session, course, np.concatenate(of_surface[number])),
+                models=(),
+                events=(),
+                outputs=(),
+            )
+            for number, parts in sorted(blocks.items())
+        },
+        missing={n: sum(missing_frames(part) for part in parts) for n, parts in blocks.items()},
+        course=course,
+        truth=truth,
+    )
+
+
+def _changes(frames: RecordArray, settings: ModellingSettings) -> list[SurfaceChange]:
+    tracker = SurfaceTracker(settings, settings.surfaces or SurfaceSettings())
+    look = max(1, round(LOOK_S * settings.rate_hz))
+    found = []
+    for start in range(0, len(frames), look):
+        found += tracker.take(frames[start : start + look])
+    return found
+
+
+def _stays(
+    changes: Sequence[SurfaceChange], frames: RecordArray
+) -> list[tuple[int, int, int, int | None]]:
+    """Return surface, first and last sample (exclusive) of each stay, and where it was found."""
+    begun: list[tuple[int, int, int | None]] = [(1, int(frames["sequence"][0]), None)]
+    for change in changes:
+        if change.kind == "identified":
+            _, start, found = begun[-1]
+            begun[-1] = (change.surface, start, found)
+        else:
+            begun.append((change.surface, change.from_sample, change.at_sample))
+    edges = [start for _, start, _ in begun] + [int(frames["sequence"].max()) + 1]
+    return [
+        (surface, start, stop, found)
+        for (surface, _, found), (start, stop) in zip(begun, pairwise(edges), strict=True)
+    ]
+
+
+def _course(session: RecordedSession) -> SurfaceCourse | None:
+    if not session.annotations:
+        return None
+    try:
+        return course_from_annotations(session.annotations)
+    except InputError:  # none, or a single surface
+        return None
+
+
+def _truth(course: SurfaceCourse | None, frames: RecordArray) -> IntArray | None:
+    """Return which of the course's surfaces was under the tool in each frame, (n,).
+
+    The course counts every frame: one that is missing counts as the one before it.
+    """
+    if course is None:
+        return None
+    sequence = frames["sequence"].astype(np.int64)
+    last_known = np.searchsorted(sequence, np.arange(int(sequence.max()) + 1), side="right") - 1
+    force_n = frames["force_n"][:, 2].astype(np.float64)[np.maximum(last_known, 0)]
+    return course.along(force_n)[sequence]
+
+
+def _name(course: SurfaceCourse | None, under: IntArray) -> str | None:
+    if course is None or not len(under):
+        return None
+    return course.surfaces[int(np.bincount(under).argmax())].name
+
+
+def _annotations(session: RecordedSession, course: SurfaceCourse | None, under: IntArray) -> bytes:
+    """Return the truth of the surface that was under the tool for most of the frames."""
+    if course is None:
+        return session.annotations
+    return course.surfaces[int(np.bincount(under).argmax())].annotations()

@@ -1,0 +1,1 @@
+"""Texture models of other programs, and vibration as sound files."""

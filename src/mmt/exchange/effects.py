@@ -1,0 +1,62 @@
+"""The vibration of a whole motion over a texture, as an array."""
+
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError
+from mmt.rendering.calls import close, open_textures, render, touch
+from mmt.texture.model.texture_model import TextureModel
+
+_ESTIMATE_HZ: Final = 100.0
+
+
+def effect(
+    model: TextureModel,
+    velocity_mm_s: FloatArray,
+    force_n: FloatArray,
+    *,
+    motion_hz: float,
+    output_hz: float,
+    seed: int = 0,
+) -> FloatArray:
+    """Render a motion in m/s2, as `open_textures` would in real time; shape (k,).
+
+    Parameters
+    ----------
+    model
+        The texture.
+    velocity_mm_s
+        Of the tool over the surface, shape (n, 2).
+    force_n
+        Along its normal, shape (n,).
+    motion_hz
+        Rate of these.
+    output_hz
+        Rate of the result.
+    seed
+        Of the excitation.
+
+    Raises
+    ------
+    InputError
+        The shapes disagree, or a rate is not positive.
+    """
+    if velocity_mm_s.shape != (len(force_n), 2):
+        raise InputError(f"velocity has shape {velocity_mm_s.shape}, ({len(force_n)}, 2) needed")
+    if not 0.0 < motion_hz < float("inf"):
+        raise InputError(f"motion_hz is {motion_hz}: it must be positive and finite")
+    textures = open_textures([model], output_hz=output_hz, estimate_hz=_ESTIMATE_HZ, seed=seed)
+    seconds = len(force_n) / motion_hz
+    steps = int(np.ceil(seconds * _ESTIMATE_HZ))
+    bounds = np.round(np.arange(steps + 1) * output_hz / _ESTIMATE_HZ).astype(int)
+    bounds = np.minimum(bounds, round(seconds * output_hz))
+    blocks = [np.zeros(0)]
+    for step in range(steps):
+        moment = min(int(step * motion_hz / _ESTIMATE_HZ), len(force_n) - 1)
+        x_mm_s, y_mm_s = velocity_mm_s[moment]
+        touch(textures, 0, x_mm_s, y_mm_s, force_n[moment])
+        blocks.append(render(textures, bounds[step + 1] - bounds[step]))
+    close(textures)
+    return np.concatenate(blocks)

@@ -1,0 +1,219 @@
+"""Render textures inside another program: open, touch, render, close."""
+
+import math
+import threading
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError, MmtError
+from mmt.rendering.estimating import Estimator, Touch
+from mmt.rendering.generating import OutputGenerator
+from mmt.models import find_model
+from mmt.texture.model.texture_model import TextureModel
+
+Source = Path | str | TextureModel
+"""A model file or the name of a shipped model, or a model."""
+
+Sink = Callable[[FloatArray], object]
+
+_BLOCK_S: Final = 0.005
+_JOIN_S: Final = 2.0
+
+
+class Textures:
+    """What `open_textures` returns; to be given to the other three calls."""
+
+    def __init__(
+        self,
+        models: Sequence[TextureModel],
+        output: OutputGenerator,
+        *,
+        estimate_hz: float,
+        output_hz: float,
+        threads: bool,
+        sink: Sink | None,
+    ) -> None:
+        self.models = tuple(models)
+        self.output_hz = output_hz
+        self.estimator = Estimator(models)
+        self.output = output
+        self._period = output_hz / estimate_hz  # in samples of the output
+        self._given = 0
+        self._due = 0.0
+        self._ending = threading.Event()
+        self._failure: Exception | None = None
+        self._own_estimates = not threads
+        self._threads: list[threading.Thread] = []
+        if threads:
+            self._start("estimate", 1.0 / estimate_hz, self.estimator.estimate)
+        if sink is not None:
+            block = max(1, round(_BLOCK_S * output_hz))
+            self._start("generate", block / output_hz, lambda: sink(self.render(block)))
+
+    def render(self, count: int) -> FloatArray:
+        """Return the next samples; see `render`."""
+        blocks = []
+        while count > 0:
+            part = count
+            if self._own_estimates:
+                if self._given >= self._due:
+                    self.estimator.estimate()
+                    self._due += self._period
+                part = min(count, math.ceil(self._due - self._given))
+            self.output.use(self.estimator.newest)
+            blocks.append(self.output.generate(part))
+            self._given += part
+            count -= part
+        return np.concatenate(blocks) if blocks else np.zeros(0)
+
+    @property
+    def running(self) -> bool:
+        """Whether nothing has ended the threads."""
+        return not self._ending.is_set()
+
+    def check(self) -> None:
+        """Raise what ended one of the threads."""
+        if not self.running and self._failure is None:
+            raise MmtError("these textures have been closed: open them again")
+        if self._failure is not None:
+            raise MmtError(f"rendering has ended: {self._failure}") from self._failure
+
+    def close(self) -> None:
+        """End the threads."""
+        self._ending.set()
+        for thread in self._threads:
+            if thread is not threading.current_thread():
+                thread.join(_JOIN_S)
+
+    def _start(self, name: str, period_s: float, work: Callable[[], object]) -> None:
+        thread = threading.Thread(
+            target=self._run, args=(period_s, work), name=f"mmt-{name}", daemon=True
+        )
+        self._threads.append(thread)
+        thread.start()
+
+    def _run(self, period_s: float, work: Callable[[], object]) -> None:
+        """Work once a period, by deadlines that do not drift; what is late is made up for."""
+        due_s = time.monotonic()
+        try:
+            while not self._ending.wait(max(0.0, due_s - time.monotonic())):
+                work()
+                due_s += period_s
+        except Exception as error:  # noqa: BLE001 - raised by the next call
+            self._failure = error
+            self._ending.set()
+
+
+def open_textures(
+    sources: Sequence[Source],
+    *,
+    output_hz: float = 2000.0,
+    estimate_hz: float = 100.0,
+    seed: int = 0,
+    limit_m_s2: float = 60.0,
+    threads: bool = False,
+    sink: Sink | None = None,
+) -> Textures:
+    """Load models, and prepare to render them; the first of four calls.
+
+    Parameters
+    ----------
+    sources
+        Model files, names of shipped models, or models, at least one; their order numbers
+        them from 0.
+    output_hz
+        Rate of what `render` returns. A model is rendered at its own rate, and converted.
+    estimate_hz
+        How often the filter follows what the hand does.
+    seed
+        Of the excitation. Without threads, the same seed and the same calls give the same
+        samples, whatever the size of the blocks.
+    limit_m_s2
+        Bound of the vibration.
+    threads
+        Whether estimates are made in a thread of their own, by the clock, rather than in
+        `render`, by the samples it gives.
+    sink
+        Where there is one, samples are generated in a thread of their own, by the clock, and
+        handed to it in blocks of 5 ms; `render` is then not to be called.
+
+    Raises
+    ------
+    InputError
+        A file is no model, a rate is not positive, or there is no source.
+    """
+    if not sources:
+        raise InputError("no texture was given: at least one is needed")
+    for name, value in (("output_hz", output_hz), ("estimate_hz", estimate_hz)):
+        if not 0.0 < value < float("inf"):
+            raise InputError(f"{name} is {value}: it must be positive and finite")
+    models = [
+        source if isinstance(source, TextureModel) else TextureModel.load(find_model(Path(source)))
+        for source in sources
+    ]
+    output = OutputGenerator(
+        (model.rate_hz for model in models), output_hz, seed=seed, limit_m_s2=limit_m_s2
+    )
+    return Textures(
+        models,
+        output,
+        estimate_hz=estimate_hz,
+        output_hz=output_hz,
+        threads=threads,
+        sink=sink,
+    )
+
+
+def touch(
+    textures: Textures,
+    texture: int | None,
+    velocity_x_mm_s: float = 0.0,
+    velocity_y_mm_s: float = 0.0,
+    force_n: float = 0.0,
+) -> None:
+    """Say what the hand does now; returns at once, from any thread.
+
+    Parameters
+    ----------
+    textures
+        What `open_textures` returned.
+    texture
+        Which one is touched, None for none.
+    velocity_x_mm_s, velocity_y_mm_s
+        Of the tool over the surface. A model of speed takes its magnitude.
+    force_n
+        Along the surface's normal.
+
+    Raises
+    ------
+    InputError
+        There is no such texture.
+    MmtError
+        They are closed, or a thread has failed.
+    """
+    textures.check()
+    textures.estimator.touch(
+        None if texture is None else Touch(texture, velocity_x_mm_s, velocity_y_mm_s, force_n)
+    )
+
+
+def render(textures: Textures, count: int) -> FloatArray:
+    """Return the next samples of vibration in m/s2, shape (count,); from one thread at a time.
+
+    Raises
+    ------
+    MmtError
+        They are closed, or a thread has failed.
+    """
+    textures.check()
+    return textures.render(count)
+
+
+def close(textures: Textures) -> None:
+    """End the threads, if there are any; what was closed can only be closed again."""
+    textures.close()

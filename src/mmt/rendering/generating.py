@@ -1,0 +1,63 @@
+"""The third part of rendering: samples at the device's rate from the newest estimate."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.rendering.estimating import Estimate
+from mmt.rendering.rate import RateConverter
+from mmt.texture.synthesis.generation import Generator
+
+
+class OutputGenerator:
+    """Generate at the rates of the models, each converted to the device's, and add them up.
+
+    One rate has one filter at a time, whose memory is carried over from estimate to estimate.
+    What is of another rate than the newest estimate falls silent by itself.
+
+    Parameters
+    ----------
+    rates_hz
+        Of the models.
+    output_hz
+        Of the device.
+    seed
+        Of the excitation.
+    limit_m_s2
+        Bound of each rate's samples.
+
+    Raises
+    ------
+    InputError
+        Rates are not positive, or have no simple ratio.
+    """
+
+    def __init__(
+        self, rates_hz: Iterable[float], output_hz: float, *, seed: int, limit_m_s2: float
+    ) -> None:
+        self._lanes = {
+            rate_hz: (
+                Generator(seed=seed, rate_hz=rate_hz, limit_m_s2=limit_m_s2),
+                RateConverter(rate_hz, output_hz),
+            )
+            for rate_hz in sorted(set(rates_hz))
+        }
+
+    @property
+    def delay_s(self) -> float:
+        """The longest that the conversion of a rate delays."""
+        return max(converter.delay_s for _, converter in self._lanes.values())
+
+    def use(self, estimate: Estimate | None) -> None:
+        """Go on with another estimate, or fall silent."""
+        for rate_hz, (generator, _) in self._lanes.items():
+            wanted = estimate is not None and estimate.rate_hz == rate_hz
+            generator.use(estimate.filter if wanted and estimate is not None else None)
+
+    def generate(self, count: int) -> FloatArray:
+        """Return the next samples in m/s2, shape (count,)."""
+        output = np.zeros(count)
+        for generator, converter in self._lanes.values():
+            output += converter.convert(generator.generate(converter.needed(count)), count)
+        return output

@@ -1,0 +1,208 @@
+"""Read scenes from files: TOML, then the environment, then the command line's flags."""
+
+import os
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from mmt.core.errors import InputError
+from mmt.scene import Scene
+
+AnyTable = TypeVar("AnyTable", bound=BaseModel)
+
+ENVIRONMENT_PREFIX = "MMT_"
+"""``MMT_LINK__PORT=9000`` overrides ``port`` of ``[link]``."""
+
+
+_READ: Final = (
+    ("rendering", "model"),
+    ("rendering", "library"),
+    ("replay", "file"),
+    ("link", "token_file"),
+    ("link", "certificate"),
+    ("link", "key"),
+    ("link", "authority"),
+)
+"""Keys that name files which a scene reads."""
+
+
+def load_scene(
+    path: Path,
+    overrides: Mapping[str, Any] | None = None,
+    *,
+    replay: Path | None = None,
+    record: Path | None = None,
+    monitor: bool = False,
+) -> Scene:
+    """Read and validate a scene; the environment, then `overrides`, take precedence.
+
+    Parameters
+    ----------
+    path
+        A TOML file, or the name of an example scene such as ``demo``. Files that it reads
+        are looked for in the current directory, then beside the scene; what it writes is
+        relative to the current directory.
+    overrides
+        Values by ``"table.key"``; a value of None changes nothing.
+    replay
+        A recorded session that takes the place of the scene's own follower; without a
+        follower that obeys commands there is no hand, and no force to feed back to it.
+    record
+        Where to record. A scene that records nothing by itself has its wire as it is
+        recorded, since its follower knows nothing of it.
+    monitor
+        Whether the leader serves its monitor, also where the scene has none.
+
+    Raises
+    ------
+    InputError
+        The file is missing or no TOML, or a key, a value or a combination is not allowed;
+        the message names the key, the value and what is allowed.
+    """
+    path = find_scene(path)
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"scene {path}: {error.strerror or error}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"scene {path}: not valid TOML: {error}") from error
+    if replay is not None:
+        for name in ("simulated", "devices", "hand", "handle", "force_feedback"):
+            tables.pop(name, None)
+        table = tables.get("replay")
+        tables["replay"] = {**(table if isinstance(table, dict) else {}), "file": str(replay)}
+    if record is not None:
+        table = tables.setdefault("recording", {"channels": "needed"})
+        if isinstance(table, dict):
+            table["file"] = str(record)
+    if monitor:
+        tables.setdefault("monitor", {})
+    _look_beside(path, tables)
+    flags = {key: value for key, value in (overrides or {}).items() if value is not None}
+    merged = {**environment_overrides(os.environ), **flags}
+    return scene_from_tables(tables, merged, origin=str(path))
+
+
+def example_scenes() -> dict[str, Path]:
+    """Return the example scenes by name: of the installed package, or of the checkout."""
+    package = Path(__file__).parents[1]
+    for directory in (package / "configs", package.parents[1] / "configs"):
+        if directory.is_dir():
+            return {path.stem: path for path in sorted(directory.glob("*.toml"))}
+    return {}
+
+
+def find_scene(path: Path) -> Path:
+    """Return the file, or the example scene of that name.
+
+    Raises
+    ------
+    InputError
+        There is neither.
+    """
+    if path.exists() and not path.is_dir():
+        return path
+    examples = example_scenes()
+    if path.suffix == "" and path.name == str(path) and path.name in examples:
+        return examples[path.name]
+    raise InputError(
+        f"scene {path}: no such file; the examples are {', '.join(examples) or 'not installed'}"
+    )
+
+
+def _look_beside(path: Path, tables: dict[str, Any]) -> None:
+    """Let files that a scene reads stand beside it."""
+    for name, key in _READ:
+        table = tables.get(name)
+        if isinstance(table, dict) and isinstance(table.get(key), str):
+            tables[name] = {**table, key: _beside(path, table[key])}
+        elif isinstance(table, dict) and isinstance(table.get(key), list):
+            tables[name] = {**table, key: [_beside(path, each) for each in table[key]]}
+
+
+def _beside(path: Path, file: object) -> object:
+    """Return a file that stands beside a scene and not here as such, others as they are."""
+    if not isinstance(file, str):
+        return file
+    beside = path.parent / file
+    return str(beside) if not Path(file).exists() and beside.exists() else file
+
+
+def scene_from_tables(
+    tables: Mapping[str, Any], overrides: Mapping[str, Any] | None = None, *, origin: str = "scene"
+) -> Scene:
+    """Validate tables that are already parsed; see `load_scene`.
+
+    Raises
+    ------
+    InputError
+        A key, a value or a combination is not allowed.
+    """
+    resolved: dict[str, Any] = {
+        name: dict(table) if isinstance(table, Mapping) else table for name, table in tables.items()
+    }
+    for key, value in (overrides or {}).items():
+        if value is None:
+            continue
+        table_name, _, field = key.partition(".")
+        table = resolved.setdefault(table_name, {})
+        if isinstance(table, dict):
+            table[field] = value
+    try:
+        return Scene.model_validate(resolved)
+    except ValidationError as error:
+        raise InputError(f"{origin}: {explain_problems(error, Scene)}") from error
+
+
+def environment_overrides(environment: Mapping[str, str]) -> dict[str, str]:
+    """Return the overrides that ``MMT_TABLE__KEY`` variables ask for."""
+    overrides = {}
+    for name, value in environment.items():
+        if name.startswith(ENVIRONMENT_PREFIX) and "__" in name:
+            table, _, key = name.removeprefix(ENVIRONMENT_PREFIX).lower().partition("__")
+            overrides[f"{table}.{key}"] = value
+    return overrides
+
+
+def table_from(model: type[AnyTable], name: str, payload: object) -> AnyTable:
+    """Validate one table by itself, as it comes from the other side or a program.
+
+    Raises
+    ------
+    InputError
+        A key, a value or a combination is not allowed.
+    """
+    try:
+        return model.model_validate(payload)
+    except ValidationError as error:
+        raise InputError(f"[{name}]: {explain_problems(error, model)}") from error
+
+
+def explain_problems(error: ValidationError, model: type[BaseModel] | None = None) -> str:
+    """Return a sentence for each problem; `model` is what was validated, where it is known."""
+    sentences = []
+    for problem in error.errors(include_url=False):
+        place = ".".join(str(part) for part in problem["loc"] if part not in {"int", "float"})
+        if problem["type"] == "extra_forbidden":
+            allowed = "" if model is None else f"; allowed are {_allowed(problem['loc'], model)}"
+            sentences.append(f"{place} is not a key{allowed}")
+        elif problem["type"] == "missing":
+            sentences.append(f"{place} is missing: it must be given")
+        elif problem["type"] == "value_error":
+            where = f"{place}: " if place else ""
+            sentences.append(where + problem["msg"].removeprefix("Value error, "))
+        else:
+            where = f"{place} is " if place else ""
+            sentences.append(f"{where}{problem['input']!r}: {problem['msg']}")
+    return "; ".join(sentences)
+
+
+def _allowed(location: tuple[int | str, ...], model: type[BaseModel]) -> str:
+    for part in location[:-1]:
+        annotation = model.model_fields[str(part)].annotation
+        candidates = [annotation, *getattr(annotation, "__args__", ())]
+        model = next(c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel))
+    return ", ".join(model.model_fields)

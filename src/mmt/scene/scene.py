@@ -1,0 +1,283 @@
+"""What one run needs: the tables of a scene and what each may hold.
+
+A table that is absent is a part that does not exist in that run. Both services read the
+same file. Every key is documented in ``docs/reference/scene.md``.
+"""
+
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from mmt.scene.device_tables import Actuator, Devices, Handle
+from mmt.scene.feedback_table import ForceFeedback
+from mmt.core.frames import Channel, ordered_channels
+from mmt.scene.hand_table import Hand
+from mmt.scene.link_table import Link
+from mmt.scene.network_table import Network
+from mmt.scene.texture_table import Texture
+
+LARGEST_SPEED: Final = 100.0
+"""Of a replay, over real time."""
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Session(_Table):
+    """``[session]``: what every run has."""
+
+    name: str = Field("session", min_length=1, max_length=64, pattern=r"^[\w.-]+$")
+    duration_s: float = Field(18.0, gt=0, le=86_400)
+    rate_hz: Literal[1000] = 1000
+    seed: int = Field(1, ge=0, lt=2**63)
+
+
+class Course(_Table):
+    """``[simulated.course]``: the tool goes over several known surfaces."""
+
+    surfaces: tuple[str, ...] = Field(min_length=1, max_length=5)
+    stay_s: float = Field(8.0, ge=0.5, le=3600)
+    change: Literal["lifted", "contact", "either"] = "lifted"
+
+
+class Simulated(_Table):
+    """``[simulated]``: a robot, a surface of known texture and noisy sensors."""
+
+    surface: str = "plastic"
+    robot_bandwidth_hz: float = Field(15.0, ge=1, le=60)
+    surface_stiffness_n_mm: float = Field(5.0, ge=0.05, le=50)
+    noise: bool = True
+    course: Course | None = None
+
+
+class Replay(_Table):
+    """``[replay]``: the follower sends a recorded session with its true timing."""
+
+    file: Path | None = None
+    speed: float = Field(1.0, gt=0, le=LARGEST_SPEED)
+    loop: bool = False
+    gaps: Literal["keep", "skip"] = "keep"
+
+
+class Rendering(_Table):
+    """``[rendering]``: synthesize vibration from the model."""
+
+    model: Path | None = None
+    before: Literal["stream", "warm", "silent"] = "stream"
+    library: list[Path] = Field(default=[])
+    renewal_samples: int = Field(1, ge=1, le=1000)
+    crossfade_ms: float = Field(50.0, ge=0, le=1000)
+
+
+class Playout(_Table):
+    """``[playout]``: streamed vibration through a buffer that bridges jitter."""
+
+    delay_ms: Annotated[float, Field(ge=0, le=1000)] | Literal["auto"] = "auto"
+    longest_delay_ms: float = Field(100.0, gt=0, le=1000)
+    conceal: Literal["auto", "model", "repetition", "silence"] = "auto"
+
+
+class Recording(_Table):
+    """``[recording]``: every frame received goes into an MCAP file."""
+
+    file: Path = Path("mmt-demo/session.mcap")
+    channels: Literal["all", "needed"] = "all"
+
+
+class Metrics(_Table):
+    """``[metrics]``: figures for Prometheus, at the leader's port and one of the follower's."""
+
+    follower_port: int | None = Field(None, ge=1, le=65_535)
+
+
+class Monitor(_Table):
+    """``[monitor]``: the leader serves a page that shows the run while it lasts."""
+
+    updates_hz: float = Field(25.0, ge=1, le=60)
+
+
+class Scene(_Table):
+    """One run; a table that is absent (None) is a part that is left out."""
+
+    session: Session = Session()
+    link: Link | None = None
+    network: Network | None = None
+    simulated: Simulated | None = None
+    replay: Replay | None = None
+    devices: Devices | None = None
+    hand: Hand | None = None
+    handle: Handle | None = None
+    texture: Texture | None = None
+    rendering: Rendering | None = None
+    playout: Playout | None = None
+    actuator: Actuator | None = None
+    force_feedback: ForceFeedback | None = None
+    recording: Recording | None = None
+    metrics: Metrics | None = None
+    monitor: Monitor | None = None
+
+    @model_validator(mode="after")
+    def _combinations(self) -> Self:
+        for problem in _impossible(self):
+            raise ValueError(problem)
+        return self
+
+    @property
+    def source(self) -> Literal["simulated", "replay", "devices"] | None:
+        """The follower's source, None where the scene has no follower."""
+        for name in ("simulated", "replay", "devices"):
+            if getattr(self, name) is not None:
+                return name
+        return None
+
+    @property
+    def commands(self) -> bool:
+        """Whether somebody at the leader, real or simulated, moves and feels."""
+        return self.hand is not None or self.handle is not None
+
+    @property
+    def streams(self) -> bool:
+        """Whether streamed vibration is played at any time."""
+        silent = self.rendering is not None and self.rendering.before == "silent"
+        return self.playout is not None and not silent
+
+    @property
+    def concealment(self) -> Literal["model", "repetition", "silence"]:
+        """How gaps in the stream are concealed; a model needs the compiled numerics."""
+        if self.playout is None:
+            return "silence"
+        if self.playout.conceal != "auto":
+            return self.playout.conceal
+        return "repetition" if self.texture is None and self.rendering is None else "model"
+
+    def channels(self) -> tuple[Channel, ...]:
+        """Return the channels that this scene needs on the wire, in the frame's order."""
+        wanted: set[Channel] = set()
+        if self.texture is not None:
+            wanted |= {"position", "force", "acceleration"}
+        if self.rendering is not None and not self.commands:
+            wanted |= {"position", "force"}
+        if self.streams:
+            wanted.add("acceleration")
+        if self.force_feedback is not None:
+            wanted.add("force")
+            if self.force_feedback.method == "model":
+                wanted.add("position")
+        if self.recording is not None and (self.recording.channels == "all" or not wanted):
+            wanted |= {"position", "force", "acceleration"}
+        return ordered_channels(wanted) if wanted else ()
+
+    def keep_frames(self) -> int:
+        """Return how many frames the follower keeps for a leader that lacks some."""
+        return round(self.link.keep_s * self.session.rate_hz) if self.link is not None else 0
+
+    def parts(self) -> dict[str, bool]:
+        """Return every part by its table's name and whether it runs."""
+        return {
+            name: getattr(self, name) is not None
+            for name in type(self).model_fields
+            if name != "session"
+        }
+
+    def dump(self) -> dict[str, Any]:
+        """Return the resolved scene as JSON-ready tables, absent ones left out."""
+        return self.model_dump(mode="json", exclude_none=True)
+
+
+Rules = list[tuple[bool, str]]
+"""Whether a combination is given, and what a person is told of it."""
+
+
+def _impossible(scene: Scene) -> list[str]:
+    rules = [*_source_rules(scene), *_interface_rules(scene), *_rendering_rules(scene)]
+    return [problem for holds, problem in rules if holds]
+
+
+def _source_rules(scene: Scene) -> Rules:
+    sources = [n for n in ("simulated", "replay", "devices") if getattr(scene, n) is not None]
+    parts = (
+        *("network", "metrics", "monitor", "texture", "playout", "force_feedback", "recording"),
+        *sources,
+    )
+    needs_link = [n for n in parts if getattr(scene, n) is not None]
+    return [
+        (
+            len(sources) > 1,
+            f"[{'] and ['.join(sources)}] are both given: a follower has one source, keep one",
+        ),
+        (
+            scene.link is None and bool(needs_link),
+            f"[{needs_link[0] if needs_link else ''}] needs a follower: add [link]",
+        ),
+        (
+            scene.link is not None and not sources,
+            "[link] needs a follower's source: add one of [simulated], [replay], [devices]",
+        ),
+        (
+            scene.link is not None and not scene.channels(),
+            "[link] would carry nothing: add [texture], [playout], [force_feedback] or [recording]",
+        ),
+    ]
+
+
+def _interface_rules(scene: Scene) -> Rules:
+    return [
+        (
+            scene.hand is not None and scene.handle is not None,
+            "[hand] and [handle] are both given: the leader has one interface, keep one",
+        ),
+        (
+            scene.simulated is not None and not scene.commands,
+            "[simulated] follows motion commands: add [hand] or [handle]",
+        ),
+        (
+            scene.replay is not None and scene.commands,
+            f"[replay] follows no commands: remove [{'hand' if scene.hand else 'handle'}] "
+            "or take [simulated]",
+        ),
+        (
+            scene.actuator is None and (scene.rendering is not None or scene.playout is not None),
+            "[rendering] and [playout] drive an actuator: add [actuator]",
+        ),
+        (
+            scene.force_feedback is not None and not scene.commands,
+            "[force_feedback] is shown on the leader's interface: add [hand] or [handle]",
+        ),
+    ]
+
+
+def _rendering_rules(scene: Scene) -> Rules:
+    rendering = scene.rendering
+    if rendering is None:
+        return []
+    return [
+        (
+            rendering.model is None and scene.texture is None,
+            "[rendering] needs a model: add [texture], or name a saved one with its key 'model'",
+        ),
+        (
+            rendering.model is not None and rendering.before != "stream",
+            "[rendering] renders its model from the start: leave 'before' out, or 'model'",
+        ),
+        (
+            rendering.model is not None
+            and scene.texture is not None
+            and scene.texture.surfaces is not None,
+            "[rendering] names one model, and [texture.surfaces] keeps one for each surface: "
+            "leave 'model' out, or [texture.surfaces]",
+        ),
+        (
+            rendering.before == "warm" and scene.texture is None,
+            'before = "warm" of [rendering] needs a model to give way to: add [texture]',
+        ),
+        (
+            bool(rendering.library) and rendering.before != "warm",
+            'library of [rendering] is for a warm start: add before = "warm", or remove it',
+        ),
+        (
+            scene.link is None and not scene.commands,
+            "[rendering] needs a hand's speed and force: add [hand], [handle] or [link]",
+        ),
+    ]

@@ -1,0 +1,246 @@
+"""A Digital F/T sensor in software, on a pseudo terminal."""
+
+import random
+import time
+from typing import Any, Final
+
+import numpy as np
+
+from mmt.devices.ati.digital_ft import record_rate_hz
+from mmt.devices.ati.digital_records import SIZE, Gauges, pack_record
+from mmt.devices.ati.digital_registers import (
+    CALIBRATION_REGISTERS,
+    DEVICE,
+    STATUS,
+    calibration_start,
+    pack_calibration,
+)
+from mmt.devices.ati.modbus import READ_REGISTERS, WRITE_REGISTERS, checksum, frame
+from mmt.testing.emulated.serial_port import EmulatedPort
+from mmt.testing.emulated.truth import Truth
+
+_COUNTS: Final = 1_000_000
+_COUNTS_A_NEWTON: Final = 1000.0
+_TIMER_NS: Final = 1_000_000
+_ADAPTER_BYTES: Final = 62
+"""A common adapter of USB to serial hands on so many bytes together, or what is there after a
+millisecond."""
+_JAM: Final = 14
+_GAINS = (500, 501, 502, 503, 504, 505)
+_OFFSETS = (2000, 2001, 2002, 2003, 2004, 2005)
+
+
+class EmulatedDigitalFt:
+    """Answer and stream as the sensor does, with faults on demand.
+
+    Parameters
+    ----------
+    truth
+        The force at a time: N at ns of the host's monotonic clock.
+    baud
+        Bits a second that it is set to; a program that opens the port with another reads
+        garbage, and is not understood.
+    clock_ppm
+        How much too fast its clock runs.
+    noise_counts
+        Standard deviation of a gauge.
+    seed
+        Of the noise and of the faults.
+    """
+
+    def __init__(
+        self,
+        truth: Truth,
+        baud: int = 1_250_000,
+        *,
+        clock_ppm: float = 0.0,
+        noise_counts: float = 2.0,
+        seed: int = 1,
+    ) -> None:
+        self.registers: dict[int, int] = {STATUS: 0}
+        """By their number; change them to be another sensor."""
+        self.stuck = False
+        self.error = False
+        """Set the error bit of the records that follow."""
+        self.deaf = False
+        """Answer no request."""
+        self._truth = truth
+        self._baud = baud
+        self._noise = noise_counts
+        self._random = random.Random(seed)  # noqa: S311 - noise, no secret
+        self._rate = record_rate_hz(baud) * (1.0 + 1e-6 * clock_ppm) * 1e-9
+        self._on_line_ns = round(11 * SIZE * 1e9 / baud)
+        self._sent = 0
+        self._began_ns: int | None = None  # its stream; None while it listens
+        self._received = b""
+        self._gauges: Gauges = (0, 0, 0, 0, 0, 0)
+        self._flips = 0
+        self._cuts: list[int] = []
+        self._garbage = b""
+        self._silent = False
+        self._unlocked = False
+        full_ns = round(_ADAPTER_BYTES / SIZE / self._rate)
+        self.port = EmulatedPort(min(full_ns, _TIMER_NS), self._step)
+        self.store(_mixing_matrix())
+
+    def store(
+        self,
+        matrix: "np.ndarray[Any, np.dtype[np.float64]]",
+        serial: str = "FT00018",
+        part: str = "SI-12-0.12",
+        units: tuple[int, int] = (2, 4),
+        number: int = 1,
+    ) -> None:
+        """Store a calibration: rows of counts of force and torque a gauge count."""
+        ranges = (12.0, 12.0, 17.0, 120.0, 120.0, 120.0)
+        registers = pack_calibration(
+            serial, part, matrix.tolist(), units, ranges, (_COUNTS, _COUNTS), _GAINS, _OFFSETS
+        )
+        start = calibration_start(number)
+        self.registers |= dict(
+            zip(range(start, start + CALIBRATION_REGISTERS), registers, strict=True)
+        )
+        self._to_gauges = (np.linalg.inv(matrix)[:, :3] * _COUNTS).tolist()
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options by which the driver finds it."""
+        return {"port": self.port.path, "baud": self._baud}
+
+    def start(self) -> None:
+        """Begin."""
+        self.port.start()
+
+    def stop(self) -> None:
+        """End and remove the port."""
+        self.port.stop()
+
+    def unplug(self) -> None:
+        """Have the port vanish; without power the sensor stops its stream."""
+        self.port.unplug()
+        self._began_ns = None
+
+    def plug(self) -> None:
+        """Have the port appear again."""
+        self.port.plug()
+
+    def stream(self) -> None:
+        """Stream as if a program had asked for it."""
+        self._sent, self._began_ns = 0, time.monotonic_ns()
+
+    def stall(self, *, silent: bool = True) -> None:
+        """Send nothing, or go on."""
+        self._silent = silent
+
+    def flip(self, records: int = 1) -> None:
+        """Flip a bit in each of so many records."""
+        self._flips += records
+
+    def cut(self, *lengths: int) -> None:
+        """Send only so many bytes of each of the next records."""
+        self._cuts.extend(lengths)
+
+    def garble(self, content: bytes) -> None:
+        """Send these bytes between two records."""
+        self._garbage += content
+
+    def _step(self, now_ns: int, received: bytes) -> None:
+        understood = self.port.baud == self._baud
+        if self._began_ns is not None:
+            if len(received) >= _JAM:
+                self._began_ns = None
+            else:
+                self._stream(self._began_ns, now_ns, understood=understood)
+            return
+        if received and not understood:
+            self._received = b""
+            return
+        self._received += received
+        while len(self._received) >= 5:
+            length = _request_length(self._received)
+            if len(self._received) < length:
+                break
+            request, self._received = self._received[:length], self._received[length:]
+            if request[0] != DEVICE or checksum(request[:-2]) != request[-2:]:
+                self._received = b""
+            elif not self.deaf:
+                self._answer(request, now_ns)
+
+    def _answer(self, request: bytes, now_ns: int) -> None:
+        function = request[1]
+        start, count = int.from_bytes(request[2:4], "big"), int.from_bytes(request[4:6], "big")
+        if function == READ_REGISTERS:
+            values = [self.registers.get(start + i, 0) for i in range(count)]
+            content = b"".join(value.to_bytes(2, "big") for value in values)
+            answer = bytes([2 * count]) + content
+        elif function == WRITE_REGISTERS and self._unlocked:
+            for i in range(count):
+                self.registers[start + i] = int.from_bytes(request[7 + 2 * i : 9 + 2 * i], "big")
+            answer = request[2:6]
+        elif function == 0x6A:
+            self._unlocked = request[2] == 0xAA
+            answer = b"\x01"
+        elif function == 0x46 and request[2] == 0x55:
+            self._sent, self._began_ns = 0, now_ns
+            answer = b"\x01"
+        else:
+            function, answer = function | 0x80, b"\x01"
+        self.port.write(frame(DEVICE, function, answer))
+
+    def _stream(self, began_ns: int, now_ns: int, *, understood: bool) -> None:
+        due = max(0, int((now_ns - began_ns) * self._rate))
+        numbers, self._sent = range(self._sent, due), due
+        if self._silent or not numbers:
+            return
+        packet = b"".join(
+            self._record(
+                self._truth(began_ns + round((number + 1) / self._rate) - self._on_line_ns)
+            )
+            for number in numbers
+        )
+        if self._garbage:
+            packet, self._garbage = self._garbage + packet, b""
+        if not understood:
+            packet = self._random.randbytes(len(packet))
+        self.port.write(packet)
+
+    def _record(self, force: tuple[float, float, float]) -> bytes:
+        if not self.stuck:
+            x, y, z = force
+            noise = self._random.gauss
+            a, b, c, d, e, f = (
+                max(min(round(p * x + q * y + r * z + noise(0, self._noise)), 32767), -32768)
+                for p, q, r in self._to_gauges
+            )
+            self._gauges = (a, b, c, d, e, f)
+        record = pack_record(self._gauges, error=self.error)
+        if self._flips:
+            self._flips -= 1
+            bit = self._random.randrange(8 * len(record))
+            broken = bytearray(record)
+            broken[bit // 8] ^= 1 << bit % 8
+            record = bytes(broken)
+        return record[: self._cuts.pop(0)] if self._cuts else record
+
+
+def _request_length(received: bytes) -> int:
+    if received[1] == READ_REGISTERS:
+        return 8
+    if received[1] == WRITE_REGISTERS:
+        return 9 + (received[6] if len(received) > 6 else 0)
+    return 5
+
+
+def _mixing_matrix() -> "np.ndarray[Any, np.dtype[np.float64]]":
+    """Return a matrix as a Nano17 has it: every gauge feels forces and torques."""
+    geometry = np.array(
+        [
+            [0.0, 0.0, 0.0, 1.7, 0.0, -1.7],
+            [0.0, -2.0, 0.0, 1.0, 0.0, 1.0],
+            [1.0, 0.0, 1.0, 0.0, 1.0, 0.0],
+            [0.0, 0.0, 7.0, 0.0, -7.0, 0.0],
+            [-8.0, 0.0, 4.0, 0.0, 4.0, 0.0],
+            [0.0, -4.0, 0.0, -4.0, 0.0, -4.0],
+        ]
+    )
+    return geometry * (_COUNTS / _COUNTS_A_NEWTON)

@@ -1,0 +1,249 @@
+"""Drivers of the virtual lab: the real ones, at the addresses of emulated devices."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from mmt.core.arrays import FloatArray
+from mmt.testing.emulated.lab_process import LabProcess
+from mmt.testing.emulated.robot_driver import DatagramRobot
+from mmt.devices.loading import load_device, read_options
+from mmt.devices.protocols import (
+    ActuatorStatistics,
+    Remarking,
+    SampledSensor,
+    SensorReading,
+    Vector,
+)
+from mmt.core.errors import DeviceLost
+
+if TYPE_CHECKING:
+    from mmt.devices.haptuator.serial_driver import SerialHaptuator
+
+
+class LabOptions(BaseModel):
+    """What the first device that is connected makes of the lab."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    surface: str = "plastic"
+    """Of the simulated ones."""
+    seed: int = Field(1, ge=0, lt=2**63)
+    """Of texture and noise."""
+
+    @property
+    def arguments(self) -> tuple[str, str]:
+        """Of the lab's process."""
+        return (self.surface, str(self.seed))
+
+
+class HandleLabOptions(BaseModel):
+    """What the first device of the emulated handle that is connected makes of it."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    seed: int = Field(1, ge=0, lt=2**63)
+    """Of the noise."""
+
+    @property
+    def arguments(self) -> tuple[str]:
+        """Of the process."""
+        return (str(self.seed),)
+
+
+_LAB: Final = LabProcess("mmt.testing.emulated.lab")
+_HANDLE_LAB: Final = LabProcess("mmt.testing.emulated.handle_lab")
+
+
+class VirtualRobot:
+    """The simulated robot, by datagrams; see `LabOptions`."""
+
+    def __init__(self, **options: Any) -> None:
+        self._options = read_options(LabOptions, "virtual-robot", options)
+        self._robot: DatagramRobot | None = None
+
+    def connect(self) -> None:
+        """Start the lab, and wait for the first position."""
+        self.close()
+        port = _LAB.enter(self, *self._options.arguments)["robot"]["port"]
+        self._robot = DatagramRobot(port)
+        self._robot.connect()
+
+    def calibrate(self) -> None:
+        """Do nothing: it is calibrated."""
+
+    def read(self) -> Vector:
+        """Return the newest position (mm)."""
+        return self._connected().read()
+
+    def write(self, position_mm: Vector) -> None:
+        """Command a position (mm)."""
+        self._connected().write(position_mm)
+
+    def close(self) -> None:
+        """Leave the lab; calling it twice is harmless."""
+        if self._robot is not None:
+            self._robot.close()
+            self._robot = None
+            _LAB.leave(self)
+
+    def _connected(self) -> DatagramRobot:
+        if self._robot is None:
+            raise DeviceLost("the virtual robot is not connected")
+        return self._robot
+
+
+class VirtualSensor:
+    """A real driver at the address of the lab's emulated device.
+
+    Parameters
+    ----------
+    name
+        What a scene calls it.
+    driver
+        The real one.
+    address
+        Its device in the lab.
+    options
+        Of the driver; those of the lab among them are taken out.
+    lab, lab_options
+        Its process, and what that takes.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        driver: str,
+        address: str,
+        options: Mapping[str, Any],
+        lab: LabProcess = _LAB,
+        lab_options: type[LabOptions | HandleLabOptions] = LabOptions,
+    ) -> None:
+        lab_keys = set(lab_options.model_fields)
+        own = {key: value for key, value in options.items() if key in lab_keys}
+        self._lab = lab
+        self._lab_options = read_options(lab_options, name, own)
+        self._options = {key: value for key, value in options.items() if key not in lab_keys}
+        self._driver, self._address = driver, address
+        self._device: SampledSensor | None = None
+        self._connected_to: dict[str, Any] = {}
+
+    @property
+    def latency_ns(self) -> int:
+        """Of the real driver, once it is connected."""
+        return 0 if self._device is None else self._device.latency_ns
+
+    @property
+    def faults(self) -> Mapping[str, int]:
+        """Of the real driver."""
+        return {} if self._device is None else self._device.faults
+
+    def remarks(self) -> Sequence[str]:
+        """Of the real driver."""
+        return self._device.remarks() if isinstance(self._device, Remarking) else []
+
+    def connect(self) -> None:
+        """Start the lab, and connect the real driver to it."""
+        address = self._lab.enter(self, *self._lab_options.arguments)[self._address]
+        if self._device is None or address != self._connected_to:
+            self._device = load_device(self._driver, {**address, **self._options})
+            self._connected_to = address
+        self._connected().connect()
+
+    def calibrate(self) -> None:
+        """Calibrate the real driver."""
+        self._connected().calibrate()
+
+    def read(self) -> Sequence[SensorReading]:
+        """Read the real driver."""
+        return self._connected().read()
+
+    def close(self) -> None:
+        """Close the real driver and leave the lab; calling it twice is harmless."""
+        if self._device is not None:
+            self._device.close()
+        self._lab.leave(self)
+
+    def _connected(self) -> SampledSensor:
+        if self._device is None:
+            raise DeviceLost(f"the virtual {self._driver} is not connected")
+        return self._device
+
+
+class VirtualNetFt(VirtualSensor):
+    """The force sensor of the virtual lab; it takes the options of ``ati-net-ft`` too."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__("virtual-net-ft", "ati-net-ft", "net_ft", options)
+
+
+class VirtualAdxl335(VirtualSensor):
+    """The accelerometer of the virtual lab; it takes those of ``adxl335-serial`` too."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__("virtual-adxl335", "adxl335-serial", "adxl335", options)
+
+
+class VirtualHandleAdxl335(VirtualSensor):
+    """The accelerometer on the emulated handle that the `VirtualHaptuator` shakes."""
+
+    def __init__(self, **options: Any) -> None:
+        name = "virtual-handle-adxl335"
+        super().__init__(name, "adxl335-serial", "adxl335", options, _HANDLE_LAB, HandleLabOptions)
+
+
+class VirtualHaptuator:
+    """The driver of a Haptuator's board, at an emulated one on an emulated handle.
+
+    Parameters
+    ----------
+    **options
+        Those of ``haptuator-serial`` but `port` and `full_scale_v`, and of `HandleLabOptions`.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        own = {key: options.pop(key) for key in HandleLabOptions.model_fields if key in options}
+        self._lab_options = read_options(HandleLabOptions, "virtual-haptuator", own)
+        self._options = options
+        self._device: SerialHaptuator | None = None
+
+    def connect(self) -> None:
+        """Start the lab, and connect the real driver to it."""
+        address = _HANDLE_LAB.enter(self, *self._lab_options.arguments)["haptuator"]
+        if self._device is None or address["port"] != self._device.port:
+            self._device = load_device("haptuator-serial", {**address, **self._options})
+        self._connected().connect()
+
+    def calibrate(self) -> None:
+        """Calibrate the real driver."""
+        self._connected().calibrate()
+
+    def write(self, samples_m_s2: Sequence[float] | FloatArray) -> None:
+        """Play samples (n,), m/s2."""
+        self._connected().write(samples_m_s2)
+
+    def write_volts(self, volts: Sequence[float] | FloatArray) -> None:
+        """Play voltages (n,), V."""
+        self._connected().write_volts(volts)
+
+    @property
+    def largest_v(self) -> float:
+        """Of the real driver, 0 before it is connected."""
+        return 0.0 if self._device is None else self._device.largest_v
+
+    @property
+    def statistics(self) -> ActuatorStatistics:
+        """Of the real driver."""
+        return self._connected().statistics
+
+    def close(self) -> None:
+        """Close the real driver and leave the lab; calling it twice is harmless."""
+        if self._device is not None:
+            self._device.close()
+        _HANDLE_LAB.leave(self)
+
+    def _connected(self) -> "SerialHaptuator":
+        if self._device is None:
+            raise DeviceLost("the virtual Haptuator is not connected")
+        return self._device

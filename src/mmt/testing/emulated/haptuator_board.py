@@ -1,0 +1,163 @@
+"""A microcontroller that plays samples, on a pseudo-terminal, as its driver meets it."""
+
+import random
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+
+from mmt.testing.emulated.serial_port import EmulatedPort
+from mmt.devices.haptuator.framing import Decoder, Report, Reset, Samples, encode
+
+_PERIOD_NS: Final = 1_000_000
+_REPORT_PERIODS: Final = 5
+_HISTORY: Final = 400_000
+_MODULUS: Final = 0x10000
+
+
+class EmulatedHaptuatorBoard:
+    """A board that buffers samples, plays them by its own clock and reports.
+
+    Where its buffer is dry it plays zero. On a pseudo-terminal bytes come at once, whatever the
+    baud rate.
+
+    Parameters
+    ----------
+    rate_hz
+        Of its converter.
+    capacity
+        Samples that its buffer holds.
+    clock_ppm
+        How much too fast its clock runs.
+    seed
+        Of the bytes that are garbled.
+    listener
+        Called with each sample that goes to the converter, in the board's thread.
+    """
+
+    def __init__(
+        self,
+        rate_hz: int = 8000,
+        capacity: int = 1024,
+        *,
+        clock_ppm: float = 0.0,
+        seed: int = 1,
+        listener: Callable[[int], None] | None = None,
+    ) -> None:
+        self.garbled = 0.0
+        """Share of the frames, either way, of which a bit is flipped."""
+        self.halved = 0.0
+        """Share of what comes together, either way, of which the second half gets lost."""
+        self.stalled = False
+        """Whether the firmware hangs: it plays nothing and says nothing."""
+        self.frozen = False
+        """Whether it goes on to report what it reported last, and does nothing else."""
+        self._listener = listener
+        self._rate_hz = rate_hz
+        self._capacity = capacity
+        self._per_ns = rate_hz * 1e-9 * (1.0 + 1e-6 * clock_ppm)
+        self._random = random.Random(seed)  # noqa: S311 - faults, no secret
+        self._port = EmulatedPort(_PERIOD_NS, self._step)
+        self._decoder = Decoder()
+        self._buffer: deque[int] = deque()
+        self._played: deque[int] = deque(maxlen=_HISTORY)
+        self._due = 0.0
+        self._last_ns: int | None = None
+        self._periods = 0
+        self._begin()
+
+    @property
+    def path(self) -> str:
+        """What the option ``port`` names."""
+        return self._port.path
+
+    def start(self) -> None:
+        """Plug it in and let it run."""
+        self._port.start()
+
+    def stop(self) -> None:
+        """End and remove its port."""
+        self._port.stop()
+
+    def unplug(self) -> None:
+        """Take it from its port and its power."""
+        self._port.unplug()
+
+    def plug(self) -> None:
+        """Plug it in again."""
+        self._port.plug()
+
+    def restart(self) -> None:
+        """Begin anew without being unplugged, as after a dip of its supply."""
+        self._begin()
+
+    def count_from(self, sequence: int) -> None:
+        """Have had this frame as the newest one."""
+        self._sequence = sequence % _MODULUS
+
+    def played(self) -> list[int]:
+        """Return the newest samples that went to the converter, full scale is 32767."""
+        return list(self._played)
+
+    def _begin(self) -> None:
+        self._buffer.clear()
+        self._sequence = self._underruns = self._lost = 0
+        self._running = False
+
+    def _step(self, due_ns: int, received: bytes) -> None:
+        last_ns = due_ns if self._last_ns is None else self._last_ns
+        self._last_ns = due_ns
+        if self.stalled:
+            return
+        if self.frozen:
+            self._report()
+            return
+        for message in self._decoder.feed(self._garble(received)):
+            if isinstance(message, Reset):
+                self._begin()
+            elif isinstance(message, Samples):
+                self._accept(message)
+        self._due += (due_ns - last_ns) * self._per_ns
+        for _ in range(int(self._due)):
+            self._play()
+        self._due -= int(self._due)
+        self._report()
+
+    def _report(self) -> None:
+        self._periods += 1
+        if self._periods % _REPORT_PERIODS == 0:
+            fill = len(self._buffer)
+            report = Report(
+                self._rate_hz, self._capacity, fill, self._sequence, self._underruns, self._lost
+            )
+            self._port.write(self._garble(encode(report)))
+
+    def _accept(self, message: Samples) -> None:
+        missing = (message.sequence - self._sequence - 1) % _MODULUS
+        self._lost = (self._lost + missing) % _MODULUS
+        self._sequence = message.sequence
+        if len(self._buffer) + len(message.values) > self._capacity:
+            self._lost = (self._lost + 1) % _MODULUS
+            return
+        self._buffer.extend(message.values)
+        self._running = True
+
+    def _play(self) -> None:
+        value = 0
+        if self._buffer:
+            value = self._buffer.popleft()
+        elif self._running:
+            self._running = False
+            self._underruns = (self._underruns + 1) % _MODULUS
+        self._played.append(value)
+        if self._listener is not None:
+            self._listener(value)
+
+    def _garble(self, content: bytes) -> bytes:
+        if content and self._random.random() < self.halved:
+            content = content[: len(content) // 2]
+        if not content or self._random.random() >= self.garbled:
+            return content
+        bits = bytearray(content)
+        at = self._random.randrange(8 * len(bits))
+        bits[at // 8] ^= 1 << at % 8
+        return bytes(bits)

@@ -1,0 +1,51 @@
+"""A lab in a process of its own: the world, and emulated devices that measure it.
+
+It prints its devices' addresses as one line of JSON, and ends when its standard input ends, as
+it does with the process that started it.
+"""
+
+import json
+import sys
+from typing import Final
+
+from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
+from mmt.testing.emulated.net_ft import EmulatedNetFt
+from mmt.testing.emulated.robot_link import RobotLink
+from mmt.testing.emulated.world import World
+from mmt.core.process import SWITCH_INTERVAL_S, ask_for_short_turns
+
+ACCELEROMETER_HZ: Final = 2000.0
+ACCELEROMETER_BANDWIDTH_HZ: Final = 1000.0
+
+
+def main(surface: str, seed: int) -> None:
+    """Run the lab until standard input ends."""
+    ask_for_short_turns(0)  # the service that it is a child of goes first
+    sys.setswitchinterval(SWITCH_INTERVAL_S)
+    world = World(surface, seed)
+    robot = RobotLink(world)
+    box = EmulatedNetFt(world.force_n, clock_ppm=40.0, seed=seed)
+    board = EmulatedAdxl335Board(
+        world.acceleration_m_s2,
+        rate_hz=ACCELEROMETER_HZ,
+        bandwidth_hz=ACCELEROMETER_BANDWIDTH_HZ,
+        clock_ppm=-70.0,
+        seed=seed,
+    )
+    parts = (world, robot, box, board)
+    for part in parts:
+        part.start()
+    addresses = {
+        "robot": {"port": robot.port},
+        "net_ft": box.options,
+        "adxl335": {"port": board.address, "bandwidth_hz": ACCELEROMETER_BANDWIDTH_HZ},
+    }
+    sys.stdout.write(json.dumps(addresses) + "\n")
+    sys.stdout.flush()
+    sys.stdin.read()
+    for part in reversed(parts):
+        part.stop()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], int(sys.argv[2]))

@@ -1,0 +1,79 @@
+"""Emulated devices in a process of their own.
+
+It begins with the first driver that is connected and ends with the last that is closed, or with
+this process.
+"""
+
+import json
+import select
+import subprocess
+import sys
+import threading
+from typing import Any, Final
+
+from mmt.core.errors import MmtError
+
+_START_S: Final = 20.0
+
+
+class LabProcess:
+    """The process of a lab, shared by the devices of this one.
+
+    Parameters
+    ----------
+    module
+        Runs the lab: it prints its devices' addresses as a line of JSON, and ends with its
+        standard input.
+    """
+
+    def __init__(self, module: str) -> None:
+        self._module = module
+        self._lock = threading.Lock()
+        self._users: set[int] = set()
+        self._process: subprocess.Popen[str] | None = None
+        self._addresses: dict[str, dict[str, Any]] = {}
+
+    def enter(self, user: object, *arguments: str) -> dict[str, dict[str, Any]]:
+        """Start it where it does not run; return the addresses."""
+        with self._lock:
+            if self._process is None or self._process.poll() is not None:
+                self._users.clear()
+                self._start(arguments)
+            self._users.add(id(user))
+            return self._addresses
+
+    def leave(self, user: object) -> None:
+        """End it after its last user."""
+        with self._lock:
+            self._users.discard(id(user))
+            if not self._users and self._process is not None:
+                self._end(self._process)
+                self._process = None
+
+    def _start(self, arguments: tuple[str, ...]) -> None:
+        self._process = subprocess.Popen(  # noqa: S603 - our own module
+            [sys.executable, "-m", self._module, *arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,  # Ctrl-C is for the service; schedulers share by session
+        )
+        said = self._process.stdout
+        assert said is not None  # noqa: S101 - a pipe was asked for
+        line = said.readline() if select.select([said], [], [], _START_S)[0] else ""
+        if not line:
+            reason = self._end(self._process)
+            self._process = None
+            raise MmtError(f"the virtual lab does not start: {reason or 'it says nothing'}")
+        self._addresses = json.loads(line)
+
+    def _end(self, process: "subprocess.Popen[str]") -> str:
+        """End it and return the last line of what it said went wrong."""
+        try:
+            _, said = process.communicate(timeout=5.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            _, said = process.communicate()
+        lines = said.strip().splitlines()
+        return lines[-1] if lines else ""

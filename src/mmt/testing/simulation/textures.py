@@ -1,0 +1,120 @@
+"""The table of known textures; a new one is one more entry.
+
+Levels are chosen within what is published for tool-mediated texture (0.1 to 15 m/s2 rms;
+power rising about as speed^0.8..1.4 and force^0.4..1), not fitted to any recording.
+Powers hold at 100 mm/s and 1 N.
+"""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+from mmt.testing.simulation.grained_textures import GRAINED, ridges
+from mmt.testing.simulation.modes import Resonance
+from mmt.testing.simulation.surfaces import Surface
+from mmt.core.errors import InputError
+
+_PLASTIC = Surface(
+    "plastic",
+    (
+        Resonance(1.6, 1.1, 0.7, 95.0, 55.0, speed_shift_hz=60.0, force_damping=0.3),
+        Resonance(1.1, 1.2, 0.6, 215.0, 60.0, force_shift_hz=50.0, force_damping=0.3),
+        Resonance(0.35, 1.3, 0.6, 370.0, 80.0),
+        Resonance(0.12, 1.2, 0.7, 240.0, 420.0),
+    ),
+    friction_coefficient=0.25,
+)
+
+_MESH = Surface(
+    "mesh",
+    (
+        *ridges(1.6, (5.0, 2.0, 0.8), 0.06),
+        Resonance(0.7, 1.1, 0.7, 180.0, 350.0),
+    ),
+    friction_coefficient=0.35,
+)
+
+_FABRIC = Surface(
+    "fabric",
+    (
+        Resonance(0.12, 1.0, 0.6, 60.0, 90.0, speed_shift_hz=50.0),
+        Resonance(0.05, 1.2, 0.5, 190.0, 180.0),
+    ),
+    friction_coefficient=0.5,
+)
+
+_SANDPAPER = Surface(
+    "sandpaper",
+    (
+        Resonance(3.0, 1.2, 0.8, 150.0, 300.0, speed_shift_hz=80.0),
+        Resonance(2.4, 1.3, 0.8, 330.0, 260.0),
+        Resonance(0.6, 1.0, 0.8, 60.0, 80.0),
+    ),
+    friction_coefficient=0.6,
+)
+
+_WOOD = Surface(
+    "wood",
+    (
+        Resonance(1.5, 1.0, 0.9, 70.0, 50.0, speed_shift_hz=90.0),
+        Resonance(0.7, 1.4, 0.5, 290.0, 70.0, speed_shift_hz=60.0, force_shift_hz=-40.0),
+        Resonance(0.5, 1.2, 0.7, 190.0, 380.0),
+    ),
+    friction_coefficient=0.4,
+)
+
+_RIBBED = Surface(
+    "ribbed",
+    (
+        *ridges(2.4, (5.4, 2.4, 1.0, 0.4), 0.04, speed=0.9, force=0.8),
+        Resonance(0.3, 1.0, 0.8, 230.0, 300.0),
+    ),
+    friction_coefficient=0.3,
+)
+
+_RUBBER = Surface(
+    "rubber",
+    (
+        Resonance(0.5, 2.0, 0.5, 75.0, 70.0, force_shift_hz=40.0, force_damping=0.6),
+        Resonance(0.2, 2.1, 0.4, 170.0, 110.0, speed_shift_hz=70.0, force_damping=0.6),
+    ),
+    friction_coefficient=0.9,
+)
+
+_GLASS = Surface(
+    "glass",
+    (
+        Resonance(0.009, 1.0, 0.5, 260.0, 90.0, speed_shift_hz=50.0),
+        Resonance(0.007, 0.9, 0.5, 120.0, 320.0),
+    ),
+    friction_coefficient=0.15,
+)
+
+SURFACES: Final[Mapping[str, Surface]] = MappingProxyType(
+    {
+        surface.name: surface
+        for surface in (
+            *(_PLASTIC, _MESH, _FABRIC, _SANDPAPER, _WOOD, _RIBBED, _RUBBER, _GLASS),
+            *GRAINED,
+        )
+    }
+)
+"""Every known texture by name. Plastic and wood: smooth resonances; mesh and ribbed: lines
+that follow the speed; fabric: soft and low; sandpaper: loud and broad; rubber: power as
+speed squared; glass: little above the accelerometer's noise. What sets the other nine
+apart is said with `GRAINED`."""
+
+
+def get_surface(name: str) -> Surface:
+    """Return the known texture of this name.
+
+    Raises
+    ------
+    InputError
+        There is none; the message lists those there are.
+    """
+    try:
+        return SURFACES[name]
+    except KeyError:
+        known = ", ".join(SURFACES)
+        raise InputError(f"surface is {name!r}, allowed are {known}") from None

@@ -1,0 +1,1 @@
+"""Autoregressive models: Burg's method, line spectral frequencies, lattice filters."""

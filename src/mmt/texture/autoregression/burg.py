@@ -1,0 +1,125 @@
+"""Burg's method: reflection coefficients and residual variances of segments.
+
+Burg, "Maximum entropy spectral analysis", thesis, Stanford 1975; the recursion and what makes it
+hold on every finite signal are in `mmt.texture.autoregression.burg_recursion`.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError
+from mmt.texture.autoregression.burg_recursion import burg_each_into, burg_into
+from mmt.texture.settings import LARGEST_ORDER
+
+
+class ReflectionFit(NamedTuple):
+    """A model fitted to one segment.
+
+    ``reflection`` (m,); ``variances`` (m + 1,): the mean square of what the models of order
+    0 ... m leave of the segment.
+    """
+
+    reflection: FloatArray
+    variances: FloatArray
+
+    @property
+    def variance(self) -> float:
+        """Variance of the excitation: the residual of the full order."""
+        return float(self.variances[-1])
+
+    @property
+    def power(self) -> float:
+        """Mean square of the segment, which is that of the model's output."""
+        return float(self.variances[0])
+
+
+class ReflectionFits(NamedTuple):
+    """Models fitted to s segments: ``reflection`` (s, m), ``variances`` (s, m + 1)."""
+
+    reflection: FloatArray
+    variances: FloatArray
+
+    @property
+    def variance(self) -> FloatArray:
+        """Variance of the excitation of each, (s,)."""
+        return self.variances[:, -1]
+
+    @property
+    def power(self) -> FloatArray:
+        """Mean square of each segment, (s,)."""
+        return self.variances[:, 0]
+
+
+def burg(x: FloatArray, order: int) -> ReflectionFit:
+    """Fit an autoregressive model by Burg's method.
+
+    The mean is not removed. The fit is stable for every finite signal: each ``|k| < 1``, the
+    variances finite and not negative. A signal that is predicted to its last digit (zero,
+    constant, a pure tone) ends the recursion: further reflection coefficients are zero.
+    Amplitudes from denormal to 1e300 give the same reflection coefficients; a variance that
+    is too large for a number is held at the largest one.
+
+    Parameters
+    ----------
+    x : (n,)
+        The segment, n greater than `order`.
+    order
+        From 1 to 64.
+
+    Raises
+    ------
+    InputError
+        A sample is not finite, the order is out of range, or the segment is too short.
+    """
+    segment = np.ascontiguousarray(x, dtype=np.float64)
+    _check(segment, order, "x")
+    reflection, variances = np.empty(order), np.empty(order + 1)
+    if not burg_into(segment, reflection, variances, np.empty(3 * len(segment))):
+        raise InputError("x has a sample that is not finite: leave it out")
+    return ReflectionFit(reflection, variances)
+
+
+def burg_batch(segments: Sequence[FloatArray] | FloatArray, order: int) -> ReflectionFits:
+    """Fit an autoregressive model to each segment, as `burg` does.
+
+    Parameters
+    ----------
+    segments
+        Arrays of equal or different lengths, or the rows of an array (s, n).
+    order
+        From 1 to 64.
+
+    Raises
+    ------
+    InputError
+        As `burg`; the message names the segment.
+    """
+    _check_order(order)
+    arrays = [np.asarray(segment, dtype=np.float64) for segment in segments]
+    for index, array in enumerate(arrays):
+        _check(array, order, f"segment {index}")
+    reflection = np.empty((len(arrays), order))
+    variances = np.empty((len(arrays), order + 1))
+    if arrays:
+        stops = np.cumsum([len(array) for array in arrays], dtype=np.int64)
+        fitted = burg_each_into(np.concatenate(arrays), stops, reflection, variances)
+        if fitted < len(arrays):
+            raise InputError(f"segment {fitted} has a sample that is not finite: leave it out")
+    return ReflectionFits(reflection, variances)
+
+
+def _check_order(order: int) -> None:
+    if not 1 <= order <= LARGEST_ORDER:
+        raise InputError(f"order {order}: from 1 to {LARGEST_ORDER} is allowed")
+
+
+def _check(segment: FloatArray, order: int, name: str) -> None:
+    _check_order(order)
+    if segment.ndim != 1 or len(segment) <= order:
+        raise InputError(
+            f"{name} has shape {segment.shape}: order {order} needs one row of more than"
+            f" {order} samples"
+        )

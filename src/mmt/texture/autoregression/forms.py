@@ -1,0 +1,191 @@
+"""Autoregressive fits and their forms: reflection, filter coefficients, line spectral frequencies.
+
+Awan et al., section V.C, and Culbertson et al. 2014 model a piece of vibration as white noise
+through an all-pole filter, ``x[n] + sum_j a[j] x[n-1-j] = e[n]``. Every form below is of shape
+(m,) for one model or (n, m) for a batch, of order m from 1 to 64, odd or even:
+
+- reflection coefficients, what Burg's method finds, each of magnitude below one;
+- filter coefficients, without the leading 1;
+- line spectral frequencies in radians a sample, strictly ascending in (0, pi): what may be
+  interpolated, since an average of ordered frequencies stays ordered, hence stable.
+
+Reflection coefficients and line spectral frequencies hold all digits of a model, and convert
+into each other to about 1e-14. Filter coefficients do not: whatever comes back from them has
+lost a factor of up to ``prod (1 + |k|)/(1 - |k|)``: everything, for a low-pass filter of high
+order.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError
+from mmt.texture.autoregression.burg import ReflectionFit, ReflectionFits, burg, burg_batch
+from mmt.texture.autoregression.lsf import (
+    ar_to_reflection_each_into,
+    lsf_to_ar_each_into,
+    reflection_to_ar_each_into,
+)
+from mmt.texture.autoregression.ordering import choose_order
+from mmt.texture.settings import LARGEST_ORDER
+from mmt.texture.autoregression.spectra import ar_spectrum, lsf_spectrum
+from mmt.texture.autoregression.split import lsf_to_reflection_each_into, reflection_to_lsf_each_into
+
+__all__ = [
+    "ReflectionFit",
+    "ReflectionFits",
+    "ar_spectrum",
+    "ar_to_lsf",
+    "ar_to_reflection",
+    "burg",
+    "burg_batch",
+    "choose_order",
+    "lsf_spectrum",
+    "lsf_to_ar",
+    "lsf_to_reflection",
+    "output_power",
+    "reflection_to_ar",
+    "reflection_to_lsf",
+]
+
+
+def reflection_to_ar(reflection: FloatArray) -> FloatArray:
+    """Return the filter coefficients of reflection coefficients (the Levinson step-up).
+
+    Raises
+    ------
+    InputError
+        A coefficient's magnitude is not below one, or the order is out of range.
+    """
+    return _convert(_checked_reflection(reflection), reflection_to_ar_each_into)
+
+
+def ar_to_reflection(ar: FloatArray) -> FloatArray:
+    """Return the reflection coefficients of filter coefficients (the Levinson step-down).
+
+    The error is up to about ``1e-16 prod (1 + |k|)/(1 - |k|)``.
+
+    Raises
+    ------
+    InputError
+        A filter is not stable, within that error, or the order is out of range.
+    """
+
+    def step_down(rows: FloatArray, result: FloatArray) -> None:
+        if ar_to_reflection_each_into(rows, result) == np.inf:
+            raise InputError(
+                "ar: the filter is not stable, or so near to it that its coefficients do not"
+                " tell: give reflection coefficients or line spectral frequencies"
+            )
+
+    return _convert(_checked("ar", ar), step_down)
+
+
+def reflection_to_lsf(reflection: FloatArray) -> FloatArray:
+    """Return the line spectral frequencies of reflection coefficients; error about 1e-15.
+
+    See `mmt.texture.autoregression.split` for the method. Frequencies closer than a rounding are moved apart
+    by one.
+
+    Raises
+    ------
+    InputError
+        A coefficient's magnitude is not below one, or the order is out of range.
+    """
+    return _convert(_checked_reflection(reflection), reflection_to_lsf_each_into)
+
+
+def lsf_to_reflection(lsf: FloatArray) -> FloatArray:
+    """Return the reflection coefficients of line spectral frequencies; error about 1e-14.
+
+    Raises
+    ------
+    InputError
+        The frequencies do not ascend strictly inside (0, pi), lie too close to each other to
+        tell the filter, or the order is out of range.
+    """
+    result = _convert(_checked_lsf(lsf), lsf_to_reflection_each_into)
+    if not np.isfinite(result).all():
+        raise InputError("lsf: frequencies are too close to each other to tell the filter")
+    return result
+
+
+def lsf_to_ar(lsf: FloatArray) -> FloatArray:
+    """Return the filter coefficients of line spectral frequencies.
+
+    The error is about 1e-14 of the largest coefficient at order 64.
+
+    Raises
+    ------
+    InputError
+        The frequencies do not ascend strictly inside (0, pi), or the order is out of range.
+    """
+    return _convert(_checked_lsf(lsf), lsf_to_ar_each_into)
+
+
+def ar_to_lsf(ar: FloatArray) -> FloatArray:
+    """Return the line spectral frequencies of filter coefficients.
+
+    By way of the reflection coefficients, with the error of `ar_to_reflection`.
+
+    Raises
+    ------
+    InputError
+        As `ar_to_reflection`.
+    """
+    return reflection_to_lsf(ar_to_reflection(ar))
+
+
+def output_power(variance: float | FloatArray, reflection: FloatArray) -> FloatArray:
+    """Return the mean square of the output, ``variance / prod(1 - k^2)``.
+
+    Parameters
+    ----------
+    variance : () or (n,)
+        Of the excitation.
+    reflection : (m,) or (n, m)
+        Each of magnitude below one.
+
+    Raises
+    ------
+    InputError
+        A coefficient's magnitude is not below one, or the order is out of range.
+    """
+    k = _checked_reflection(reflection)
+    power: FloatArray = np.asarray(variance) / np.prod((1.0 - k) * (1.0 + k), axis=-1)
+    return power
+
+
+def _convert(
+    values: FloatArray, convert_rows: Callable[[FloatArray, FloatArray], object]
+) -> FloatArray:
+    result = np.empty_like(values)
+    convert_rows(np.atleast_2d(values), np.atleast_2d(result))
+    return result
+
+
+def _checked(name: str, values: FloatArray) -> FloatArray:
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    if array.ndim not in {1, 2} or not 1 <= array.shape[-1] <= LARGEST_ORDER:
+        raise InputError(
+            f"{name} has shape {array.shape}: (m,) or (n, m) with m from 1 to {LARGEST_ORDER}"
+            " is allowed"
+        )
+    if not np.isfinite(array).all():
+        raise InputError(f"{name} has a value that is not finite")
+    return array
+
+
+def _checked_reflection(reflection: FloatArray) -> FloatArray:
+    array = _checked("reflection", reflection)
+    if (np.abs(array) >= 1.0).any():
+        raise InputError("reflection: a magnitude is not below 1, so the filter is not stable")
+    return array
+
+
+def _checked_lsf(lsf: FloatArray) -> FloatArray:
+    array = _checked("lsf", lsf)
+    if (np.diff(array, prepend=0.0, append=np.pi, axis=-1) <= 0.0).any():
+        raise InputError("lsf must ascend strictly inside (0, pi)")
+    return array

@@ -1,0 +1,89 @@
+"""Power spectral densities of autoregressive models."""
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError
+
+
+def ar_spectrum(
+    ar: FloatArray, variance: float | FloatArray, frequencies_hz: FloatArray, rate_hz: float
+) -> FloatArray:
+    """Return the one-sided power spectral density of filter coefficients.
+
+    ``2 variance / rate / |A(exp(2 pi i f / rate))|^2`` at every frequency, 0 and half the
+    rate included, so that the integral from 0 to rate/2 is the output's power.
+
+    Parameters
+    ----------
+    ar : (m,) or (n, m)
+        Without the leading 1.
+    variance : () or (n,)
+        Of the excitation.
+    frequencies_hz : (f,)
+        Within 0 to rate_hz / 2.
+    rate_hz
+        Samples a second.
+
+    Returns
+    -------
+    (f,) or (n, f)
+        In the square of the signal's unit per Hz.
+
+    Raises
+    ------
+    InputError
+        A frequency is outside the range.
+    """
+    angles = _angles(frequencies_hz, rate_hz)
+    lags = np.arange(1, np.shape(ar)[-1] + 1)
+    response = 1.0 + np.asarray(ar) @ np.exp(-1j * np.outer(lags, angles))
+    return _density(variance, response.real**2 + response.imag**2, rate_hz)
+
+
+def lsf_spectrum(
+    lsf: FloatArray, variance: float | FloatArray, frequencies_hz: FloatArray, rate_hz: float
+) -> FloatArray:
+    """Return the one-sided power spectral density of line spectral frequencies.
+
+    As `ar_spectrum`, but from ``|A|^2 = (|P|^2 + |Q|^2) / 4``, a sum of two products: it keeps
+    its digits where sums over the coefficients cancel, as in low-pass filters of high order.
+
+    Parameters
+    ----------
+    lsf : (m,) or (n, m)
+        In (0, pi).
+    variance, frequencies_hz, rate_hz
+        As in `ar_spectrum`.
+
+    Raises
+    ------
+    InputError
+        A frequency is outside the range.
+    """
+    angles = _angles(frequencies_hz, rate_hz)
+    zeros = np.asarray(lsf)[..., np.newaxis]
+    order = zeros.shape[-2]
+    # 2 (cos w - cos w_i), as a product so that its relative accuracy does not suffer near w_i
+    factors = 4.0 * np.sin(0.5 * (zeros + angles)) * np.sin(0.5 * (zeros - angles))
+    p = np.prod(factors[..., 0::2, :], axis=-2)
+    q = np.prod(factors[..., 1::2, :], axis=-2)
+    if order % 2 == 0:
+        p *= 2.0 * np.cos(0.5 * angles)
+        q *= 2.0 * np.sin(0.5 * angles)
+    else:
+        q *= 2.0 * np.sin(angles)
+    return _density(variance, 0.25 * (p * p + q * q), rate_hz)
+
+
+def _angles(frequencies_hz: FloatArray, rate_hz: float) -> FloatArray:
+    frequencies = np.asarray(frequencies_hz, dtype=np.float64)
+    if not ((frequencies >= 0.0) & (frequencies <= 0.5 * rate_hz)).all():
+        raise InputError(f"frequencies_hz must lie between 0 and half the rate, {0.5 * rate_hz:g}")
+    angles: FloatArray = 2.0 * np.pi / rate_hz * frequencies
+    return angles
+
+
+def _density(variance: float | FloatArray, square: FloatArray, rate_hz: float) -> FloatArray:
+    density: FloatArray = (2.0 / rate_hz) * np.asarray(variance)[..., np.newaxis] / square
+    return density

@@ -1,0 +1,251 @@
+"""Kernels between reflection coefficients and line spectral frequencies, in both directions.
+
+Neither goes through the coefficients of a polynomial. In the variable ``t = 2 cos(w/2)``, with
+the linear phase taken out, the polynomials P and Q of every order obey three-term recurrences
+(Delsarte and Genin, "The split Levinson algorithm", IEEE Trans. ASSP 34 (1986), 470-478)::
+
+    p_(j+1) = t p_j - (1 - k_j) (1 + k_(j-1)) p_(j-1)      k_0 = 1
+    q_(j+1) = t q_j - (1 + k_j) (1 - k_(j-1)) q_(j-1)      from j = 2, without the zero at w = 0
+
+so that their zeros are the eigenvalues of symmetric tridiagonal matrices with a zero diagonal,
+in plus and minus pairs. From reflection coefficients, `mmt.texture.autoregression.laguerre` searches them by
+the recurrences. The other way, they are the singular values of bidiagonal matrices, whose
+squared entries are a qd array (see `mmt.texture.autoregression.quotient_difference`): alternately `q` and `e`, the coefficients
+of the recurrence.
+
+The coefficients are products of positive numbers, and small relative changes of them are all
+that roundings amount to. Hence small frequencies, frequencies near pi and reflection
+coefficients near one keep their relative accuracy. Cost: O(m^2) either way.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.compiled import kernel
+from mmt.texture.autoregression.burg_recursion import LARGEST_REFLECTION
+from mmt.texture.autoregression.laguerre import LANES, STATE_SIZE, X, begin_search, improve, is_found
+from mmt.texture.autoregression.quotient_difference import add_mass, move_origin
+
+_LEAST_FREQUENCY: Final = 2.0**-100
+
+
+@kernel("void(f8[::1])")
+def separate(lsf: FloatArray) -> None:
+    """Make the frequencies ascend strictly inside (0, pi), moving what is closer by roundings.
+
+    Zeros of P and Q come arbitrarily close to each other as reflection coefficients near one.
+    """
+    apart = lsf[0] >= _LEAST_FREQUENCY and lsf[len(lsf) - 1] < math.pi
+    for i in range(1, len(lsf)):
+        apart = apart and lsf[i - 1] < lsf[i]
+    if apart:
+        return
+    least = _LEAST_FREQUENCY
+    for i in range(len(lsf)):
+        lsf[i] = max(lsf[i], least)
+        least = np.nextafter(lsf[i], 4.0)
+    most = np.nextafter(math.pi, 0.0)
+    for i in range(len(lsf) - 1, -1, -1):
+        lsf[i] = min(lsf[i], most)
+        most = np.nextafter(lsf[i], 0.0)
+
+
+@kernel("void(f8[:, ::1], i8, i8, b1, f8, f8[::1], f8[::1], i8)")
+def _search(
+    reflection: FloatArray,
+    row: int,
+    number: int,
+    mirrored: bool,
+    x: float,
+    state: FloatArray,
+    coefficients: FloatArray,
+    lane: int,
+) -> None:
+    """Let a lane search, from `x` on, a row's frequency of this number in ascending order.
+
+    It gets the coefficients of p for an even, of q for an odd number; q has one less. Mirrored,
+    they belong to A(-z), whose frequencies are pi - w, with P and Q exchanged at even orders.
+    """
+    order = reflection.shape[1]
+    count = (order + 1 - number % 2) // 2
+    above = count - 1 - number // 2 if mirrored else number // 2
+    of_p = (number % 2 == 0) != (mirrored and order % 2 == 0)
+    begin_search(state, lane, x, above, count, of_p)
+    sign = 1.0 if of_p else -1.0
+    even_sign = -sign if mirrored else sign
+    first = 0 if of_p else 1
+    before = 1.0 if of_p else even_sign * reflection[row, 0]
+    for j in range(first, order):
+        k = reflection[row, j] * (even_sign if j % 2 == 0 else sign)
+        coefficients[(j - first) * LANES + lane] = (1.0 - k) * (1.0 + before)
+        before = k
+    if not of_p:
+        coefficients[(order - 1) * LANES + lane] = 0.0
+
+
+@kernel("b1(i8, i8)")
+def _is_low(number: int, order: int) -> bool:
+    """Return whether white noise has this of its frequencies in the lower half of (0, pi)."""
+    return 2 * (number + 1) <= order + 1
+
+
+@kernel("f8[::1](i8)")
+def _starts(order: int) -> FloatArray:
+    """Return the frequencies of white noise as ``4 sin^2(w/2)``, or ``4 cos^2(w/2)`` if high."""
+    starts = np.empty(order)
+    for number in range(order):
+        sine = math.sin(0.5 * math.pi * min(number + 1, order - number) / (order + 1))
+        starts[number] = 4.0 * sine * sine
+    return starts
+
+
+@kernel("void(f8[:, ::1], f8[:, ::1])")
+def reflection_to_lsf_each_into(reflection: FloatArray, lsf: FloatArray) -> None:
+    """Write the line spectral frequencies (n, m), ascending, of reflection coefficients (n, m).
+
+    The upper half of (0, pi) is searched in cos(w/2), the lower half by the mirrored filter in
+    sin(w/2): each is accurate relative to its own small values. A search begins where white
+    noise has the frequency, and changes the half where it leads beyond. A lane that is done
+    takes the next frequency of the batch.
+
+    Parameters
+    ----------
+    reflection : (n, m)
+        Each of magnitude below one, not checked; m from 1 to 64.
+    lsf : (n, m)
+        Receives radians in (0, pi), strictly ascending.
+    """
+    order = reflection.shape[1]
+    starts, mirrored = _starts(order), np.zeros(LANES, np.bool_)
+    state, coefficients = np.ones(STATE_SIZE), np.zeros(order * LANES)
+    rows, numbers = np.full(LANES, -1), np.zeros(LANES, np.int64)  # an idle lane has row -1
+    begun = done = 0
+    while done < lsf.size:
+        for lane in range(LANES):
+            row, number, x = rows[lane], numbers[lane], state[X + lane]
+            if row >= 0 and is_found(state, lane):
+                angle = 2.0 * math.asin(0.5 * math.sqrt(x))
+                lsf[row, number] = angle if mirrored[lane] else math.pi - angle
+                row = -1
+                done += 1
+            elif row >= 0 and x > 2.0 and mirrored[lane] == _is_low(number, order):
+                mirrored[lane] = not mirrored[lane]
+                _search(reflection, row, number, mirrored[lane], 4.0 - x, state, coefficients, lane)
+            if row < 0 and begun < lsf.size:
+                row, number = begun // order, begun % order
+                begun += 1
+                mirrored[lane], x = _is_low(number, order), starts[number]
+                _search(reflection, row, number, mirrored[lane], x, state, coefficients, lane)
+            rows[lane], numbers[lane] = row, number
+        improve(state, coefficients, order)
+    for row in range(len(lsf)):
+        separate(lsf[row])
+
+
+@kernel("f8(f8, f8)")
+def _distance(left: float, right: float) -> float:
+    """Return ``2 |cos(left) - cos(right)|`` with the digits of the difference."""
+    return 4.0 * math.sin(0.5 * (left + right)) * math.sin(0.5 * abs(right - left))
+
+
+@kernel("f8(f8[::1], i8, f8[::1])")
+def _weigh(lsf: FloatArray, first: int, weights: FloatArray) -> float:
+    """Write the masses at the zeros of P (first 0) or Q (first 1); return the mass at w = pi.
+
+    They are the residues of the order below over this order, times ``1 + k_m`` for P and
+    ``1 - k_m`` for Q: positive, since the zeros of P and Q interlace.
+    """
+    order = len(lsf)
+    other = 1 - first
+    zero_at_pi = (order + first) % 2 == 0
+    at_pi = 2.0 if first == 0 else 0.5
+    for i in range(first, order, 2):
+        sine, cosine = math.sin(0.5 * lsf[i]), math.cos(0.5 * lsf[i])
+        mass = 2.0 * sine * sine if first == 0 else 0.5
+        if zero_at_pi:
+            mass /= 4.0 * cosine * cosine
+            at_pi /= 4.0 * cosine * cosine
+        for j in range(0, order, 2):  # in pairs, so that nothing overflows on the way
+            same, opposite = j + first, j + other
+            if opposite < order:
+                mass *= _distance(lsf[i], lsf[opposite])
+            if same < order and same != i:
+                mass /= _distance(lsf[i], lsf[same])
+        weights[i // 2] = mass
+    for i in range(other, order, 2):
+        cosine = math.cos(0.5 * lsf[i])
+        at_pi *= 4.0 * cosine * cosine
+    return at_pi if zero_at_pi else 0.0
+
+
+@kernel("f8(f8[::1], i8, f8[::1], f8[::1], f8[::1])")
+def _recover(
+    lsf: FloatArray, first: int, weights: FloatArray, q: FloatArray, e: FloatArray
+) -> float:
+    """Write the qd array of P (first 0) or Q (first 1), highest order first; return its mass.
+
+    Laurie, "Accurate recovery of recursion coefficients from Gaussian quadrature formulas",
+    J. Comput. Appl. Math. 112 (1999), 165-180: nodes 4 cos^2(w/2) are inserted from the
+    largest down, each at the origin, which then moves on to the next.
+    """
+    order = len(lsf)
+    at_pi = _weigh(lsf, first, weights)
+    if first >= order:
+        return at_pi
+    mass = weights[0]
+    q[0] = 0.0
+    size = 1
+    for i in range(first + 2, order, 2):
+        move_origin(q, e, size, _distance(lsf[i - 2], lsf[i]))
+        add_mass(q, e, size, mass, weights[i // 2])
+        mass += weights[i // 2]
+        size += 1
+    last = order - 1 - (order - 1 - first) % 2
+    cosine = math.cos(0.5 * lsf[last])
+    move_origin(q, e, size, 4.0 * cosine * cosine)
+    if at_pi > 0.0:
+        add_mass(q, e, size, mass, at_pi)
+    return float(mass + at_pi)
+
+
+@kernel("void(f8[::1], f8[::1], f8[::1])")
+def lsf_to_reflection_into(lsf: FloatArray, reflection: FloatArray, work: FloatArray) -> None:
+    """Write the reflection coefficients (m,) of line spectral frequencies (m,).
+
+    The recurrences of P and Q are recovered from the frequencies, and give the ratios
+    ``(1 + k_j) / (1 - k_j)`` from the highest order down by products alone.
+
+    Parameters
+    ----------
+    lsf : (m,)
+        Ascending within (0, pi), not checked.
+    reflection : (m,)
+        Receives numbers of magnitude below one.
+    work : (5 * (m // 2 + 2),) or longer
+        Scratch.
+    """
+    order = len(lsf)
+    half = order // 2 + 2
+    p_q, p_e, q_q = work[:half], work[half : 2 * half], work[2 * half : 3 * half]
+    q_e, weights = work[3 * half : 4 * half], work[4 * half : 5 * half]
+    ratio = _recover(lsf, 0, weights, p_q, p_e) / _recover(lsf, 1, weights, q_q, q_e)
+    for done in range(order):
+        k = (ratio - 1.0) / (ratio + 1.0)
+        reflection[order - 1 - done] = min(max(k, -LARGEST_REFLECTION), LARGEST_REFLECTION)
+        if done == order - 1:
+            break
+        if done % 2 == 0:
+            ratio *= p_q[done // 2] / q_q[done // 2]
+        else:
+            ratio *= p_e[done // 2] / q_e[done // 2]
+
+
+@kernel("void(f8[:, ::1], f8[:, ::1])")
+def lsf_to_reflection_each_into(lsf: FloatArray, reflection: FloatArray) -> None:
+    """Do `lsf_to_reflection_into` for every row (n, m)."""
+    work = np.empty(5 * (lsf.shape[1] // 2 + 2))
+    for row in range(len(lsf)):
+        lsf_to_reflection_into(lsf[row], reflection[row], work)

@@ -1,0 +1,1 @@
+"""When a model is good enough to render from, and when modelling ends."""

@@ -1,0 +1,209 @@
+"""When is a model complete: distances in its input space.
+
+Awan et al., Model-Mediated Teleoperation for Remote Haptic Texture Sharing, section V.C and
+eq. (1). The plane, normalised by its maxima, is cut into 3 x 3 equal rectangles; for each
+centre the distances to the three nearest samples are added. Boundary points never count.
+
+With the heading as well, every axis is cut in three again, velocity from -300 to 300 mm/s:
+27 boxes. Of each, only what a hand can reach counts, at most 300 mm/s in any direction; its
+centre is that of the reachable part. The neighbours are four, as many as enclose a point of
+space, as three do in the plane. Eq. (1) asks for a mean distance of a third of a cell's
+diagonal, and so does the sum here.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import reduce
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.texture.signals.aligned import AlignedBlock
+from mmt.texture.completion.criterion import Progress, Thresholds
+from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
+from mmt.texture.settings import distance_scale
+
+if TYPE_CHECKING:
+    from mmt.texture.model.texture_model import TextureModel
+
+DIVISIONS: Final = 3
+NEIGHBOURS: Final = 3
+
+STOP_DISTANCE: Final = (
+    DIVISIONS**2 * NEIGHBOURS * math.hypot(1 / DIVISIONS, 1 / DIVISIONS) / NEIGHBOURS
+)
+"""Eq. (1): 4.243; modelling of an isotropic texture ends here."""
+
+START_DISTANCE: Final = 7.5
+"""Section V.C: rendering from the model may start here (about ten samples)."""
+
+FARTHEST: Final = math.sqrt(2.0)
+"""The plane's diagonal stands in for a neighbour that does not exist yet, so that the sum is
+defined for any number of samples and an added sample can only lower it."""
+
+CELL_CENTRES: Final[FloatArray] = np.array(
+    [
+        ((column + 0.5) / DIVISIONS, (row + 0.5) / DIVISIONS)
+        for row in range(DIVISIONS)
+        for column in range(DIVISIONS)
+    ]
+)
+"""Normalised (speed, force) of the nine centres, shape (9, 2)."""
+
+_QUADRATURE: Final = 200
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """The cells of an input space.
+
+    Attributes
+    ----------
+    centres
+        Normalised, shape (c, d).
+    neighbours
+        Whose distances are added at each.
+    diagonal
+        Of a whole cell.
+    farthest
+        The largest distance within the space, in place of a neighbour that is not there.
+    """
+
+    centres: FloatArray
+    neighbours: int
+    diagonal: float
+    farthest: float
+
+    @property
+    def empty(self) -> float:
+        """The sum without any sample."""
+        return len(self.centres) * self.neighbours * self.farthest
+
+    @property
+    def stop_distance(self) -> float:
+        """Eq. (1): the sum where the mean distance is a third of a cell's diagonal."""
+        return len(self.centres) * self.neighbours * self.diagonal / 3.0
+
+    @property
+    def start_distance(self) -> float:
+        """The sum with the share of the samples that starts an isotropic texture.
+
+        Distances among n samples go with ``n^(-1/d)``: paper A's 7.5 is reached with 0.32
+        of the samples that 4.243 takes.
+        """
+        share = (STOP_DISTANCE / START_DISTANCE) ** 2
+        return float(self.stop_distance * share ** (-1.0 / self.centres.shape[1]))
+
+
+def _reachable_centres() -> FloatArray:
+    """Return the centres (27, 3) of what the cylinder leaves of each box."""
+    fine = (np.arange(_QUADRATURE) + 0.5) / _QUADRATURE
+    rows = []
+    for force in range(DIVISIONS):
+        for row in range(DIVISIONS):
+            for column in range(DIVISIONS):
+                x, y = np.meshgrid(
+                    *(2.0 * (place + fine) / DIVISIONS - 1.0 for place in (column, row))
+                )
+                inside = np.hypot(x, y) <= 1.0
+                rows.append((x[inside].mean(), y[inside].mean(), (force + 0.5) / DIVISIONS))
+    return np.array(rows)
+
+
+PLANE_CELLS: Final = Cells(
+    CELL_CENTRES, NEIGHBOURS, math.hypot(1 / DIVISIONS, 1 / DIVISIONS), FARTHEST
+)
+"""Of speed and force."""
+
+VELOCITY_CELLS: Final = Cells(
+    _reachable_centres(),
+    NEIGHBOURS + 1,
+    math.hypot(2 / DIVISIONS, 2 / DIVISIONS, 1 / DIVISIONS),
+    math.hypot(2.0, 1.0),
+)
+"""Of velocity vector and force."""
+
+
+def cells_of(dimensions: int) -> Cells:
+    """Return the cells of the space of 2 or 3 inputs."""
+    return PLANE_CELLS if dimensions == 2 else VELOCITY_CELLS
+
+
+def cell_distances(points: FloatArray) -> FloatArray:
+    """Return, for each cell, the summed distance to the nearest samples.
+
+    Parameters
+    ----------
+    points
+        Normalised inputs of the samples, shape (n, d), without boundary points.
+
+    Returns
+    -------
+    FloatArray
+        Shape (c,), in the order of the cells' centres. O(n).
+    """
+    points = np.asarray(points)
+    cells = cells_of(points.shape[1])
+    missing = max(0, cells.neighbours - len(points))
+    distances = np.full((len(cells.centres), len(points) + missing), cells.farthest)
+    if len(points):
+        offsets = cells.centres[:, None, :] - points[None, :, :]
+        distances[:, : len(points)] = reduce(np.hypot, np.moveaxis(offsets, -1, 0))
+    nearest = np.partition(distances, cells.neighbours - 1, axis=1)[:, : cells.neighbours]
+    return np.asarray(nearest.sum(axis=1))
+
+
+def distance_sum(points: FloatArray) -> float:
+    """Return the completion sum over the cells; see `cell_distances`."""
+    return float(cell_distances(points).sum())
+
+
+class CompletionMonitor(Thresholds):
+    """Remember which of the two criteria the model has met; see `mmt.texture.completion.criterion`.
+
+    Parameters
+    ----------
+    start_distance, stop_distance
+        Thresholds on `distance_sum`.
+    dimensions
+        Of the model's input space.
+    """
+
+    def __init__(
+        self,
+        start_distance: float = START_DISTANCE,
+        stop_distance: float = STOP_DISTANCE,
+        dimensions: int = 2,
+    ) -> None:
+        super().__init__(distance_scale(start_distance, stop_distance))
+        self._dimensions = dimensions
+        self._space = ISOTROPIC if dimensions == 2 else ANISOTROPIC
+        self.progress = self._at(np.empty((0, dimensions)))
+
+    def observe(self, block: AlignedBlock) -> None:
+        """Take the newest of the stream, which says nothing here."""
+
+    def update(self, model: "TextureModel | None", time_s: float) -> None:
+        """Take the model at a session time in seconds."""
+        self.take(np.empty((0, self._dimensions)) if model is None else model.points, time_s)
+
+    def take(self, points: FloatArray, time_s: float) -> None:
+        """Take the samples (n, d) of the model at a session time in seconds."""
+        self.progress = self._at(points)
+        self.meet(self.progress.value, time_s)
+
+    @property
+    def distance(self) -> float:
+        """The newest sum."""
+        return self.progress.value
+
+    def _at(self, points: FloatArray) -> Progress:
+        distances = cell_distances(points)
+        centres = cells_of(self._dimensions).centres * self._space.scale
+        return Progress(
+            scale=self.scale,
+            value=float(distances.sum()),
+            cells=tuple(distances.tolist()),
+            advice=tuple(centres[int(np.argmax(distances))].tolist()) if len(points) else None,
+        )

@@ -1,0 +1,1 @@
+"""The level and shape of a texture over speed, force and heading, with their error."""

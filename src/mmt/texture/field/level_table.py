@@ -1,0 +1,82 @@
+"""The level of a model as a table, read in compiled code at the rate of the rendering.
+
+Logarithms of the level on a grid that is even in ln(speed), ln(force) and the heading, and
+interpolated linearly: exact for a power law. Below the slowest speed and the lightest force of
+the grid the level falls to zero linearly, as in `mmt.texture.field.trend`. A reading costs two
+logarithms and an exponential, and an arctangent more where the heading counts.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.compiled import kernel
+from mmt.texture.field.level_covariance import SLOWEST, Features
+
+PLANAR_SHAPE: Final = (1, 41, 41)
+"""Headings, speeds and forces of the table of a plane."""
+
+DIRECTED_SHAPE: Final = (48, 17, 17)
+"""Of one with headings, which are spread over a whole turn."""
+
+TABLE_SIZES: Final = 8
+"""Place of the table's shape in `TextureModel.law`; headings are zero where there is none."""
+
+TABLE: Final = TABLE_SIZES + 3
+"""Place of its first value."""
+
+_PER_LOGARITHM: Final = -1.0 / np.log(SLOWEST)
+_PER_RADIAN: Final = 0.5 / np.pi
+
+
+def table_grid(*, directed: bool) -> Features:
+    """Return the logarithms of speeds and forces and the headings of the table's axes."""
+    headings, speeds, forces = DIRECTED_SHAPE if directed else PLANAR_SHAPE
+    lowest = np.log(SLOWEST)
+    return Features(
+        np.linspace(lowest, 0.0, speeds),
+        np.linspace(lowest, 0.0, forces),
+        np.linspace(0.0, 2.0 * np.pi, headings, endpoint=False),
+    )
+
+
+@kernel("f8(f8[::1], f8, f8, f8)")
+def tabulated_level(law: FloatArray, x: float, y: float, force: float) -> float:
+    """Return the level at a normalised point.
+
+    Parameters
+    ----------
+    law
+        `TextureModel.law`, with a table.
+    x, y
+        Velocity; in the plane the speed and zero.
+    force
+        Normalised, as x and y.
+    """
+    headings, speeds = int(law[TABLE_SIZES]), int(law[TABLE_SIZES + 1])
+    forces = int(law[TABLE_SIZES + 2])
+    speed = np.sqrt(x * x + y * y)
+    fall = min(speed / SLOWEST, 1.0) * min(force / SLOWEST, 1.0)
+    if fall <= 0.0:
+        return 0.0
+    across = (1.0 + np.log(max(speed, SLOWEST)) * _PER_LOGARITHM) * (speeds - 1)
+    along = (1.0 + np.log(max(force, SLOWEST)) * _PER_LOGARITHM) * (forces - 1)
+    row, column = min(int(across), speeds - 2), min(int(along), forces - 2)
+    across -= row
+    along -= column
+    turn, below, above = 0.0, 0, 0
+    if headings > 1:
+        turn = np.arctan2(y, x) * _PER_RADIAN
+        turn = (turn - np.floor(turn)) * headings
+        below = min(int(turn), headings - 1)
+        turn -= below
+        above = below + 1 if below + 1 < headings else 0
+    value = 0.0
+    for heading, share in ((below, 1.0 - turn), (above, turn)):
+        place = TABLE + (heading * speeds + row) * forces + column
+        lower = law[place] + along * (law[place + 1] - law[place])
+        place += forces
+        upper = law[place] + along * (law[place + 1] - law[place])
+        value += share * (lower + across * (upper - lower))
+    return float(np.exp(value) * fall)

@@ -1,0 +1,198 @@
+"""Line spectral frequencies of a model's samples, with the scatter of their fits taken out.
+
+Each segment tells its filter with noise that shrinks with its length, and neighbours tell each
+other's: a stretch that is visited again and again is known as well as all its visits. Every
+frequency of the common order is estimated as a Gaussian process over the plane, or over velocity
+and force: a linear part, and a departure with a Matern covariance of smoothness 5/2 (Rasmussen
+and Williams, Gaussian Processes for Machine Learning, 2006, section 2.2). A sample's noise is in
+inverse proportion to its length. What is returned are the posterior means at the samples
+themselves, so that any interpolator may go on with them, and at the points around them, where a
+line that follows the speed goes on instead of standing still as a copy of the nearest sample's.
+
+The lengths of the departures are shared, and the ratio of noise to departure is each frequency's
+own, both of the largest evidence on a grid, with the scale integrated out by its best value: lines
+that follow the speed are hardly smoothed, resonances are. Over the velocity a stroke and its
+return count as nearly alike (`_RETURN`), since ridges are the same from both sides.
+
+A set of frequencies that would come closer than half as near to each other as they were fitted,
+around the samples as the nearest one's were, is brought back towards these: convex combinations of
+ordered frequencies are ordered.
+
+Cost: ten symmetric eigenproblems, nine of at most `_CHOICE` samples and one of at most `LARGEST`;
+where there are more samples they are pooled by cells first.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from scipy.linalg import eigh
+from scipy.spatial import cKDTree
+
+from mmt.core.arrays import FloatArray, IntArray
+from mmt.texture.interpolation.boundary import boundary
+from mmt.texture.field.level_covariance import matern
+from mmt.texture.model.samples import TextureSamples
+
+LARGEST: Final = 128
+"""Nodes of the process; more samples are pooled."""
+
+LEAST_SAMPLES: Final = 4
+"""With fewer there is nothing to tell noise by."""
+
+_CHOICE: Final = 64
+_SCALES: Final = ((0.25, 0.5, 1.0), (0.35, 0.7, 1.4))  # of speed or velocity, of force
+_NOISE: Final = np.geomspace(0.01, 3.0, 16)
+_USUAL_NOISE: Final = (np.log(0.1), 1.2)  # mean and deviation of the logarithm
+_FREE: Final = 4.0
+_RETURN: Final = 0.9
+_TINY: Final = 1e-12
+
+
+class _Spectrum(NamedTuple):
+    """Eigenvalues (k,) and vectors (k, k) of the whitened covariance, root weights (k,)."""
+
+    values: FloatArray
+    vectors: FloatArray
+    roots: FloatArray
+
+
+def smoothed(
+    points: FloatArray, lsf: FloatArray, weights: FloatArray, around: FloatArray | None = None
+) -> FloatArray:
+    """Return the frequencies of samples without most of their scatter, shape (n + b, order).
+
+    Parameters
+    ----------
+    points
+        Normalised, shape (n, 2) or (n, 3).
+    lsf
+        Strictly ascending in (0, pi), shape (n, order).
+    weights
+        How much each sample knows, such as its length, positive, shape (n,).
+    around
+        Further points to which the process is continued, shape (b, d), none by default.
+    """
+    asked, fitted = points, lsf
+    if around is not None:
+        asked = np.vstack([points, around])
+        fitted = np.vstack([lsf, lsf[cKDTree(points).query(around)[1]]])
+    if len(points) < LEAST_SAMPLES:
+        return fitted.copy()
+    nodes, values, known = _pooled(points, lsf, weights)
+    known = known / known.mean()
+    middle = (known @ values) / known.sum()
+    values = values - middle
+    chosen = np.unique(np.linspace(0, len(nodes) - 1, min(len(nodes), _CHOICE)).round().astype(int))
+    scales = _best_scales(nodes[chosen], values[chosen], known[chosen])
+    spectrum = _decompose(_covariance(nodes, nodes, scales), known)
+    rotated = _rotate(spectrum, values)
+    noise = _costs(spectrum, rotated).argmin(axis=0)
+    filtered = rotated / (spectrum.values[:, None] + np.square(_NOISE[noise]))
+    gains = spectrum.roots[:, None] * (spectrum.vectors @ filtered)
+    result = _covariance(asked, nodes, scales) @ gains + middle
+    return _kept_apart(result, fitted)
+
+
+def smoothed_shapes(samples: TextureSamples, *, inside: bool = False) -> FloatArray:
+    """Return the smoothed frequencies of a model's samples and of its boundary, (n + b, order).
+
+    Samples are weighted by their lengths; where these are not known all count alike. ``inside``
+    says whether the boundary has its points inside the space as well.
+    """
+    weights = np.ones(len(samples)) if samples.lengths is None else samples.lengths
+    around = boundary(samples.space.dimensions, inside=inside).points
+    return smoothed(samples.points, samples.lsf, weights, around)
+
+
+def _covariance(a: FloatArray, b: FloatArray, scales: tuple[float, float]) -> FloatArray:
+    """Return the prior covariance (k, l) of points, in units of the departure's variance."""
+    total = _FREE * (1.0 + (a - 0.5) @ (b - 0.5).T)
+    force = matern(np.abs(np.subtract.outer(a[:, -1], b[:, -1])), scales[1])[0]
+    if a.shape[1] == 2:
+        along = matern(np.abs(np.subtract.outer(a[:, 0], b[:, 0])), scales[0])[0]
+        return np.asarray(total + along * force)
+    speeds = np.hypot(a[:, 0], a[:, 1]) - 0.5, np.hypot(b[:, 0], b[:, 1]) - 0.5
+    total += _FREE * np.multiply.outer(*speeds)
+    away, back = (
+        np.hypot(
+            np.subtract.outer(a[:, 0], side * b[:, 0]), np.subtract.outer(a[:, 1], side * b[:, 1])
+        )
+        for side in (1.0, -1.0)
+    )
+    along = matern(away, scales[0])[0] + _RETURN * matern(back, scales[0])[0]
+    return np.asarray(total + along * force)
+
+
+def _decompose(covariance: FloatArray, weights: FloatArray) -> _Spectrum:
+    roots = np.sqrt(weights)
+    values, vectors = eigh(
+        covariance * np.multiply.outer(roots, roots),
+        overwrite_a=True,
+        check_finite=False,
+        driver="evd",
+    )
+    return _Spectrum(np.maximum(values, 0.0), vectors, roots)
+
+
+def _rotate(spectrum: _Spectrum, values: FloatArray) -> FloatArray:
+    return np.asarray(spectrum.vectors.T @ (spectrum.roots[:, None] * values))
+
+
+def _costs(spectrum: _Spectrum, rotated: FloatArray) -> FloatArray:
+    """Return minus the log evidence of each noise for each frequency, shape (16, order)."""
+    damped = spectrum.values + np.square(_NOISE)[:, None]
+    squares = (1.0 / damped) @ np.square(rotated)
+    middle, spread = _USUAL_NOISE
+    off = (np.log(_NOISE) - middle) / spread
+    half = 0.5 * len(rotated) * np.log(squares + _TINY)
+    return np.asarray(half + (0.5 * np.log(damped).sum(axis=1) + 0.5 * off * off)[:, None])
+
+
+def _best_scales(
+    points: FloatArray, values: FloatArray, weights: FloatArray
+) -> tuple[float, float]:
+    best, least = (_SCALES[0][0], _SCALES[1][0]), np.inf
+    for along in _SCALES[0]:
+        for force in _SCALES[1]:
+            spectrum = _decompose(_covariance(points, points, (along, force)), weights)
+            cost = float(_costs(spectrum, _rotate(spectrum, values)).min(axis=0).sum())
+            if cost < least:
+                best, least = (along, force), cost
+    return best
+
+
+def _pooled(
+    points: FloatArray, lsf: FloatArray, weights: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return at most `LARGEST` nodes with their frequencies and weights; means by weight."""
+    width = 0.02
+    while len(points) > LARGEST:
+        _, cell = np.unique(np.floor(points / width), axis=0, return_inverse=True)
+        cell = cell.reshape(-1)
+        shares = weights / np.asarray(np.bincount(cell, weights))[cell]
+        points, lsf = (_sums(shares[:, None] * values, cell) for values in (points, lsf))
+        weights = _sums(weights, cell)
+        width *= 1.25
+    return points, lsf, weights
+
+
+def _sums(values: FloatArray, cell: IntArray) -> FloatArray:
+    """Return the sums of rows (n, ...) by cell."""
+    sums = np.zeros((int(cell.max()) + 1, *values.shape[1:]))
+    np.add.at(sums, cell, values)
+    return sums
+
+
+def _kept_apart(result: FloatArray, fitted: FloatArray) -> FloatArray:
+    """Return sets whose least gap is half that of the fitted ones or more."""
+    least = 0.5 * _gaps(fitted)
+    kept = fitted.copy()
+    for share in (0.25, 0.5, 1.0):
+        mixed = fitted + share * (result - fitted)
+        valid = _gaps(mixed) >= least
+        kept[valid] = mixed[valid]
+    return kept
+
+
+def _gaps(lsf: FloatArray) -> FloatArray:
+    return np.asarray(np.diff(lsf, prepend=0.0, append=np.pi, axis=1).min(axis=1))

@@ -1,0 +1,87 @@
+"""The points over which a texture model is interpolated: samples, merged, and boundary points."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
+
+from mmt.core.arrays import FloatArray, IntArray
+from mmt.texture.interpolation.boundary import boundary
+
+COINCIDENT: Final = 1e-6
+"""Normalised distance below which two samples are one vertex, with their mean as value."""
+
+
+class Vertices(NamedTuple):
+    """Points, level and LSF, shape (n + b, d + 1 + order); the first `samples` are no boundary."""
+
+    table: FloatArray
+    samples: int
+
+
+def vertex_table(
+    points: FloatArray, level: FloatArray, lsf: FloatArray, *, inside: bool = False
+) -> Vertices:
+    """Return points, level and LSF of samples and boundary points.
+
+    Coincident samples become one vertex with the mean of their filters (a convex
+    combination of ordered LSF is ordered) and of their level. A boundary point copies its
+    nearest sample, but for the LSF where its own are given; on the edges of no speed and no force
+    its level is zero.
+
+    Parameters
+    ----------
+    points
+        Of the samples, normalised, shape (n, d).
+    level, lsf
+        Of the samples, shapes (n,) and (n, order), or (n + b, order) where those of all points
+        of `mmt.texture.interpolation.boundary.boundary` follow.
+    inside
+        Whether its points inside the space are vertices, too.
+    """
+    count, dimensions = points.shape
+    rows = np.column_stack([_on_edges(points), level, lsf[:count]])
+    vertex = _coincident(rows[:, :dimensions])
+    counts = np.bincount(vertex)
+    merged = np.zeros((len(counts), rows.shape[1]))
+    np.add.at(merged, vertex, rows)
+    merged /= counts[:, None]
+
+    around = boundary(dimensions, inside=inside)
+    distance = cdist(around.points, merged[:, :dimensions])
+    extension = merged[distance.argmin(axis=1)]
+    extension[:, :dimensions] = around.points
+    extension[around.silent, dimensions] = 0.0
+    if len(lsf) > count:
+        extension[:, dimensions + 1 :] = lsf[count:]
+    apart = distance.min(axis=1) > COINCIDENT
+    return Vertices(np.ascontiguousarray(np.vstack([merged, extension[apart]])), len(merged))
+
+
+def _on_edges(points: FloatArray) -> FloatArray:
+    """Return the points (n, d), those that all but lie on an edge moved onto it.
+
+    Beside the edge they would leave triangles without area, or a plane that ends before it.
+    A velocity has no edge: the boundary lies beyond the largest speed.
+    """
+    bounded = points if points.shape[1] == 2 else points[:, 2:]
+    moved = np.where(bounded < COINCIDENT, 0.0, bounded)
+    moved = np.where(moved > 1.0 - COINCIDENT, 1.0, moved)
+    return moved if points.shape[1] == 2 else np.hstack([points[:, :2], moved])
+
+
+def _coincident(points: FloatArray) -> IntArray:
+    """Return the vertex, counted from 0, that each of the points (n, d) is part of; (n,).
+
+    Points closer than `COINCIDENT` have one vertex, those in cells of that width which touch
+    each other may have: a chain of them is one vertex.
+    """
+    cells = np.round(points / COINCIDENT)
+    cells, cell = np.unique(cells, axis=0, return_inverse=True)
+    label = np.arange(len(cells))
+    for pair in cKDTree(cells).query_pairs(1.5, p=np.inf, output_type="ndarray"):
+        one, other = label[pair]
+        label[label == max(one, other)] = min(one, other)
+    _, vertex = np.unique(label[cell.reshape(-1)], return_inverse=True)
+    return vertex.reshape(-1).astype(np.int64)

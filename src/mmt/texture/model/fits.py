@@ -1,0 +1,110 @@
+"""Segments as samples of a model: fitted filters of one common order.
+
+Burg's method for each (`mmt.texture.autoregression.burg`), the order chosen from the newest of them where it is
+not given. Cost: O(samples x order).
+
+What a segment's power is worth (`mmt.texture.autoregression.effective_length`) follows from the same recursion
+led on to the highest automatic order: the common order is no higher than the shape of a few
+hundred samples bears, and so shows narrow lines broader than they are, and powers worth more.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.texture.autoregression.forms import reflection_to_lsf
+from mmt.texture.autoregression.burg import ReflectionFits, burg_batch
+from mmt.texture.autoregression.effective_length import effective_samples
+from mmt.texture.model.inputs import InputSpace
+from mmt.texture.autoregression.ordering import choose_order
+from mmt.texture.model.samples import TextureSamples
+from mmt.texture.segmentation.segments import Segment
+from mmt.texture.settings import ModellingSettings
+
+HIGHEST_AUTOMATIC_ORDER: Final = 24
+"""What "auto" may choose at most; a segment has at least four times as many samples."""
+
+ORDER_SEGMENTS: Final = 100
+"""So many of the newest segments choose an automatic order."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """One segment as a sample of the model."""
+
+    segment: Segment
+    lsf: FloatArray
+    variance: float
+    power: float
+    effective: float
+    """Independent samples that the power is worth."""
+    count: int
+    """Samples of the segment."""
+    number: int = 0
+    """Its own among the fits of a modeller."""
+
+
+def automatic_order(segments: Sequence[Segment], settings: ModellingSettings) -> int:
+    """Return the order that the newest segments call for."""
+    newest = [segment.vibration_m_s2 for segment in segments[-ORDER_SEGMENTS:]]
+    return choose_order(newest, largest=_resolving_order(settings))
+
+
+def fit_segments(
+    segments: Sequence[Segment], order: int, numbers: Iterator[int], settings: ModellingSettings
+) -> list[Fit]:
+    """Fit segments, each with a number of its own; what gives no filter is left out."""
+    usable = [segment for segment in segments if len(segment.vibration_m_s2) > order]
+    if not usable:
+        return []
+    vibration = [segment.vibration_m_s2 for segment in usable]
+    counts = np.array([len(part) for part in vibration])
+    resolving = _resolving_order(settings)
+    fits = burg_batch(vibration, max(order, resolving))
+    lsf, resolved = (_lsf_of(fits, wanted) for wanted in (order, resolving))
+    effective = effective_samples(resolved, counts)
+    fitted = [
+        Fit(
+            segment,
+            lsf[index],
+            float(fits.variances[index, order]),
+            float(fits.power[index]),
+            float(effective[index]),
+            int(counts[index]),
+            next(numbers),
+        )
+        for index, segment in enumerate(usable)
+    ]
+    return [fit for fit in fitted if _is_filter(fit)]
+
+
+def samples_of(fits: Sequence[Fit], space: InputSpace) -> TextureSamples:
+    """Return fits as the samples of a model."""
+    return TextureSamples(
+        inputs=np.array([fit.segment.inputs(space) for fit in fits]),
+        lsf=np.array([fit.lsf for fit in fits]),
+        variance=np.array([fit.variance for fit in fits]),
+        power=np.array([fit.power for fit in fits]),
+        space=space,
+        effective=np.array([fit.effective for fit in fits]),
+        counts=np.array([fit.count for fit in fits], dtype=np.float64),
+    )
+
+
+def _resolving_order(settings: ModellingSettings) -> int:
+    """Return the highest order that a segment of the least length bears."""
+    return min(HIGHEST_AUTOMATIC_ORDER, settings.shortest_samples // 4)
+
+
+def _lsf_of(fits: ReflectionFits, order: int) -> FloatArray:
+    """Return the frequencies of a lower order, whose fits the recursion has gone through."""
+    return reflection_to_lsf(np.ascontiguousarray(fits.reflection[:, :order]))
+
+
+def _is_filter(fit: Fit) -> bool:
+    """Say whether a fit can stand in a model: no power that overflows, no merged LSF."""
+    ascending = bool((np.diff(fit.lsf, prepend=0.0, append=np.pi) > 0).all())
+    return ascending and bool(np.isfinite(fit.power))

@@ -1,0 +1,188 @@
+"""What a texture model is a function of: its input space.
+
+An isotropic texture depends on speed and normal force (paper A); an anisotropic one on the
+velocity vector in the plane of the surface and on normal force (Abdulali and Jeon, paper B).
+Both are made dimensionless by the same two numbers, 300 mm/s and 3 N by default, so that a
+distance means the same in both: the isotropic space is the unit square, the anisotropic one a
+cylinder of radius and height one. A cylinder, not a box: what bounds a hand is its speed, in
+whatever direction, and which directions are x and y is arbitrary. A velocity that is too fast
+keeps its heading.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from mmt.core.arrays import FloatArray
+from mmt.core.compiled import kernel
+from mmt.core.errors import InputError
+from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, Inputs
+
+_LARGEST: Final = 1e6
+"""Normalised values count as no larger, so that the direction of an infinite one is defined."""
+
+CHANNELS: Final[dict[Inputs, tuple[str, ...]]] = {
+    "isotropic": ("speed_mm_s", "force_n"),
+    "anisotropic": ("velocity_x_mm_s", "velocity_y_mm_s", "force_n"),
+}
+"""The inputs of each space, in their order, with their units. Velocity x and y are along the
+two axes other than the surface's normal, in the order of the axes."""
+
+
+@dataclass(frozen=True)
+class InputSpace:
+    """An input space and where it ends.
+
+    Attributes
+    ----------
+    name
+        ``"isotropic"`` or ``"anisotropic"``.
+    maximum_speed_mm_s, maximum_force_n
+        Faster strokes count as this fast, stronger forces as this strong; distances are
+        Euclidean after division by these two.
+
+    Raises
+    ------
+    InputError
+        The name is unknown, or a maximum is not positive and finite.
+    """
+
+    name: Inputs = "isotropic"
+    maximum_speed_mm_s: float = MAXIMUM_SPEED_MM_S
+    maximum_force_n: float = MAXIMUM_FORCE_N
+
+    def __post_init__(self) -> None:
+        if self.name not in CHANNELS:
+            raise InputError(f"inputs is {self.name!r}, allowed are {', '.join(CHANNELS)}")
+        for name in ("maximum_speed_mm_s", "maximum_force_n"):
+            value = float(getattr(self, name))
+            if not (np.isfinite(value) and value > 0):
+                raise InputError(f"{name} is {value}: it must be positive and finite")
+            object.__setattr__(self, name, value)
+
+    @property
+    def directed(self) -> bool:
+        """Whether the heading counts."""
+        return self.name == "anisotropic"
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The inputs in their order, with their units."""
+        return CHANNELS[self.name]
+
+    @property
+    def dimensions(self) -> int:
+        """How many inputs there are, d: 2 or 3."""
+        return len(self.channels)
+
+    @property
+    def scale(self) -> FloatArray:
+        """What each input is divided by, shape (d,)."""
+        speeds = [self.maximum_speed_mm_s] * (self.dimensions - 1)
+        return np.array([*speeds, self.maximum_force_n])
+
+    def from_motion(
+        self,
+        velocity_x_mm_s: npt.ArrayLike,
+        velocity_y_mm_s: npt.ArrayLike,
+        force_n: npt.ArrayLike,
+    ) -> FloatArray:
+        """Return the inputs (n, d) of a motion over the surface, each shape (n,) or scalar."""
+        x, y, force = np.broadcast_arrays(
+            *(
+                np.atleast_1d(np.asarray(values, dtype=np.float64))
+                for values in (velocity_x_mm_s, velocity_y_mm_s, force_n)
+            )
+        )
+        return np.stack([x, y, force] if self.directed else [np.hypot(x, y), force], axis=-1)
+
+    def stack(self, *channels: npt.ArrayLike) -> FloatArray:
+        """Return the inputs (n, d) from d channels, each shape (n,) or scalar.
+
+        Raises
+        ------
+        InputError
+            There are not d channels.
+        """
+        if len(channels) != self.dimensions:
+            raise InputError(
+                f"{len(channels)} inputs were given: an {self.name} model takes "
+                f"{', '.join(self.channels)}"
+            )
+        arrays = [np.atleast_1d(np.asarray(values, dtype=np.float64)) for values in channels]
+        return np.stack(np.broadcast_arrays(*arrays), axis=-1)
+
+    def speed_mm_s(self, inputs: FloatArray) -> FloatArray:
+        """Return the speed (n,) of inputs (n, d)."""
+        return np.hypot(inputs[:, 0], inputs[:, 1]) if self.directed else inputs[:, 0]
+
+    def normalise(self, inputs: FloatArray) -> FloatArray:
+        """Return points (n, d) without dimension, brought to the end of the space if beyond.
+
+        NaN counts as zero, and so does a negative force or speed.
+        """
+        scaled = np.asarray(inputs, dtype=np.float64) / self.scale
+        scaled = np.nan_to_num(scaled, nan=0.0, posinf=_LARGEST, neginf=-_LARGEST)
+        if not self.directed:
+            return np.clip(scaled, 0.0, 1.0)
+        velocity = np.clip(scaled[:, :2], -_LARGEST, _LARGEST)
+        beyond = np.maximum(np.hypot(velocity[:, :1], velocity[:, 1:]), 1.0)
+        return np.hstack([velocity / beyond, np.clip(scaled[:, 2:], 0.0, 1.0)])
+
+
+ISOTROPIC: Final = InputSpace("isotropic")
+"""Speed and force, up to 300 mm/s and 3 N."""
+
+ANISOTROPIC: Final = InputSpace("anisotropic")
+"""Velocity vector and force, up to 300 mm/s and 3 N."""
+
+
+@kernel("f8(f8, f8)")
+def from_zero(value: float, per_unit: float) -> float:
+    """Return a speed or force, normalised and brought to 0 ... 1; NaN counts as 0."""
+    scaled = value * per_unit
+    return min(scaled, 1.0) if scaled > 0.0 else 0.0
+
+
+@kernel("f8(f8, f8)")
+def _bounded(value: float, per_unit: float) -> float:
+    scaled = value * per_unit
+    if scaled != scaled:  # noqa: PLR0124 - NaN
+        return 0.0
+    return max(min(scaled, _LARGEST), -_LARGEST)
+
+
+@kernel("void(f8, f8, f8, f8, f8, f8[::1])")
+def normalise_into(
+    first: float,
+    second: float,
+    third: float,
+    per_speed: float,
+    per_force: float,
+    point: FloatArray,
+) -> None:
+    """Write the normalised point (d,) of one moment's inputs, as `InputSpace.normalise` does.
+
+    Parameters
+    ----------
+    first, second, third
+        The d inputs; `third` is not read where d is 2.
+    per_speed, per_force
+        One over the maxima.
+    point
+        Shape (d,), written.
+    """
+    if len(point) == 2:
+        point[0] = from_zero(first, per_speed)
+        point[1] = from_zero(second, per_force)
+    else:
+        x, y = _bounded(first, per_speed), _bounded(second, per_speed)
+        square = x * x + y * y
+        if square > 1.0:
+            beyond = np.sqrt(square)
+            x /= beyond
+            y /= beyond
+        point[0], point[1] = x, y
+        point[2] = from_zero(third, per_force)

@@ -1,0 +1,155 @@
+"""Fitted segments: what a texture model is built from."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError
+from mmt.texture.autoregression.effective_length import lengths
+from mmt.texture.model.inputs import ISOTROPIC, InputSpace
+from mmt.texture.settings import LARGEST_ORDER
+
+
+@dataclass(frozen=True)
+class TextureSamples:
+    """Fitted segments.
+
+    Attributes
+    ----------
+    inputs
+        Mean inputs of each segment in the units of `space`, shape (n, d).
+    lsf
+        Line spectral frequencies in radians, shape (n, order).
+    variance
+        Variance of the excitation in (m/s2)^2, shape (n,).
+    power
+        Mean square of the vibration in (m/s2)^2, shape (n,).
+    space
+        What the inputs are.
+    effective
+        Independent samples that each power is worth, shape (n,), positive; None where it is
+        not known. See `mmt.texture.autoregression.effective_length`.
+    noise_power
+        Of the accelerometer, which is in every power, in (m/s2)^2; 0 where it is not known.
+    counts
+        Samples of the vibration that each segment has, shape (n,), positive; None where it is
+        not known.
+    """
+
+    inputs: FloatArray
+    lsf: FloatArray
+    variance: FloatArray
+    power: FloatArray
+    space: InputSpace = ISOTROPIC
+    effective: FloatArray | None = None
+    noise_power: float = 0.0
+    counts: FloatArray | None = None
+
+    @classmethod
+    def isotropic(
+        cls,
+        speed_mm_s: FloatArray,
+        force_n: FloatArray,
+        lsf: FloatArray,
+        variance: FloatArray,
+        power: FloatArray,
+    ) -> Self:
+        """Return samples in the plane of speed and force, each of shape (n,)."""
+        for name, values in (("speed_mm_s", speed_mm_s), ("force_n", force_n)):
+            if np.shape(values) != (len(lsf),):
+                raise InputError(f"{name} has shape {np.shape(values)}, ({len(lsf)},) needed")
+        return cls(np.column_stack([speed_mm_s, force_n]), lsf, variance, power)
+
+    def __len__(self) -> int:
+        return len(self.inputs)
+
+    @property
+    def speed_mm_s(self) -> FloatArray:
+        """Speed of each segment, that of its mean velocity where the heading counts; (n,)."""
+        return self.space.speed_mm_s(self.inputs)
+
+    @property
+    def force_n(self) -> FloatArray:
+        """Mean normal force of each segment, (n,)."""
+        return self.inputs[:, -1]
+
+    @property
+    def points(self) -> FloatArray:
+        """Normalised inputs, shape (n, d)."""
+        return self.space.normalise(self.inputs)
+
+    @cached_property
+    def lengths(self) -> FloatArray | None:
+        """How many samples each segment has, (n,), None where nothing tells it.
+
+        Without `counts`, as in a model file of an earlier version, those from which `effective`
+        follows by the filters themselves.
+        """
+        if self.counts is not None:
+            return self.counts
+        return None if self.effective is None else lengths(self.lsf, self.effective)
+
+    def frozen(self) -> Self:
+        """Return a copy whose arrays cannot be written."""
+        return replace(
+            self,
+            inputs=_read_only(self.inputs),
+            lsf=_read_only(self.lsf),
+            variance=_read_only(self.variance),
+            power=_read_only(self.power),
+            effective=None if self.effective is None else _read_only(self.effective),
+            counts=None if self.counts is None else _read_only(self.counts),
+        )
+
+    def check(self) -> None:
+        """Raise `InputError` where a model cannot be built from these.
+
+        Raises
+        ------
+        InputError
+            Shapes disagree, a number is not finite, what cannot be negative is, or an LSF
+            set is not ascending inside (0, pi).
+        """
+        lsf, inputs = np.asarray(self.lsf), np.asarray(self.inputs)
+        if lsf.ndim != 2 or not 1 <= lsf.shape[1] <= LARGEST_ORDER or not len(lsf):
+            raise InputError(
+                f"lsf has shape {lsf.shape}: at least one sample of order 1 to 64 needed"
+            )
+        shape = (len(lsf), self.space.dimensions)
+        if inputs.shape != shape:
+            raise InputError(f"inputs has shape {inputs.shape}, {shape} needed")
+        for name, values in zip(self.space.channels, inputs.T, strict=True):
+            signed = name.startswith("velocity")
+            _check_numbers(name, values, len(lsf), signed=signed)
+        for name in ("variance", "power"):
+            _check_numbers(name, getattr(self, name), len(lsf))
+        for name in ("effective", "counts"):
+            values = getattr(self, name)
+            if values is not None:
+                _check_numbers(name, values, len(lsf))
+                if not (np.asarray(values) > 0.0).all():
+                    raise InputError(f"{name} must be positive")
+        if not (np.isfinite(self.noise_power) and self.noise_power >= 0.0):
+            raise InputError(f"noise_power is {self.noise_power}: finite and not negative needed")
+        inside = np.isfinite(lsf).all() and (lsf > 0).all() and (lsf < np.pi).all()
+        if not inside or (np.diff(lsf, axis=1) <= 0).any():
+            raise InputError("lsf must ascend strictly inside (0, pi)")
+
+
+def _check_numbers(name: str, values: Any, count: int, *, signed: bool = False) -> None:
+    values = np.asarray(values)
+    if values.shape != (count,):
+        raise InputError(f"{name} has shape {values.shape}, ({count},) needed")
+    if not np.isfinite(values).all():
+        raise InputError(f"{name} must be finite and not negative")
+    if not signed and (values < 0).any():
+        raise InputError(f"{name} must be finite and not negative")
+
+
+def _read_only(array: Any) -> FloatArray:
+    copy = np.array(array, dtype=np.float64, order="C")
+    copy.setflags(write=False)
+    return copy

@@ -1,0 +1,299 @@
+"""The texture model: autoregressive filters over the inputs of a hand.
+
+Awan et al., section V.B: the samples' filters, kept as line spectral frequencies (LSF), stand
+at their mean speed and force, both divided by their maxima; the plane is Delaunay
+triangulated, extended by boundary points on its four edges. Abdulali and Jeon (paper B): in
+place of the speed, the velocity vector. What differs between the two is the input space
+(`mmt.texture.model.inputs`) and the interpolator (`mmt.texture.interpolation.interpolators`). A model never
+changes: modelling builds a new one and hands it over by one assignment.
+"""
+
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Self, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from mmt.core.arrays import FloatArray, IntArray
+from mmt.core.errors import InputError
+from mmt.texture.model.fitted import Fitted
+from mmt.texture.model.inputs import InputSpace
+from mmt.texture.interpolation.interpolant import Interpolant
+from mmt.texture.interpolation.delaunay import Triangulation, triangulate
+from mmt.texture.interpolation.interpolators import BUILDERS
+from mmt.texture.model.law import (
+    DIMENSIONS,
+    FORCE_EXPONENT,
+    KIND,
+    LEVEL_KIND,
+    LEVELS,
+    MODEL_ORDER,
+    PER_FORCE,
+    PER_SPEED,
+    SPEED_EXPONENT,
+    filters_into,
+)
+from mmt.texture.field.level_table import TABLE, TABLE_SIZES
+from mmt.texture.model.file import pack, unpack
+from mmt.texture.model.samples import TextureSamples
+from mmt.texture.settings import Interpolated, Interpolation, Level, Shape
+from mmt.texture.autoregression.spectra import lsf_spectrum
+from mmt.texture.field.trend import NO_TREND, fit_trend, without_trend
+from mmt.texture.interpolation.vertices import vertex_table
+
+if TYPE_CHECKING:
+    from mmt.texture.field.level_process import LevelProcess
+
+__all__ = ["LEVELS", "TextureModel", "TextureSamples"]
+
+
+class TextureModel:
+    """An immutable model: ask it for a filter or a spectrum at any inputs.
+
+    Parameters
+    ----------
+    samples
+        At least one; copied. A sample beyond the end of its space counts as lying there.
+    interpolate
+        What is interpolated beside the LSF: ``"variance"`` of the excitation (the published
+        way), ``"power"`` of the vibration, or its ``"amplitude"``, the root of the power.
+        With the latter two the variance follows from the interpolated filter's own gain.
+    interpolator
+        How: one of `mmt.texture.interpolation.interpolators.BUILDERS`.
+    level
+        What the level follows: ``"interpolated"`` as said above, or ``"gaussian_process"``, the
+        posterior mean of `mmt.texture.field.level_process`, for which `interpolate` is ``"power"``.
+    shape
+        Whether the spectra are those of the samples, ``"measured"``, or ``"smoothed"`` over all of
+        them by `mmt.texture.field.shape_smoothing`.
+    rate_hz
+        Sampling rate of the filters.
+    previous
+        An earlier state of the same model, from which some interpolators grow at less cost.
+    fitted
+        What `fitted` was of a model of the same samples: nothing is fitted or chosen anew.
+
+    Raises
+    ------
+    InputError
+        Shapes disagree, a number is not finite or negative, an LSF set is not ascending
+        inside (0, pi), there is no such interpolation or level, or the two exclude each other.
+    """
+
+    def __init__(
+        self,
+        samples: TextureSamples,
+        *,
+        interpolate: Interpolated = "power",
+        interpolator: Interpolation = "delaunay",
+        level: Level = "interpolated",
+        shape: Shape = "measured",
+        rate_hz: float = 1000.0,
+        previous: "TextureModel | None" = None,
+        fitted: Fitted | None = None,
+    ) -> None:
+        for name, value, allowed in (
+            ("interpolate", interpolate, list(LEVELS)),
+            ("interpolator", interpolator, list(BUILDERS)),
+            ("level", level, get_args(Level)),
+            ("shape", shape, get_args(Shape)),
+        ):
+            if value not in allowed:
+                raise InputError(f"{name} is {value!r}, allowed are {', '.join(allowed)}")
+        if level != "interpolated" and interpolate != "power":
+            raise InputError(f'level {level!r} needs interpolate "power", not {interpolate!r}')
+        samples.check()
+        self.samples = samples.frozen()
+        self.interpolate: Interpolated = interpolate
+        self.interpolator: Interpolation = interpolator
+        self.rate_hz = float(rate_hz)
+        self.points = self.samples.points
+        self.points.setflags(write=False)
+        self.level: Level = level
+        self.shape: Shape = shape
+        values = {
+            "variance": self.samples.variance,
+            "power": self.samples.power,
+            "amplitude": np.sqrt(self.samples.power),
+        }[interpolate]
+        self.trend = NO_TREND
+        if self.space.directed:
+            is_amplitude = interpolate == "amplitude"
+            self.trend = (
+                fitted.trend
+                if fitted
+                else fit_trend(self.points, values, is_amplitude=is_amplitude)
+            )
+            values = without_trend(self.points, values, self.trend)
+        inside = (level, shape) == ("gaussian_process", "smoothed")
+        lsf = self._lsf(inside=inside)
+        self.vertices, samples_alone = vertex_table(self.points, values, lsf, inside=inside)
+        self.dimensions = dimensions = self.space.dimensions
+        grown = previous is not None and previous._alike == self._alike
+        self.interpolant: Interpolant = BUILDERS[interpolator](
+            self.vertices[:, :dimensions],
+            self.vertices[:, dimensions:],
+            samples_alone,
+            previous.interpolant if previous is not None and grown else None,
+            fitted.networks if fitted else (),
+        )
+
+        self._hyperparameters = fitted.level if fitted else None
+        self._process_before = None if previous is None else previous._made_process
+        if level == "gaussian_process":
+            _ = self.law  # made now, where modelling has the time
+
+    @property
+    def fitted(self) -> Fitted:
+        """What was found in the samples."""
+        process = self.level_process if self.level == "gaussian_process" else None
+        hyperparameters = None if process is None else process.hyperparameters
+        return Fitted(self.trend, self.interpolant.networks, hyperparameters)
+
+    @cached_property
+    def law(self) -> FloatArray:
+        """What the rendering needs beside the interpolant's arrays, by the numbers below."""
+        process = self.level_process if self.level == "gaussian_process" else None
+        table = np.zeros((0, 0, 0)) if process is None else process.table()
+        law = np.empty(TABLE + table.size)
+        law[TABLE_SIZES:TABLE], law[TABLE:] = table.shape, table.ravel()
+        law[KIND], law[LEVEL_KIND] = self.interpolant.kind, LEVELS[self.interpolate]
+        law[SPEED_EXPONENT], law[FORCE_EXPONENT] = self.trend
+        law[PER_SPEED] = 1.0 / self.space.maximum_speed_mm_s
+        law[PER_FORCE] = 1.0 / self.space.maximum_force_n
+        law[DIMENSIONS], law[MODEL_ORDER] = self.dimensions, self.order
+        return law
+
+    @cached_property
+    def level_process(self) -> "LevelProcess | None":
+        """The level with its uncertainty, whatever is rendered; None where no sample has power.
+
+        A sample whose length is not known counts as `mmt.texture.autoregression.effective_length.UNKNOWN`.
+        """
+        from mmt.texture.field.level_process import level_process
+
+        before, self._process_before = self._process_before, None
+        return level_process(self.samples, before, self._hyperparameters)
+
+    def level_db(self, *inputs: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return mean and standard deviation of the level in dB, each of shape (k,).
+
+        The level of `level_process`, 0 dB being 1 (m/s2)^2: where the model's level is
+        ``"interpolated"`` it is not the one that is rendered. The inputs are those of `at`.
+
+        Raises
+        ------
+        InputError
+            There are not d inputs, or no sample has any power.
+        """
+        points = self.space.normalise(self.space.stack(*inputs))
+        if self.level_process is None:
+            raise InputError("no sample of the model has any power: its level has no logarithm")
+        return self.level_process.level_db(points)
+
+    def _lsf(self, *, inside: bool) -> FloatArray:
+        """Return the frequencies at the samples, and around them where they are smoothed."""
+        if self.shape == "measured":
+            return self.samples.lsf
+        from mmt.texture.field.shape_smoothing import smoothed_shapes
+
+        return smoothed_shapes(self.samples, inside=inside)
+
+    @property
+    def _made_process(self) -> "LevelProcess | None":
+        """The process where it has been made, from which that of the next model grows."""
+        made = self.__dict__.get("level_process")
+        return self._process_before if made is None else made
+
+    @property
+    def _alike(self) -> tuple[object, ...]:
+        """What an earlier model must share to be grown from."""
+        return self.space, self.interpolate, self.interpolator, self.shape, self.order
+
+    @property
+    def space(self) -> InputSpace:
+        """What the model is a function of."""
+        return self.samples.space
+
+    @property
+    def order(self) -> int:
+        """The order that all filters share."""
+        return int(self.samples.lsf.shape[1])
+
+    @property
+    def triangles(self) -> IntArray:
+        """Corners and neighbours, shape (t, 2 (d + 1)); see `Triangulation`."""
+        return self.triangulation.triangles
+
+    @cached_property
+    def triangulation(self) -> Triangulation:
+        """The triangulation of samples and boundary points, whatever the interpolator."""
+        points = np.ascontiguousarray(self.vertices[:, : self.dimensions])
+        if self.interpolator == "delaunay":
+            return Triangulation(points, self.interpolant.links)
+        return triangulate(points)
+
+    def at(self, *inputs: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Interpolate the filter.
+
+        Parameters
+        ----------
+        *inputs
+            The d inputs of the model's space, speed and force or velocity x, y and force;
+            each of shape (k,) or a scalar. Beyond the end of the space they count as lying
+            there, NaN counts as zero.
+
+        Returns
+        -------
+        lsf, variance
+            Shapes (k, order) and (k,).
+
+        Raises
+        ------
+        InputError
+            There are not d inputs.
+        """
+        points = np.ascontiguousarray(self.space.normalise(self.space.stack(*inputs)))
+        lsf, variance = np.empty((len(points), self.order)), np.empty(len(points))
+        by = self.interpolant
+        filters_into(by.rows, by.links, by.tail, self.law, points, lsf, variance)
+        return lsf, variance
+
+    def spectrum(self, *inputs: npt.ArrayLike, frequencies_hz: FloatArray) -> FloatArray:
+        """Return the one-sided power spectral density in (m/s2)^2/Hz, shape (k, f).
+
+        The inputs are those of `at`.
+        """
+        lsf, variance = self.at(*inputs)
+        return lsf_spectrum(lsf, variance, frequencies_hz, self.rate_hz)
+
+    def save(self, path: Path) -> None:
+        """Write the model as ``.npz``; the layout is in ``docs/reference/model-file.md``."""
+        path.write_bytes(self.to_bytes())
+
+    def to_bytes(self) -> bytes:
+        """Return what `save` writes."""
+        return pack(self)
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Read what `save` wrote, now or in an earlier version.
+
+        Raises
+        ------
+        InputError
+            The file is missing, is no model, has another version, or holds bad numbers.
+        """
+        try:
+            return cls.from_bytes(path.read_bytes())
+        except OSError as error:
+            raise InputError(f"model {path}: {error.strerror or error}") from error
+        except InputError as error:
+            raise InputError(f"model {path}: {error}") from error
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> Self:
+        """Rebuild a model from `to_bytes`; raises `InputError` as `load` does."""
+        samples, settings = unpack(data)
+        return cls(samples, **settings)

@@ -1,0 +1,1 @@
+"""A model built from a stream, update by update."""

@@ -1,0 +1,1 @@
+"""Stationary segments of a stream."""

@@ -1,0 +1,265 @@
+"""Stationary stretches of a stream: straight path, steady speed, steady force.
+
+Two stages, bottom-up, on the input signals alone (Abdulali and Jeon, "Data-driven modeling of
+anisotropic haptic textures: data segmentation and interpolation", EuroHaptics 2016; cited by
+paper A, section V.A): pieces of path that stay within tau_1 of their chord, and inside them
+pieces whose std/mean of speed and of normal force stay within tau_2. Where the heading counts,
+the velocity vector takes the place of the speed: the deviation of the vector from its mean, over
+the mean's length, stays within tau_2. It is never less than the speed's own, so that such pieces
+are steady in speed as well, and a heading that varies by tau_2 in rad (rms) ends a piece.
+
+Online, the newest data is segmented together with what came before and may still change
+(paper A, section V.C, puts the last 200 samples in front). While a stretch goes on, its last
+piece is provisional, every other one that reaches into the last `overlap_samples`, and the one
+before those. A provisional segment is handed out, so that a model profits at once, and replaced
+when the next update finds another in its place; if it finds none there, the segment stays. What
+is final is never cut again, and no sample is in two segments at a time.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from mmt.core.arrays import BoolArray, IntArray
+from mmt.core.errors import InputError
+from mmt.texture.signals.aligned import AlignedBlock
+from mmt.texture.segmentation.pieces import CELL, cell_moments, stationary_pieces, straight_pieces
+from mmt.texture.segmentation.segments import SampleRange, Segment
+from mmt.texture.settings import ModellingSettings
+
+
+@dataclass(frozen=True)
+class SegmentationSettings:
+    """What counts as a segment.
+
+    ``straightness_mm`` (tau_1) is the largest distance of the path from its chord,
+    ``stationarity`` (tau_2) the largest std/mean of speed and of force. A segment has
+    ``shortest_samples`` to ``longest_samples``. Below ``least_speed_mm_s`` or
+    ``least_force_n`` nothing is segmented: std/mean explodes near zero. ``by_heading`` says
+    whether the heading has to be steady too.
+
+    Raises
+    ------
+    InputError
+        A number is not positive, or longest_samples is under twice shortest_samples.
+    """
+
+    straightness_mm: float = 1.0
+    stationarity: float = 0.12
+    shortest_samples: int = 120
+    longest_samples: int = 1000
+    least_speed_mm_s: float = 10.0
+    least_force_n: float = 0.1
+    by_heading: bool = False
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name != "by_heading" and not (math.isfinite(value) and value > 0):
+                raise InputError(f"{field.name} is {value}: it must be positive and finite")
+        if self.longest_samples < 2 * max(self.shortest_samples, CELL):
+            raise InputError(
+                f"longest_samples is {self.longest_samples}: it must be at least twice "
+                f"shortest_samples ({self.shortest_samples}) and at least {2 * CELL}"
+            )
+
+
+def segmentation_of(settings: ModellingSettings) -> SegmentationSettings:
+    """Return what a modelling's settings say of segments."""
+    return SegmentationSettings(
+        straightness_mm=settings.straightness_mm,
+        stationarity=settings.stationarity,
+        shortest_samples=settings.shortest_samples,
+        longest_samples=settings.longest_samples,
+        least_speed_mm_s=settings.least_speed_mm_s,
+        least_force_n=settings.least_force_n,
+        by_heading=settings.inputs == "anisotropic",
+    )
+
+
+class SegmentChange(NamedTuple):
+    """What an update changes: take `removed` out first, then put `added` in."""
+
+    added: list[Segment]
+    removed: list[SampleRange]
+
+
+class OnlineSegmenter:
+    """Segment a stream of aligned blocks, update by update.
+
+    Samples that are not valid, too slow or too light, and jumps in the index, end a stretch.
+    The grid of `mmt.texture.segmentation.pieces.CELL` samples is absolute; a cell is used when all its
+    samples and both neighbouring cells are usable, which keeps segments 10 to 20 samples
+    clear of the edges of contact, over which the filters smear.
+
+    It remembers at most about ``3 longest_samples + overlap_samples`` samples. Cost of an
+    update: about 0.2 ms plus that of `straight_pieces` and `stationary_pieces` over the
+    remembered and the new samples; 0.6 ms for 2400 samples.
+
+    Parameters
+    ----------
+    settings
+        What counts as a segment.
+    overlap_samples
+        Pieces of a stretch that goes on can change while they reach into so many newest
+        samples; with 0, only the one that touches the newest sample and the one before.
+
+    Raises
+    ------
+    InputError
+        `overlap_samples` is negative.
+    """
+
+    def __init__(
+        self, settings: SegmentationSettings | None = None, overlap_samples: int = 200
+    ) -> None:
+        if overlap_samples < 0:
+            raise InputError(f"overlap_samples is {overlap_samples}: it must not be negative")
+        self._settings = settings or SegmentationSettings()
+        self._overlap = overlap_samples
+        self._tail = AlignedBlock.empty()
+        self._settled = 0  # pieces before this sample are final
+        self._provisional: list[SampleRange] = []
+
+    def update(self, block: AlignedBlock) -> SegmentChange:
+        """Take the next aligned samples, any number of them, and return what changed."""
+        change = SegmentChange([], [])
+        runs = list(_contiguous_runs(block))
+        for number, run in enumerate(runs):
+            tail = self._tail
+            if len(tail) and run.index[0] == tail.index[-1] + 1:
+                self._tail = AlignedBlock.concatenate([tail, run])
+            else:
+                self._tail = run
+                self._settled = int(run.index[0])
+                self._provisional = []
+            self._segment(change, goes_on=number == len(runs) - 1)
+        return change
+
+    def _segment(self, change: SegmentChange, *, goes_on: bool) -> None:
+        """Segment what is not settled of the tail, a contiguous run, and move on."""
+        oldest, newest = int(self._tail.index[0]), int(self._tail.index[-1]) + 1
+        first_cell = -(-oldest // CELL)
+        cells = newest // CELL - first_cell
+        if cells < 3:
+            return
+        begin = first_cell * CELL - oldest
+        grid = self._tail[begin : begin + cells * CELL]
+        unsettled = max(self._settled // CELL - first_cell, 0)
+        pieces = _find_pieces(grid, unsettled, self._settings)
+
+        margin = (newest - self._overlap) // CELL - first_cell
+        settled = pieces.settled(margin) if goes_on else cells
+        self._settled = max(self._settled, (first_cell + settled) * CELL)
+        shortest_cells = -(-self._settings.shortest_samples // CELL)
+        found = [
+            SampleRange((first_cell + start) * CELL, (first_cell + stop) * CELL)
+            for start, stop in pieces.stationary(shortest_cells)
+        ]
+        self._exchange(found, change)
+        # Straightness is judged over the whole piece of path, though its settled part is not
+        # segmented again. The cell before it is the left neighbour of the first one.
+        line_start = max(
+            first_cell + pieces.line_start(settled),
+            (self._settled - self._settings.longest_samples) // CELL,
+        )
+        self._tail = self._tail[max((line_start - 1) * CELL - oldest, 0) :]
+
+    def _exchange(self, found: list[SampleRange], change: SegmentChange) -> None:
+        """Replace the provisional segments that overlap another one found now."""
+        tail = self._tail
+        kept = []
+        for old in self._provisional:
+            overlaps = any(old.start < new.stop and new.start < old.stop for new in found)
+            if overlaps and old not in found:
+                change.removed.append(old)
+            else:
+                kept.append(old)
+        fresh = [new for new in found if new not in kept]
+        for new in fresh:
+            begin = new.start - int(tail.index[0])
+            part = tail[begin : begin + new.stop - new.start]
+            change.added.append(Segment.from_block(part, new, final=new.stop <= self._settled))
+        self._provisional = [span for span in kept + fresh if span.stop > self._settled]
+
+
+def segment(block: AlignedBlock, settings: SegmentationSettings | None = None) -> list[Segment]:
+    """Segment a whole recording in one pass, with all of it known.
+
+    O(n log n) for n samples, but for straight pieces of many seconds; see `straight_pieces`.
+    """
+    return OnlineSegmenter(settings).update(block).added
+
+
+def _contiguous_runs(block: AlignedBlock) -> Iterator[AlignedBlock]:
+    if len(block):
+        cuts = np.flatnonzero(np.diff(block.index) != 1) + 1
+        edges = [0, *cuts.tolist(), len(block)]
+        for start, stop in pairwise(edges):
+            yield block[start:stop]
+
+
+@dataclass(frozen=True, eq=False)
+class _Pieces:
+    """What a grid of cells was cut into.
+
+    ``whole`` (cells,): every sample of the cell is usable. ``usable`` (cells,): those of its
+    neighbours are too. ``lines`` (cells,): a piece of path begins. ``starts`` and ``stops``
+    (pieces,): cells of the pieces, also of single unusable cells.
+    """
+
+    whole: BoolArray
+    usable: BoolArray
+    lines: BoolArray
+    starts: IntArray
+    stops: IntArray
+
+    def stationary(self, shortest_cells: int) -> list[tuple[int, int]]:
+        """Return first and last cell (exclusive) of the pieces that are long enough."""
+        kept = self.usable[self.starts] & (self.stops - self.starts >= shortest_cells)
+        return list(zip(self.starts[kept].tolist(), self.stops[kept].tolist(), strict=True))
+
+    def settled(self, margin: int) -> int:
+        """Return the cell before which nothing is segmented again.
+
+        The newest cell has no right neighbour yet and so belongs to no piece. A stretch that
+        reaches up to it goes on: of its pieces, those that touch the end or reach beyond the
+        cell `margin` can change, and with the first of them where the one before it ends.
+        """
+        newest = len(self.whole) - 1
+        if not self.usable[newest - 1]:
+            return newest if self.whole[newest] else newest + 1
+        stretch = int(np.flatnonzero(~self.usable[:newest])[-1]) + 1
+        inside = self.starts >= stretch
+        first_open = np.flatnonzero(inside & ((self.stops > margin) | (self.stops >= newest)))[0]
+        return int(self.starts[max(first_open - 1, np.flatnonzero(inside)[0])])
+
+    def line_start(self, cell: int) -> int:
+        """Return where the piece of path begins that holds a cell."""
+        return int(np.flatnonzero(self.lines[: cell + 1])[-1])
+
+
+def _find_pieces(grid: AlignedBlock, unsettled: int, settings: SegmentationSettings) -> _Pieces:
+    """Cut a grid of whole cells; stationary pieces only from the cell `unsettled` on."""
+    good = grid.valid & (grid.speed_mm_s >= settings.least_speed_mm_s)
+    good &= grid.normal_force_n >= settings.least_force_n
+    whole = np.logical_and.reduce(good.reshape(-1, CELL), axis=1)
+    usable = np.zeros_like(whole)
+    usable[1:-1] = whole[:-2] & whole[1:-1] & whole[2:]
+    edges = ~usable | ~np.roll(usable, 1)
+    lines = straight_pieces(edges, grid.position_mm, settings.straightness_mm)
+
+    motion = grid.velocity_mm_s if settings.by_heading else grid.speed_mm_s[:, None]
+    vector = 2 if settings.by_heading else 0
+    inputs = np.column_stack([grid.normal_force_n, motion])[unsettled * CELL :]
+    edges = lines[unsettled:].copy()
+    edges[:1] = True
+    longest_cells = settings.longest_samples // CELL
+    moments = cell_moments(inputs)
+    begins = stationary_pieces(edges, moments, settings.stationarity, longest_cells, vector)
+    starts = np.flatnonzero(begins) + unsettled
+    return _Pieces(whole, usable, lines, starts, np.append(starts, len(whole))[1:])

@@ -1,0 +1,61 @@
+"""Segments: stationary stretches of a stream, with what a model needs of them."""
+
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+from mmt.core.arrays import FloatArray
+from mmt.texture.signals.aligned import AlignedBlock
+from mmt.texture.signals.dft321 import dft321
+from mmt.texture.model.inputs import InputSpace
+
+
+class SampleRange(NamedTuple):
+    """Samples by absolute number, `start` included and `stop` not."""
+
+    start: int
+    stop: int
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """One stationary stretch.
+
+    ``start`` and ``stop`` are absolute sample numbers, half-open. ``speed_mm_s``,
+    ``velocity_mm_s`` (x, y in the plane of the surface) and ``force_n`` are means.
+    ``vibration_m_s2`` (stop - start,) is a copy, one axis or DFT321.
+    ``time_ns`` is the time of the last sample. ``final`` is False where a later update may
+    still replace the segment.
+    """
+
+    start: int
+    stop: int
+    speed_mm_s: float
+    velocity_mm_s: tuple[float, float]
+    force_n: float
+    vibration_m_s2: FloatArray
+    time_ns: int
+    final: bool
+
+    @classmethod
+    def from_block(cls, part: AlignedBlock, span: SampleRange, *, final: bool) -> Self:
+        """Return the segment of the samples `span`, which `part` holds."""
+        vibration = part.vibration_m_s2
+        return cls(
+            start=span.start,
+            stop=span.stop,
+            speed_mm_s=float(part.speed_mm_s.mean()),
+            velocity_mm_s=(
+                float(part.velocity_mm_s[:, 0].mean()),
+                float(part.velocity_mm_s[:, 1].mean()),
+            ),
+            force_n=float(part.normal_force_n.mean()),
+            vibration_m_s2=dft321(vibration) if vibration.shape[1] == 3 else vibration[:, 0].copy(),
+            time_ns=int(part.time_ns[-1]),
+            final=final,
+        )
+
+    def inputs(self, space: InputSpace) -> tuple[float, ...]:
+        """Return where the segment stands in the input space of a model, shape (d,)."""
+        if space.directed:
+            return (*self.velocity_mm_s, self.force_n)
+        return self.speed_mm_s, self.force_n

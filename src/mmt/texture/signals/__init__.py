@@ -1,0 +1,1 @@
+"""Filters, alignment, spectra of signals, and DFT321."""

@@ -1,0 +1,60 @@
+"""What the filters hand on: channels that belong together, sample by sample."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Self
+
+import numpy as np
+
+from mmt.core.arrays import BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class AlignedBlock:
+    """Filtered channels that belong to the same instants, one element a frame.
+
+    ``index`` (n,) is the frame's sequence number, strictly ascending, with jumps where
+    frames are missing; ``time_ns`` (n,) its time. ``position_mm`` (n, 3) is low-passed.
+    ``velocity_mm_s`` (n, 2) is the velocity in the plane orthogonal to the normal axis,
+    along its two axes in their order, ``speed_mm_s`` (n,) its magnitude.
+    ``normal_force_n`` (n,) is positive when pressing, else 0. ``vibration_m_s2`` is high-
+    passed, (n, 1) for an axis and (n, 3) for DFT321, which is applied to whole segments.
+    ``valid`` (n,) is False while the filters settle after a gap.
+    """
+
+    index: IntArray
+    time_ns: IntArray
+    position_mm: FloatArray
+    velocity_mm_s: FloatArray
+    speed_mm_s: FloatArray
+    normal_force_n: FloatArray
+    vibration_m_s2: FloatArray
+    valid: BoolArray
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    def __getitem__(self, part: slice) -> Self:
+        return type(self)(*(getattr(self, field.name)[part] for field in fields(self)))
+
+    @classmethod
+    def empty(cls) -> Self:
+        """Return a block of no samples."""
+        sample_number = np.zeros(0, np.int64)
+        number = np.zeros(0)
+        return cls(
+            index=sample_number,
+            time_ns=sample_number,
+            position_mm=np.zeros((0, 3)),
+            velocity_mm_s=np.zeros((0, 2)),
+            speed_mm_s=number,
+            normal_force_n=number,
+            vibration_m_s2=np.zeros((0, 1)),
+            valid=np.zeros(0, np.bool_),
+        )
+
+    @classmethod
+    def concatenate(cls, blocks: Sequence[Self]) -> Self:
+        """Join blocks, at least one, that follow each other."""
+        columns = ([getattr(block, field.name) for block in blocks] for field in fields(cls))
+        return cls(*(np.concatenate(column) for column in columns))

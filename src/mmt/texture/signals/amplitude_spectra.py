@@ -1,0 +1,125 @@
+"""Welch's amplitude spectra: of signals, and what they are on average for a known density.
+
+Numpy alone; offline use.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError
+
+
+def amplitude_spectrum(
+    x: FloatArray, rate_hz: float, nperseg: int = 64
+) -> tuple[FloatArray, FloatArray]:
+    """Return Welch's amplitude spectrum: the square root of the averaged one-sided density.
+
+    Periodic Hann windows of `nperseg` samples, overlapping by half, from the first sample on;
+    the mean is not removed; samples after the last whole window are not used. Densities are
+    doubled but at 0 and at half the rate.
+
+    Parameters
+    ----------
+    x : (n,)
+        The signal, n at least `nperseg`.
+    rate_hz
+        Samples a second.
+    nperseg
+        Window length, at least 2.
+
+    Returns
+    -------
+    frequencies_hz : (nperseg // 2 + 1,)
+    amplitude : (nperseg // 2 + 1,)
+        In the signal's unit per square root of Hz.
+
+    Raises
+    ------
+    InputError
+        The signal is too short or not finite, or `nperseg` is below 2.
+    """
+    frequencies_hz, amplitudes = amplitude_spectra(np.asarray(x)[np.newaxis], rate_hz, nperseg)
+    return frequencies_hz, amplitudes[0]
+
+
+def amplitude_spectra(
+    x: FloatArray, rate_hz: float, nperseg: int = 64
+) -> tuple[FloatArray, FloatArray]:
+    """Return the `amplitude_spectrum` of many signals at once.
+
+    Parameters
+    ----------
+    x : (k, n)
+        A signal in each row, n at least `nperseg`.
+    rate_hz, nperseg
+        As in `amplitude_spectrum`.
+
+    Returns
+    -------
+    frequencies_hz : (nperseg // 2 + 1,)
+    amplitudes : (k, nperseg // 2 + 1)
+
+    Raises
+    ------
+    InputError
+        As `amplitude_spectrum`.
+    """
+    signals = np.asarray(x, dtype=np.float64)
+    if nperseg < 2 or signals.ndim != 2 or signals.shape[-1] < nperseg:
+        raise InputError(
+            f"signals of shape {signals.shape} with windows of {nperseg}: windows of at least 2"
+            " samples and signals of at least one window are needed"
+        )
+    if not np.isfinite(signals).all():
+        raise InputError("a signal has a sample that is not finite")
+    signals, exponents = scaled_rows(signals)
+    window = 0.5 - 0.5 * np.cos(2.0 * np.pi / nperseg * np.arange(nperseg))
+    pieces = np.lib.stride_tricks.sliding_window_view(signals, nperseg, axis=-1)
+    transformed = np.fft.rfft(pieces[:, :: (nperseg + 1) // 2] * window, axis=-1)
+    density = np.mean(transformed.real**2 + transformed.imag**2, axis=1)
+    density *= 2.0 / (rate_hz * np.sum(window * window))
+    density[:, 0] *= 0.5
+    if nperseg % 2 == 0:
+        density[:, -1] *= 0.5
+    frequencies_hz = np.arange(nperseg // 2 + 1, dtype=np.float64) * (rate_hz / nperseg)
+    amplitudes: FloatArray = np.ldexp(np.sqrt(density), exponents)
+    return frequencies_hz, amplitudes
+
+
+def expected_amplitude(density: FloatArray, nperseg: int = 64) -> FloatArray:
+    """Return what `amplitude_spectrum` would give on average over endless realisations.
+
+    The expected estimate is the true density seen through the window: its autocorrelation
+    times that of the window, transformed back. It puts a known density at the resolution at
+    which measured spectra are compared, without the scatter of a realisation.
+
+    Parameters
+    ----------
+    density : (k, f)
+        One-sided power spectral densities at f equally spaced frequencies from 0 to half
+        the rate, both included and doubled as `ar_spectrum` has them; f at least `nperseg`
+        and fine enough for their lines.
+    nperseg
+        Window length, even.
+
+    Returns
+    -------
+    (k, nperseg // 2 + 1)
+        Roots of the expected densities, at the frequencies of `amplitude_spectrum`.
+    """
+    correlation = np.fft.irfft(0.5 * np.asarray(density), axis=1)[:, :nperseg]
+    window = np.hanning(nperseg + 1)[:-1]
+    weight = np.correlate(window, window, "full")[nperseg - 1 :] / np.sum(window**2)
+    lags = np.zeros((len(correlation), 2 * nperseg))
+    lags[:, :nperseg] = correlation * weight
+    lags[:, nperseg + 1 :] = lags[:, nperseg - 1 : 0 : -1]
+    expected = np.fft.rfft(lags, axis=1).real[:, ::2]
+    expected[:, 1:-1] *= 2.0
+    return np.asarray(np.sqrt(np.maximum(expected, 0.0)))
+
+
+def scaled_rows(values: FloatArray) -> tuple[FloatArray, npt.NDArray[np.int32]]:
+    """Return rows (last axis) over powers of two, and these: the largest near one, no overflow."""
+    exponents = np.frexp(np.abs(values).max(axis=-1, keepdims=True))[1]
+    return np.ldexp(values, -exponents), exponents

@@ -1,0 +1,71 @@
+"""What the accelerometer measures where there is nothing to feel.
+
+While the tool is in the air or at rest, what passes the high-pass is the sensor's own noise, and
+now and then a knock or the robot's motion. The lower quartile of the power of short windows is
+the noise to some tenths (25th percentile of 50 squares of white noise: 0.87 of its power), as long
+as a quarter of the windows holds nothing else; it errs low rather than high.
+"""
+
+from collections import deque
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.texture.signals.aligned import AlignedBlock
+
+WINDOW: Final = 50
+"""Samples of a window, which is used whole or not at all."""
+
+LEAST_WINDOWS: Final = 4
+"""With fewer nothing is said."""
+
+WINDOWS_KEPT: Final = 200
+"""So many of the newest tell the noise."""
+
+_IN_AIR_N: Final = 0.05
+_AT_REST_MM_S: Final = 3.0
+_QUARTILE: Final = 25.0
+
+
+class NoiseFloor:
+    """The noise of a stream, from the windows of its newest blocks."""
+
+    def __init__(self) -> None:
+        self._powers: deque[float] = deque(maxlen=WINDOWS_KEPT)
+
+    def update(self, block: AlignedBlock) -> None:
+        """Take a block of the stream."""
+        self._powers.extend(still_powers(block, np.square(block.vibration_m_s2).sum(axis=1)))
+
+    @property
+    def power(self) -> float:
+        """The noise's power in (m/s2)^2, 0 as long as nothing is known."""
+        if len(self._powers) < LEAST_WINDOWS:
+            return 0.0
+        return float(np.percentile(self._powers, _QUARTILE))
+
+
+def still_powers(block: AlignedBlock, squares: FloatArray, *, at_rest: bool = True) -> list[float]:
+    """Return the means of windows of a block in which the tool is in the air or at rest.
+
+    Parameters
+    ----------
+    block
+        Of the stream.
+    squares
+        What is averaged, one of each of the block's samples, shape (n,).
+    at_rest
+        Whether windows at rest on the surface count.
+    """
+    count = len(block) // WINDOW
+    if not count:
+        return []
+    part = block[: count * WINDOW]
+    power = squares[: count * WINDOW].reshape(count, WINDOW).mean(axis=1)
+    still = part.normal_force_n.reshape(count, WINDOW).max(axis=1) < _IN_AIR_N
+    if at_rest:
+        still |= part.speed_mm_s.reshape(count, WINDOW).max(axis=1) < _AT_REST_MM_S
+    still &= part.valid.reshape(count, WINDOW).all(axis=1) & np.isfinite(power)
+    found: list[float] = power[still].tolist()
+    return found

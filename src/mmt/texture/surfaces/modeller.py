@@ -1,0 +1,140 @@
+"""A model for each surface: the online update of several texture models from one stream.
+
+The stream is looked at several times between two updates of a model, so that a change is found
+soon. It is found a few blocks late: what the former surface's model has made of the frames from
+the change point on leaves it again, and they go to the model of the surface that the tool has
+come to. Each model meets its criteria by itself; one that is complete stays as it is.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import RecordArray
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
+from mmt.texture.settings import ModellingSettings, SurfaceSettings
+from mmt.texture.surfaces.changes import SurfaceChange
+from mmt.texture.surfaces.tracking import SurfaceTracker
+
+LOOK_S: Final = 0.05
+"""Time between two looks at the stream."""
+
+REMEMBERED_S: Final = 30.0
+"""So far back frames are kept, for those of a new surface that turns out to be a known one."""
+
+
+class SurfaceModeller:
+    """Follow the surfaces, and build a texture model of each.
+
+    Cost: that of `SurfaceTracker` and, once a period, of one `OnlineModeller`. Memory: the models,
+    and the frames of `REMEMBERED_S`. How many frames come at a time changes no surface.
+
+    Parameters
+    ----------
+    settings
+        Of the modelling; ``surfaces`` says how they are told apart, None for the usual way.
+    period_frames
+        Frames between two updates of a model.
+    """
+
+    def __init__(self, settings: ModellingSettings, period_frames: int) -> None:
+        self._settings = settings
+        self._period_frames = period_frames
+        self._look_frames = max(1, round(LOOK_S * settings.rate_hz))
+        self._tracker = SurfaceTracker(settings, settings.surfaces or SurfaceSettings())
+        self._modellers = {self._tracker.surface: OnlineModeller(settings)}
+        self._recent: list[RecordArray] = []
+        self._given = -1  # up to here the current surface's model has its frames
+        self._first_sequence: int | None = None
+
+    @property
+    def surface(self) -> int:
+        """The number of the surface that the tool is taken to be on."""
+        return self._tracker.surface
+
+    def models(self) -> dict[int, TextureModel]:
+        """Return the model of each surface that has one, by number; from any thread."""
+        found = {number: modeller.model for number, modeller in self._modellers.items()}
+        return {number: model for number, model in found.items() if model is not None}
+
+    def update(self, frames: RecordArray) -> ModelUpdate | None:
+        """Take the newest frames (n,); return an update where one is due."""
+        found = None
+        for found in self.stages(frames):  # noqa: B007 - the last one counts
+            pass
+        return found
+
+    def stages(self, frames: RecordArray) -> Iterator[ModelUpdate | None]:
+        """Take the newest frames in stages; None after each, an update last where one is due.
+
+        An update is due once a period, and at every change; as in `OnlineModeller.stages`.
+        """
+        if not len(frames):
+            return
+        if self._first_sequence is None:
+            self._first_sequence = int(frames["sequence"][0])
+            self._given = self._first_sequence - 1
+        changes: list[SurfaceChange] = []
+        left: list[ModelUpdate] = []
+        for start in range(0, len(frames), self._look_frames):
+            look = frames[start : start + self._look_frames]
+            self._remember(look)
+            found = self._tracker.take(look)
+            yield None
+            for change in found:
+                yield from self._leave(change, left)
+            changes += found
+        newest = int(frames["sequence"][-1])
+        if not changes and newest - self._given < self._period_frames:
+            return
+        time_s = self._time_s(newest + 1)
+        for update in self._give(newest + 1):
+            yield update and replace(
+                update,
+                time_s=time_s,
+                surface=self.surface,
+                changes=tuple(changes),
+                left=tuple(left),
+            )
+
+    def _time_s(self, sample: int) -> float:
+        return (sample - (self._first_sequence or 0)) / self._settings.rate_hz
+
+    def _remember(self, frames: RecordArray) -> None:
+        self._recent.append(frames)
+        oldest = int(frames["sequence"][-1]) - REMEMBERED_S * self._settings.rate_hz
+        while int(self._recent[0]["sequence"][-1]) < oldest:
+            del self._recent[0]
+
+    def _give(self, until: int, surface: int | None = None) -> Iterator[ModelUpdate | None]:
+        """Give a surface's model, the current one's if none is named, its frames up to a sample."""
+        modeller = self._modellers[surface or self.surface]
+        waiting = [
+            part
+            for block in self._recent
+            if int(block["sequence"][-1]) > self._given
+            and len(part := block[(block["sequence"] > self._given) & (block["sequence"] < until)])
+        ]
+        self._given = max(self._given, until - 1)
+        complete = modeller.completion.stopped or not waiting
+        yield from modeller.stages(self._recent[-1][:0] if complete else np.concatenate(waiting))
+
+    def _leave(self, change: SurfaceChange, left: list[ModelUpdate]) -> Iterator[None]:
+        """Part the frames at the change point between the models of two surfaces."""
+        if change.kind != "identified":  # else they were the same all along
+            for update in self._give(change.from_sample, change.before):
+                if update is None:
+                    yield None
+            state = self._modellers[change.before].forget(change.from_sample)
+            yield None
+            time_s = self._time_s(change.from_sample)
+            left.append(replace(state, time_s=time_s, surface=change.before))
+        kept = {*self._tracker.detector.surfaces, change.surface}
+        # Others may look at the models meanwhile: they get either all the old or all the new.
+        modellers = {n: m for n, m in self._modellers.items() if n in kept}
+        modellers.setdefault(change.surface, OnlineModeller(self._settings))
+        self._modellers = modellers
+        self._given = change.from_sample - 1

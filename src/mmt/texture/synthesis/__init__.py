@@ -1,0 +1,1 @@
+"""Vibration from a model, and the concealment of gaps."""

@@ -1,0 +1,143 @@
+"""Go on with a vibration that breaks off: what fills a gap until samples come again.
+
+An autoregressive model is fitted to the newest samples (Burg), and its normalised lattice goes
+on from the state that these samples leave it in: what they determine of the next ones is
+predicted, the rest is white noise at the level of the newest prediction errors. So the joint
+has no step but the excitation's own, and the spectrum stays that of the surface; Janssen,
+Veldhuis and Vries, "Adaptive interpolation of discrete-time signals that can be modeled as
+autoregressive processes", IEEE Trans. ASSP 34 (1986), 317-330, treat the case in which the
+samples behind the gap are known too.
+
+Stability: whatever the past, no sample exceeds its largest magnitude, and no step its largest
+step or a sixteenth of that magnitude. Where the gain is zero, the output is exactly zero after
+16 samples at most. Cost: one fit, and 4 multiplications an order and sample; about 10 us for
+100 samples of order 16.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.compiled import kernel
+from mmt.core.errors import InputError
+from mmt.texture.autoregression.burg_recursion import burg_into
+from mmt.texture.autoregression.lattice import lattice_step
+from mmt.texture.settings import LARGEST_ORDER
+
+ORDER: Final = 16
+_LEVEL_SAMPLES: Final = 32
+"""Newest prediction errors that set the excitation's level, which follows the hand's speed
+quicker than a spectrum can be fitted."""
+
+_STEEPEST: Final = 1.0 / 16.0
+
+
+def continuation(
+    past: FloatArray, gain: FloatArray, noise: FloatArray, order: int = ORDER
+) -> FloatArray:
+    """Return what may come after a vibration, (n,), in its unit.
+
+    Parameters
+    ----------
+    past : (k,)
+        The newest samples, the last one newest; k at least ``order + 32``.
+    gain : (n,)
+        Within 0 to 1: the course of the level.
+    noise : (n,)
+        Standard normal numbers, which decide what comes.
+    order
+        Of the model, from 1 to 64.
+
+    Raises
+    ------
+    InputError
+        A value is not finite, the order is out of range, or a shape does not fit.
+    """
+    samples, gains, excitation = (
+        np.ascontiguousarray(values, dtype=np.float64) for values in (past, gain, noise)
+    )
+    if not 1 <= order <= LARGEST_ORDER:
+        raise InputError(f"order {order}: from 1 to {LARGEST_ORDER} is allowed")
+    if samples.ndim != 1 or len(samples) < order + _LEVEL_SAMPLES:
+        raise InputError(
+            f"past has shape {samples.shape}: order {order} needs one row of at least"
+            f" {order + _LEVEL_SAMPLES} samples"
+        )
+    if gains.ndim != 1 or gains.shape != excitation.shape:
+        raise InputError(f"gain {gains.shape} and noise {excitation.shape}: one row each is needed")
+    output = np.empty(len(gains))
+    if not _continue(samples, gains, excitation, order, output):
+        raise InputError("past, gain or noise has a value that is not finite")
+    return output
+
+
+@kernel("void(f8[::1], f8[::1], f8[::1])")
+def _follow(reflection: FloatArray, errors: FloatArray, backward: FloatArray) -> None:
+    """Replace samples (k,) by their forward errors of the full order.
+
+    `backward` (m,) receives the backward errors of orders 0 ... m-1 at the last sample; both
+    are right from the m-th sample on, before that they miss the past.
+    """
+    order = len(reflection)
+    backward[:] = 0.0
+    for i in range(len(errors)):
+        forward = errors[i]
+        entering = forward
+        for j in range(order):
+            before = backward[j]
+            backward[j] = entering
+            entering = before + reflection[j] * forward
+            forward += reflection[j] * before
+        errors[i] = forward
+
+
+@kernel("f8(f8[::1])")
+def _largest(values: FloatArray) -> float:
+    """Return the largest magnitude, infinity where one is not a number."""
+    largest = 0.0
+    for value in values:
+        if not abs(value) <= np.inf:
+            return float(np.inf)
+        largest = max(largest, abs(value))
+    return largest
+
+
+@kernel("b1(f8[::1], f8[::1], f8[::1], i8, f8[::1])")
+def _continue(
+    past: FloatArray, gain: FloatArray, noise: FloatArray, order: int, output: FloatArray
+) -> bool:
+    """Write the continuation (n,); return False where a value is not finite."""
+    peak = _largest(past)
+    if not (peak < np.inf and _largest(gain) < np.inf and _largest(noise) < np.inf):
+        return False
+    count = len(past)
+    exponent = math.frexp(peak)[1]
+    scaled = np.empty(count)
+    for i in range(count):
+        scaled[i] = math.ldexp(past[i], -exponent)
+    reflection, variances = np.empty(order), np.empty(order + 1)
+    burg_into(scaled, reflection, variances, np.empty(3 * count))
+    errors = scaled[count - order - _LEVEL_SAMPLES :].copy()
+    memory, complement = np.empty(order), np.empty(order)
+    _follow(reflection, errors, memory)
+    level = 0.0
+    for error in errors[order:]:
+        level += error * error / _LEVEL_SAMPLES
+    for j in range(order):
+        complement[j] = math.sqrt((1.0 - reflection[j]) * (1.0 + reflection[j]))
+        memory[j] = memory[j] / math.sqrt(variances[j]) if variances[j] > 0.0 else 0.0
+    excitation = math.sqrt(level / variances[order]) if variances[order] > 0.0 else 0.0
+    amplitude = math.sqrt(variances[0])
+    peak = math.ldexp(peak, -exponent)
+    steepest = max(_largest(np.diff(scaled)), _STEEPEST * peak)
+    last = scaled[-1]
+    for i in range(len(output)):
+        value = amplitude * lattice_step(
+            reflection, complement, memory, order, excitation * noise[i]
+        )
+        value = gain[i] * min(max(value, -peak), peak)
+        last = min(max(value, last - steepest), last + steepest)
+        output[i] = math.ldexp(last, exponent)
+    return True

@@ -1,0 +1,161 @@
+"""White noise through the filter of the moment, at its amplitude.
+
+A filter is a normalised lattice of unit power (`mmt.texture.autoregression.lattice`) and an amplitude. It may
+be replaced between any two samples: the lattice's memory is carried over, and the output stays
+bounded whatever filters follow each other. The amplitude falls no faster than by a time constant
+of 4 ms, so that nothing clicks where a hand stops, and ends at exactly zero. The memory is never
+near zero: nothing becomes denormal. Cost: O(order) a sample.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.compiled import kernel
+from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.settings import LARGEST_ORDER
+
+_RELEASE_S: Final = 0.004
+_NOISE_BLOCK: Final = 2048
+_SILENCE: Final = 1e-9  # m/s2, a millionth of what can be felt
+LARGEST_AMPLITUDE: Final = 1e150
+
+ORDER, WANTED, _AMPLITUDE = 0, 1, 2
+REFLECTION = 3
+COMPLEMENT = REFLECTION + LARGEST_ORDER
+PAST = COMPLEMENT + LARGEST_ORDER
+STATE_SIZE = PAST + LARGEST_ORDER
+"""Places in a generator's state: the order and amplitude of the filter, that of the output, the
+filter, and its memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class VibrationFilter:
+    """A filter of unit power and the amplitude of its output.
+
+    Attributes
+    ----------
+    reflection, complement
+        Sines and cosines of the lattice's stages, shape (order,).
+    amplitude_m_s2
+        Root mean square of the output.
+    """
+
+    reflection: FloatArray
+    complement: FloatArray
+    amplitude_m_s2: float
+
+
+def estimate(model: TextureModel, *inputs: float) -> VibrationFilter:
+    """Return the filter of a model at one moment's inputs.
+
+    Parameters
+    ----------
+    model
+        To ask.
+    *inputs
+        As of `TextureModel.at`, scalars.
+
+    Raises
+    ------
+    InputError
+        There are not as many inputs as the model's space has.
+    """
+    lsf, variance = model.at(*inputs)
+    reflection, complement = np.empty(model.order), np.empty(model.order)
+    lsf_to_lattice_into(lsf[0], reflection, complement, np.empty(5 * (model.order // 2 + 2)))
+    amplitude = float(np.sqrt(variance[0]))
+    if amplitude > 0.0:
+        amplitude = min(
+            float(np.exp(np.log(amplitude) - np.log(complement).sum())), LARGEST_AMPLITUDE
+        )
+    return VibrationFilter(reflection, complement, amplitude)
+
+
+class Generator:
+    """Generate vibration; the same seed gives the same samples whatever the block size.
+
+    Parameters
+    ----------
+    seed
+        Of the excitation.
+    rate_hz
+        Sampling rate, that of the filters.
+    limit_m_s2
+        Bound of the output.
+    """
+
+    def __init__(self, *, seed: int = 0, rate_hz: float = 1000.0, limit_m_s2: float = 60.0) -> None:
+        self.limit_m_s2 = limit_m_s2
+        self.set_rate(rate_hz)
+        self._random = np.random.default_rng(seed)
+        self.state = np.zeros(STATE_SIZE)
+        self.state[ORDER] = 1.0
+        self.state[COMPLEMENT:PAST] = 1.0
+        self.state[PAST:] = self._random.standard_normal(LARGEST_ORDER)
+        self._noise = self._random.standard_normal(_NOISE_BLOCK)
+        self._used = 0
+
+    def set_rate(self, rate_hz: float) -> None:
+        """Generate at another sampling rate from here on."""
+        self.rate_hz = rate_hz
+        self.release = math.exp(-1.0 / (_RELEASE_S * rate_hz))
+        """By what the amplitude may fall from one sample to the next."""
+
+    def use(self, wanted: VibrationFilter | None) -> None:
+        """Go on with another filter, or with none: the last one, falling silent."""
+        if wanted is None:
+            self.state[WANTED] = 0.0
+            return
+        order = len(wanted.reflection)
+        self.state[ORDER] = order
+        self.state[REFLECTION : REFLECTION + order] = wanted.reflection
+        self.state[COMPLEMENT : COMPLEMENT + order] = wanted.complement
+        self.state[WANTED] = wanted.amplitude_m_s2
+
+    def generate(self, count: int) -> FloatArray:
+        """Return the next samples in m/s2, shape (count,)."""
+        output = np.empty(count)
+        generate_into(self.draw(count), self.state, self.release, self.limit_m_s2, output)
+        return output
+
+    def reset(self) -> None:
+        """Be silent at once; the excitation goes on."""
+        self.state[_AMPLITUDE] = 0.0
+
+    def draw(self, count: int) -> FloatArray:
+        """Return the next `count` numbers of one endless sequence, whatever the block sizes."""
+        left = len(self._noise) - self._used
+        if count > left:
+            more = self._random.standard_normal(max(_NOISE_BLOCK, count - left))
+            self._noise = np.concatenate([self._noise[self._used :], more])
+            self._used = 0
+        start = self._used
+        self._used += count
+        return self._noise[start : self._used]
+
+
+@kernel("f8(f8[::1], f8, f8, f8)")
+def scaled(state: FloatArray, value: float, release: float, limit: float) -> float:
+    """Return a sample of unit variance at the wanted amplitude, which falls by `release`."""
+    amplitude = state[_AMPLITUDE] * release
+    if amplitude < _SILENCE:
+        amplitude = 0.0
+    amplitude = max(amplitude, state[WANTED])
+    state[_AMPLITUDE] = amplitude
+    return float(min(max(amplitude * value, -limit), limit))
+
+
+@kernel("void(f8[::1], f8[::1], f8, f8, f8[::1])")
+def generate_into(
+    noise: FloatArray, state: FloatArray, release: float, limit: float, output: FloatArray
+) -> None:
+    """Write one sample (n,) for each of the noise's (n,), with the filter in use."""
+    reflection, complement, past = state[REFLECTION:], state[COMPLEMENT:], state[PAST:]
+    for index in range(len(output)):
+        value = lattice_step(reflection, complement, past, int(state[ORDER]), noise[index])
+        output[index] = scaled(state, value, release, limit)

@@ -1,0 +1,223 @@
+"""Vibration from a texture model, block by block or sample by sample.
+
+Awan et al., section VI: white Gaussian noise of the interpolated variance drives the filter
+at the present speed and force, whose memory is carried over every change of filter. Here the
+filter is a normalised lattice of unit power (`mmt.texture.autoregression.lattice`), and its output is
+multiplied by the interpolated amplitude: the same spectrum, but the power is the model's at
+every sample, also while speed and force change.
+
+Stability: an interpolated filter is a convex combination of ordered LSF and hence stable, and
+the lattice stays bounded for every course of stable filters, also one that changes at every
+sample; see `mmt.texture.synthesis.generation`. Cost: O(order^2) for a renewal of the filter, O(order) for
+a sample.
+"""
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray, IntArray
+from mmt.core.compiled import kernel
+from mmt.core.errors import InputError
+from mmt.texture.synthesis.generation import (
+    COMPLEMENT,
+    LARGEST_AMPLITUDE,
+    ORDER,
+    PAST,
+    REFLECTION,
+    WANTED,
+    Generator,
+    scaled,
+)
+from mmt.texture.model.inputs import from_zero, normalise_into
+from mmt.texture.interpolation.interpolant import DELAUNAY
+from mmt.texture.interpolation.interpolators import LARGEST_SCRATCH, evaluate_into, planar_into
+from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
+from mmt.texture.model.law import (
+    DIMENSIONS,
+    FORCE_EXPONENT,
+    KIND,
+    LEVEL_KIND,
+    MODEL_ORDER,
+    PER_FORCE,
+    PER_SPEED,
+    SPEED_EXPONENT,
+)
+from mmt.texture.field.level_table import TABLE_SIZES, tabulated_level
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.settings import LARGEST_ORDER
+from mmt.texture.field.trend import trend_at
+
+_COUNTER = LARGEST_SCRATCH  # scratch: that of the interpolator, samples, where it was found,
+_PLACE = _COUNTER + 1  # then point, level and LSF, work
+_POINT = _PLACE + 1
+_VALUES = _POINT + 3
+_WORK = _VALUES + 1 + LARGEST_ORDER
+
+
+class Synthesizer:
+    """Render vibration; the same seed gives the same samples whatever the block size.
+
+    Parameters
+    ----------
+    model
+        What to render, None for silence. Assigning `model` later keeps the filter's memory.
+    seed
+        Of the excitation.
+    renewal_samples
+        The filter follows speed and force every so many samples.
+    limit_m_s2
+        Bound of the output.
+    """
+
+    def __init__(
+        self,
+        model: TextureModel | None = None,
+        *,
+        seed: int = 0,
+        renewal_samples: int = 1,
+        limit_m_s2: float = 60.0,
+    ) -> None:
+        self.model = model
+        self._renewal = renewal_samples
+        self._generator = Generator(seed=seed, limit_m_s2=limit_m_s2)
+        self._scratch = np.zeros(_WORK + 5 * LARGEST_ORDER)
+
+    @property
+    def directed(self) -> bool:
+        """Whether the model is one of velocity, not of speed."""
+        return self.model is not None and self.model.space.directed
+
+    def render(self, *inputs: FloatArray) -> FloatArray:
+        """Return the next n samples of vibration in m/s2.
+
+        Parameters
+        ----------
+        *inputs
+            What the hand does at each sample, in the model's input space: its speed and
+            normal force, or its velocity x, y and normal force; each of shape (n,), float64,
+            a column of an array too. Brought to the end of the space where beyond; a speed or
+            force that is negative, and what is no number, count as zero.
+
+        Raises
+        ------
+        InputError
+            There are not as many inputs as the model's space has, or not all are float64 and
+            of the same length.
+        """
+        count = len(inputs[0])
+        model, generator = self.model, self._generator
+        if model is None:
+            generator.use(None)
+            return generator.generate(count)
+        if len(inputs) != model.dimensions:
+            raise InputError(
+                f"{len(inputs)} inputs were given: the model takes "
+                f"{', '.join(model.space.channels)}"
+            )
+        if generator.rate_hz != model.rate_hz:
+            generator.set_rate(model.rate_hz)
+        by, output = model.interpolant, np.empty(count)
+        try:
+            is_rendered = _render(
+                by.rows,
+                by.links,
+                by.tail,
+                model.law,
+                inputs[0],
+                inputs[1],
+                inputs[-1],
+                self._renewal,
+                generator.limit_m_s2,
+                generator.release,
+                generator.draw(count),
+                generator.state,
+                self._scratch,
+                output,
+            )
+        except TypeError as error:
+            raise InputError(_unfit(inputs)) from error
+        if not is_rendered:
+            raise InputError(_unfit(inputs))
+        return output
+
+    def reset(self) -> None:
+        """Be silent at once; the excitation goes on."""
+        self._generator.reset()
+
+
+def _unfit(inputs: tuple[FloatArray, ...]) -> str:
+    given = ", ".join(f"{np.shape(v)} {np.asarray(v).dtype}" for v in inputs)
+    return f"inputs are arrays of {given}: each must be (n,) float64, with the same n"
+
+
+@kernel("f8(f8, i8, f8[::1])")
+def _amplitude(level: float, level_kind: int, complement: FloatArray) -> float:
+    """Return the root of the output's power."""
+    if level_kind == 2:
+        return level
+    amplitude = np.sqrt(level)
+    if level_kind == 0:
+        for cosine in complement:
+            amplitude /= cosine
+    return float(min(amplitude, LARGEST_AMPLITUDE))
+
+
+@kernel(
+    "b1(f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[::1], f8[:], f8[:], f8[:], i8, f8, f8,"
+    " f8[::1], f8[::1], f8[::1], f8[::1])"
+)
+def _render(
+    rows: FloatArray,
+    links: IntArray,
+    tail: FloatArray,
+    law: FloatArray,
+    first: FloatArray,
+    second: FloatArray,
+    third: FloatArray,
+    renewal: int,
+    limit: float,
+    release: float,
+    noise: FloatArray,
+    state: FloatArray,
+    scratch: FloatArray,
+    output: FloatArray,
+) -> bool:
+    """Write vibration (n,); false, and nothing, where the inputs are not all of shape (n,)."""
+    count = len(output)
+    if len(first) != count or len(second) != count or len(third) != count:
+        return False
+    kind, level_kind, order = int(law[KIND]), int(law[LEVEL_KIND]), int(law[MODEL_ORDER])
+    per_speed, per_force, speed_exponent = law[PER_SPEED], law[PER_FORCE], law[SPEED_EXPONENT]
+    planar = kind == DELAUNAY and law[DIMENSIONS] == 2.0
+    tabulated = law[TABLE_SIZES] > 0.0
+    point = scratch[_POINT : _POINT + int(law[DIMENSIONS])]
+    values, work = scratch[_VALUES : _VALUES + 1 + order], scratch[_WORK:]
+    lsf = values[1:]
+    reflection = state[REFLECTION : REFLECTION + order]
+    complement = state[COMPLEMENT : COMPLEMENT + order]
+    past = state[PAST:]
+    for index in range(count):
+        if int(scratch[_COUNTER]) % renewal == 0:
+            place = int(scratch[_PLACE])
+            if planar:
+                x, y = from_zero(first[index], per_speed), from_zero(second[index], per_force)
+                place = planar_into(rows, links, place, x, y, values, scratch)
+            else:
+                now = first[index], second[index], third[index]
+                normalise_into(now[0], now[1], now[2], per_speed, per_force, point)
+                place = evaluate_into(kind, rows, links, tail, place, point, values, scratch)
+            scratch[_PLACE] = place
+            lsf_to_lattice_into(lsf, reflection, complement, work)
+            state[ORDER] = order
+            level = values[0]
+            if tabulated:
+                now = first[index], second[index], third[index]
+                normalise_into(now[0], now[1], now[2], per_speed, per_force, point)
+                across = point[1] if len(point) == 3 else 0.0
+                level = tabulated_level(law, point[0], across, point[len(point) - 1])
+            elif speed_exponent > 0.0:
+                level *= trend_at(speed_exponent, law[FORCE_EXPONENT], point)
+            state[WANTED] = _amplitude(level, level_kind, complement)
+        scratch[_COUNTER] += 1.0
+        value = lattice_step(reflection, complement, past, int(state[ORDER]), noise[index])
+        output[index] = scaled(state, value, release, limit)
+    return True

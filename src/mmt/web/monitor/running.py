@@ -1,0 +1,170 @@
+"""The monitor's task: look some 25 times a second, and publish what is new."""
+
+import asyncio
+import logging
+from collections import deque
+from typing import TYPE_CHECKING, Any, Final
+
+from mmt.leader.journal import Journal
+from mmt.web.monitor import states
+from mmt.web.monitor.controls import Controls
+from mmt.web.monitor.live import LiveMessages
+from mmt.web.monitor.tap import MonitorTap
+from mmt.web.monitor.viewers import Viewers
+from mmt.web.pages.packing import pack
+from mmt.scene import Monitor
+
+if TYPE_CHECKING:
+    from mmt.leader.service import LeaderService
+    from mmt.link.pages import Page
+    from mmt.texture.model.texture_model import TextureModel
+    from mmt.texture.online.modeller import ModelUpdate
+
+LOG: Final = logging.getLogger("mmt.web.monitor")
+
+_EVENTS: Final = 50
+_HISTORY: Final = 4000
+"""Updates of the model that are remembered: over an hour."""
+_SHOWN: Final = 1000
+"""Points of that history that a page gets."""
+
+
+class LeaderMonitor:
+    """Show a running leader.
+
+    Parameters
+    ----------
+    service
+        What is shown; it is read, never waited for.
+    journal
+        Tells what happens.
+    settings
+        The scene's table ``[monitor]``.
+    """
+
+    def __init__(self, service: "LeaderService", journal: Journal, settings: Monitor) -> None:
+        self.tap = MonitorTap()
+        self.viewers = Viewers()
+        self._service = service
+        self._period_s = 1.0 / settings.updates_hz
+        self._slow = max(2, round(settings.updates_hz))  # looks in a second
+        self._live = LiveMessages(service.scene, self.tap)
+        self._update: ModelUpdate | None = None
+        self._model: TextureModel | None = None
+        self._history: deque[tuple[float, float]] = deque(maxlen=_HISTORY)
+        self._events: deque[tuple[float, str]] = deque(maxlen=_EVENTS)
+        self._looks = 0
+        self._controls = Controls(service, journal)
+        self._controls_state: dict[str, Any] = {}
+        self._task: asyncio.Task[None] | None = None
+        journal.listen(self._note)
+        self.viewers.publish("hello", states.hello(service.scene, service.log.session_id))
+        self._publish_model()
+        self._publish_completion()
+        self._publish_events()
+
+    @property
+    def page(self) -> "Page":
+        """The page for the leader's port."""
+        from mmt.web.monitor.site import monitor_page
+
+        return monitor_page(self.viewers, self._controls, self._service.scene)
+
+    def start(self) -> None:
+        """Look from now on."""
+        self._task = asyncio.create_task(self._run(), name="monitor")
+
+    async def stop(self) -> None:
+        """Look no more; let the viewers have the last state and the session's outcome."""
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+        self._end(self._service.ending.outcome)
+
+    async def _run(self) -> None:
+        """Look until cancelled. A fault ends the monitor, never the session."""
+        while True:
+            await asyncio.sleep(self._period_s)
+            try:
+                self.look()
+            except Exception:
+                LOG.exception("the monitor has failed, the session goes on without it")
+                self._end("the monitor has failed")
+                return
+
+    def look(self) -> None:
+        """Publish what has changed since the last look."""
+        self._follow_model()
+        if not self.viewers:
+            self.tap.watched = False
+            return
+        if not self.tap.watched:
+            self._live.restart()
+            self.tap.watched = True
+            self._looks = 0
+        state = self._controls.state()
+        if state != self._controls_state:
+            self._controls_state = state
+            self.viewers.publish("controls", pack("controls", state, {}))
+        self.viewers.publish("live", self._live_message(), retain=False)
+        # one of the two that take longest at a time, so that no look is long
+        turn = self._looks % self._slow
+        self._looks += 1
+        if turn == 0:
+            self.viewers.publish("ticks", states.ticks_message(self._service))
+        elif turn == self._slow // 2 or self._looks == 2:
+            link = states.link_message(self._service)
+            if link is not None:
+                self.viewers.publish("link", link)
+
+    def _end(self, outcome: str) -> None:
+        if not self.viewers.ended:
+            self.viewers.publish("end", pack("end", {"outcome": outcome}, {}))
+        self.tap.watched = False
+        self.viewers.close()
+
+    def _live_message(self) -> bytes:
+        service = self._service
+        switch = service.parts.switch
+        return self._live.make(
+            {
+                "time_s": round(service.time_s, 3),
+                "mode": switch.mode if switch is not None else "silent",
+                "why": states.explain(service),
+                "viewers": len(self.viewers),
+                **states.surfaces(service),
+            }
+        )
+
+    def _follow_model(self) -> None:
+        """Publish a new model and what the criterion says of it."""
+        update = self._service.log.update
+        if update is self._update:
+            return
+        self._update = update
+        if update is not None:
+            self._history.append((update.time_s, update.progress.value))
+        self._publish_completion()
+        self._publish_model()
+
+    def _publish_completion(self) -> None:
+        log, points = self._service.log, states.thinned(list(self._history), _SHOWN)
+        progress = None if self._update is None else self._update.progress
+        header = states.completion_header(progress, log.start_s, log.stop_s)
+        arrays = {"time_s": [t for t, _ in points], "value": [v for _, v in points]}
+        self.viewers.publish("completion", pack("completion", header, arrays))
+
+    def _publish_model(self) -> None:
+        model = states.model_of(self._service)
+        if model is not None and model is self._model:
+            return
+        self._model = model
+        self.viewers.publish("model", states.model_message(model))
+
+    def _note(self, time_s: float, sentence: str) -> None:
+        self._events.append((time_s, sentence))
+        self._publish_events()
+
+    def _publish_events(self) -> None:
+        events = [[round(time_s, 2), sentence] for time_s, sentence in self._events]
+        self.viewers.publish("events", pack("events", {"events": events}, {}))

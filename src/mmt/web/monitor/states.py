@@ -1,0 +1,172 @@
+"""The messages that change seldom: what runs, the model, completion, the link, the ticks."""
+
+import itertools
+import math
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy.typing as npt
+
+import mmt
+from mmt.web.pages.packing import pack
+from mmt.scene import Scene
+from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
+from mmt.scene.texture_table import Texture
+
+if TYPE_CHECKING:
+    from mmt.leader.service import LeaderService
+    from mmt.leader.summary import RunLog
+    from mmt.texture.completion.criterion import Progress
+    from mmt.texture.model.texture_model import TextureModel
+    from mmt.core.ticking import TimeHistogram
+
+LATENCY_MS: Final = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
+"""Bounds of the histogram of latencies."""
+_PERIOD_MS: Final = (0.5, 0.7, 0.8, 0.9, 0.95, 1.05, 1.1, 1.2, 1.3, 1.5, 2, 5, 10)
+_COUNTS: Final = ("frames", "lost", "out_of_order", "repeated", "dropped", "commands")
+
+
+def hello(scene: Scene, session_id: str) -> bytes:
+    """Return what a page must know before anything else."""
+    return pack("hello", hello_header(scene, session_id), {})
+
+
+def hello_header(scene: Scene, session_id: str) -> dict[str, Any]:
+    """Return names, limits and thresholds of a session."""
+    return {
+        "session": scene.session.name,
+        "id": session_id,
+        "version": mmt.__version__,
+        "parts": [name for name, runs in scene.parts().items() if runs],
+        "rate_hz": scene.session.rate_hz,
+        "inputs": (scene.texture or Texture()).inputs,
+        "maximum_speed_mm_s": MAXIMUM_SPEED_MM_S,
+        "maximum_force_n": MAXIMUM_FORCE_N,
+        "criterion": asdict((scene.texture or Texture()).settings(1000.0).scale),
+    }
+
+
+def explain(service: "LeaderService") -> str:
+    """Say why the actuator plays what it plays, and what will change it."""
+    log, switch, forced = service.log, service.parts.switch, service.models.forced
+    if service.remote is not None and not service.remote.connected:
+        return "no follower is connected"
+    if switch is None:
+        return "this scene has no actuator"
+    if switch.mode == "fading" or forced is not None:
+        return "crossfade" if switch.mode == "fading" else f"held to {forced} by hand"
+    if switch.mode != "synthesized":
+        return _why_not_synthesized(service)
+    return _why_synthesized(log)
+
+
+def _why_synthesized(log: "RunLog") -> str:
+    if log.start_s is not None:
+        return f"rendered from the model: start criterion met at {log.start_s:.1f} s"
+    if log.warm is not None:
+        return f"rendered from the known texture {log.warm.name} until the model is ready"
+    return "rendered from a saved model"
+
+
+def surfaces(service: "LeaderService") -> dict[str, dict[str, int]]:
+    """Return which surface the tool is on and how many are known; nothing with one alone."""
+    log = service.log.surfaces
+    return {} if log is None else {"surfaces": {"now": log.current, "known": log.known}}
+
+
+def _why_not_synthesized(service: "LeaderService") -> str:
+    update, texture = service.log.update, service.scene.texture
+    if service.parts.synthesizer is None or texture is None:
+        return "this scene renders from no model"
+    if update is None:
+        return "no model yet"
+    return (
+        f"the model is not complete enough: {update.progress}, "
+        f"it takes over at {update.progress.scale.start:g}"
+    )
+
+
+def completion_header(
+    progress: "Progress | None", start_s: float | None, stop_s: float | None
+) -> dict[str, Any]:
+    """Return what the criterion says of a model, and when it was met.
+
+    ``cells`` are those of the input space, ``advice`` the inputs of the stroke that helps most;
+    both are null where there is no model.
+    """
+    return {
+        "value": None if progress is None else progress.value,
+        "cells": None if progress is None else [round(value, 4) for value in progress.cells],
+        "advice": None if progress is None or stop_s is not None else progress.advice,
+        "start_s": start_s,
+        "stop_s": stop_s,
+    }
+
+
+def model_of(service: "LeaderService") -> "TextureModel | None":
+    """Return the model that grows; until the first update the saved one, if there is one."""
+    log, synthesizer = service.log, service.parts.synthesizer
+    if log.update is not None:
+        return log.update.model
+    return synthesizer.model if synthesizer is not None and not log.update_seconds else None
+
+
+def model_message(model: "TextureModel | None") -> bytes:
+    """Return samples, triangulation and cells of a model, None for none.
+
+    Points and vertices are normalised: speed and force, or velocity x, y and force. The cells
+    are the nine of the plane, or the 27 of velocity and force.
+    """
+    if model is None:
+        return pack("model", {"samples": 0, "order": None, "cells": None}, {})
+    from mmt.texture.completion.distance import cell_distances
+
+    points, dimensions = model.points, model.space.dimensions
+    header: dict[str, Any] = {"samples": len(points), "order": model.order}
+    header["cells"] = [round(value, 4) for value in cell_distances(points).tolist()]
+    arrays: dict[str, npt.ArrayLike] = {"points": points}
+    if model.interpolator == "delaunay":  # it has them: nothing is computed for the page
+        arrays["vertices"] = model.vertices[:, :dimensions]
+        links = model.triangulation.triangles[:, : dimensions + 1]
+        arrays["tetrahedra" if model.space.directed else "triangles"] = links
+    return pack("model", header, arrays)
+
+
+def link_message(service: "LeaderService") -> bytes | None:
+    """Return what the link counted and its latencies, None without one; about 0.5 ms."""
+    server = service.remote.server if service.remote is not None else None
+    if server is None:
+        return None
+    statistics = asdict(server.statistics)
+    header = {name: statistics[name] for name in _COUNTS}
+    header |= {
+        "rejected": sum(statistics["rejected"].values()),
+        "connected": server.connected,
+        "latency_p50_ms": statistics["latency_p50_ms"],
+        "latency_p99_ms": statistics["latency_p99_ms"],
+        "clock": statistics["clock"],
+    }
+    return pack("link", header | _histogram(server.latency, LATENCY_MS), {})
+
+
+def ticks_message(service: "LeaderService") -> bytes:
+    """Return how the leader kept its ticks; about 0.3 ms."""
+    header = asdict(service.ticker.statistics)
+    playout = service.parts.playout
+    if playout is not None:
+        header["playout_delay_ms"] = playout.statistics().delay_ms
+    return pack("ticks", header | _histogram(service.ticker.periods, _PERIOD_MS), {})
+
+
+def _histogram(histogram: "TimeHistogram", bounds_ms: tuple[float, ...]) -> dict[str, Any]:
+    """Return bounds, and counts below the first, between each two, and beyond the last."""
+    below, _ = histogram.cumulative([round(bound * 1e6) for bound in bounds_ms])
+    edges = [0, *below, histogram.count]
+    counts = [after - before for before, after in itertools.pairwise(edges)]
+    return {"bounds_ms": list(bounds_ms), "counts": counts}
+
+
+def thinned(points: list[tuple[float, float]], most: int) -> list[tuple[float, float]]:
+    """Return every so many of the points, and the last one, so that there are `most` or so."""
+    step = math.ceil(len(points) / most)
+    return points if step <= 1 else [*points[::step], points[-1]]

@@ -1,0 +1,95 @@
+"""Results of the scenarios: a CSV file, row by row, each on the disk before the next."""
+
+import csv
+import io
+import os
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final
+
+from mmt.core.errors import InputError, MmtError
+
+COLUMNS: Final = (
+    "time_utc",
+    "participant",
+    "scenario",
+    "begun_utc",
+    "seed",
+    "event",
+    "trial",
+    "sample",
+    "tile",
+    "texture",
+    "correct",
+    "rating",
+    "stroked_s",
+    "elapsed_s",
+)
+
+Value = str | int | float | None
+
+
+def now_utc() -> str:
+    """Return the time now, to the millisecond."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+
+class ResultsFile:
+    """Add rows to a file; what it held before stays.
+
+    Parameters
+    ----------
+    path
+        Made, with its folders, at the first row.
+
+    Raises
+    ------
+    InputError
+        There is such a file, and it has other columns.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.rows = 0
+        """Written by this object."""
+        self._check()
+
+    def write(self, row: Mapping[str, Value]) -> None:
+        """Write a row; it is on the disk afterwards.
+
+        Raises
+        ------
+        MmtError
+            It cannot be written.
+        """
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            with self.path.open("a", encoding="utf-8", newline="") as stream:
+                text = _line(COLUMNS) if stream.tell() == 0 else ""
+                stream.write(text + _line([row.get(name) for name in COLUMNS]))
+                stream.flush()
+                os.fsync(stream.fileno())
+        except OSError as error:
+            raise MmtError(f"results {self.path}: {error.strerror or error}") from error
+        self.rows += 1
+
+    def _check(self) -> None:
+        try:
+            with self.path.open(encoding="utf-8", newline="") as stream:
+                header = next(csv.reader(stream), None)
+        except FileNotFoundError:
+            return
+        except (OSError, UnicodeDecodeError, csv.Error) as error:
+            reason = error.strerror if isinstance(error, OSError) else None
+            raise InputError(f"results {self.path}: {reason or error}") from error
+        if header is not None and tuple(header) != COLUMNS:
+            raise InputError(
+                f"results {self.path}: its columns are not those of results; name another file"
+            )
+
+
+def _line(values: object) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow(values)  # type: ignore[arg-type]  # a sequence
+    return text.getvalue()

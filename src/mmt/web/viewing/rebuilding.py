@@ -1,0 +1,245 @@
+"""Build a recorded session's model again, beside the page, from its beginning to its end.
+
+As the live leader does: an update a period, nothing while the model was frozen, a new model
+where a person has reset it, no more once the stop criterion is met; where surfaces are told
+apart, a model for each.
+"""
+
+import threading
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import BoolArray, FloatArray, RecordArray
+from mmt.core.errors import MmtError
+from mmt.texture.online.history import update_blocks
+from mmt.session.recorded import JsonObject
+from mmt.session.windows import SessionWindows
+from mmt.texture.completion.criteria import criterion_of
+from mmt.texture.completion.criterion import Progress
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.online.modellers import Modellers
+from mmt.texture.online.modeller import ModelUpdate
+from mmt.texture.settings import ModellingSettings
+from mmt.web.viewing.snapshots import ModelSnapshots
+
+_SPAN_S: Final = 5.0
+"""Of the recording that are read at a time."""
+
+Span = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class ModelState:
+    """What there was of the model from a recording time on.
+
+    ``progress`` is what the completion criterion says.
+    ``number`` is that of its snapshot, None where there was no model; ``start_s`` and
+    ``stop_s`` are the recording times at which the criteria were met, None before. Where
+    surfaces are told apart all this is of ``surface``, one of ``surfaces`` that were known.
+    """
+
+    time_s: float
+    progress: Progress
+    number: int | None
+    start_s: float | None
+    stop_s: float | None
+    surface: int | None = None
+    surfaces: int = 0
+
+
+class Rebuilding:
+    """Every state that the model of a recording had; states appear while it works.
+
+    Parameters
+    ----------
+    windows
+        The recording; closed at the end.
+    settings
+        Of the modelling.
+    period_s
+        Time between two updates.
+    """
+
+    def __init__(
+        self, windows: SessionWindows, settings: ModellingSettings, period_s: float
+    ) -> None:
+        self._windows = windows
+        self._settings = settings
+        self._modellers = Modellers(settings, period_s)
+        self._frozen = frozen_spans(windows.events, windows.duration_s)
+        self._snapshots = ModelSnapshots()
+        self._leave = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="mmt-rebuilding", daemon=True)
+        self.states: list[ModelState] = []
+        """In the order of their times; only appended to."""
+        self.reached_s = 0.0
+        """Recording time up to which the states are known."""
+        self.done = False
+        self.problem: str | None = None
+        """Why it ended early, None where it did not."""
+
+    def start(self) -> None:
+        """Begin, in a thread of its own."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End, also before it is done."""
+        self._leave.set()
+        if self._thread.ident is not None:
+            self._thread.join()
+        self._snapshots.close()
+        self._windows.close()
+
+    def at(self, time_s: float) -> ModelState | None:
+        """Return the state at a recording time, None before the first update."""
+        states = self.states
+        place = bisect_right(states, time_s, key=lambda state: state.time_s)
+        return states[place - 1] if place else None
+
+    @property
+    def snapshots(self) -> ModelSnapshots:
+        """The models, by the number in a state."""
+        return self._snapshots
+
+    # --- in the thread
+
+    def _run(self) -> None:
+        try:
+            resets = [e["at_s"] for e in self._windows.events if e.get("event") == "model reset"]
+            edges_s = [0.0, *sorted(max(0.0, float(at_s)) for at_s in resets), np.inf]
+            for number, begin_s in enumerate(edges_s[:-1]):
+                if number:
+                    empty = criterion_of(self._settings).progress
+                    self.states.append(ModelState(begin_s, empty, None, None, None))
+                self._build((begin_s, min(edges_s[number + 1], self._windows.duration_s)))
+                if self._leave.is_set():
+                    return
+        except MmtError as error:
+            self.problem = str(error)
+        except Exception as error:  # noqa: BLE001 - the page goes on without a model, and says why
+            self.problem = f"{type(error).__name__}: {error}"
+        finally:
+            self.reached_s = self._windows.duration_s
+            self.done = True
+
+    def _build(self, span: Span) -> None:
+        """Build one model, from its first frame until it is complete, reset, or the end."""
+        growing = _Growing(self._snapshots)
+        modeller = self._modellers.make()
+        for time_s, frames in self._blocks(span):
+            update = modeller.update(frames)
+            self.reached_s = time_s
+            if update is not None:
+                self.states.append(growing.state(update, time_s))
+            if self._leave.is_set() or (update is not None and self._modellers.done(update)):
+                return
+
+    def _blocks(self, span: Span) -> Iterator[tuple[float, RecordArray]]:
+        """Yield the frames of each update, with the recording time of the newest one.
+
+        Frames that came late may lie a few milliseconds off, so the last two blocks of what
+        was read wait for what is read next. A model that was reset never saw its last,
+        shorter period; at the end of the recording nothing else is left.
+        """
+        begin_s, span_end_s = span
+        waiting: list[tuple[FloatArray, RecordArray]] = []
+        while begin_s < span_end_s:
+            end_s = min(begin_s + _SPAN_S, span_end_s)
+            window = self._windows.window(begin_s, end_s)
+            kept = ~in_spans(window.time_s, self._frozen)
+            waiting.append((window.time_s[kept], window.frames[kept]))
+            times_s, frames = (np.concatenate(columns) for columns in zip(*waiting, strict=True))
+            blocks = list(update_blocks(frames, self._modellers.frames_at_once))
+            done = len(blocks) - self._unused(blocks, end_s, span_end_s)
+            place = 0
+            for block in blocks[:done]:
+                place += len(block)
+                yield float(times_s[place - 1]), block
+            waiting = [(times_s[place:], frames[place:])]
+            begin_s = end_s
+            self.reached_s = max(self.reached_s, begin_s - _SPAN_S)
+
+    def _unused(self, blocks: Sequence[RecordArray], end_s: float, span_end_s: float) -> int:
+        """Return how many of the last blocks are not for an update now."""
+        if end_s < span_end_s:
+            return min(2, len(blocks))
+        if end_s >= self._windows.duration_s or not blocks:
+            return 0
+        last = blocks[-1]["sequence"]
+        return int(int(last[-1]) - int(last[0]) + 1 < self._modellers.frames_at_once)
+
+
+class _Growing:
+    """The state of each surface's model, from its updates."""
+
+    def __init__(self, snapshots: ModelSnapshots) -> None:
+        self._snapshots = snapshots
+        self._numbers: dict[int | None, tuple[TextureModel, int]] = {}
+        self._started: dict[int | None, float] = {}
+        self._stopped: dict[int | None, float] = {}
+        self._known: set[int | None] = set()
+
+    def state(self, update: ModelUpdate, time_s: float) -> ModelState:
+        for change in update.changes:
+            self._known |= {change.before, change.surface}
+            if change.kind == "identified":
+                self._known.remove(change.before)
+        self._known.add(update.surface)
+        for one in (*update.left, update):
+            self._note(one, time_s)
+        surface = update.surface
+        return ModelState(
+            time_s=time_s,
+            progress=update.progress,
+            number=self._number(update),
+            start_s=self._started.get(surface),
+            stop_s=self._stopped.get(surface),
+            surface=surface,
+            surfaces=0 if surface is None else len(self._known),
+        )
+
+    def _note(self, update: ModelUpdate, time_s: float) -> None:
+        """Note when its criteria were met, or that they no longer are."""
+        for met, times in ((update.started, self._started), (update.stopped, self._stopped)):
+            if met:
+                times.setdefault(update.surface, time_s)
+            else:
+                times.pop(update.surface, None)
+
+    def _number(self, update: ModelUpdate) -> int | None:
+        """Return the number of its model's snapshot; what has not changed keeps the one it has."""
+        model = update.model
+        if model is None:
+            return None
+        before = self._numbers.get(update.surface)
+        if before is None or before[0] is not model:
+            self._numbers[update.surface] = model, self._snapshots.add(model)
+        return self._numbers[update.surface][1]
+
+
+def frozen_spans(events: Sequence[JsonObject], end_s: float) -> list[Span]:
+    """Return from when to when a person had frozen the model, in recording time."""
+    spans: list[Span] = []
+    since_s: float | None = None
+    for event in events:
+        frozen = event.get("frozen")
+        if event.get("event") == "model reset":
+            frozen = False
+        if frozen is True and since_s is None:
+            since_s = float(event["at_s"])
+        elif frozen is False and since_s is not None:
+            spans.append((since_s, float(event["at_s"])))
+            since_s = None
+    return spans if since_s is None else [*spans, (since_s, end_s)]
+
+
+def in_spans(time_s: FloatArray, spans: Sequence[Span]) -> BoolArray:
+    """Say which times (n,) lie in one of the spans."""
+    inside = np.zeros(len(time_s), dtype=np.bool_)
+    for begin_s, end_s in spans:
+        inside |= (time_s >= begin_s) & (time_s < end_s)
+    return inside

@@ -1,0 +1,200 @@
+"""A recording as the page asks for it: what it is, how the model grew, one moment."""
+
+from pathlib import Path
+from typing import Any, Final, Self
+
+from mmt.core.errors import InputError
+from mmt.web.monitor import states
+from mmt.web.pages.packing import pack
+from mmt.scene import Scene
+from mmt.scene.files import scene_from_tables
+from mmt.session.window_files import open_windows
+from mmt.session.windows import SessionWindows, Window
+from mmt.texture.model.texture_model import TextureModel
+from mmt.scene.texture_table import Texture
+from mmt.web.viewing import traces
+from mmt.web.viewing.happenings import LinkRecord, happenings
+from mmt.web.viewing.rebuilding import ModelState, Rebuilding
+
+_CURVE_POINTS: Final = 1000
+_MODEL_NEEDS: Final = ("position", "force", "acceleration")
+
+
+class ViewedRecording:
+    """One recording that is looked at.
+
+    Parameters
+    ----------
+    windows
+        The recording.
+
+    Notes
+    -----
+    One thread at a time may ask for a moment.
+    """
+
+    def __init__(self, windows: SessionWindows) -> None:
+        self.windows = windows
+        self._remarks: list[str] = []
+        self.scene = self._scene()
+        self._texture = self.scene.texture or Texture()
+        self.settings = self._texture.settings(float(self.scene.session.rate_hz))
+        self._link = LinkRecord(windows.events)
+        self._rebuilding = self._rebuild()
+
+    @classmethod
+    def open(cls, path: Path) -> Self:
+        """Open a session file.
+
+        Raises
+        ------
+        InputError
+            The file is missing, of another kind, not valid, or holds no frames.
+        """
+        return cls(open_windows(path))
+
+    def start(self) -> None:
+        """Begin to build the model, in a thread."""
+        if self._rebuilding is not None:
+            self._rebuilding.start()
+
+    def close(self) -> None:
+        """End that thread, and close the file."""
+        if self._rebuilding is not None:
+            self._rebuilding.close()
+        self.windows.close()
+
+    # --- what the page asks for
+
+    def opening(self) -> bytes:
+        """Return what the page must know before anything else."""
+        windows = self.windows
+        header = {
+            **states.hello_header(self.scene, windows.session_id or ""),
+            "session": windows.path.name,
+            "scene": self.scene.session.name if windows.scene is not None else None,
+            "duration_s": windows.duration_s,
+            "channels": list(windows.channels),
+            "link": self._link.exists,
+            "remarks": self._remarks,
+            "happenings": [[h.at_s, h.kind, h.sentence] for h in happenings(windows.events)],
+        }
+        return pack("opening", header, {})
+
+    def growth(self) -> bytes:
+        """Return what the criterion says against recording time, as far as it is known."""
+        rebuilding = self._rebuilding
+        known = list(rebuilding.states) if rebuilding is not None else []
+        course = [(state.time_s, state.progress.value) for state in known]
+        points = states.thinned(course, _CURVE_POINTS)
+        header = {
+            "reached_s": rebuilding.reached_s if rebuilding is not None else 0.0,
+            "done": rebuilding is None or rebuilding.done,
+            "problem": rebuilding.problem if rebuilding is not None else None,
+        }
+        arrays = {"time_s": [t for t, _ in points], "value": [v for _, v in points]}
+        return pack("growth", header, arrays)
+
+    def model(self, number: int) -> bytes:
+        """Return a model's message by the number that a moment named.
+
+        Raises
+        ------
+        InputError
+            There is no such model.
+        """
+        model = self._model(number)
+        if model is None:
+            raise InputError(f"there is no model {number}")
+        return states.model_message(model)
+
+    def moment(self, time_s: float) -> bytes:
+        """Return what there was at a recording time; times beyond the ends count as the ends."""
+        windows = self.windows
+        at_s = float(min(max(0.0, time_s), windows.duration_s))
+        # half a millisecond more, so that the frame of this very moment is in
+        window = windows.window(at_s - traces.HISTORY_S, at_s + 5e-4)
+        state = self._rebuilding.at(at_s) if self._rebuilding is not None else None
+        model = self._model(state.number) if state is not None else None
+        played, source = self._played(window, at_s, model)
+        times_s, force_n, position_mm = traces.history(window)
+        header: dict[str, Any] = {
+            "time_s": at_s,
+            "model": state.number if state is not None else None,
+            "samples": len(model.points) if model is not None else 0,
+            "completion": _completion(state),
+            "surfaces": _surfaces(state),
+            "rebuilt": self._rebuilding is None or at_s <= self._rebuilding.reached_s,
+            "mode": _mode(window, at_s) if source == "recorded" else None,
+            "source": source,
+            "link": self._link.at(at_s, window.arrivals) if self._link.exists else None,
+        }
+        arrays = {
+            "measured": traces.measured(window, at_s, self.settings),
+            "played": played.vibration_m_s2,
+            "modelled": played.modelled,
+            "trail": traces.trail(window, self.settings),
+            "time_s": times_s,
+            "force_n": force_n,
+            "position_mm": position_mm,
+        }
+        return pack("moment", header, arrays)
+
+    # ---
+
+    def _model(self, number: int | None) -> TextureModel | None:
+        if number is None or self._rebuilding is None:
+            return None
+        snapshots = self._rebuilding.snapshots
+        return snapshots.model(number) if 0 <= number < len(snapshots) else None
+
+    def _played(
+        self, window: Window, at_s: float, model: TextureModel | None
+    ) -> tuple[traces.Played, str | None]:
+        """Return what was played, or else what a model would have played, and which it is."""
+        if self.windows.has_output:
+            return traces.played(window.outputs, at_s), "recorded"
+        if model is not None:
+            return traces.synthesized(window, at_s, self.settings, model), "rendered"
+        return traces.played((), at_s), None
+
+    def _scene(self) -> Scene:
+        recorded = self.windows.scene
+        if recorded is None:
+            self._remarks.append(
+                "The recording holds no scene: its model is built by the defaults."
+            )
+            return Scene()
+        try:
+            scene = scene_from_tables(dict(recorded), origin="the recorded scene")
+        except InputError as error:
+            self._remarks.append(f"The model is by the defaults: {error}")
+            return Scene()
+        if scene.texture is None:
+            self._remarks.append("The scene built no model: this one is by the defaults.")
+        return scene
+
+    def _rebuild(self) -> Rebuilding | None:
+        lacking = [name for name in _MODEL_NEEDS if name not in self.windows.channels]
+        if lacking:
+            self._remarks = [f"No model: the recording has no {' and no '.join(lacking)} channel."]
+            return None
+        period_s = self._texture.update_period_s
+        return Rebuilding(self.windows.again(), self.settings, period_s)
+
+
+def _completion(state: ModelState | None) -> dict[str, Any] | None:
+    if state is None:
+        return None
+    return states.completion_header(state.progress, state.start_s, state.stop_s)
+
+
+def _surfaces(state: ModelState | None) -> dict[str, int] | None:
+    if state is None or state.surface is None:
+        return None
+    return {"now": state.surface, "known": state.surfaces}
+
+
+def _mode(window: Window, at_s: float) -> str | None:
+    """Return what drove the actuator at a moment, None where nothing did."""
+    return next((block.mode for block in reversed(window.outputs) if block.time_s <= at_s), None)

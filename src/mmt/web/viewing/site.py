@@ -1,0 +1,73 @@
+"""The recording's page and what it asks for, over HTTP on loopback.
+
+``GET /session/`` is the page; ``opening``, ``growth``, ``model?number=N`` and
+``moment?time_s=T`` beside it answer with the monitor's binary messages. The server keeps
+nothing of who asks, so that a page may be reloaded, or opened twice, at any time.
+"""
+
+import asyncio
+import math
+from collections.abc import Callable
+from typing import Final
+
+from aiohttp import web
+
+from mmt.web import pages
+from mmt.core.errors import InputError
+from mmt.link.access import Access
+from mmt.link.browsers import add_page, refuse_strangers
+from mmt.web.viewing.recording import ViewedRecording
+
+HOST: Final = "127.0.0.1"
+PATH: Final = "/session"
+
+
+def recording_application(recording: ViewedRecording) -> web.Application:
+    """Return the application that shows a recording."""
+    application, access, one = web.Application(), Access(), asyncio.Lock()
+
+    async def answer(request: web.Request, make: Callable[[], bytes]) -> web.Response:
+        """Make a message in a thread, one at a time."""
+        refuse_strangers(request, access, HOST)
+        async with one:
+            try:
+                body = await asyncio.to_thread(make)
+            except InputError as error:
+                raise web.HTTPNotFound(text=f"{error}\n") from error
+        return web.Response(body=body, headers={"Cache-Control": "no-store"})
+
+    async def opening(request: web.Request) -> web.Response:
+        return await answer(request, recording.opening)
+
+    async def growth(request: web.Request) -> web.Response:
+        return await answer(request, recording.growth)
+
+    async def model(request: web.Request) -> web.Response:
+        number = int(_number(request, "number"))
+        return await answer(request, lambda: recording.model(number))
+
+    async def moment(request: web.Request) -> web.Response:
+        time_s = _number(request, "time_s")
+        return await answer(request, lambda: recording.moment(time_s))
+
+    for handler in (opening, growth, model, moment):
+        application.router.add_get(f"{PATH}/{handler.__name__}", handler)
+    add_page(application, PATH, pages.monitor_files("recording.js"))
+    return application
+
+
+def _number(request: web.Request, name: str) -> float:
+    """Return a finite number that a request asks with.
+
+    Raises
+    ------
+    web.HTTPBadRequest
+        It is none.
+    """
+    try:
+        value = float(request.query.get(name, ""))
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise web.HTTPBadRequest(text=f"{name} must be a number\n")
+    return value

@@ -1,0 +1,154 @@
+"""What the page draws of a window of frames: the last half second, the way there, ten seconds.
+
+Arrays in, arrays out. What is missing is NaN: no line is drawn across a gap.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray, IntArray, RecordArray
+from mmt.session.recorded import OutputBlock
+from mmt.session.windows import Window
+from mmt.texture.signals.biquad import BiquadFilter, butterworth_high_pass
+from mmt.texture.signals.filtering import StreamFilter
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.settings import ModellingSettings
+from mmt.texture.synthesis.synthesizer import Synthesizer
+
+SHOWN: Final = 512
+"""Samples of vibration on the page."""
+HISTORY_S: Final = 10.0
+"""Of force and position."""
+_STEP: Final = 40
+"""Frames between two points of a history or a trail: 25 a second, as live."""
+_TRAIL: Final = 120
+_HIGH_PASS_HZ: Final = 10.0
+_SETTLING: Final = 200
+_LATE_SAMPLES: Final = 50
+"""By which a block may begin late or early and still follow the one before."""
+_BLOCK: Final = 1000
+"""Rendering begins at multiples of it, so that a moment later the same samples are heard."""
+_AXES: Final = {"x": 0, "y": 1, "z": 2}
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """What drove the actuator in the last half second (512,), and whether a model had a part."""
+
+    vibration_m_s2: FloatArray
+    modelled: FloatArray
+
+
+def numbers(frames: RecordArray) -> IntArray:
+    """Return the sequence numbers (n,) of frames."""
+    return np.asarray(frames["sequence"], dtype=np.int64)
+
+
+def measured(window: Window, end_s: float, settings: ModellingSettings) -> FloatArray:
+    """Return the high-passed acceleration (512,) up to a moment."""
+    if "acceleration_m_s2" not in (window.frames.dtype.names or ()):
+        return np.full(SHOWN, np.nan)
+    newest = slice(-(SHOWN + _SETTLING), None)
+    frames, time_s = window.frames[newest], window.time_s[newest]
+    axis = _AXES[settings.normal if settings.axis == "dft321" else settings.axis]
+    step = BiquadFilter(butterworth_high_pass(_HIGH_PASS_HZ, settings.rate_hz)).step
+    values = [step(value) for value in frames["acceleration_m_s2"][:, axis].tolist()]
+    return _placed(np.array(values), numbers(frames), _last_number(frames, time_s, end_s))
+
+
+def played(outputs: Sequence[OutputBlock], end_s: float) -> Played:
+    """Return what the leader wrote to its actuator up to a moment.
+
+    A tick that is late writes what it missed at once: the stream has no hole, though the times
+    of its blocks have. Blocks that all but meet are therefore put together.
+    """
+    vibration, modelled = np.full(SHOWN, np.nan), np.zeros(SHOWN)
+    later = None
+    for block in reversed(outputs):
+        count = len(block.vibration_m_s2)
+        first = SHOWN - round((end_s - block.time_s) * 1e3)
+        if later is not None and abs(later - first - count) <= _LATE_SAMPLES:
+            first = later - count
+        later = first
+        begin, stop = max(0, first), min(SHOWN, first + count)
+        if begin < stop:
+            vibration[begin:stop] = block.vibration_m_s2[begin - first : stop - first]
+            modelled[begin:stop] = block.mode in ("synthesized", "fading")
+    return Played(vibration, modelled)
+
+
+def synthesized(
+    window: Window, end_s: float, settings: ModellingSettings, model: TextureModel
+) -> Played:
+    """Render from a model what the recorded motion asks for; the same moment gives the same."""
+    sequence = numbers(window.frames)
+    if len(sequence) == 0:
+        return Played(np.full(SHOWN, np.nan), np.ones(SHOWN))
+    begin = (int(sequence[-1]) - SHOWN - _SETTLING) // _BLOCK * _BLOCK
+    frames = window.frames[sequence >= begin - _SETTLING]
+    aligned = StreamFilter(
+        normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz
+    ).process(frames)
+    aligned = aligned[int(np.searchsorted(aligned.index, begin)) :]
+    velocity = np.ascontiguousarray(aligned.velocity_mm_s.T)
+    motion = (*velocity,) if model.space.directed else (aligned.speed_mm_s,)
+    inputs = [np.ascontiguousarray(values) for values in (*motion, aligned.normal_force_n)]
+    rendered = Synthesizer(model, seed=begin % 2**31).render(*inputs)
+    last = _last_number(window.frames, window.time_s, end_s)
+    return Played(_placed(rendered, aligned.index, last), np.ones(SHOWN))
+
+
+def history(window: Window) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return times (k,), force (3, k) and position (3, k), 25 a second."""
+    time_s, frames = window.time_s[::_STEP], window.frames[::_STEP]
+    columns = [_vectors(frames, name) for name in ("force_n", "position_mm")]
+    gaps = np.flatnonzero(np.diff(time_s) > 4 * _STEP / 1e3) + 1
+    force, position = (np.insert(column, gaps, np.nan, axis=1) for column in columns)
+    return np.insert(time_s, gaps, time_s[gaps - 1] + 1e-3), force, position
+
+
+def trail(window: Window, settings: ModellingSettings) -> FloatArray:
+    """Return velocity along the two tangential axes and normal force (k, 3) of the way there."""
+    names = window.frames.dtype.names or ()
+    if "position_mm" not in names or "force_n" not in names:
+        return np.zeros((0, 3))
+    frames = window.frames[-(_TRAIL * _STEP + 1) :]
+    count = (len(frames) - 1) // _STEP
+    if count < 1:
+        return np.zeros((0, 3))
+    frames = frames[len(frames) - 1 - count * _STEP :]
+    normal = _AXES[settings.normal]
+    tangential = [axis for axis in range(3) if axis != normal]
+    steps = np.diff(numbers(frames[::_STEP])) / settings.rate_hz
+    moved = np.diff(frames["position_mm"][::_STEP][:, tangential].astype(np.float64), axis=0)
+    velocity = moved / np.where(steps > 0, steps, np.nan)[:, None]
+    force = frames["force_n"][1:, normal].astype(np.float64).reshape(count, _STEP).mean(axis=1)
+    points = np.column_stack([velocity, np.maximum(force, 0.0)])
+    points[steps > 4 * _STEP / settings.rate_hz] = np.nan
+    return points
+
+
+def _vectors(frames: RecordArray, name: str) -> FloatArray:
+    """Return a channel (3, n), NaN where the recording lacks it."""
+    if name not in (frames.dtype.names or ()):
+        return np.full((3, len(frames)), np.nan)
+    return np.asarray(frames[name].T, dtype=np.float64)
+
+
+def _last_number(frames: RecordArray, time_s: FloatArray, end_s: float) -> int:
+    """Return the number that a frame of a moment would have."""
+    if len(frames) == 0:
+        return 0
+    return int(frames["sequence"][-1]) + max(0, round((end_s - float(time_s[-1])) * 1e3) - 1)
+
+
+def _placed(values: FloatArray, sequence: IntArray, last: int) -> FloatArray:
+    """Return values (n,) by their numbers in the last 512, NaN where there is none."""
+    shown = np.full(SHOWN, np.nan)
+    places = sequence - (last - SHOWN + 1)
+    inside = (places >= 0) & (places < SHOWN)
+    shown[places[inside]] = values[inside]
+    return shown

@@ -1,0 +1,1 @@
+"""The laboratory: experiments that tell whether the product is any good."""

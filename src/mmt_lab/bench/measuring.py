@@ -1,0 +1,116 @@
+"""Times that can be compared: methods take turns, and medians come with their spread.
+
+On a shared machine a time says little by itself. Here every method of a comparison runs once
+in every round, in an order that moves on from round to round, so that all of them meet the
+same machine; what counts is the median over rounds, and ratios of medians.
+"""
+
+import gc
+import math
+import os
+import platform
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt_lab.bench.results import Spread
+from mmt.evaluation.report import environment
+
+Task = Callable[[], object]
+
+LEAST_S: Final = 0.002
+"""A task is repeated within a round until it has taken so long."""
+
+
+def interleave(
+    tasks: Mapping[str, Task], rounds: int, *, least_s: float = LEAST_S
+) -> dict[str, Spread]:
+    """Time tasks in turns; return the seconds of one call of each.
+
+    Parameters
+    ----------
+    tasks
+        By name; each is called once beforehand.
+    rounds
+        How often every task has its turn, at least 1.
+    least_s
+        A turn takes at least so long, by as many calls as that needs.
+    """
+    calls = {name: _calls(task, least_s) for name, task in tasks.items()}
+    seconds: dict[str, list[float]] = {name: [] for name in tasks}
+    names = list(tasks)
+    with _no_collection():
+        for number in range(rounds):
+            shift = number % max(1, len(names))
+            for name in names[shift:] + names[:shift]:
+                task, count = tasks[name], calls[name]
+                started = time.perf_counter_ns()
+                for _ in range(count):
+                    task()
+                seconds[name].append((time.perf_counter_ns() - started) * 1e-9 / count)
+    return {name: spread(np.array(values)) for name, values in seconds.items()}
+
+
+def call_times(task: Task, count: int) -> FloatArray:
+    """Return the seconds of each of `count` calls, shape (count,), the clock's own included."""
+    times = np.empty(count, dtype=np.int64)
+    with _no_collection():
+        for index in range(count):
+            started = time.perf_counter_ns()
+            task()
+            times[index] = time.perf_counter_ns() - started
+    return np.asarray(times * 1e-9, dtype=np.float64)
+
+
+def spread(values: FloatArray) -> Spread:
+    """Return median and quartiles."""
+    low, median, high = np.percentile(values, [25.0, 50.0, 75.0])
+    return Spread(float(median), float(low), float(high))
+
+
+def machine() -> dict[str, str]:
+    """Return what the figures were measured on: processor, load, system and versions."""
+    load = ", ".join(f"{value:.2f}" for value in os.getloadavg()) if _has_load() else "unknown"
+    return {"processor": _processor(), "load (1, 5, 15 min)": load, **environment()}
+
+
+def _calls(task: Task, least_s: float) -> int:
+    task()
+    started = time.perf_counter()
+    task()
+    once_s = time.perf_counter() - started
+    return max(1, min(100_000, math.ceil(least_s / max(once_s, 1e-8))))
+
+
+@contextmanager
+def _no_collection() -> Iterator[None]:
+    """Keep the garbage collector out of what is timed."""
+    enabled = gc.isenabled()
+    gc.collect()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+def _has_load() -> bool:
+    return hasattr(os, "getloadavg")
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or "unknown"
+    for line in lines:
+        key, _, value = line.partition(":")
+        if key.strip() == "model name":
+            return value.strip()
+    return platform.processor() or "unknown"

@@ -1,0 +1,181 @@
+"""Textbook definitions in arithmetic of many digits: what errors are measured against.
+
+Pure Python with mpmath, slow on purpose: nothing is arranged for speed or for stability, the
+digits stand in for both.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any, Final
+
+import mpmath
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+
+DIGITS: Final = 120
+
+Number = Any
+"""A number of mpmath, whose types have no public names."""
+
+
+def exact(values: FloatArray | Sequence[float]) -> list[Number]:
+    """Return numbers without rounding."""
+    return [mpmath.mpf(float(value)) for value in values]
+
+
+def burg(x: FloatArray, order: int) -> list[Number]:
+    """Return Burg's reflection coefficients of orders 1 to `order`.
+
+    Where a signal is predicted completely, such as one of zeros, the rest are zero.
+    """
+    with mpmath.workdps(DIGITS):
+        forward = exact(x)
+        backward = list(forward)
+        reflection = []
+        for _ in range(order):
+            forward, backward = forward[1:], backward[:-1]
+            total = mpmath.fdot(forward, forward) + mpmath.fdot(backward, backward)
+            cross = mpmath.fdot(forward, backward)
+            k = -2 * cross / total if total else mpmath.mpf(0)
+            reflection.append(k)
+            pairs = list(zip(forward, backward, strict=True))
+            forward, backward = [f + k * b for f, b in pairs], [b + k * f for f, b in pairs]
+        return reflection
+
+
+def residual(x: FloatArray, ar: Sequence[Number]) -> Number:
+    """Return the mean square of a signal's forward and backward prediction errors."""
+    with mpmath.workdps(DIGITS):
+        values, taps = exact(x), [mpmath.mpf(1), *ar]
+        order = len(ar)
+        total = mpmath.mpf(0)
+        for start in range(len(values) - order):
+            window = values[start : start + order + 1]
+            forward = mpmath.fdot(taps, window[::-1])
+            backward = mpmath.fdot(taps, window)
+            total += forward * forward + backward * backward
+        return total / (2 * (len(values) - order))
+
+
+def step_up(reflection: Sequence[Number]) -> list[Number]:
+    """Return the filter coefficients, without the leading 1, of reflection coefficients."""
+    with mpmath.workdps(DIGITS):
+        ar: list[Number] = []
+        for k in reflection:
+            ar = [left + k * right for left, right in zip(ar, ar[::-1], strict=True)] + [k]
+        return ar
+
+
+def step_down(ar: Sequence[Number]) -> list[Number] | None:
+    """Return the reflection coefficients, None where one is of magnitude one."""
+    with mpmath.workdps(DIGITS):
+        rest = list(ar)
+        reflection = []
+        while rest:
+            k = rest[-1]
+            if abs(k) == 1:
+                return None
+            reflection.append(k)
+            count = len(rest) - 1
+            rest = [(rest[j] - k * rest[count - 1 - j]) / (1 - k * k) for j in range(count)]
+        return reflection[::-1]
+
+
+def is_stable(ar: FloatArray) -> bool:
+    """Say whether a filter with exactly these coefficients has its poles inside the circle."""
+    if not np.isfinite(ar).all():
+        return False
+    reflection = step_down(exact(ar))
+    return reflection is not None and all(abs(k) < 1 for k in reflection)
+
+
+def poles_to_ar(radius: FloatArray, angle: FloatArray) -> list[Number]:
+    """Return the filter coefficients of conjugate pairs of poles, shapes (p,), order 2 p."""
+    with mpmath.workdps(DIGITS):
+        taps = [mpmath.mpf(1)]
+        for r, w in zip(exact(radius), exact(angle), strict=True):
+            taps = _product(taps, [mpmath.mpf(1), -2 * r * mpmath.cos(w), r * r])
+        return taps[1:]
+
+
+def lsf_to_ar(lsf: FloatArray) -> list[Number]:
+    """Return the filter coefficients of line spectral frequencies, from their definition."""
+    with mpmath.workdps(DIGITS):
+        p, q = [mpmath.mpf(1)], [mpmath.mpf(1)]
+        for index, frequency in enumerate(exact(lsf)):
+            factor = [mpmath.mpf(1), -2 * mpmath.cos(frequency), mpmath.mpf(1)]
+            if index % 2 == 0:
+                p = _product(p, factor)
+            else:
+                q = _product(q, factor)
+        if len(lsf) % 2 == 0:
+            p, q = _product(p, exact([1, 1])), _product(q, exact([1, -1]))
+        else:
+            q = _product(q, exact([1, 0, -1]))
+        return [(a + b) / 2 for a, b in zip(p, q, strict=True)][1 : len(lsf) + 1]
+
+
+def refine_lsf(ar: Sequence[Number], start: FloatArray) -> list[Number] | None:
+    """Return the line spectral frequencies of a filter, by Newton's method from `start` (m,).
+
+    The result is complete, whatever the start was: m different zeros inside (0, pi), which
+    are all there are. None where the start does not lead to that.
+    """
+    with mpmath.workdps(DIGITS):
+        order = len(ar)
+        taps = [mpmath.mpf(1), *ar, mpmath.mpf(0)]
+        found = []
+        for index, begin in enumerate(exact(start)):
+            zero = _newton(taps, begin, 1 if index % 2 == 0 else -1)
+            if zero is None or not 0 < zero < mpmath.pi:
+                return None
+            found.append(zero)
+        gaps = [b - a for a, b in pairwise(found)]
+        least = mpmath.mpf(10) ** (10 - DIGITS // 2)
+        return found if len(found) == order and all(gap > least for gap in gaps) else None
+
+
+def _newton(taps: list[Number], begin: Number, sign: int) -> Number | None:
+    """Return a zero of A(w) + sign * (its reversal), its phase taken out, near `begin`."""
+    degree = len(taps) - 1
+    whole = [a + sign * b for a, b in zip(taps, taps[::-1], strict=True)]
+    half = mpmath.mpf(degree) / 2
+    w = begin
+    for _ in range(60):
+        # The palindrome (or its negative) is a sum of cosines (sines) about its middle.
+        angles = [(half - j) * w for j in range(degree + 1)]
+        if sign > 0:
+            value = mpmath.fdot(whole, [mpmath.cos(a) for a in angles])
+            slope = -sum(c * (half - j) * mpmath.sin(angles[j]) for j, c in enumerate(whole))
+        else:
+            value = mpmath.fdot(whole, [mpmath.sin(a) for a in angles])
+            slope = sum(c * (half - j) * mpmath.cos(angles[j]) for j, c in enumerate(whole))
+        if slope == 0:
+            return None
+        step = value / slope
+        w -= step
+        if abs(step) < mpmath.mpf(10) ** (-DIGITS // 2):
+            return w
+    return None
+
+
+def largest_error(found: FloatArray, expected: Sequence[Number]) -> float:
+    """Return the largest absolute difference; infinite where a number is not finite."""
+    if not np.isfinite(found).all() or len(found) != len(expected):
+        return float("inf")
+    with mpmath.workdps(DIGITS):
+        return float(max(abs(a - b) for a, b in zip(exact(found), expected, strict=True)))
+
+
+def rounded(values: Sequence[Number]) -> FloatArray:
+    """Return the nearest floats."""
+    return np.array([float(value) for value in values])
+
+
+def _product(a: Sequence[Number], b: Sequence[Number]) -> list[Number]:
+    result = [mpmath.mpf(0)] * (len(a) + len(b) - 1)
+    for i, left in enumerate(a):
+        for j, right in enumerate(b):
+            result[i + j] += left * right
+    return result

@@ -1,0 +1,200 @@
+"""The two services of a soak as processes, with a proxy between them, and what is seen of them."""
+
+import asyncio
+import os
+import signal
+import time
+from collections.abc import Callable, Coroutine
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Final, Self
+
+import psutil
+
+from mmt.cli.child import Child
+from mmt.core.errors import MmtError
+from mmt_lab.soak.judging import PATIENCE_S, Sample
+from mmt_lab.soak.proxy import Proxy
+
+_SCENE: Final = "demo"
+_LONGEST_SESSION_S: Final = "86400"
+_START_S: Final = 120.0
+_END_S: Final = 15.0
+
+
+class SoakServices:
+    """Leader and follower of the demo's scene with an emulated network.
+
+    Entered, both run and the stream has begun; left, both have been ended.
+
+    Parameters
+    ----------
+    recording
+        The leader's.
+    seed
+        Of the emulated network.
+    on_status
+        Called five times a second with the leader's status.
+
+    Raises
+    ------
+    MmtError
+        On entering: the services did not start.
+    """
+
+    def __init__(
+        self, recording: Path, seed: int, on_status: Callable[[dict[str, Any]], None]
+    ) -> None:
+        self._recording = recording
+        self._environment = {
+            **os.environ,
+            "MMT_NETWORK__SEED": str(seed),
+            "MMT_LINK__PATIENCE_S": str(PATIENCE_S),
+            "MMT_LINK__KEEP_S": str(PATIENCE_S),
+        }
+        self._on_status = on_status
+        self._leader: Child | None = None
+        self._follower: Child | None = None
+        self._killed: set[Child] = set()
+        self._children: list[Child] = []
+        self._watching: list[asyncio.Task[None]] = []
+        self._ready = asyncio.Event()
+        self._streaming = asyncio.Event()
+        self._proxy: Proxy | None = None
+        self.ended = asyncio.Event()
+        """A service has ended that was to go on."""
+        self.port = 0
+        """The leader's."""
+        self.births_s: list[float] = []
+        """When each follower was started, by the monotonic clock."""
+        self.samples: list[Sample] = []
+        self.summary: dict[str, Any] = {}
+        """The leader's; empty until it has ended."""
+        self.errors: list[str] = []
+
+    @property
+    def proxy(self) -> Proxy:
+        """What the follower's connection goes through."""
+        assert self._proxy is not None  # noqa: S101 - entered
+        return self._proxy
+
+    async def __aenter__(self) -> Self:
+        try:
+            arguments = [_SCENE, "--port", "0", "--duration", _LONGEST_SESSION_S]
+            self._leader = await self._start(
+                "leader", [*arguments, "--record", str(self._recording)]
+            )
+            self._watch(self._watch_leader(self._leader))
+            await self._until(self._ready, "the leader was not ready")
+            self._proxy = await Proxy(self.port).__aenter__()
+            await self._start_follower()
+            await self._until(self._streaming, "the stream did not begin")
+        except BaseException:
+            await self.__aexit__()
+            raise
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await asyncio.gather(*(child.kill() for child in self._children))
+        await asyncio.gather(*self._watching, return_exceptions=True)
+        if self._proxy is not None:
+            await self._proxy.__aexit__()
+
+    async def finish(self) -> None:
+        """End the session as a person would, and wait for the summary."""
+        if self._leader is not None:
+            self._leader.interrupt()
+        with suppress(TimeoutError):
+            async with asyncio.timeout(_END_S):
+                await asyncio.gather(*self._watching)
+        if not self.summary:
+            self.errors.append(f"the leader did not end within {_END_S:g} s")
+
+    async def pause(self, leader: bool, length_s: float) -> None:
+        """Stop one of the processes for so long."""
+        child = self._leader if leader else self._follower
+        if child is None:
+            return
+        child.send(signal.SIGSTOP)
+        try:
+            await asyncio.sleep(length_s)
+        finally:
+            child.send(signal.SIGCONT)
+
+    async def restart_follower(self, after_s: float) -> None:
+        """Kill the follower and start another one so much later."""
+        if self._follower is not None:
+            self._killed.add(self._follower)
+            await self._follower.kill()
+        await asyncio.sleep(after_s)
+        await self._start_follower()
+
+    async def _start_follower(self) -> None:
+        url = f"http://127.0.0.1:{self.proxy.port}"
+        self._follower = await self._start("follower", [_SCENE, "--leader", url])
+        self.births_s.append(time.monotonic())
+        self._watch(self._watch_follower(self._follower))
+
+    async def _start(self, name: str, arguments: list[str]) -> Child:
+        arguments = [name, *arguments, "--json-lines"]
+        child = await Child.start(name, "mmt.cli.entry", arguments, self._environment)
+        self._children.append(child)
+        return child
+
+    def _watch(self, watching: Coroutine[Any, Any, None]) -> None:
+        self._watching.append(asyncio.create_task(watching))
+
+    async def _until(self, event: asyncio.Event, otherwise: str) -> None:
+        waiting = [asyncio.create_task(e.wait()) for e in (event, self.ended)]
+        await asyncio.wait(waiting, timeout=_START_S, return_when=asyncio.FIRST_COMPLETED)
+        for task in waiting:
+            task.cancel()
+        if not event.is_set():
+            raise MmtError("; ".join([otherwise, *self.errors]))
+
+    async def _watch_leader(self, leader: Child) -> None:
+        async for line in leader.lines():
+            if line["kind"] == "ready":
+                self.port = int(line["port"])
+                self._ready.set()
+            elif line["kind"] == "status":
+                self._take_status(line, leader)
+            elif line["kind"] == "summary":
+                self.summary = {key: value for key, value in line.items() if key != "kind"}
+        code = await leader.wait()
+        if code != 0 or not self.summary:
+            self.errors.append(f"the leader ended with exit code {code}: {leader.messages}")
+        elif self.summary["outcome"] != "stopped":
+            self.errors.append(f"the leader ended by itself: {self.summary['outcome']}")
+        self.ended.set()
+
+    async def _watch_follower(self, follower: Child) -> None:
+        async for _ in follower.lines():
+            pass
+        code = await follower.wait()
+        if follower not in self._killed and code != 0:
+            self.errors.append(f"the follower ended with exit code {code}: {follower.messages}")
+            self.ended.set()
+
+    def _take_status(self, status: dict[str, Any], leader: Child) -> None:
+        if status["frames"]:
+            self._streaming.set()
+        if self._streaming.is_set():
+            self.samples.append(
+                Sample(
+                    time_s=time.monotonic(),
+                    leader_mb=_memory_mb(leader),
+                    follower_mb=_memory_mb(self._follower),
+                    ticks=status["ticks"],
+                    late_ticks=status["late_ticks"],
+                )
+            )
+        self._on_status(status)
+
+
+def _memory_mb(child: Child | None) -> float | None:
+    """Return the memory that a process holds, None where it has ended."""
+    try:
+        return None if child is None else psutil.Process(child.pid).memory_info().rss / 1e6
+    except psutil.Error:
+        return None

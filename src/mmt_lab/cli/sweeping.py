@@ -1,0 +1,155 @@
+"""``mmt sweep``: sessions by settings, on local processes or a Dask cluster."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mmt.cli.common import messages, output, write_json
+from mmt_lab.cli.counting import check_workers, counting, processes
+from mmt.cli.reporting import scene_of
+from mmt.core.errors import InputError, MmtError
+from mmt.evaluation.document import Table
+from mmt_lab.sweep.combinations import Job, Outcome, Settings, SweepResults, combinations, make_jobs
+from mmt_lab.sweep.running import run_locally, run_on_dask
+from mmt.evaluation.table import as_rich
+from mmt.evaluation.texts import number, share
+from mmt.session import RecordedSession, read_session
+from mmt.scene.texture_table import Texture
+
+MEANS = ("gfc", "gfc_ceiling", "truth_gfc", "power_error_db", "within_jnd", "samples")
+"""Of the finished model; the mean over sessions is shown."""
+
+
+def sweep_files(
+    paths: Sequence[Path],
+    choices: Sequence[str],
+    *,
+    scene_file: Path | None,
+    step_s: float,
+    seed: int,
+    workers: int | None,
+    dask: str | None,
+    out: Path,
+    json_file: Path | None,
+) -> bool:
+    """Evaluate every session with every combination; return whether all of them succeeded."""
+    if workers is not None and dask is not None:
+        raise InputError("--workers and --dask: give one, a cluster has its own workers")
+    check_workers(workers)
+    settings = combinations(choices)
+    sessions = {str(path): _read(path) for path in dict.fromkeys(paths)}
+    jobs = [
+        job
+        for session in sessions.values()
+        for job in make_jobs(
+            session, _base(session, scene_file), settings, step_s=step_s, seed=seed
+        )
+    ]
+    results = SweepResults(out)
+    missing = results.missing(jobs)
+    needed = {path: sessions[path] for path in dict.fromkeys(job.path for job in missing)}
+    if dask is not None and missing:
+        outcomes = run_on_dask(missing, needed, dask)
+    else:
+        wanted = processes(workers, len(missing))
+        outcomes = run_locally(missing, needed, wanted) if missing else iter(())
+    failed = _collect(outcomes, results, len(missing), len(jobs))
+    summary = _summary(jobs, settings, results)
+    output.print(as_rich(_table(summary)))
+    write_json(
+        json_file,
+        {"settings": summary, "results": [results.lines[k] for k in _done(jobs, results)]},
+    )
+    messages.print(f"results: {results.path}", highlight=False)
+    for outcome in failed:
+        messages.print(f"failed: {outcome.job.path} {outcome.job.settings}: {outcome.error}")
+    return not failed
+
+
+def _read(path: Path) -> RecordedSession:
+    """Read a session without what an evaluation does not need: it may travel to a worker."""
+    return replace(read_session(path), models=(), events=(), outputs=())
+
+
+def _base(session: RecordedSession, scene_file: Path | None) -> Texture:
+    return scene_of(session, scene_file).texture or Texture()
+
+
+def _collect(
+    outcomes: Iterator[Outcome], results: SweepResults, missing: int, count: int
+) -> list[Outcome]:
+    """Write results as they come, and show how many; return what failed."""
+    failed = []
+    with counting("evaluating", count, done=count - missing, stays=True) as show:
+        try:
+            for done, outcome in enumerate(outcomes, count - missing + 1):
+                results.add(outcome)
+                if outcome.error is not None:
+                    failed.append(outcome)
+                show(done)
+        except KeyboardInterrupt as error:
+            raise MmtError(
+                f"interrupted: {len(results.lines)} results are kept in {results.path}; the "
+                "same command goes on"
+            ) from error
+    return failed
+
+
+def _done(jobs: Sequence[Job], results: SweepResults) -> list[str]:
+    return list(dict.fromkeys(job.key for job in jobs if job.key in results.lines))
+
+
+def _summary(
+    jobs: Sequence[Job], settings: Sequence[Settings], results: SweepResults
+) -> list[dict[str, Any]]:
+    """Return, for each combination, means over its sessions."""
+    rows = []
+    for chosen in settings:
+        keys = _done([job for job in jobs if job.settings == dict(chosen)], results)
+        evaluations = [results.lines[key]["evaluation"] for key in keys]
+        finals = [e["at_stop"] or e["at_end"] for e in evaluations]
+        stops = [e["stop_s"] for e in evaluations if e["stop_s"] is not None]
+        means = {name: _mean([final[name] for final in finals]) for name in MEANS}
+        complete = {"complete": len(stops), "stop_s": _mean(stops)}
+        rows.append({"settings": dict(chosen), "sessions": len(keys), **complete, **means})
+    return rows
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    present = [value for value in values if value is not None]
+    return float(np.mean(present)) if present else None
+
+
+def _table(summary: Sequence[dict[str, Any]]) -> Table:
+    rows = []
+    for row in summary:
+        name = ", ".join(f"{key.partition('.')[2]} {v}" for key, v in row["settings"].items())
+        rows.append(
+            (
+                name or "as recorded",
+                str(row["sessions"]),
+                str(row["complete"]),
+                number(row["stop_s"], 1),
+                number(row["samples"], 1),
+                number(row["gfc"], 3),
+                number(row["gfc_ceiling"], 3),
+                number(row["power_error_db"], 2),
+                share(row["within_jnd"]),
+            )
+        )
+    columns = (
+        "settings",
+        "sessions",
+        "complete",
+        "stop (s)",
+        "samples",
+        "GFC",
+        "ceiling",
+        "power error (dB)",
+        "within JND",
+    )
+    caption = "Means over sessions, at the stop criterion or at the end where it was never met."
+    return Table(columns, rows, caption)

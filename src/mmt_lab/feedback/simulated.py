@@ -1,0 +1,213 @@
+"""A hand, a link and a follower on a wall in a closed loop, where instability can show.
+
+`SimulatedRobot` and both sides of the method as the services use them, a handle in a hand that
+wants to be somewhere (a mass, a damper and a spring to a moving target), and late lines in
+order. The hand touches, lets go, touches again, presses to and fro and rests:
+
+======== =====================================================================
+0.3 s    first touch, 5 mm below the surface, which a light grip makes 1.5 N
+1.3 s    away again
+2.3 s    second touch
+2.8 s    two strokes of 1 Hz, 2.5 to 7.5 mm below
+4.8 s    rest, to the end at 6.5 s
+======== =====================================================================
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray, RecordArray
+from mmt.contact.friction import step_tangential
+from mmt.contact.normal import Drive
+from mmt.devices.protocols import Vector
+from mmt.testing.simulation import PERIOD_S
+from mmt.testing.simulation.robot import START_MM, SimulatedRobot
+from mmt_lab.feedback.delays import DelayLine
+from mmt_lab.feedback.sides import PASSIVITY, Display, Method, handle_state, make_sides
+from mmt_lab.stability.delay import LIGHT_GRIP
+from mmt.core.frames import empty_frames
+from mmt.scene import Simulated
+
+WALLS_N_MM: Final = (0.1, 0.5, 2.0, 10.0, 50.0)
+DELAYS_MS: Final = (0, 10, 50, 100, 200)
+"""One way; as much again back."""
+
+JITTER: Final = 0.25
+"""Spread of a delay to either side, over its mean."""
+LIMIT_N: Final = 10.0
+DURATION_S: Final = 6.5
+SECOND_TOUCH_S: Final = 2.3
+REST_S: Final = 0.75
+REST_SPEED_MM_S: Final = 2.0
+"""A hand that rests moves more slowly than this, or the loop is not stable."""
+
+_DEPTH_M: Final = 5e-3
+_CLEAR_M: Final = 5e-3
+_STROKE_M: Final = 2.5e-3
+_RAMP_S: Final = 0.5
+
+
+@dataclass(frozen=True)
+class CellResult:
+    """What a method gave on a wall over a delay.
+
+    Attributes
+    ----------
+    method, wall_n_mm, delay_ms
+        The cell; the delay is one way.
+    rest_speed_mm_s
+        Root mean square of the handle's speed over the last 0.75 s, when the hand rests.
+    injected_mj
+        Most energy that the hand had got beyond what it had put in, at any time.
+    force_error_n
+        Root mean square, from the second touch on, of the displayed force less the force
+        that the surface has on the tool when the hand's present motion has reached it.
+    position_error_mm
+        The same of the handle's place less the tool's.
+    largest_n
+        Largest force on the surface.
+    """
+
+    method: Method
+    wall_n_mm: float
+    delay_ms: int
+    rest_speed_mm_s: float
+    injected_mj: float
+    force_error_n: float
+    position_error_mm: float
+    largest_n: float
+
+    @property
+    def stable(self) -> bool:
+        """Whether the hand came to rest."""
+        return self.rest_speed_mm_s < REST_SPEED_MM_S
+
+    @property
+    def passive(self) -> bool:
+        """Whether the hand got no more than it gave and the reserve."""
+        return self.injected_mj <= 1e3 * PASSIVITY.reserve_j * (1.0 + 1e-6)
+
+
+class _Hand(Display):
+    """A handle on a mass, held by a spring and a damper to where the hand wants to be."""
+
+    def __init__(self, drive: Drive) -> None:
+        super().__init__()
+        self._drive = drive
+        self.height_m, self.speed_m_s = _CLEAR_M, 0.0
+        self._net_j = 0.0
+        self.injected_j = 0.0
+
+    def move(self, target_m: float) -> None:
+        """Move for a tick under the force that was written last, and count its work."""
+        before_m = self.height_m
+        centre_m = target_m + self.force_n / self._drive.stiffness_n_m
+        state = (before_m, self.speed_m_s)
+        moved = step_tangential(self._drive, 0.0, state, centre_m, PERIOD_S)
+        self.height_m, self.speed_m_s = moved[0], moved[1]
+        self._net_j += self.force_n * (self.height_m - before_m)
+        self.injected_j = max(self.injected_j, self._net_j)
+
+
+def run_cell(
+    method: Method, wall_n_mm: float, delay_ms: int, *, seed: int = 0, hand: Drive = LIGHT_GRIP
+) -> CellResult:
+    """Run a method on a wall over a delay with jitter.
+
+    Parameters
+    ----------
+    method
+        Of force feedback.
+    wall_n_mm
+        Stiffness of the surface.
+    delay_ms
+        Mean delay of each way.
+    seed
+        Of the jitter.
+    hand
+        Mass, spring and damper of hand and handle.
+    """
+    holder = _Hand(hand)
+    log = _run(method, wall_n_mm, delay_ms, seed, holder)
+    heights, speeds, shown, tips, forces = log.T
+    late = len(log) - delay_ms
+    learned = slice(round(SECOND_TOUCH_S / PERIOD_S), late)
+    same = slice(learned.start + delay_ms, None)
+    return CellResult(
+        method,
+        wall_n_mm,
+        delay_ms,
+        rest_speed_mm_s=1e3 * _rms(speeds[-round(REST_S / PERIOD_S) :]),
+        injected_mj=1e3 * holder.injected_j,
+        force_error_n=_rms(shown[learned] - forces[same]),
+        position_error_mm=1e3 * _rms(heights[learned] - tips[same]),
+        largest_n=float(forces.max()),
+    )
+
+
+def _run(method: Method, wall_n_mm: float, delay_ms: int, seed: int, holder: _Hand) -> FloatArray:
+    """Return handle height, speed, displayed force, tool height and its force, (n, 5), SI."""
+    sides = make_sides(method, holder, limit_n=LIMIT_N)
+    robot = SimulatedRobot(Simulated(surface_stiffness_n_mm=wall_n_mm), 0.0)
+    jitter = round(JITTER * delay_ms)
+    commands: DelayLine[Vector] = DelayLine(delay_ms, jitter, 4 * seed)
+    frames: DelayLine[RecordArray] = DelayLine(delay_ms, jitter, 4 * seed + 1)
+    down: DelayLine[RecordArray] = DelayLine(delay_ms, jitter, 4 * seed + 2)
+    up: DelayLine[RecordArray] = DelayLine(delay_ms, jitter, 4 * seed + 3)
+    wanted: Vector | None = None
+    ticks = round(DURATION_S / PERIOD_S)
+    log = np.zeros((ticks, 5))
+    for tick in range(ticks):
+        holder.move(_target_m(tick * PERIOD_S))
+        state = handle_state(holder.height_m, holder.speed_m_s)
+        commands.push(tick, state.position_mm)
+        for frame in frames.pop(tick):
+            sides.leader.take(frame)
+        for records in up.pop(tick):
+            sides.leader.take_records(records)
+        news = sides.leader.tick(1, state)
+        if news is not None:
+            down.push(tick, news)
+        for position_mm in commands.pop(tick):
+            wanted = position_mm
+        command = wanted
+        if sides.follower is not None:
+            for records in down.pop(tick):
+                sides.follower.take_records(records)
+            command = sides.follower.command(wanted)
+        tip = robot.advance(START_MM if command is None else command)
+        frame = empty_frames(1, ("position", "force"))
+        frame["position_mm"], frame["force_n"] = tip.position_mm, tip.force_n
+        frames.push(tick, frame)
+        reply = sides.follower.measured(frame) if sides.follower is not None else None
+        if reply is not None:
+            up.push(tick, reply)
+        log[tick] = (
+            holder.height_m,
+            holder.speed_m_s,
+            holder.force_n,
+            1e-3 * tip.position_mm[2],
+            tip.force_n[2],
+        )
+    return log
+
+
+def _target_m(time_s: float) -> float:
+    """Return the height where the hand wants to be."""
+    pressed = _ramp(time_s, 0.3) - _ramp(time_s, 1.3) + _ramp(time_s, SECOND_TOUCH_S)
+    height_m = _CLEAR_M - (_CLEAR_M + _DEPTH_M) * pressed
+    if 2.8 < time_s < 4.8:
+        height_m -= _STROKE_M * math.sin(2.0 * math.pi * (time_s - 2.8))
+    return height_m
+
+
+def _ramp(time_s: float, start_s: float) -> float:
+    share = min(1.0, max(0.0, (time_s - start_s) / _RAMP_S))
+    return 0.5 - 0.5 * math.cos(math.pi * share)
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values * values)))

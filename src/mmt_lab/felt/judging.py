@@ -1,0 +1,171 @@
+"""Errors of what is felt, moment by moment, and how late it begins and ends."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from mmt.core.arrays import BoolArray, FloatArray, IntArray
+from mmt.testing.simulation import RATE_HZ
+from mmt.evaluation.bands import BANDS, band_membership
+from mmt_lab.felt.passing import Passage
+
+WINDOW: Final = 200
+"""Samples of a moment, under a Hann window."""
+
+HOP: Final = 50
+"""Samples from moment to moment."""
+
+LEAST_RMS_M_S2: Final = 0.1
+"""Vibration below this counts as this: it is hardly felt, and sensors' noise is as strong."""
+
+STROKE_MM_S: Final = 10.0
+STROKE_N: Final = 0.1
+REST_TICKS: Final = 150
+STROKE_TICKS: Final = 250
+"""A stroke that begins has rested for so long before and lasts for so long; likewise at its end."""
+
+_EDGE_WINDOW: Final = 30
+_SEARCH_TICKS: Final = 900
+_QUIET_TICKS: Final = 50
+_BLOCK: Final = 500
+
+
+@dataclass(frozen=True)
+class Course:
+    """Errors of one method over one session.
+
+    Attributes
+    ----------
+    time_s
+        Of each moment at which something is to be felt or is felt, shape (k,).
+    level_db, bands_db
+        Error of the power, shape (k,), and of each band's, shape (k, 9).
+    onset_ms, offset_ms
+        How much later than without a network vibration begins and ends, one for each stroke
+        after a rest, and each rest after a stroke, at which both are found.
+    """
+
+    time_s: FloatArray
+    level_db: FloatArray
+    bands_db: FloatArray
+    onset_ms: FloatArray
+    offset_ms: FloatArray
+
+
+class Reference:
+    """What the surface would give at the hand's motion at each moment, exactly.
+
+    Parameters
+    ----------
+    passage
+        The session.
+    at_once
+        A realisation of it (n,), from which beginnings and ends are told.
+    """
+
+    def __init__(self, passage: Passage, at_once: FloatArray) -> None:
+        self._bands = _expected_bands(passage)
+        self._at_once = at_once
+        stroking = (passage.speed_mm_s > STROKE_MM_S) & (passage.force_n > STROKE_N)
+        self._begins = _changes(~stroking, REST_TICKS, STROKE_TICKS)
+        self._ends = _changes(stroking, STROKE_TICKS, REST_TICKS)
+
+    def judge(self, vibration_m_s2: FloatArray) -> Course:
+        """Compare what was felt (n,) with it."""
+        floor = LEAST_RMS_M_S2**2
+        bands = _measured_bands(vibration_m_s2)
+        power, wanted = bands.sum(axis=1), self._bands.sum(axis=1)
+        counts = (power > floor) | (wanted > floor)
+        middle = (np.arange(len(bands)) * HOP + WINDOW / 2.0) / RATE_HZ
+        return Course(
+            time_s=middle[counts],
+            level_db=_ratio_db(power, wanted, floor)[counts],
+            bands_db=_ratio_db(bands, self._bands, floor / BANDS)[counts],
+            onset_ms=self._delays(vibration_m_s2, self._begins, rising=True),
+            offset_ms=self._delays(vibration_m_s2, self._ends, rising=False),
+        )
+
+    def _delays(self, vibration_m_s2: FloatArray, edges: IntArray, *, rising: bool) -> FloatArray:
+        """Return by how many ms the edges of a vibration come later than those at once."""
+        levels = [_short_power(v) for v in (vibration_m_s2, self._at_once)]
+        found = []
+        for edge in edges.tolist():
+            span = slice(max(edge - REST_TICKS, 0), edge + _SEARCH_TICKS)
+            inside = (
+                slice(edge, edge + STROKE_TICKS) if rising else slice(edge - STROKE_TICKS, edge)
+            )
+            threshold = max(0.25 * float(levels[1][inside].mean()), LEAST_RMS_M_S2**2)
+            late, own = (_crossing(level[span], threshold, rising=rising) for level in levels)
+            if late is not None and own is not None:
+                found.append(float(late - own))
+        return np.array(found)
+
+
+def _expected_bands(passage: Passage) -> FloatArray:
+    """Return the mean power in each band over each moment's window, shape (k, 9)."""
+    unit = passage.heading
+    heading = np.arctan2(unit[:, 1], unit[:, 0])
+    frequencies = np.arange(501.0)
+    member = band_membership(frequencies)
+    # the motion is slow: a value every ten ticks does
+    chosen = np.arange(0, len(passage.force_n), 10)
+    parts = []
+    for start in range(0, len(chosen), _BLOCK):
+        rows = chosen[start : start + _BLOCK]
+        density = passage.surface.spectrum(
+            passage.speed_mm_s[rows], passage.force_n[rows], frequencies, heading[rows]
+        )
+        parts.append(density @ member)
+    bands = np.concatenate(parts)
+    windows = sliding_window_view(bands, WINDOW // 10, axis=0)[:: HOP // 10]
+    weights = np.square(np.hanning(WINDOW // 10 + 2)[1:-1])
+    return np.asarray(windows @ (weights / weights.sum()))
+
+
+def _measured_bands(vibration_m_s2: FloatArray) -> FloatArray:
+    """Return the power in each band in each moment's window, shape (k, 9)."""
+    window = np.hanning(WINDOW + 1)[:-1]
+    pieces = sliding_window_view(vibration_m_s2, WINDOW)[::HOP] * window
+    power = (
+        np.square(np.abs(np.fft.rfft(pieces, axis=1))) * 2.0 / (WINDOW * np.square(window).sum())
+    )
+    return np.asarray(power @ band_membership(np.linspace(0.0, RATE_HZ / 2.0, WINDOW // 2 + 1)))
+
+
+def _ratio_db(power: FloatArray, wanted: FloatArray, floor: float) -> FloatArray:
+    return np.asarray(10.0 * np.log10(np.maximum(power, floor) / np.maximum(wanted, floor)))
+
+
+def _changes(before: BoolArray, ticks_before: int, ticks_after: int) -> IntArray:
+    """Return where a state that held for so long ends and stays ended for so long."""
+    found = []
+    for edge in (np.flatnonzero(before[:-1] & ~before[1:]) + 1).tolist():
+        held = before[max(edge - ticks_before, 0) : edge]
+        after = before[edge : edge + ticks_after]
+        whole = len(held) == ticks_before and len(after) == ticks_after
+        if whole and held.all() and not after.any():
+            found.append(edge)
+    return np.array(found, dtype=np.int64)
+
+
+def _short_power(vibration_m_s2: FloatArray) -> FloatArray:
+    """Return the mean square of the newest 30 samples at each tick, shape (n,)."""
+    sums = np.concatenate([[0.0], np.cumsum(np.square(vibration_m_s2))])
+    ends = np.arange(1, len(sums))
+    starts = np.maximum(ends - _EDGE_WINDOW, 0)
+    return np.asarray((sums[ends] - sums[starts]) / (ends - starts))
+
+
+def _crossing(level: FloatArray, threshold: float, *, rising: bool) -> int | None:
+    """Return where a level first rises above the threshold, or first stays below it.
+
+    What is left of the stroke before does not count as a rise.
+    """
+    above = level > threshold
+    if rising:
+        rises = np.flatnonzero(above[1:] & ~above[:-1]) + 1
+        return int(rises[0]) if len(rises) else None
+    quiet = np.flatnonzero(~sliding_window_view(above, _QUIET_TICKS).any(axis=1))
+    return int(quiet[0]) if len(quiet) else None

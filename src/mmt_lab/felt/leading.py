@@ -1,0 +1,151 @@
+"""The leader's side of a passage: its own playout, modelling, switch and synthesis."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray, IntArray
+from mmt.scene.device_tables import Actuator
+from mmt.testing.simulation import PERIOD_NS, RATE_HZ
+from mmt.testing.simulation.vibration import Vibration
+from mmt_lab.felt.passing import NEVER_TICK, Passage
+from mmt.leader.concealment import build_concealment
+from mmt.leader.playout import PlayoutBuffer
+from mmt.leader.rendering import VibrationSwitch
+from mmt.leader.stream import StreamedVibration
+from mmt.scene import Playout, Rendering
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
+from mmt.texture.settings import Inputs, ModellingSettings
+from mmt.texture.synthesis.synthesizer import Synthesizer
+
+BACKFILL_TICKS: Final = 250
+"""A frame that was lost comes so much later than the longest way there and back."""
+
+UPDATE_TICKS: Final = 50
+"""So long after its last frame a model is in use."""
+
+
+@dataclass(frozen=True)
+class Felt:
+    """What a method let the hand feel.
+
+    ``vibration_m_s2`` has shape (n,); ``start_s`` is when the model took over, None where it
+    did not.
+    """
+
+    vibration_m_s2: FloatArray
+    start_s: float | None
+
+
+def at_once(passage: Passage, seed: int) -> Felt:
+    """Return what the surface would give at the hand's own speed and force, without a delay.
+
+    It is a realisation of its own: as near as anything that renders from a model can come.
+    """
+    surface = Vibration(passage.surface, np.random.default_rng([seed, 77]))
+    motion = zip(
+        passage.speed_mm_s.tolist(),
+        passage.force_n.tolist(),
+        passage.heading.tolist(),
+        strict=True,
+    )
+    values = [surface.step(speed, force, (u, v))[0] for speed, force, (u, v) in motion]
+    return Felt(np.array(values), 0.0)
+
+
+def led(passage: Passage, models: Mapping[int, TextureModel] | None, seed: int) -> Felt:
+    """Return what a leader plays that gets the frames of a passage.
+
+    Parameters
+    ----------
+    passage
+        What arrives when, and how the hand moves.
+    models
+        What is rendered, each from a tick on; None where only the stream is played.
+    seed
+        Of the synthesis and of concealment.
+    """
+    ticks = len(passage.frames)
+    stream, switch, synthesizer = _leader(seed, renders=models is not None)
+    directed = not passage.surface.isotropic
+    drives = passage.velocity_mm_s.T if directed else passage.speed_mm_s[None]
+    inputs = np.vstack([drives, passage.force_n])
+    order = np.argsort(passage.arrival_tick, kind="stable")
+    arrived = np.searchsorted(passage.arrival_tick[order], np.arange(ticks), side="right").tolist()
+    output = np.empty(ticks)
+    taken, start_s = 0, None
+    for tick in range(ticks):
+        if synthesizer is not None and models is not None and tick in models:
+            synthesizer.model = models[tick]
+            switch.use_model(True)
+            start_s = tick / RATE_HZ if start_s is None else start_s
+        for index in order[taken : arrived[tick]]:
+            stream.take(passage.frames[index : index + 1], tick * PERIOD_NS)
+        taken = arrived[tick]
+        output[tick] = switch.render(tick * PERIOD_NS, *inputs[:, tick : tick + 1])[0]
+    return Felt(output, start_s)
+
+
+def _leader(
+    seed: int, *, renders: bool
+) -> tuple[StreamedVibration, VibrationSwitch, Synthesizer | None]:
+    """Return a leader's parts, as its defaults make them."""
+    limit_m_s2 = Actuator().limit_m_s2
+    buffer = PlayoutBuffer(
+        "auto", Playout().longest_delay_ms, PERIOD_NS, build_concealment("model", seed)
+    )
+    synthesizer = Synthesizer(seed=seed, limit_m_s2=limit_m_s2) if renders else None
+    switch = VibrationSwitch(
+        buffer.pull,
+        synthesizer,
+        crossfade_samples=round(Rendering().crossfade_ms * RATE_HZ / 1000.0),
+        limit_m_s2=limit_m_s2,
+        period_ns=PERIOD_NS,
+    )
+    return StreamedVibration(buffer, "z", "z", RATE_HZ), switch, synthesizer
+
+
+def settings_over(passage: Passage, texture: Mapping[str, Any]) -> ModellingSettings:
+    """Return keys of ``[texture]`` as settings, with the inputs that the surface needs."""
+    inputs: Inputs = "isotropic" if passage.surface.isotropic else "anisotropic"
+    return ModellingSettings(inputs=inputs, **texture)
+
+
+def taking_over(updates: Mapping[int, ModelUpdate]) -> dict[int, TextureModel]:
+    """Return the models of the updates from the start criterion on, by their ticks."""
+    return {
+        tick: update.model
+        for tick, update in updates.items()
+        if update.started and update.model is not None
+    }
+
+
+def local_updates(passage: Passage, settings: ModellingSettings) -> dict[int, ModelUpdate]:
+    """Return the updates of the local model, by the tick from which each is in use.
+
+    An update takes the frames of one second, which the frames' numbers delimit, and waits for
+    those that were lost and are filled in, as the leader's modelling does.
+    """
+    return dict(_updates(passage, settings))
+
+
+def _updates(passage: Passage, settings: ModellingSettings) -> Iterator[tuple[int, ModelUpdate]]:
+    modeller = OnlineModeller(settings)
+    period = round(RATE_HZ)
+    come = _filled_in(passage.arrival_tick)
+    for first in range(0, len(passage.frames) - period + 1, period):
+        update = modeller.update(passage.frames[first : first + period])
+        yield int(come[: first + period].max()) + UPDATE_TICKS, update
+        if update.stopped:
+            return
+
+
+def _filled_in(arrival_tick: IntArray) -> IntArray:
+    """Return when each frame has come, those that were lost by back-fill."""
+    sent = np.arange(len(arrival_tick))
+    lost = arrival_tick == NEVER_TICK
+    longest = int((arrival_tick - sent)[~lost].max()) if not lost.all() else 0
+    return np.where(lost, sent + 2 * longest + BACKFILL_TICKS, arrival_tick)

@@ -1,0 +1,165 @@
+"""What goes over a link while it is measured, and what one process notes of it."""
+
+import asyncio
+import math
+import struct
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Final, Literal
+
+import numpy as np
+
+from mmt.core.arrays import RecordArray
+from mmt.core.ticking import Ticker, TimeHistogram
+
+Kind = Literal["ours", "bare"]
+
+WARM_UP_S: Final = 0.1
+"""A turn sends for so long before it measures."""
+SETTLE_S: Final = 0.1
+"""After a turn nothing is sent for so long, while what is under way arrives."""
+
+_SLEEP_GRAIN_NS: Final = 2_000_000
+_HEAD: Final = struct.Struct("<Iq")
+
+
+@dataclass(frozen=True)
+class Turn:
+    """One link sends one record a message both ways, at a steady rate, for a while."""
+
+    kind: Kind
+    rate_hz: int
+    start_ns: int
+    """On the machine's monotonic clock, which both processes read."""
+    duration_s: float
+    """Of the measurement, which a short warming up precedes."""
+    leader_lag: float = 0.0
+    """How far the leader's ticks come after the follower's, as a part of the period."""
+
+    @property
+    def end_ns(self) -> int:
+        """When the next turn may start."""
+        return self.start_ns + round((WARM_UP_S + self.duration_s + SETTLE_S) * 1e9)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What one process notes of one turn."""
+
+    kind: Kind
+    p50_ms: float
+    """One way, of what came to it; NaN where nothing came."""
+    p99_ms: float
+    worst_ms: float
+    rate_hz: float
+    """Of what came to it."""
+    cores: float
+    """Processor time over time."""
+    sent: int
+    received: int
+    lost: int
+    """Sequence numbers that were left out among what came."""
+    out_of_order: int
+
+
+@dataclass
+class Side:
+    """What one process sends and receives over one link.
+
+    Parameters
+    ----------
+    layout
+        Dtype of what it sends.
+    leads
+        Whether it is the leader's.
+    """
+
+    layout: np.dtype[np.void]
+    leads: bool = False
+    sent: int = 0
+    received: int = 0
+    lost: int = 0
+    out_of_order: int = 0
+    newest: int = -1
+    latency: TimeHistogram = field(default_factory=TimeHistogram)
+
+    @property
+    def counts(self) -> tuple[int, int, int, int]:
+        """Sent, received, lost, out of order."""
+        return self.sent, self.received, self.lost, self.out_of_order
+
+    def next_record(self) -> RecordArray:
+        """Return the next record, shape (1,)."""
+        block = np.zeros(1, dtype=self.layout)
+        block["sequence"] = self.sent
+        block["time_ns"] = time.monotonic_ns()
+        self.sent += 1
+        return block
+
+    def take(self, data: bytes, offset: int = 0) -> None:
+        """Count and time one record that arrived."""
+        sequence, time_ns = _HEAD.unpack_from(data, offset)
+        self.latency.add(time.monotonic_ns() - time_ns)
+        self.received += 1
+        if sequence <= self.newest:
+            self.out_of_order += 1
+            return
+        self.lost += sequence - self.newest - 1
+        self.newest = sequence
+
+    def take_block(self, block: RecordArray, _arrival_ns: int) -> None:
+        """Count and time what the link hands over, its checks included."""
+        data = block.tobytes()
+        for offset in range(0, len(data), block.itemsize):
+            self.take(data, offset)
+
+
+Send = Callable[[RecordArray], None]
+
+
+async def take_turns(
+    turns: list[Turn], sides: Mapping[Kind, Side], send: Mapping[Kind, Send]
+) -> list[Measured]:
+    """Send at each turn over its link, and return what was noted of each."""
+    return [await _take_turn(turn, sides[turn.kind], send[turn.kind]) for turn in turns]
+
+
+async def _take_turn(turn: Turn, side: Side, send: Send) -> Measured:
+    before = side.counts
+
+    def tick(elapsed: int) -> None:
+        for _ in range(elapsed):
+            send(side.next_record())
+
+    period_ns = round(1e9 / turn.rate_hz)
+    ticker = Ticker(period_ns, tick, statistics=False)
+    start_ns = turn.start_ns + (round(turn.leader_lag * period_ns) if side.leads else 0)
+    await _sleep_until(start_ns - _SLEEP_GRAIN_NS)
+    while time.monotonic_ns() < start_ns:
+        pass  # a sleep is not exact enough to keep the lag
+    ticker.start()
+    await _sleep_until(turn.start_ns + round(WARM_UP_S * 1e9))
+    side.latency = TimeHistogram()
+    wall_s, busy_s = time.perf_counter(), time.process_time()
+    await asyncio.sleep(turn.duration_s)
+    busy_s, wall_s = time.process_time() - busy_s, time.perf_counter() - wall_s
+    latency, side.latency = side.latency, TimeHistogram()
+    ticker.stop()
+    await ticker.wait()
+    await _sleep_until(turn.end_ns)
+    p50_ms, p99_ms, worst_ms = (latency.quantile_ms(part) for part in (0.5, 0.99, 1.0))
+    counts = (new - old for new, old in zip(side.counts, before, strict=True))
+    return Measured(
+        turn.kind,
+        math.nan if p50_ms is None else p50_ms,
+        math.nan if p99_ms is None else p99_ms,
+        math.nan if worst_ms is None else worst_ms,
+        latency.count / wall_s,
+        busy_s / wall_s,
+        *counts,
+    )
+
+
+async def _sleep_until(time_ns: int) -> None:
+    await asyncio.sleep(max(0, time_ns - time.monotonic_ns()) / 1e9)

@@ -1,0 +1,175 @@
+"""What methods are judged on: simulated sessions of every known texture, and recorded strokes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import RecordArray
+from mmt.testing.simulation.offline import simulate_session
+from mmt.testing.simulation.recorded_path import LARGEST_SCALE, load_path
+from mmt.testing.simulation.textures import SURFACES
+from mmt.core.errors import InputError
+from mmt.scene.hand_table import Hand
+from mmt.scene import Scene
+from mmt.texture.settings import Inputs
+
+FIRST_SEED: Final = 1000
+"""Seeds count from here: the ones that anything was tried with are smaller."""
+
+DURATION_S: Final = 18.0
+GRAINED_DURATION_S: Final = 30.0
+"""A hand that takes all headings meets the stop criterion of three inputs after 20 to 27 s."""
+
+FASTEST_MM_S: Final = 200.0
+STRONGEST_N: Final = 2.0
+"""Recorded strokes are scaled so that these are their 95th percentiles."""
+
+_SLOWEST_MM_S: Final = 20.0
+_LIGHTEST_N: Final = 0.1
+_PERCENTILE: Final = 95.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """One session.
+
+    Attributes
+    ----------
+    texture
+        The known texture.
+    seed
+        Of everything random.
+    stroke
+        A recorded stroke in place of the simulated hand, None without.
+    motion_scale, force_scale
+        Factors on it.
+    """
+
+    texture: str
+    seed: int
+    stroke: Path | None = None
+    motion_scale: float = 1.0
+    force_scale: float = 1.0
+
+    @property
+    def group(self) -> str:
+        """What it is counted with."""
+        if self.stroke is not None:
+            return "recorded strokes"
+        return "isotropic" if SURFACES[self.texture].isotropic else "grained"
+
+    @property
+    def name(self) -> str:
+        """The texture, or the recorded stroke, over which seeds, or textures, are gathered."""
+        return self.texture if self.stroke is None else self.stroke.stem
+
+    @property
+    def inputs(self) -> Inputs:
+        """What the models of all methods are functions of."""
+        return "isotropic" if SURFACES[self.texture].isotropic else "anisotropic"
+
+    def session(self) -> RecordArray:
+        """Simulate the session: a hand that takes all headings where they count."""
+        grained = self.inputs == "anisotropic"
+        scene = Scene(hand=Hand(headings="all" if grained else "opposite"))
+        frames, _ = simulate_session(
+            scene,
+            self.texture,
+            GRAINED_DURATION_S if grained else DURATION_S,
+            self.seed,
+            path=self.stroke,
+            motion_scale=self.motion_scale,
+            force_scale=self.force_scale,
+        )
+        return frames
+
+
+def known_textures(names: Sequence[str] | None) -> list[str]:
+    """Return the names of known textures, all of them where none are given.
+
+    Raises
+    ------
+    InputError
+        There is no such texture.
+    """
+    chosen = list(SURFACES) if names is None else list(names)
+    unknown = [name for name in chosen if name not in SURFACES]
+    if unknown:
+        raise InputError(f"texture {unknown[0]!r} is not known, allowed are {', '.join(SURFACES)}")
+    return chosen
+
+
+def simulated_cases(seeds: int, textures: Sequence[str] | None = None) -> list[Case]:
+    """Return so many sessions of each known texture, or of those named.
+
+    Raises
+    ------
+    InputError
+        There is no such texture.
+    """
+    chosen = known_textures(textures)
+    return [Case(name, FIRST_SEED + seed) for name in chosen for seed in range(seeds)]
+
+
+def recorded_cases(
+    paths: Sequence[Path], textures: Sequence[str] | None = None
+) -> tuple[list[Case], list[str]]:
+    """Return a session of each recorded stroke on each isotropic texture, and what was left out.
+
+    A stroke in one direction says nothing of a texture that depends on the heading.
+
+    Parameters
+    ----------
+    paths
+        Recordings as `load_path` reads them, or folders of them.
+    textures
+        Names, None for all.
+
+    Returns
+    -------
+    cases, remarks
+        A remark for each recording or folder that is not used, with the reason.
+    """
+    chosen = [
+        name
+        for name, surface in SURFACES.items()
+        if surface.isotropic and (textures is None or name in textures)
+    ]
+    cases: list[Case] = []
+    remarks: list[str] = []
+    for path in paths:
+        files = sorted(path.rglob("*.npz")) if path.is_dir() else [path]
+        if not path.exists() or not files:
+            remarks.append(f"{path}: skipped, there is no recorded stroke (.npz)")
+            continue
+        for file in files:
+            try:
+                motion, force = _scales(file)
+            except InputError as error:
+                remarks.append(f"skipped: {error}")
+                continue
+            cases += [
+                Case(name, FIRST_SEED + number, file, motion, force)
+                for number, name in enumerate(chosen)
+            ]
+    return cases, remarks
+
+
+def _scales(path: Path) -> tuple[float, float]:
+    """Return the factors that bring a stroke into the plane."""
+    stroke = load_path(path)
+    velocity = np.gradient(stroke.position_mm[:, :2], 1e-3, axis=0)
+    speed_mm_s = float(np.percentile(np.hypot(*velocity.T), _PERCENTILE))
+    force_n = float(np.percentile(stroke.force_n, _PERCENTILE))
+    if speed_mm_s < _SLOWEST_MM_S or force_n < _LIGHTEST_N:
+        raise InputError(
+            f"{path}: 95 % of it is slower than {speed_mm_s:.0f} mm/s and lighter than "
+            f"{force_n:.2f} N, which is no stroking"
+        )
+    return (
+        min(FASTEST_MM_S / speed_mm_s, LARGEST_SCALE),
+        min(STRONGEST_N / force_n, LARGEST_SCALE),
+    )

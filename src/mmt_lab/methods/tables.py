@@ -1,0 +1,239 @@
+"""A comparison of methods as tables, sentences, and a report."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Final
+
+from mmt.evaluation.bands import BAND_EDGES_HZ
+from mmt.evaluation.document import Block, Heading, Table
+from mmt_lab.judged_report import write_judged_report
+from mmt_lab.methods.certainty_tables import DEFINITIONS as CERTAINTY_DEFINITIONS
+from mmt_lab.methods.certainty_tables import (
+    calibration_sentence,
+    calibration_table,
+    criteria_table,
+    deviation_table,
+)
+from mmt_lab.methods.judging import FIGURES, METHODS, MOMENTS
+from mmt_lab.methods.summary import STANDARD_ERRORS, Difference, MethodComparison, Row
+from mmt.evaluation.report_files import picture
+from mmt.evaluation.texts import number
+
+TITLE: Final = "Methods side by side"
+
+GOAL: Final = 0.9
+"""Share of the plane within one JND that a method should reach at the stop criterion."""
+
+DEFINITIONS: Final = {
+    "within_jnd": "share of the grid of the evaluation whose level is within one JND, 1.36 dB, of "
+    "the known texture's",
+    "power_error_db": "root mean square of that level's error, dB",
+    "gfc": "goodness of fit between expected Welch amplitude spectra, mean over the grid",
+    "log_spectral_db": "log-spectral distance over 10 to 500 Hz, mean over the grid, dB",
+    "band_error_db": "root mean square over the grid and nine bands of the error of a band's "
+    "power, dB; the bands have edges at "
+    + ", ".join(f"{edge:.0f}" for edge in BAND_EDGES_HZ)
+    + " Hz",
+    "moments": "3 s and 18 s of session time; the start and the stop criterion as the session's "
+    "samples meet them. Sessions that do not come to a moment are not counted at it",
+    "spread": "median, and 10th to 90th percentile, over the sessions",
+    "difference": "mean over sessions of a method less the first, with its standard error; better "
+    f"or worse where it exceeds {STANDARD_ERRORS:g} of them",
+    "published": "as paper A interpolates: the excitation's variance, linearly",
+    "power": "the vibration's power, linearly, with the same spectra: the default of a scene",
+    "level": '[texture] level = "gaussian_process"',
+    "ours": 'the same, and shape = "smoothed"',
+    "recorded strokes": "scaled so that the 95th percentiles are 200 mm/s and 2 N; on every "
+    "isotropic texture",
+}
+
+_CRITERIA: Final = "what time each criterion takes and what error it leaves, medians."
+_CALIBRATION: Final = "true shares by expected ones, over all updates."
+_DEVIATIONS: Final = "standardised error by predicted standard deviation."
+
+_DIGITS: Final = dict(zip(FIGURES, (2, 2, 3, 2, 2), strict=True))
+
+
+def method_tables(comparison: MethodComparison) -> list[Table]:
+    """Return, for each group, the shares by texture and moment, and all figures of the group."""
+    tables = []
+    for group in comparison.groups:
+        tables.append(_shares(comparison, group))
+        tables.append(_figures(comparison, group))
+        for method, sure in comparison.sure(group).items():
+            tables.append(criteria_table(sure, f"{group}, {method}: {_CRITERIA}"))
+    for method, sure in comparison.sure().items():
+        tables.append(calibration_table(sure, f"{method}: {_CALIBRATION}"))
+        tables.append(deviation_table(sure, f"{method}: {_DEVIATIONS}"))
+    return tables
+
+
+def verdicts(comparison: MethodComparison) -> list[str]:
+    """Return in words where a method misses what it should reach, for each but the first."""
+    sentences = []
+    first = comparison.methods[0]
+    names = [name for group in comparison.groups for name in comparison.names(group)]
+    simulated = [
+        name
+        for group in comparison.groups
+        if group != "recorded strokes"
+        for name in comparison.names(group)
+    ]
+    for method in comparison.methods[1:]:
+        late = [name for name in simulated if _start_below_stop(comparison, name, method)]
+        low = [name for name in simulated if _median(comparison, name, method, "stop") < GOAL]
+        sentences += [
+            f"{method} at the start criterion has the share that {first} has at the stop "
+            f"criterion: {_but(late, simulated)}.",
+            f"{method} has {GOAL:g} of the plane within one JND at the stop criterion: "
+            f"{_but(low, simulated)}.",
+        ]
+        every = [d for name in names for d in comparison.differences(name) if d.method == method]
+        for figure in FIGURES:
+            mine = [d for d in every if d.figure == figure]
+            worse = [f"{d.name} at {d.moment} by {_change(d)}" for d in mine if _is(d, "worse")]
+            better = sum(_is(d, "better") for d in mine)
+            sentences.append(
+                f"{figure}: {method} is better than {first} beyond noise in {better} of "
+                f"{len(mine)} comparisons, worse in {len(worse)}"
+                + (f" ({'; '.join(worse)})." if worse else ".")
+            )
+    return sentences + [
+        calibration_sentence(sure, method) for method, sure in comparison.sure().items()
+    ]
+
+
+def write_method_report(directory: Path, comparison: MethodComparison) -> Path:
+    """Write ``report.html``, ``report.md`` and ``summary.json``; return the page.
+
+    Raises
+    ------
+    InputError
+        The directory cannot be written.
+    """
+    blocks: list[Block] = []
+    for group in comparison.groups:
+        blocks += [Heading(group.capitalize()), _shares(comparison, group)]
+        blocks += [_figures(comparison, group), _bands(comparison, group)]
+        blocks += [Heading("By texture" if group != "recorded strokes" else "By stroke", 3)]
+        blocks += [_figures(comparison, name) for name in comparison.names(group)]
+    settings = [(name, str(dict(METHODS[name]))) for name in comparison.methods]
+    return write_judged_report(
+        directory,
+        TITLE,
+        [*verdicts(comparison), *comparison.remarks],
+        blocks + certainty_blocks(comparison),
+        {**DEFINITIONS, **CERTAINTY_DEFINITIONS},
+        {**comparison.as_dict(), "definitions": DEFINITIONS},
+        [Table(("method", "keys of [texture]"), settings)],
+    )
+
+
+def certainty_blocks(comparison: MethodComparison) -> list[Block]:
+    """Return what methods say of their own error, and what the criteria make of it."""
+    from mmt_lab.methods.certainty_figure import calibration_figure
+
+    blocks: list[Block] = []
+    for method, sure in comparison.sure().items():
+        blocks.append(Heading(f"How sure {method} is"))
+        blocks += [
+            criteria_table(comparison.sure(group)[method], f"{group}: {_CRITERIA}")
+            for group in comparison.groups
+            if method in comparison.sure(group)
+        ]
+        figure = calibration_figure(sure)
+        caption = "Each update of each session; means of bands; grey: where they agree."
+        blocks.append(picture(f"calibration-{method}", caption, figure))
+        blocks += [calibration_table(sure, _CALIBRATION), deviation_table(sure, _DEVIATIONS)]
+        blocks.append(Heading("Criteria by texture", 3))
+        names = list(dict.fromkeys(one.name for one in sure))
+        blocks += [
+            criteria_table(comparison.sure(name)[method], f"{name}: {_CRITERIA}") for name in names
+        ]
+    return blocks
+
+
+def _shares(comparison: MethodComparison, group: str) -> Table:
+    """Return the median share within one JND, a row for each texture or stroke."""
+    rows = []
+    for name in [*comparison.names(group), group]:
+        by_moment = {(row.moment, row.method): row for row in comparison.rows(name)}
+        cells = []
+        for moment in MOMENTS:
+            present = [by_moment.get((moment, method)) for method in comparison.methods]
+            cells.append(" / ".join(_share(row) for row in present))
+        rows.append([name if name != group else f"all {group}", *cells])
+    caption = f"Share of the plane within one JND, medians: {' / '.join(comparison.methods)}."
+    return Table(["session", *MOMENTS], rows, caption)
+
+
+def _share(row: Row | None) -> str:
+    return "-" if row is None else f"{row.spread['within_jnd'].median:.2f}"
+
+
+def _figures(comparison: MethodComparison, name: str) -> Table:
+    """Return all figures of a texture, stroke or group, a row for each moment and method."""
+    differences = {
+        (d.moment, d.method, d.figure): d
+        for d in comparison.differences(name)
+        if d.figure == "within_jnd"
+    }
+    rows = []
+    for row in comparison.rows(name):
+        spread = row.spread["within_jnd"]
+        difference = differences.get((row.moment, row.method, "within_jnd"))
+        rows.append(
+            [
+                row.moment,
+                row.method,
+                str(row.sessions),
+                f"{spread.median:.2f}",
+                f"{spread.low:.2f}-{spread.high:.2f}",
+                *(number(row.spread[f].median, _DIGITS[f]) for f in FIGURES[1:]),
+                "" if difference is None else f"{difference.mean:+.3f}",
+                "" if difference is None else f"{difference.standard_error:.3f}",
+            ]
+        )
+    columns = ["moment", "method", "of", "share", "10-90 %", "level (dB)", "GFC"]
+    columns += ["spectrum (dB)", "bands (dB)", "share less first", "noise"]
+    return Table(columns, rows, f"{name}: medians over sessions.")
+
+
+def _bands(comparison: MethodComparison, group: str) -> Table:
+    rows = [
+        [row.moment, row.method, *(number(value, 2) for value in row.bands_db)]
+        for row in comparison.rows(group)
+    ]
+    edges = [f"{edge:.0f}" for edge in BAND_EDGES_HZ]
+    columns = [f"{low}-{high} Hz" for low, high in pairwise(edges)]
+    caption = f"{group}: error of each band's power, dB rms over the grid, medians over sessions."
+    return Table(["moment", "method", *columns], rows, caption)
+
+
+def _change(difference: Difference) -> str:
+    digits = _DIGITS[difference.figure] + 1
+    return f"{difference.mean:+.{digits}f} ± {difference.standard_error:.{digits}f}"
+
+
+def _is(difference: Difference, verdict: str) -> bool:
+    return difference.verdict == verdict
+
+
+def _median(comparison: MethodComparison, name: str, method: str, moment: str) -> float:
+    """Return the median share, 1 where no session came to the moment: nothing is missed."""
+    for row in comparison.rows(name):
+        if (row.method, row.moment) == (method, moment):
+            return row.spread["within_jnd"].median
+    return 1.0
+
+
+def _start_below_stop(comparison: MethodComparison, name: str, method: str) -> bool:
+    published = _median(comparison, name, comparison.methods[0], "stop")
+    moments = {row.moment for row in comparison.rows(name)}
+    return "stop" in moments and _median(comparison, name, method, "start") < published
+
+
+def _but(missed: Sequence[str], every: Sequence[str]) -> str:
+    met = f"on {len(every) - len(missed)} of {len(every)} textures"
+    return f"{met}, not on {', '.join(missed)}" if missed else met

@@ -1,0 +1,80 @@
+"""The shipped texture models: how each is built, and how far it is from the truth."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+from mmt.core.arrays import RecordArray
+from mmt.testing.simulation.offline import simulate_session
+from mmt.testing.simulation.surfaces import Surface
+from mmt.testing.simulation.textures import get_surface
+from mmt.core.errors import InputError
+from mmt.texture.online.history import trials
+from mmt.evaluation.grid_errors import SectorErrors, overall
+from mmt.evaluation.truth import KnownTexture
+from mmt.scene.hand_table import Hand
+from mmt.scene import Scene
+from mmt.texture.model.fits import HIGHEST_AUTOMATIC_ORDER
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.online.modeller import OnlineModeller
+from mmt.texture.autoregression.ordering import choose_order
+from mmt.texture.settings import Inputs, ModellingSettings
+
+TRIALS: Final = 6
+DURATION_S: Final = 20.0
+FIRST_SEED: Final = 1
+
+
+def trials_of(surface: Surface) -> list[RecordArray]:
+    """Simulate the trials from which the model of a surface is built.
+
+    A hand that covers all headings, the default robot and its noisy sensors.
+    """
+    scene = Scene(hand=Hand(headings="all"))
+    return [
+        simulate_session(scene, surface, DURATION_S, FIRST_SEED + trial)[0]
+        for trial in range(TRIALS)
+    ]
+
+
+def settings_of(surface: Surface) -> ModellingSettings:
+    """Return what a surface is modelled with: its heading counts where it has one.
+
+    As in paper B the interpolator is a network of radial basis functions.
+    """
+    inputs: Inputs = "isotropic" if surface.isotropic else "anisotropic"
+    return ModellingSettings(inputs=inputs, interpolator="rbf")
+
+
+def build(sessions: Sequence[RecordArray], settings: ModellingSettings) -> TextureModel:
+    """Build the model of a surface from trials on it, as it is shipped.
+
+    In two passes, so that the common order is chosen from the segments of all trials, where
+    a leader settles it when the start criterion is met. The model is made once, of all
+    samples, and so is the same as one that is loaded from its file.
+    """
+    fits = list(_modelled(sessions, settings).fits.values())
+    segments = [fit.segment.vibration_m_s2 for fit in fits]
+    order = choose_order(segments, largest=HIGHEST_AUTOMATIC_ORDER)
+    gathered = _modelled(sessions, replace(settings, order=order)).model
+    if gathered is None:
+        raise InputError(f"no steady stroke in {len(sessions)} trials: nothing can be modelled")
+    return TextureModel(
+        gathered.samples,
+        interpolate=settings.interpolate,
+        interpolator=settings.interpolator,
+        rate_hz=settings.rate_hz,
+    )
+
+
+def _modelled(sessions: Sequence[RecordArray], settings: ModellingSettings) -> OnlineModeller:
+    """Feed trials to a modeller that interpolates in the cheapest way."""
+    modeller = OnlineModeller(replace(settings, interpolator="nearest"))
+    for block in trials(sessions):
+        modeller.update(block)
+    return modeller
+
+
+def measure(name: str, model: TextureModel) -> SectorErrors:
+    """Return a model's errors against its texture, over all that it is compared at."""
+    return overall(KnownTexture(get_surface(name)).compare(model))

@@ -1,0 +1,80 @@
+"""Whether a figure of a long run stays where it is, or grows."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.stats import theilslopes
+
+from mmt.core.arrays import BoolArray, FloatArray
+
+LEAST_WINDOWS: Final = 5
+"""Fewer tell nothing."""
+
+
+@dataclass(frozen=True)
+class Drift:
+    """How a figure moved in a run.
+
+    ``typical`` is its median; ``growth`` what it grew by from the first window to the last,
+    by the median slope between any two (Theil and Sen); ``least_growth`` the lower end of that
+    slope's 95 % confidence interval, times the same span. All None where there were too few
+    windows.
+    """
+
+    windows: int
+    typical: float | None
+    growth: float | None
+    least_growth: float | None
+
+    def within(self, allowed: float) -> bool:
+        """Say whether no growth beyond this is proven."""
+        return self.least_growth is None or self.least_growth <= allowed
+
+
+def drift(times_s: FloatArray, values: FloatArray) -> Drift:
+    """Return the drift of a figure (n,) with its times (n,).
+
+    A few windows that were disturbed do not move it: up to 29 % of them.
+    """
+    if len(values) < LEAST_WINDOWS:
+        return Drift(len(values), None, None, None)
+    slope, _, low, _ = theilslopes(values, times_s, 0.95)
+    span_s = float(times_s[-1] - times_s[0])
+    return Drift(len(values), float(np.median(values)), float(slope) * span_s, float(low) * span_s)
+
+
+def by_window(
+    times_s: FloatArray,
+    values: FloatArray,
+    window_s: float,
+    figure: Callable[[FloatArray], float],
+) -> tuple[FloatArray, FloatArray]:
+    """Return the middles (w,) of the windows that hold at least three values, and a figure of each.
+
+    Parameters
+    ----------
+    times_s, values
+        Shape (n,), in any order.
+    window_s
+        Length of a window.
+    figure
+        Of the values of one window.
+    """
+    number = np.floor(times_s / window_s).astype(np.int64)
+    middles, figures = [], []
+    for window in np.unique(number):
+        inside = values[number == window]
+        if len(inside) >= 3:
+            middles.append((float(window) + 0.5) * window_s)
+            figures.append(figure(inside))
+    return np.array(middles), np.array(figures)
+
+
+def outside(times_s: FloatArray, intervals_s: list[tuple[float, float]]) -> BoolArray:
+    """Return which times (n,) lie in none of the intervals."""
+    free = np.ones(len(times_s), dtype=bool)
+    for start_s, end_s in intervals_s:
+        free &= (times_s < start_s) | (times_s > end_s)
+    return free

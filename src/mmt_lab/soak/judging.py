@@ -1,0 +1,240 @@
+"""What must hold after a soak, a row each."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.evaluation.document import Table
+from mmt_lab.soak.drift import Drift, by_window, drift, outside
+from mmt_lab.soak.faults import RESTART, Fault
+from mmt_lab.soak.recorded import Gap, Readback
+
+RECOVERY_S: Final = 3.0
+"""So long after a fault nothing is watched for drift."""
+
+PATIENCE_S: Final = 30.0
+"""How long the services wait for each other and keep what did not arrive: frames come again so
+long after a fault at the latest, also where a follower that is started anew meets a busy
+machine."""
+
+_BEFORE_S: Final = 1.0
+"""So long before a fault nothing is watched either: what is sampled spans some of that."""
+
+_TELLING_S: Final = 600.0
+"""A run of this length must be able to tell whether a figure grows, however many faults it has."""
+
+_WARM_UP_S: Final = 60.0
+_WARM_UP_SHARE: Final = 0.25
+_WINDOWS: Final = 100
+_LONGEST_WINDOW_S: Final = 60.0
+_SHORTEST_WINDOW_S: Final = 1.0
+
+
+@dataclass(frozen=True)
+class Happened:
+    """A fault as it was done, in seconds of the machine's monotonic clock."""
+
+    fault: Fault
+    start_s: float
+    end_s: float
+
+
+@dataclass(frozen=True)
+class Sample:
+    """What was seen of the services at a moment of the monotonic clock.
+
+    ``ticks`` and ``late_ticks`` are the leader's counts since its start.
+    """
+
+    time_s: float
+    leader_mb: float | None
+    follower_mb: float | None
+    ticks: int
+    late_ticks: int
+
+
+@dataclass(frozen=True)
+class Observed:
+    """Everything that a soak has seen; a follower's life ends when it is started anew."""
+
+    start_s: float
+    end_s: float
+    faults: tuple[Happened, ...]
+    lives_s: tuple[float, ...]
+    samples: tuple[Sample, ...]
+    leader: Mapping[str, Any]
+    errors: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Check:
+    """One row: what was looked at, what was found, what is allowed, and whether it held."""
+
+    what: str
+    found: str
+    allowed: str
+    held: bool
+    figures: Mapping[str, Any] = field(default_factory=dict)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the row for a program."""
+        return asdict(self)
+
+
+def judge(observed: Observed, readback: Readback, recovery_s: float = RECOVERY_S) -> list[Check]:
+    """Return the rows of a soak and its recording.
+
+    Parameters
+    ----------
+    observed
+        What was done and seen.
+    readback
+        The recording.
+    recovery_s
+        See `RECOVERY_S`.
+    """
+    return [
+        Check("services", "; ".join(observed.errors) or "ran to the end", "", not observed.errors),
+        *_recording(observed, readback, recovery_s),
+        *_drifts(observed, readback, recovery_s),
+    ]
+
+
+def table(checks: Sequence[Check]) -> Table:
+    """Return the rows as a table."""
+    rows = [(c.what, c.found, c.allowed, "yes" if c.held else "no") for c in checks]
+    return Table(("what", "found", "allowed", "held"), rows)
+
+
+def _recording(observed: Observed, readback: Readback, recovery_s: float) -> list[Check]:
+    said = observed.leader.get("recording", {})
+    dropped, written = said.get("dropped"), said.get("frames")
+    unexplained = [gap for gap in readback.gaps if not _explained(gap, observed, recovery_s)]
+    longest_s = max((h.end_s - h.start_s for h in observed.faults), default=0.0)
+    silence_s = float(np.diff(readback.arrival_s).max(initial=0.0))
+    return [
+        Check("recording can be read to its end", "yes" if readback.whole else "no", "",
+              readback.whole),
+        Check(
+            "frames in the recording",
+            f"{readback.frames}, {dropped} dropped",
+            f"{written}, as the leader says; 0 dropped",
+            readback.frames == written and dropped == 0 and readback.frames > 0,
+            {"frames": readback.frames},
+        ),
+        Check("frames twice or out of order", f"{readback.disordered}", "0",
+              readback.disordered == 0),
+        Check(
+            "frames missing, but where a follower was killed",
+            f"{sum(gap.frames for gap in unexplained)} of {readback.missing} missing",
+            "0",
+            not unexplained,
+            {"missing": readback.missing, "gaps": len(readback.gaps)},
+        ),
+        Check(
+            "longest silence of the stream (s)",
+            f"{silence_s:.2f}",
+            f"{longest_s + PATIENCE_S:.2f}",
+            silence_s <= longest_s + PATIENCE_S,
+            {"silence_s": silence_s},
+        ),
+    ]  # fmt: skip
+
+
+def _explained(gap: Gap, observed: Observed, recovery_s: float) -> bool:
+    """Say whether the follower that had these frames was killed; others send them again."""
+    return any(
+        happened.start_s <= gap.end_s and gap.start_s <= happened.end_s + recovery_s
+        for happened in observed.faults
+        if happened.fault.kind == RESTART
+    )
+
+
+def _drifts(observed: Observed, readback: Readback, recovery_s: float) -> list[Check]:
+    span_s = observed.end_s - observed.start_s
+    warm_s = observed.start_s + min(_WARM_UP_S, _WARM_UP_SHARE * span_s)
+    disturbed = [(-np.inf, warm_s), (observed.end_s - 0.5, np.inf)]
+    disturbed += [(h.start_s - _BEFORE_S, h.end_s + recovery_s) for h in observed.faults]
+
+    def watched(seen: FloatArray, figure: Callable[[FloatArray], float]) -> Drift:
+        times_s, values = seen
+        free = outside(times_s, disturbed)
+        times_s, values = times_s[free], values[free]
+        return drift(*by_window(times_s, values, _window_s(times_s), figure))
+
+    leader = _series([(s.time_s, s.leader_mb) for s in observed.samples])
+    follower = _longest_life(observed)
+    hours = max(1.0, span_s / 3600.0)  # a recording's index grows with it
+    latency = np.stack([readback.arrival_s, readback.latency_ms])
+    must = span_s >= _TELLING_S
+    return [
+        _flat("leader's memory (MB)", watched(leader, _median), 5.0, 0.05, must, hours),
+        _flat("follower's memory (MB)", watched(follower, _median), 5.0, 0.05, must, hours),
+        _flat("frames, one way, p50 (ms)", watched(latency, _median), 0.2, 0.5, must),
+        _flat("frames, one way, p99 (ms)", watched(latency, _p99), 2.0, 1.0, must),
+        _flat("leader's ticks over 1 ms late (%)", watched(_late(observed), _mean), 2.0, 1.0, must),
+    ]
+
+
+def _window_s(times_s: FloatArray) -> float:
+    """Return a window's length: a hundredth of what was watched, within bounds."""
+    span_s = float(np.ptp(times_s)) if len(times_s) else 0.0
+    return min(max(span_s / _WINDOWS, _SHORTEST_WINDOW_S), _LONGEST_WINDOW_S)
+
+
+def _median(values: FloatArray) -> float:
+    return float(np.median(values))
+
+
+def _p99(values: FloatArray) -> float:
+    return float(np.quantile(values, 0.99))
+
+
+def _mean(values: FloatArray) -> float:
+    return float(np.mean(values))
+
+
+def _flat(
+    what: str, found: Drift, allowed: float, share: float, must_tell: bool, times: float = 1.0
+) -> Check:
+    """Return the row of a figure that may grow by so many times a number and a share of it."""
+    if found.typical is None or found.growth is None:
+        remark = "too few quiet stretches to tell"
+        return Check(what, remark, "", held=not must_tell, figures=asdict(found))
+    most = times * (allowed + share * abs(found.typical))
+    return Check(
+        what,
+        f"{found.typical:.3g}, grew by {found.growth:+.2g}",
+        f"grows by at most {most:.2g}",
+        found.within(most),
+        {**asdict(found), "allowed": most},
+    )
+
+
+def _longest_life(observed: Observed) -> FloatArray:
+    """Return times and memory, (2, n), of the follower process that lived longest."""
+    births = [*observed.lives_s, observed.end_s]
+    spans = [(b - a, a, b) for a, b in pairwise(births)]
+    _, start_s, end_s = max(spans, default=(0.0, 0.0, 0.0))
+    warm_s = start_s + min(_WARM_UP_S, _WARM_UP_SHARE * (end_s - start_s))
+    return _series(
+        [(s.time_s, s.follower_mb) for s in observed.samples if warm_s < s.time_s < end_s]
+    )
+
+
+def _series(seen: Sequence[tuple[float, float | None]]) -> FloatArray:
+    """Return times and values, (2, n), of what could be seen."""
+    kept = [pair for pair in seen if pair[1] is not None]
+    return np.array(kept, dtype=np.float64).reshape(-1, 2).T
+
+
+def _late(observed: Observed) -> FloatArray:
+    """Return times and the percentage of late ticks since the sample before, (2, n)."""
+    counts = np.array([(s.time_s, s.ticks, s.late_ticks) for s in observed.samples])
+    time_s, ticks, late = counts.reshape(-1, 3).T
+    share = 100.0 * np.diff(late) / np.maximum(np.diff(ticks), 1.0)
+    return np.stack([time_s[1:], share])

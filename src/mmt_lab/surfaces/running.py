@@ -1,0 +1,143 @@
+"""Run the tracker over sessions on several known surfaces."""
+
+import random
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import RecordArray
+from mmt.testing.simulation.course import SurfaceCourse
+from mmt.testing.simulation.offline import simulate_session
+from mmt.testing.simulation.surfaces import Surface
+from mmt.testing.simulation.textures import SURFACES
+from mmt.core.errors import InputError
+from mmt_lab.surfaces.scoring import Found, SurfaceScore, score
+from mmt.scene.hand_table import Hand
+from mmt.scene import Scene
+from mmt.texture.signals.filtering import StreamFilter
+from mmt.texture.settings import Inputs, ModellingSettings, SurfaceSettings
+from mmt.texture.surfaces.modeller import LOOK_S
+from mmt.texture.surfaces.tracking import SurfaceTracker
+
+LOOK_FRAMES: Final = round(1000 * LOOK_S)
+"""The tracker gets so many frames at a time, as the leader's does."""
+
+COUNTS: Final = (2, 3, 4, 5, 6)
+DURATION_S: Final = 90.0
+STAY_S: Final = 8.0
+RECORDED: Final = "recorded"
+"""The group of sessions that were not simulated here."""
+
+GROUPS: Final[Mapping[str, tuple[Scene, Inputs]]] = {
+    "isotropic": (Scene(), "isotropic"),
+    "grained": (Scene(hand=Hand(headings="all")), "anisotropic"),
+}
+"""Of simulated sessions: how they are made, and the inputs of their models."""
+
+_TOUCH_N: Final = 0.05
+_LEAST_SPEED_MM_S: Final = 10.0
+
+
+@dataclass(frozen=True)
+class SurfaceResult:
+    """One session: what it went over, and how it was followed."""
+
+    name: str
+    surfaces: tuple[str, ...]
+    score: SurfaceScore
+    group: str = RECORDED
+
+
+def run_simulated(
+    seeds: int, progress: Callable[[int, int], None] = lambda _done, _all: None, *, first: int = 0
+) -> list[SurfaceResult]:
+    """Simulate and score sessions over 2 to 6 surfaces in random order, of so many seeds each.
+
+    Two groups of sessions: over textures that are the same in all directions, and, with a hand
+    that strokes along all headings, over some that depend on the heading. Half of the changes
+    fall on a lift-off, half happen within contact.
+
+    Parameters
+    ----------
+    seeds
+        Sessions for each number of surfaces in each group.
+    progress
+        Called with the sessions that are done, and all.
+    first
+        The first seed.
+    """
+    wanted = [(g, c, s) for g in GROUPS for s in range(first, first + seeds) for c in COUNTS]
+    results = []
+    for done, (group, count, seed) in enumerate(wanted):
+        progress(done, len(wanted))
+        results.append(_simulated(group, count, seed))
+    return results
+
+
+def draw_surfaces(group: str, count: int, seed: int) -> list[Surface]:
+    """Draw so many known textures; of a grained session half, two at least, have a grain."""
+    random_order = random.Random(f"{count} {seed}")  # noqa: S311 - no secret
+    plain, grained = (
+        [name for name, surface in SURFACES.items() if surface.isotropic == wanted]
+        for wanted in (True, False)
+    )
+    if group == "isotropic":
+        chosen = random_order.sample(plain, count)
+    else:
+        with_grain = max(2, (count + 1) // 2)
+        chosen = random_order.sample(grained, with_grain)
+        chosen += random_order.sample(plain, count - with_grain)
+        random_order.shuffle(chosen)
+    return [SURFACES[name] for name in chosen]
+
+
+def _simulated(group: str, count: int, seed: int) -> SurfaceResult:
+    number = 100 * count + seed
+    course = SurfaceCourse.draw(
+        draw_surfaces(group, count, seed),
+        stay_s=STAY_S,
+        when="either",
+        duration_s=DURATION_S,
+        seed=number,
+    )
+    scene, inputs = GROUPS[group]
+    frames, _ = simulate_session(scene, course, DURATION_S, number)
+    name = f"{group}, {count} surfaces, seed {seed}"
+    result = run_session(name, course, frames, ModellingSettings(inputs=inputs))
+    return replace(result, group=group)
+
+
+def run_session(
+    name: str,
+    course: SurfaceCourse,
+    frames: RecordArray,
+    modelling: ModellingSettings | None = None,
+    settings: SurfaceSettings | None = None,
+) -> SurfaceResult:
+    """Follow one session's frames, with all channels, and score what was found.
+
+    Raises
+    ------
+    InputError
+        There are no frames, or frames are missing: the course counts every one.
+    """
+    if not len(frames) or int(frames["sequence"][-1]) != len(frames) - 1:
+        raise InputError(f"{name}: a session over several surfaces is scored from whole frames")
+    modelling = modelling or ModellingSettings()
+    tracker = SurfaceTracker(modelling, settings or SurfaceSettings())
+    found = []
+    for start in range(0, len(frames), LOOK_FRAMES):
+        part = frames[start : start + LOOK_FRAMES]
+        found += [Found(change, start + len(part)) for change in tracker.take(part)]
+    force_n = frames["force_n"][:, 2].astype(np.float64)
+    stroking = np.zeros(len(frames), dtype=np.bool_)
+    aligned = StreamFilter(modelling.normal, modelling.axis, modelling.rate_hz).process(frames)
+    steady = (aligned.speed_mm_s >= _LEAST_SPEED_MM_S) & (aligned.normal_force_n >= _TOUCH_N)
+    stroking[aligned.index[steady]] = True
+    return SurfaceResult(
+        name=name,
+        surfaces=tuple(surface.name for surface in course.surfaces),
+        score=score(course.along(force_n), stroking, force_n > _TOUCH_N, found),
+    )

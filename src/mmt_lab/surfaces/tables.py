@@ -1,0 +1,212 @@
+"""The evaluation of several surfaces as tables, for programs, and as a report."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from scipy.stats import chi2
+
+from mmt.evaluation.document import Table
+from mmt_lab.judged_report import write_judged_report
+from mmt_lab.surfaces.running import RECORDED, SurfaceResult
+from mmt_lab.surfaces.scoring import Stay
+
+TITLE: Final = "More than one surface"
+
+TARGETS: Final = {"delay_s": 0.5, "wrong_recalls": 0.02, "false_alarms_per_hour": 1.0}
+
+CAPTIONS: Final = {
+    "isotropic": "Textures that are the same in all directions",
+    "grained": "Some of the textures depend on the heading, on which the hand keeps changing",
+    RECORDED: "Recorded sessions",
+}
+
+DEFINITIONS: Final = {
+    "stays": "stays on a surface but for the first one of each session, and without those of "
+    "under 0.3 s of stroking in which nothing was found",
+    "delay_s": "from the first contact with the other surface until the leader knows that it is "
+    "another one, filters and the leader's period included; _p90: 90th percentile",
+    "within_target": "share of the stays that were found within 0.5 s",
+    "missed": "stays at whose end nothing was found",
+    "recall_s": "from the first contact with a known surface until its model was recalled for good",
+    "recalls": "how often a known model was chosen, also of a surface that was new at first",
+    "wrong_recalls": "share of the recalls that chose the model of another surface",
+    "doubled": "stays on a known surface at whose end the tracker had made a second model of it",
+    "false_alarms": "changes that were found while the tool stayed; in stroked_s of stroking. A "
+    "change counts for the stay that most of the samples are of from which it was found, or for "
+    "the next where that was heard and the surface in use was right before",
+    "false_alarms_per_hour_most": "so many an hour are still possible (95 %, one-sided)",
+}
+
+
+@dataclass(frozen=True)
+class SurfaceEvaluation:
+    """Every session's result."""
+
+    results: Sequence[SurfaceResult]
+
+    @property
+    def groups(self) -> list[str]:
+        """Isotropic and grained textures, or recordings; in the order of their sessions."""
+        return list(dict.fromkeys(result.group for result in self.results))
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return the figures by group and number of surfaces, and over all of a group last."""
+        return [row for group in self.groups for row in self.rows_of(group)]
+
+    def rows_of(self, group: str) -> list[dict[str, Any]]:
+        """Return the figures of one group by number of surfaces, and over all sessions last."""
+        of_group = [result for result in self.results if result.group == group]
+        counts = sorted({len(result.surfaces) for result in of_group})
+        parts = [(str(c), [r for r in of_group if len(r.surfaces) == c]) for c in counts]
+        return [
+            {"group": group, **_figures(name, part)} for name, part in [*parts, ("all", of_group)]
+        ]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything for a program."""
+        return {
+            "rows": self.rows(),
+            "sessions": [asdict(result) for result in self.results],
+            "targets": TARGETS,
+            "definitions": DEFINITIONS,
+        }
+
+
+def surface_tables(evaluation: SurfaceEvaluation) -> list[Table]:
+    """Return tables for each group, with a row for each number of surfaces."""
+    return [
+        table(evaluation, group) for group in evaluation.groups for table in (_changes, _choices)
+    ]
+
+
+def _changes(evaluation: SurfaceEvaluation, group: str) -> Table:
+    rows = [
+        [
+            row["surfaces"],
+            str(row["sessions"]),
+            str(row["stays"]),
+            _seconds(row["delay_s"]),
+            _seconds(row["delay_p90_s"]),
+            _share(row["within_target"]),
+            str(row["missed"]),
+        ]
+        for row in evaluation.rows_of(group)
+    ]
+    columns = ["surfaces", "sessions", "stays", "delay (s)", "delay p90 (s)", "in 0.5 s", "missed"]
+    return Table(columns, rows, caption=f"{CAPTIONS[group]}: changes. Delays are medians.")
+
+
+def _choices(evaluation: SurfaceEvaluation, group: str) -> Table:
+    rows = [
+        [
+            row["surfaces"],
+            _seconds(row["recall_s"]),
+            str(row["recalls"]),
+            str(row["wrong_recalls"]),
+            str(row["doubled"]),
+            str(row["false_alarms"]),
+            f"{row['stroked_s'] / 60.0:.0f}",
+        ]
+        for row in evaluation.rows_of(group)
+    ]
+    columns = ["surfaces", "recalled after (s)", "recalls", "wrong", "doubled"]
+    columns += ["false alarms", "stroked (min)"]
+    return Table(columns, rows, caption=f"{CAPTIONS[group]}: recalls and false alarms.")
+
+
+def verdicts(evaluation: SurfaceEvaluation) -> list[str]:
+    """Return in words which targets were met over all sessions of each group."""
+    return [sentence for group in evaluation.groups for sentence in _verdicts(evaluation, group)]
+
+
+def _verdicts(evaluation: SurfaceEvaluation, group: str) -> list[str]:
+    row = evaluation.rows_of(group)[-1]
+    delay, wrong = row["delay_s"], row["wrong_recall_share"]
+    alarms, most = row["false_alarms_per_hour"], row["false_alarms_per_hour_most"]
+    possible = "" if most is None else f", up to {most:.1f} possible"
+    return [
+        f"{group}: median delay {_seconds(delay)} s, target {TARGETS['delay_s']} s: "
+        + _met(delay is not None and delay <= TARGETS["delay_s"]),
+        f"{group}: wrong recalls {_share(wrong)}, target {TARGETS['wrong_recalls']:.0%}: "
+        + _met(wrong is not None and wrong <= TARGETS["wrong_recalls"]),
+        f"{group}: {alarms:.1f} false alarms an hour of stroking{possible}, "
+        f"target {TARGETS['false_alarms_per_hour']:g}: "
+        + _met(alarms <= TARGETS["false_alarms_per_hour"]),
+    ]
+
+
+def write_surface_report(directory: Path, evaluation: SurfaceEvaluation) -> Path:
+    """Write ``report.html``, ``report.md`` and ``summary.json``; return the page.
+
+    Raises
+    ------
+    InputError
+        The directory cannot be written.
+    """
+    return write_judged_report(
+        directory,
+        TITLE,
+        verdicts(evaluation),
+        surface_tables(evaluation),
+        DEFINITIONS,
+        evaluation.as_dict(),
+    )
+
+
+def _figures(name: str, group: Sequence[SurfaceResult]) -> dict[str, Any]:
+    scores = [result.score for result in group]
+    stays = [stay for each in scores for stay in each.stays]
+    delays = [stay.delay_s for stay in stays if stay.delay_s is not None]
+    recalled = [stay.recall_s for stay in stays if stay.recall_s is not None]
+    stroked_s = sum(each.stroked_s for each in scores)
+    recalls, wrong = (sum(getattr(s, n) for s in scores) for n in ("recalls", "wrong_recalls"))
+    false = sum(each.false_alarms for each in scores)
+    in_time = sum(delay <= TARGETS["delay_s"] for delay in delays)
+    return {
+        "surfaces": name,
+        "sessions": len(group),
+        "stays": len(stays),
+        "too_short": sum(each.too_short for each in scores),
+        "delay_s": _quantile(delays, 0.5),
+        "delay_p90_s": _quantile(delays, 0.9),
+        "within_target": in_time / len(stays) if stays else None,
+        "missed": _count(stays, "missed"),
+        "recall_s": _quantile(recalled, 0.5),
+        "recalls": recalls,
+        "wrong_recalls": wrong,
+        "wrong_recall_share": wrong / recalls if recalls else None,
+        "wrong": _count(stays, "wrong"),
+        "doubled": _count(stays, "doubled"),
+        "false_alarms": false,
+        "false_alarms_per_hour": 3600.0 * false / stroked_s if stroked_s else 0.0,
+        "false_alarms_per_hour_most": _most(false, stroked_s / 3600.0),
+        "stroked_s": round(stroked_s, 1),
+    }
+
+
+def _most(count: int, hours: float) -> float | None:
+    """Return the 95 % upper bound on a rate an hour, one-sided (Garwood 1936)."""
+    return float(0.5 * chi2.ppf(0.95, 2 * (count + 1)) / hours) if hours else None
+
+
+def _count(stays: Sequence[Stay], outcome: str) -> int:
+    return sum(stay.outcome == outcome for stay in stays)
+
+
+def _quantile(values: Sequence[float], share: float) -> float | None:
+    return float(np.quantile(values, share)) if values else None
+
+
+def _seconds(value: float | None) -> str:
+    return "" if value is None else f"{value:.2f}"
+
+
+def _share(value: float | None) -> str:
+    return "" if value is None else f"{value:.1%}"
+
+
+def _met(held: bool) -> str:
+    return "met" if held else "missed"

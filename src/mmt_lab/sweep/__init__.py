@@ -1,0 +1,1 @@
+"""Sessions evaluated with every combination of settings."""

@@ -1,0 +1,218 @@
+"""Sweeps: many sessions evaluated with many settings, to be resumed where they stopped.
+
+Every result is one JSON line, known by a hash of what it was computed from: the session's
+data, the settings and the version. A sweep that was interrupted goes on where it stopped, and
+one with more settings computes only what is new. Where jobs run is `mmt_lab.sweep.running`'s.
+"""
+
+import hashlib
+import itertools
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from pydantic import ValidationError
+
+import mmt
+from mmt.core.errors import InputError
+from mmt.evaluation.evaluate import evaluate_session
+from mmt.session.recorded import RecordedSession
+from mmt.scene.texture_table import Texture
+
+RESULTS: Final = "results.jsonl"
+TABLE: Final = "texture"
+"""The one table of a scene that an evaluation depends on."""
+
+_TIMES: Final = ("processing_s", "times_real_time")
+_RATE_HZ: Final = 1000.0
+
+Value = str | int | float | bool
+"""One value of a setting."""
+
+Settings = Mapping[str, Value]
+"""Values by ``"texture.key"``."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One session with one choice of settings; `key` is the hash that it is known by."""
+
+    key: str
+    path: str
+    settings: dict[str, Value]
+    texture: Texture
+    step_s: float
+    seed: int
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a job: its evaluation for a program, or the error that ended it."""
+
+    job: Job
+    evaluation: dict[str, Any] | None
+    error: str | None = None
+
+
+def combinations(choices: Sequence[str]) -> list[dict[str, Value]]:
+    """Return every combination of values.
+
+    Parameters
+    ----------
+    choices
+        Texts such as ``"texture.order=8,12,auto"``, none for the session's own settings alone.
+
+    Raises
+    ------
+    InputError
+        A text has another form, a key twice, or a table that an evaluation does not read.
+    """
+    values: dict[str, list[Value]] = {}
+    for text in choices:
+        key, equals, listed = text.partition("=")
+        if not equals or not listed or not all(part.strip() for part in listed.split(",")):
+            raise InputError(f"--set {text}: give KEY=VALUE,VALUE such as texture.order=8,12")
+        if key in values:
+            raise InputError(f"--set {key} is given twice: give all its values in one")
+        if key.partition(".")[0] != TABLE:
+            raise InputError(f"--set {key}: an evaluation depends on the keys of [{TABLE}] alone")
+        values[key] = [_value(part.strip()) for part in listed.split(",")]
+    return [
+        dict(zip(values, chosen, strict=True)) for chosen in itertools.product(*values.values())
+    ]
+
+
+def make_jobs(
+    session: RecordedSession,
+    base: Texture,
+    settings: Sequence[Settings],
+    *,
+    step_s: float = 2.5,
+    seed: int = 0,
+) -> list[Job]:
+    """Return a job for every choice of settings.
+
+    Parameters
+    ----------
+    session
+        What is evaluated.
+    base
+        What holds where a choice does not say otherwise.
+    settings
+        See `combinations`.
+    step_s, seed
+        As in `evaluate_session`.
+
+    Raises
+    ------
+    InputError
+        A key is unknown, or a value is not allowed.
+    """
+    data = hashlib.sha256(session.frames.tobytes() + session.annotations).hexdigest()
+    jobs = []
+    for chosen in settings:
+        texture = _texture(base, chosen)
+        origin = [data, texture.model_dump(mode="json"), step_s, seed, mmt.__version__]
+        key = hashlib.sha256(json.dumps(origin, sort_keys=True).encode()).hexdigest()
+        jobs.append(Job(key, str(session.path), dict(chosen), texture, step_s, seed))
+    return jobs
+
+
+def evaluate_job(session: RecordedSession, job: Job) -> dict[str, Any]:
+    """Evaluate one session; return the evaluation for a program, with the version."""
+    evaluation = evaluate_session(
+        session,
+        job.texture.settings(_RATE_HZ),
+        period_s=job.texture.update_period_s,
+        step_s=job.step_s,
+        seed=job.seed,
+    )
+    return {**evaluation.as_dict(), "version": mmt.__version__}
+
+
+class SweepResults:
+    """The results of a sweep, a JSON line each, in one file that only grows.
+
+    Parameters
+    ----------
+    directory
+        Made where it does not exist.
+
+    Raises
+    ------
+    InputError
+        The directory or the file cannot be used.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self.path = directory / RESULTS
+        self.lines: dict[str, dict[str, Any]] = {}
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+            text = self.path.read_text(encoding="utf-8") if self.path.exists() else ""
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f"--out {directory}: {error}") from error
+        whole, _, torn = text.rpartition("\n")
+        for number, line in enumerate(whole.splitlines(), start=1):
+            try:
+                content = json.loads(line)
+                self.lines[content["key"]] = content
+            except (ValueError, KeyError, TypeError) as error:
+                raise InputError(f"{self.path}: line {number} is no result of a sweep") from error
+        if torn:  # cut off while it was written
+            self.path.write_text(whole + "\n" if whole else "", encoding="utf-8")
+
+    def add(self, outcome: Outcome) -> None:
+        """Write a result at the file's end; a job that failed is not written, but tried again."""
+        if outcome.evaluation is None:
+            return
+        job = outcome.job
+        times = {name: outcome.evaluation.get(name) for name in _TIMES}
+        figures = {n: v for n, v in outcome.evaluation.items() if n not in {*_TIMES, "path"}}
+        line = {
+            "key": job.key,
+            "path": job.path,
+            "settings": job.settings,
+            "evaluation": figures,
+            "times": times,
+        }
+        with self.path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(line) + "\n")
+        self.lines[job.key] = line
+
+    def missing(self, jobs: Sequence[Job]) -> list[Job]:
+        """Return the jobs that have no result yet, each once."""
+        return list({job.key: job for job in jobs if job.key not in self.lines}.values())
+
+
+def _value(text: str) -> Value:
+    """Return a value as TOML would read it; what is no number is a word."""
+    if text in {"true", "false"}:
+        return text == "true"
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
+
+
+def _texture(base: Texture, chosen: Settings) -> Texture:
+    values = {key.partition(".")[2]: value for key, value in chosen.items()}
+    try:
+        return Texture.model_validate({**base.model_dump(), **values})
+    except ValidationError as error:
+        problems: dict[str, list[str]] = {}
+        for problem in error.errors():
+            place = str(problem["loc"][0]) if problem["loc"] else ""
+            problems.setdefault(place, []).append(_explain(place, problem["type"], problem["msg"]))
+        told = [f"--set {TABLE}.{key}: {' or '.join(why)}" for key, why in problems.items()]
+        raise InputError("; ".join(told).replace(f"{TABLE}.: ", "")) from error
+
+
+def _explain(key: str, kind: str, message: str) -> str:
+    if kind == "extra_forbidden":
+        return f"no such key, allowed are {', '.join(Texture.model_fields)}"
+    return message.removeprefix("Value error, ") if key else message.partition(", ")[2]

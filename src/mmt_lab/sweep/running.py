@@ -1,0 +1,171 @@
+"""Where the jobs of a sweep run: processes of this machine, or a Dask cluster that is there.
+
+Both call `mmt_lab.sweep.combinations.evaluate_job` with the same arguments, and so give the same
+numbers.
+"""
+
+import multiprocessing
+import signal
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from typing import Any, Final, TypeVar
+
+import mmt
+from mmt.core.errors import InputError, MmtError
+from mmt_lab.sweep.combinations import Job, Outcome, evaluate_job
+from mmt.session.recorded import RecordedSession
+
+CONNECT_S: Final = 10
+
+Result = TypeVar("Result")
+
+
+def run_locally(
+    jobs: Sequence[Job], sessions: Mapping[str, RecordedSession], workers: int
+) -> Iterator[Outcome]:
+    """Evaluate jobs in processes of this machine; yield each as it is done.
+
+    Parameters
+    ----------
+    jobs
+        What to evaluate.
+    sessions
+        By their path.
+    workers
+        Number of processes.
+
+    Raises
+    ------
+    MmtError
+        A process has died.
+    """
+    calls = {number: (sessions[job.path], job) for number, job in enumerate(jobs)}
+    for number, future in in_processes(evaluate_job, calls, workers):
+        yield _outcome(jobs[number], future.result)
+
+
+def in_processes(
+    function: Callable[..., Result], calls: Mapping[int, tuple[Any, ...]], workers: int
+) -> Iterator[tuple[int, Future[Result]]]:
+    """Call a function in processes of this machine; yield each call's number as it is done.
+
+    Parameters
+    ----------
+    function
+        Of a module, with arguments and a result that can be pickled.
+    calls
+        Arguments by number.
+    workers
+        Number of processes.
+
+    Raises
+    ------
+    MmtError
+        A process has died.
+    """
+    pool = ProcessPoolExecutor(
+        max_workers=workers,
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=_leave_interrupts,
+    )
+    try:
+        futures = {pool.submit(function, *call): number for number, call in calls.items()}
+        for future in as_completed(futures):
+            if isinstance(future.exception(), BrokenProcessPool):
+                raise MmtError("a process has died; start it again to go on")
+            yield futures[future], future
+    except BrokenProcessPool as error:
+        raise MmtError("a process has died; start it again to go on") from error
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def in_order(
+    function: Callable[..., Result],
+    calls: Sequence[tuple[Any, ...]],
+    workers: int,
+    progress: Callable[[int], None],
+) -> list[Result]:
+    """Call a function in processes; return its results in the order of the calls.
+
+    Parameters
+    ----------
+    function, workers
+        See `in_processes`.
+    calls
+        Arguments.
+    progress
+        Called with how many are done.
+
+    Raises
+    ------
+    MmtError
+        A process has died.
+    """
+    results: dict[int, Result] = {}
+    for number, future in in_processes(function, dict(enumerate(calls)), workers):
+        results[number] = future.result()
+        progress(len(results))
+    return [results[number] for number in sorted(results)]
+
+
+def run_on_dask(
+    jobs: Sequence[Job], sessions: Mapping[str, RecordedSession], address: str
+) -> Iterator[Outcome]:
+    """Evaluate jobs on a Dask cluster; yield each as it is done.
+
+    Sessions travel to the workers, which need no file, but this package in this version.
+
+    Parameters
+    ----------
+    jobs, sessions
+        As in `run_locally`.
+    address
+        Of the scheduler, such as ``tcp://10.0.0.1:8786``.
+
+    Raises
+    ------
+    InputError
+        The package distributed is not installed.
+    MmtError
+        No scheduler answers, or a worker has another version of this package.
+    """
+    try:
+        import distributed
+    except ImportError as error:
+        message = "--dask needs the package distributed: pip install 'mmt-haptics[dask]'"
+        raise InputError(message) from error
+    try:
+        client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise MmtError(f"--dask {address}: no scheduler answers: {error}") from error
+    with client:
+        placed = {path: client.scatter(session) for path, session in sessions.items()}
+        futures = {
+            client.submit(evaluate_job, placed[job.path], job, key=f"mmt-{job.key}"): job
+            for job in jobs
+        }
+        for future in distributed.as_completed(futures, loop=client.loop):
+            outcome = _outcome(futures[future], future.result)
+            _check_version(outcome)
+            yield outcome
+
+
+def _outcome(job: Job, result: Callable[[], dict[str, Any]]) -> Outcome:
+    """Return a job's result; an error for a person becomes its outcome."""
+    try:
+        return Outcome(job, result())
+    except MmtError as error:
+        return Outcome(job, None, str(error))
+
+
+def _check_version(outcome: Outcome) -> None:
+    version = (outcome.evaluation or {}).get("version", mmt.__version__)
+    if version != mmt.__version__:
+        raise MmtError(f"--dask: a worker has mmt {version}, this is {mmt.__version__}")
+
+
+def _leave_interrupts() -> None:
+    """Leave Ctrl-C to the process that started the sweep."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

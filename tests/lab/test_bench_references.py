@@ -1,0 +1,73 @@
+"""The references with many digits, against answers that are known by hand."""
+
+import numpy as np
+import pytest
+
+from mmt_lab.bench import filters
+from mmt_lab.bench import references
+from mmt_lab.bench import signals
+
+
+def test_burg_of_a_signal_that_is_worked_out_by_hand():
+    # f = (1, 2), b = (0, 1): k1 = -2 (0 + 2) / (1 + 4 + 0 + 1) = -2/3;
+    # then f = 2 - 2/3, b = 0 - 2/3: k2 = -2 (4/3)(-2/3) / (16/9 + 4/9) = 4/5.
+    k = references.rounded(references.burg(np.array([0.0, 1.0, 2.0]), 2))
+    np.testing.assert_allclose(k, [-2 / 3, 4 / 5], rtol=1e-15)
+    assert references.rounded(references.burg(np.zeros(5), 2)).tolist() == [0.0, 0.0]
+
+
+def test_the_residual_is_the_mean_square_of_both_prediction_errors():
+    # forward 2 - 1, 4 - 2; backward 1 - 2, 2 - 4
+    x, ar = np.array([1.0, 2.0, 4.0]), references.exact([-1.0])
+    assert float(references.residual(x, ar)) == pytest.approx((1 + 4 + 1 + 4) / 4)
+
+
+def test_steps_up_and_down_are_inverse():
+    k = references.exact([0.5, -0.9, 0.999999, 0.1])
+    back = references.step_down(references.step_up(k))
+    assert references.largest_error(references.rounded(k), back) < 1e-100
+    assert references.step_down(references.exact([0.2, 1.0])) is None
+
+
+def test_stability_is_that_of_exactly_these_coefficients():
+    assert references.is_stable(np.array([-1.9, 0.95]))
+    assert not references.is_stable(np.array([-2.0, 1.0]))
+    assert not references.is_stable(np.array([0.0, 1.5]))
+    assert not references.is_stable(np.array([np.nan, 0.1]))
+
+
+def test_pole_pairs_give_their_polynomial():
+    ar = references.poles_to_ar(np.array([0.9]), np.array([np.pi / 3]))
+    np.testing.assert_allclose(references.rounded(ar), [-0.9, 0.81], rtol=1e-15)
+
+
+@pytest.mark.parametrize("order", [1, 2, 5, 8])
+def test_line_spectral_frequencies_are_found_again(order):
+    lsf = np.pi / (order + 1) * (np.arange(1, order + 1) + 0.2 * np.sin(np.arange(order)))
+    ar = references.lsf_to_ar(lsf)
+    found = references.refine_lsf(ar, lsf + 1e-3)
+    assert found is not None
+    assert references.largest_error(lsf, found) < 1e-50
+
+
+def test_an_incomplete_set_of_frequencies_is_refused():
+    lsf = np.array([0.5, 1.0, 1.5, 2.0])
+    ar = references.lsf_to_ar(lsf)
+    assert references.refine_lsf(ar, np.array([0.5, 1.0, 0.5, 2.0])) is None
+
+
+def test_filters_are_the_same_in_every_form():
+    for made in (filters.spread(6, 2), filters.low_pass(5), filters.pole_pairs(1e-3)):
+        for lsf, k, ar in zip(made.lsf, made.reflection, made.ar, strict=True):
+            exact = references.step_up(references.exact(k))
+            assert references.largest_error(ar, exact) <= 1e-13 * max(1.0, *np.abs(ar))
+            frequencies = references.rounded(lsf)
+            assert (np.diff(frequencies, prepend=0, append=np.pi) > 0).all()
+    roots = np.roots([1.0, *filters.pole_pairs(1e-3).ar[0]])
+    np.testing.assert_allclose(np.abs(roots), 0.999, atol=1e-9)
+
+
+def test_stiff_cases_have_names_of_their_own_and_enough_samples():
+    names = [case.name for case in signals.STIFF_CASES]
+    assert len(set(names)) == len(names) >= 15
+    assert all(len(case.signal) > case.order for case in signals.STIFF_CASES)

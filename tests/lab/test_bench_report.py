@@ -1,0 +1,153 @@
+"""Tables and reports of the bench, from a result made by hand."""
+
+import json
+import re
+
+import pytest
+from rich.console import Console
+
+from mmt.core.errors import InputError
+from mmt_lab.bench.presenting import (
+    narrow_panel_table,
+    panel_table,
+    records_table,
+    stage_tables,
+    targets_table,
+    write_bench_report,
+)
+from mmt_lab.bench.results import (
+    Axis,
+    Curves,
+    LeftOut,
+    Panel,
+    Records,
+    Spread,
+    StageResult,
+    Target,
+)
+from mmt.evaluation.document import Table
+from mmt.evaluation.table import as_rich
+
+TIME, ERROR = Axis("time (µs)", "µs"), Axis("error", "error")
+
+
+def made_panel():
+    curves = Curves()
+    curves.add("mmt", 8, Spread(2.0, 1.9, 2.1), 1e-16)
+    curves.add("mmt", 16, Spread.exact(4.0), 0.0)
+    curves.add("peer", 8, Spread.exact(40.0), 1e-9)
+    curves.fail("peer", 16, "raises: no")
+    return Panel("p", "By order", "order", TIME, ERROR, curves.done())
+
+
+def made_result():
+    return StageResult(
+        "burg",
+        "Burg's method",
+        "What was measured.",
+        panels=(made_panel(),),
+        records=(
+            Records(
+                "stiff", "Stiff", ({"case": "tone", "stable": True, "error": 0.25, "x": None},)
+            ),
+        ),
+        targets=(
+            Target("faster", 20.0, "at least", 4.0),
+            Target("slower", 7.0, "at most", 5.0),
+            Target("unknown", None, "at most", 5.0),
+        ),
+        left_out=(LeftOut("librosa", "cannot be imported", "pip install librosa"),),
+    )
+
+
+def test_a_panel_has_a_row_for_time_and_for_error_and_a_column_for_each_setting():
+    table = panel_table(made_panel())
+    assert table.columns == ("method", "order", "8", "16")
+    assert table.rows == [
+        ("mmt", "µs", "2 ±5 %", "4"),
+        ("", "error", "1e-16", "0"),
+        ("peer", "µs", "40", "-"),
+        ("", "error", "1e-09", "-"),
+    ]
+    assert "peer at 16: raises: no" in table.caption
+
+
+def test_a_narrow_panel_has_a_row_for_each_setting():
+    assert narrow_panel_table(made_panel()).rows == [
+        ("mmt", "8", "2 ±5 %", "1e-16"),
+        ("", "16", "4", "0"),
+        ("peer", "8", "40", "1e-09"),
+        ("", "16", "-", "raises: no"),
+    ]
+
+
+def test_errors_over_the_knob_itself_need_no_row_for_it():
+    curves = Curves()
+    curves.add("mmt", 8, 8, 0.5)
+    panel = Panel("p", "P", "order", Axis("order", "order"), ERROR, curves.done())
+    assert panel_table(panel).rows == [("mmt", "error", "0.5")]
+
+
+def test_records_and_targets_are_said_in_words():
+    result = made_result()
+    assert records_table(result.records[0]).rows == [("tone", "yes", "0.25", "-")]
+    assert targets_table([result]).rows == [
+        ("faster", "burg", "20", "at least 4", "yes"),
+        ("slower", "burg", "7", "at most 5", "no"),
+        ("unknown", "burg", "-", "at most 5", "not measured"),
+    ]
+    assert stage_tables(result)[-1].rows == [
+        ("librosa", "cannot be imported", "pip install librosa")
+    ]
+
+
+def test_a_report_is_one_page_with_its_plots_inside(tmp_path):
+    page = write_bench_report(tmp_path / "out", [made_result()], {"processor": "a machine"})
+    html = page.read_text(encoding="utf-8")
+    assert "data:image/png;base64," in html
+    assert not re.search(r"(src|href)=\"http", html)
+    assert "a machine" in html
+    markdown = (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
+    assert "![" in markdown
+    assert (tmp_path / "out" / "figures" / "burg.png").exists()
+    figures = json.loads((tmp_path / "out" / "bench.json").read_text(encoding="utf-8"))
+    assert figures["burg"]["panels"][0]["curves"][1]["failures"] == {"16": "raises: no"}
+    assert figures["machine"] == {"processor": "a machine"}
+
+
+def test_a_report_that_cannot_be_written_is_said(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="report"):
+        write_bench_report(tmp_path / "file", [made_result()], {})
+
+
+def test_what_is_said_once_is_not_repeated_in_a_terminal():
+    curves = Curves()
+    curves.add("mmt", 8, 8, 1e-16)
+    curves.fail("mmt", 16, "raises: no")
+    over_knob = Panel("p", "By order", "order", Axis("order", "order"), ERROR, curves.done())
+    table = narrow_panel_table(over_knob)
+    assert table.columns == ("method", "order", "error")
+    assert table.rows == [("mmt", "8", "1e-16"), ("", "16", "raises: no")]
+
+    rows = ({"case": "tone", "n": 1}, {"case": "tone", "n": 2}, {"case": "step", "n": 1})
+    assert records_table(Records("r", "R", rows)).rows == [
+        ("tone", "1"),
+        ("", "2"),
+        ("step", "1"),
+    ]
+
+
+def test_a_table_in_eighty_columns_loses_no_number_and_no_word():
+    words = "a method of a rather long name that no peer would ever have"
+    table = Table(
+        ("method", "order", "remark"),
+        [(words, str(number), f"{words} {number}") for number in (8, 123456789)],
+    )
+    console = Console(width=80)
+    with console.capture() as capture:
+        console.print(as_rich(table))
+    lines = capture.get().splitlines()
+    assert max(map(len, lines)) <= 80
+    for word in [*words.split(), "123456789"]:
+        assert sum(line.split().count(word) for line in lines) >= 2

@@ -1,0 +1,165 @@
+"""The bench of the device path: its arithmetic on frames that are known, and one run of it."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mmt.core.errors import MmtError
+from mmt_lab.bench import devices
+from mmt_lab.device_bench.children import Child
+from mmt_lab.device_bench.measures import (
+    frame_times,
+    pauses_of_device,
+    pauses_of_ticks,
+    time_errors_ms,
+    within,
+)
+from mmt_lab.device_bench.motion import PERIOD_NS, Motion
+from mmt_lab.device_bench.running import Measured, SetUp
+
+START_NS = 7_000_000_000_123
+
+
+def turned(motion: Motion, times_ns: np.ndarray) -> np.ndarray:
+    return np.array([motion(int(time_ns)) for time_ns in times_ns])
+
+
+def moving(size: float) -> Motion:
+    motion = Motion(size)
+    motion.begin()
+    return motion
+
+
+def test_a_motion_rests_until_it_begins_and_then_tells_its_time() -> None:
+    motion = Motion(3.0, (1.0, 0.0, 9.8))
+    assert motion(START_NS) == (1.0, 0.0, 9.8)
+    motion.begin()
+    x, y, z = motion(START_NS)
+    assert math.hypot(x - 1.0, y) == pytest.approx(3.0)
+    assert z == 9.8
+    assert motion(START_NS + PERIOD_NS) == pytest.approx((x, y, z))
+
+
+@pytest.mark.parametrize("late_ns", [-3_000_000, -20_000, 0, 90_000, 20_000_000])
+def test_a_value_tells_how_much_later_it_was_there(late_ns: int) -> None:
+    times_ns = START_NS + 1_000_000 * np.arange(300)
+    values = 0.4 * turned(moving(5.0), times_ns + late_ns)  # a filter takes of its length
+    assert time_errors_ms(values, times_ns) == pytest.approx(late_ns / 1e6, abs=1e-6)
+
+
+def test_latency_jitter_and_offset_of_frames_that_are_known() -> None:
+    times_ns = START_NS + 1_000_000 * np.arange(1000)
+    wander_ns = np.where(np.arange(1000) % 10 == 0, 40_000, 0)
+    values = {
+        "force": turned(moving(5.0), times_ns - 100_000 + wander_ns),
+        "acceleration": turned(moving(20.0), times_ns - 300_000),
+    }
+    held_up = np.arange(1000) < 20
+    formed_ns = times_ns + np.where(held_up, 9_000_000, 2_000_000)
+    found = frame_times(values, times_ns, formed_ns, held_up, stated_ms=0.5)
+    assert found.latency_p50_ms == pytest.approx(2.0 + 0.3 - 0.5)
+    assert found.latency_p99_ms == pytest.approx(8.8)
+    assert found.running_p99_ms == pytest.approx(1.8)
+    assert found.held_up_share == pytest.approx(0.02)
+    assert found.offset_ms == pytest.approx({"force": -0.1, "acceleration": -0.3})
+    assert found.jitter_p99_ms == pytest.approx({"force": 0.04, "acceleration": 0.0}, abs=1e-6)
+    assert found.apart_p99_ms == pytest.approx(0.24)
+
+
+def test_ticks_that_the_machine_held_up_are_found() -> None:
+    elapsed = np.array([1, 1, 4, 1, 1])  # it stood still for three ticks
+    counts = np.cumsum(elapsed) + 100
+    lateness = np.array([20_000, 0, 300_000, 5_000, 600_000])
+    times_ns = START_NS + counts * 1_000_000 + lateness
+    found = pauses_of_ticks(np.stack([counts, times_ns], axis=1), 1_000_000)
+    assert (found - START_NS).tolist() == [[103_000_000, 106_300_000], [108_000_000, 108_600_000]]
+
+
+def test_a_device_is_held_up_where_it_asks_later_than_it_usually_does() -> None:
+    times_ns = START_NS + 500_000 * np.arange(9)
+    delays = np.array([340, 100, 680, 340, 2_000, 1_500, 1_000, 340, 340]) * 1000
+    found = pauses_of_device(np.stack([times_ns, times_ns + delays], axis=1))
+    assert (found[:, 1] - found[:, 0]).tolist() == [1_660_000, 1_160_000, 660_000]
+    assert found[0, 0] == times_ns[4] + 340_000
+    assert pauses_of_device(np.array([])).shape == (0, 2)
+
+
+@given(
+    st.lists(st.integers(0, 4), min_size=1, max_size=30),
+    st.lists(st.tuples(st.integers(-5, 120), st.integers(0, 20)), max_size=6),
+)
+def test_frames_with_a_pause_within_are_found(steps: list[int], pauses: list[tuple[int, int]]):
+    times = np.cumsum(steps)
+    formed = np.maximum.accumulate(times + np.array(steps) % 3)
+    intervals = np.array([(begin, begin + length) for begin, length in pauses]).reshape(-1, 2)
+    found = within(intervals, times, formed)
+    for frame, held_up in enumerate(found):
+        assert held_up == any(
+            begin < formed[frame] and end > times[frame] for begin, end in intervals
+        )
+
+
+def test_where_all_was_held_up_there_is_no_figure_without() -> None:
+    turning = {"force": np.array([[1.0, 0.0, 0.0]])}
+    times_ns = np.array([START_NS])
+    found = frame_times(turning, times_ns, times_ns, np.array([True]), 0.0)
+    assert found.running_p99_ms is None
+    assert found.held_up_share == 1.0
+
+
+def test_a_child_that_fails_is_quoted() -> None:
+    child = Child("mmt_lab.device_bench.lab", "no_such_sensor", "adxl335", "ordinary")
+    try:
+        with pytest.raises(MmtError, match=r"lab has ended: KeyError.*no_such_sensor"):
+            child.hear(30.0)
+    finally:
+        child.close()
+
+
+def test_a_run_on_emulated_devices_finds_what_holds_on_any_machine() -> None:
+    plan = devices.Plan(set_ups=(SetUp("both", "net_ft", "adxl335"),), duration_s=1.0, stops=1)
+    result = devices.run(plan)
+    assert result.left_out == ()
+    (cost,), (times,), (frames,), (clocks,) = (records.rows for records in result.records)
+    assert 0.0 < cost["share of a core"] < 1.0  # type: ignore[operator]
+    assert 0.0 < cost["tick alone"] < 1.0  # type: ignore[operator]
+    assert times["latency p50 (ms)"] > 0.5  # type: ignore[operator]
+    assert frames["frames"] > 100  # type: ignore[operator]
+    assert frames["stop seen after, longest (ms)"] > 10.0  # type: ignore[operator]
+    assert clocks["error of the drift: force (ppm)"] >= 0.0  # type: ignore[operator]
+    imported = result.targets[-1]
+    assert imported.what == "set-ups that import scipy or numba"
+    assert imported.met
+    assert result.as_dict()["targets"][0]["bound"] == 0.25
+
+
+def test_targets_are_of_the_worst_set_up_and_what_cannot_run_is_left_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    times = frame_times(
+        {"force": np.array([[1.0, 0.0, 0.0]]), "acceleration": np.array([[1.0, 0.0, 0.0]])},
+        np.array([START_NS]),
+        np.array([START_NS + 1_500_000]),
+        np.array([False]),
+        0.0,
+    )
+
+    def measured(set_up: SetUp, *_: object, **__: object) -> Measured:
+        if set_up.name == "broken":
+            raise MmtError("no compiler")
+        share = 0.1 if set_up.name == "good" else 0.301
+        sensors = {"force_sensor": 1.0, "accelerometer": 2.0}
+        return Measured(share, 0.05, 0.02, 100, 0, 0, times, sensors, [15.0, 16.0], 0.0, [])
+
+    monkeypatch.setattr(devices, "measure", measured)
+    names = ("good", "worse", "broken")
+    result = devices.run(devices.Plan(tuple(SetUp(name, "net_ft", "u6") for name in names)))
+    by_name = {target.what: target for target in result.targets}
+    share = by_name["share of a core, without emulation"]
+    assert share.measured == pytest.approx(0.25 + 1e-3)
+    assert not share.met
+    assert by_name["stopped sensor seen after, longest (ms)"].met
+    assert [(out.name, out.reason) for out in result.left_out] == [("broken", "no compiler")]

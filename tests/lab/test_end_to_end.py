@@ -1,0 +1,185 @@
+"""What the hand feels over a network is judged against the surface under the hand."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from mmt.cli.main import app
+from mmt.testing.simulation.textures import SURFACES
+from mmt.core.errors import InputError
+from mmt_lab.felt.judging import Reference
+from mmt_lab.felt.leading import (
+    at_once,
+    led,
+    local_updates,
+    settings_over,
+    taking_over,
+)
+from mmt_lab.felt.passing import NEVER_TICK, Passage, pass_over
+from mmt_lab.felt.summary import Case, Outcome, by_second, feel, rows
+from mmt_lab.felt.warming import library_without, shipped_library, warm_models
+from mmt.scene.network_table import Network
+
+PLASTIC = SURFACES["plastic"]
+
+
+@pytest.fixture(scope="module")
+def far() -> Passage:
+    """Six seconds over 50 ms each way."""
+    return pass_over(PLASTIC, Network(delay_ms=50.0), 6000, 4)
+
+
+def test_a_delay_counts_both_ways(far: Passage) -> None:
+    assert set((far.arrival_tick - np.arange(6000)).tolist()) == {50}
+    near = pass_over(PLASTIC, Network(), 6000, 4)
+    np.testing.assert_array_equal(near.force_n, far.force_n)  # the same hand
+    later = np.argmax(far.frames["force_n"][:, 2] > 0.2)
+    assert later - np.argmax(near.frames["force_n"][:, 2] > 0.2) == pytest.approx(50, abs=3)
+
+
+def test_lost_frames_never_arrive_and_others_do() -> None:
+    passage = pass_over(PLASTIC, Network(loss=0.3), 1000, 1)
+    lost = passage.arrival_tick == NEVER_TICK
+    assert 0.15 < lost.mean() < 0.45
+    assert (passage.arrival_tick[~lost] == np.flatnonzero(~lost)).all()
+
+
+def test_the_texture_itself_has_no_bias_and_no_delay(far: Passage) -> None:
+    own = at_once(far, 1).vibration_m_s2
+    reference = Reference(far, own)
+    other = reference.judge(at_once(far, 2).vibration_m_s2)
+    # the mean of a logarithm is below the logarithm of the mean, by a quarter dB here
+    assert abs(other.level_db.mean()) < 0.7
+    assert np.sqrt(np.mean(np.square(other.level_db))) < 1.5
+    assert len(other.onset_ms)
+    assert np.abs(np.median(other.onset_ms)) < 20
+
+
+def test_a_gain_is_found_as_a_level_in_every_band(far: Passage) -> None:
+    own = at_once(far, 1).vibration_m_s2
+    reference = Reference(far, own)
+    once, twice = reference.judge(own), reference.judge(2.0 * own)
+    loud = np.isin(twice.time_s, once.time_s)
+    assert np.median(twice.level_db[loud] - once.level_db) == pytest.approx(6.02, abs=0.05)
+
+
+def test_a_shift_is_found_as_onset_and_offset(far: Passage) -> None:
+    own = at_once(far, 1).vibration_m_s2
+    shifted = np.concatenate([np.zeros(80), own[:-80]])
+    found = Reference(far, own).judge(shifted)
+    assert np.median(found.onset_ms) == pytest.approx(80, abs=1)
+    assert np.median(found.offset_ms) == pytest.approx(80, abs=1)
+
+
+def test_silence_is_an_error_as_large_as_what_is_missing(far: Passage) -> None:
+    reference = Reference(far, at_once(far, 1).vibration_m_s2)
+    silent = reference.judge(np.zeros(6000))
+    assert (silent.level_db < 0).all()
+    assert np.median(silent.level_db) < -15.0
+    assert len(silent.onset_ms) == 0
+
+
+def test_a_stream_is_as_late_as_both_ways_and_a_model_is_not(far: Passage) -> None:
+    reference = Reference(far, at_once(far, 1).vibration_m_s2)
+    streamed = led(far, None, 1)
+    assert streamed.start_s is None
+    late = reference.judge(streamed.vibration_m_s2)
+    assert np.median(late.onset_ms) == pytest.approx(110, abs=25)
+    updates = local_updates(far, settings_over(far, {"start_distance": 100.0}))
+    modelled = led(far, taking_over(updates), 1)
+    assert modelled.start_s is not None
+    assert modelled.start_s < 5.0
+    course = reference.judge(modelled.vibration_m_s2)
+    errors = [
+        np.sqrt(np.mean(np.square(c.level_db[c.time_s > modelled.start_s + 0.2])))
+        for c in (course, late)
+    ]
+    assert errors[0] < 0.7 * errors[1]
+
+
+def test_a_warm_start_leads_before_the_local_model_and_better_than_the_stream(
+    far: Passage,
+) -> None:
+    reference = Reference(far, at_once(far, 1).vibration_m_s2)
+    library = {"felt": library_without("oak")["felt"]}
+    settings = settings_over(far, {"start_distance": 1.0, "stop_distance": 1.0})
+    updates = local_updates(far, settings)
+    assert taking_over(updates) == {}
+    warm = led(far, warm_models(far, updates, library, settings), 1)
+    assert warm.start_s is not None
+    assert warm.start_s < 2.5
+    own, streamed = (reference.judge(felt.vibration_m_s2) for felt in (warm, led(far, None, 1)))
+    errors = [
+        np.sqrt(np.mean(np.square(c.level_db[c.time_s > warm.start_s + 0.2])))
+        for c in (own, streamed)
+    ]
+    assert errors[0] < 0.7 * errors[1]
+
+
+def test_the_texture_itself_is_not_in_its_library() -> None:
+    assert set(shipped_library()) - set(library_without("oak")) == {"oak"}
+    assert set(library_without("plastic")) == set(shipped_library())
+
+
+def test_headings_are_unit_vectors_even_at_rest(far: Passage) -> None:
+    velocity_mm_s = np.array([[3.0, 4.0], [0.0, 0.0], [0.0, -1e-300], [1e150, 0.0]])
+    unit = replace(far, velocity_mm_s=velocity_mm_s).heading
+    np.testing.assert_allclose(unit, [[0.6, 0.8], [1.0, 0.0], [0.0, -1.0], [1.0, 0.0]])
+
+
+def test_outcomes_are_gathered_by_network_and_method(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Case, "duration_s", 3.0)
+    found: list[Outcome] = [
+        one for network in ("lan", "wan") for one in feel(Case("fabric", network, 5))
+    ]
+    table = rows(found)
+    assert [row.network for row in table] == ["lan"] * 5 + ["wan"] * 5
+    assert {row.sessions for row in table} == {1}
+    assert all(row.level_db[1:] == (None, None) for row in table)  # nothing behind 5 s
+    assert len(by_second(found, "wan", "ours")) <= 3
+
+
+def test_the_command_prints_every_method_and_writes_a_report(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from mmt_lab.cli import felt
+
+    monkeypatch.setattr(Case, "duration_s", 2.0)
+    outcomes = feel(Case("fabric", "wan", 5))
+    monkeypatch.setattr(felt, "feel_all", lambda *_: outcomes)
+    arguments = ["evaluate", "--end-to-end", "--textures", "fabric", "--seeds", "1"]
+    arguments += ["--json", str(tmp_path / "felt.json"), "--report", str(tmp_path / "report")]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    for name in ("streaming", "published", "ours", "warm", "at once"):
+        assert name in result.output
+    written = json.loads((tmp_path / "felt.json").read_text(encoding="utf-8"))
+    assert len(written["rows"]) == 5
+    assert set(written["level_db_by_second"]["wan"]) == {
+        "streaming",
+        "published",
+        "ours",
+        "warm",
+        "at once",
+    }
+    assert "data:image/png" in (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ([], "name a session, or give one of"),
+        (["--end-to-end", "--surfaces"], "exclude each other"),
+        (["--end-to-end", "a.mcap"], "cannot use a.mcap"),
+        (["--end-to-end", "--textures", "velvet"], "not known"),
+        (["--end-to-end", "--workers", "0"], "at least 1"),
+    ],
+)
+def test_what_cannot_be_done_is_said(arguments: list[str], sentence: str) -> None:
+    result = CliRunner().invoke(app, ["evaluate", *arguments])
+    assert isinstance(result.exception, InputError)
+    assert sentence in str(result.exception)

@@ -1,0 +1,164 @@
+"""Force feedback over a delay: the closed loop, recorded contacts, and what is printed."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mmt.cli.main import app
+from mmt.core.errors import InputError
+from mmt_lab.feedback.delays import DelayLine
+from mmt_lab.feedback.recorded import evaluate_run, find_runs, read_run
+from mmt_lab.feedback.results import TARGET_RATIO, evaluate_feedback
+from mmt_lab.feedback.sides import METHODS
+from mmt_lab.feedback.simulated import run_cell
+from mmt_lab.feedback.tables import feedback_tables, verdicts, write_feedback_report
+
+RECORDED = Path(__file__).parents[2] / "../shared/data/bilateral_1dof"
+
+
+def write_run(path: Path, seconds: float = 3.0, stiffness_n_m: float = 800.0) -> Path:
+    """A spring that is pressed at 2 Hz, felt at a lever of 75 mm, at 2 kHz."""
+    time_s = np.arange(0.0, seconds, 5e-4)
+    depth_m = 4e-3 * np.sin(2 * np.pi * 2 * time_s - 1.0)
+    np.savez(
+        path,
+        time_s=time_s,
+        leader_position_rad=depth_m / 0.075,
+        follower_position_rad=depth_m / 0.075,
+        environment_torque_nm=-0.075 * stiffness_n_m * np.maximum(0.0, depth_m),
+        arm_length_m=0.075,
+    )
+    return path
+
+
+def test_a_stiff_wall_shakes_the_streamed_force_and_neither_of_the_others() -> None:
+    streamed, passive, model = (run_cell(method, 10.0, 50) for method in METHODS)
+    assert not streamed.stable
+    assert streamed.injected_mj > 100.0
+    for cell in (passive, model):
+        assert cell.stable
+        assert cell.passive
+    assert model.force_error_n < 0.2 * passive.force_error_n
+    assert model.position_error_mm < 0.5 * passive.position_error_mm
+
+
+def test_a_line_delivers_in_order_and_each_once() -> None:
+    line: DelayLine[int] = DelayLine(20, 15, 3)
+    arrived = []
+    for tick in range(300):
+        if tick < 200:
+            line.push(tick, tick)
+        for item in line.pop(tick):
+            assert tick - item >= 5
+            arrived.append(item)
+    assert arrived == list(range(200))
+
+
+def test_a_recorded_spring_is_found_and_shown_without_its_delay(tmp_path: Path) -> None:
+    run = read_run(write_run(tmp_path / "one_spring.npz"))
+    assert run.contact == "spring"
+    assert run.force_n.max() == pytest.approx(3.2, rel=0.02)  # the sign is turned
+    assert run.opening_j == 0.0
+    streamed, passive, model = (evaluate_run(run, method, 100) for method in METHODS)
+    assert model.force_error_n < TARGET_RATIO * streamed.force_error_n
+    assert model.surface is not None
+    assert model.surface.stiffness_n_m == pytest.approx(800.0, rel=0.1)
+    assert model.settled_s is not None
+    assert model.settled_s < 1.5
+    for result in (passive, model):
+        assert result.energy_mj <= 1.0 + 1e-6
+        assert result.force_error_n >= result.least_error_n > 0.0
+
+
+def test_without_delay_the_streamed_force_is_the_true_one(tmp_path: Path) -> None:
+    run = read_run(write_run(tmp_path / "one_spring.npz", 1.0))
+    assert evaluate_run(run, "streamed", 0).force_error_n == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_tables_the_json_and_the_report_hold_every_cell(tmp_path: Path) -> None:
+    path = write_run(tmp_path / "one_spring.npz", 1.5)
+    seen = []
+    evaluation = evaluate_feedback(
+        [path],
+        walls_n_mm=(2.0,),
+        delays_ms=(10,),
+        recorded_delays_ms=(100,),
+        progress=lambda done, every: seen.append((done, every)),
+    )
+    assert seen[-1] == (6, 6)
+    document = json.loads(json.dumps(evaluation.as_dict()))
+    assert len(document["simulated"]) == len(document["recorded"]) == 3
+    assert {row["method"] for row in document["pooled"]} == set(METHODS)
+    assert [len(table.rows) for table in feedback_tables(evaluation)] == [1, 1, 1, 1]
+    assert any("model: stable and passive in 1 of 1" in text for text in verdicts(evaluation))
+    page = write_feedback_report(tmp_path / "report", evaluation)
+    assert "one_spring" in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [({}, "no array"), ({"time_s": np.zeros(3)}, "no array"), (None, "no recording")],
+)
+def test_a_file_that_is_none_is_named(tmp_path: Path, content: dict | None, problem: str) -> None:
+    path = tmp_path / "wrong.npz"
+    if content is None:
+        path.write_bytes(b"nothing")
+    else:
+        np.savez(path, **content)
+    with pytest.raises(InputError, match=problem):
+        read_run(path)
+
+
+def test_a_folder_without_recordings_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no recording there"):
+        find_runs([tmp_path])
+    with pytest.raises(InputError, match="no recording there"):
+        find_runs([tmp_path / "none.npz"])
+
+
+def test_evaluate_without_anything_says_what_to_name() -> None:
+    with pytest.raises(InputError, match="name a session, or give one of --feedback"):
+        app(["evaluate"], standalone_mode=False)
+
+
+@pytest.mark.skipif(not RECORDED.is_dir(), reason="the recorded data is not in ../shared/data")
+@pytest.mark.parametrize("contact", ["foam", "spring", "rigid"])
+def test_the_model_has_less_than_a_third_of_the_error_on_real_contact(contact: str) -> None:
+    """100 ms each way, pooled over the three recorded runs."""
+    paths = sorted(RECORDED.glob(f"*_{contact}.npz"))
+    assert len(paths) == 3
+    squares = {"streamed": 0.0, "model": 0.0}
+    for path in paths:
+        run = read_run(path)
+        assert run.contact == contact
+        for method in ("streamed", "model"):
+            squares[method] += evaluate_run(run, method, 100).force_error_n ** 2
+    assert squares["model"] < TARGET_RATIO**2 * squares["streamed"]
+
+
+@pytest.mark.skipif(not RECORDED.is_dir(), reason="the recorded data is not in ../shared/data")
+@pytest.mark.parametrize(("name", "largest"), [("a", 0.5), ("c", 0.67)])
+def test_a_rigid_wall_that_is_met_in_knocks_is_estimated(name: str, largest: float) -> None:
+    """The knocks last 20 ms, among drag and pushes of something else on the way out."""
+    run = read_run(RECORDED / f"question1{name}_rigid.npz")
+    streamed, model = (evaluate_run(run, method, 100) for method in ("streamed", "model"))
+    assert model.force_error_n < largest * streamed.force_error_n
+    assert model.force_error_n > model.least_error_n
+    assert model.surface is not None
+    assert model.surface.stiffness_at(1.0) > 2000.0
+
+
+@pytest.mark.skipif(not RECORDED.is_dir(), reason="the recorded data is not in ../shared/data")
+def test_estimates_of_sustained_real_contact_are_plausible() -> None:
+    """The runs of one controller in which the contact is held; bounds wide enough for others."""
+    stiffness = {}
+    for contact in ("foam", "spring", "rigid"):
+        run = read_run(RECORDED / f"question1e_{contact}.npz")
+        model = evaluate_run(run, "model", 100).surface
+        assert model is not None
+        stiffness[contact] = model.stiffness_at(1.0)
+    assert 1000.0 < stiffness["spring"] < 3000.0
+    assert stiffness["rigid"] > 10_000.0
+    assert stiffness["foam"] < 0.3 * stiffness["rigid"]

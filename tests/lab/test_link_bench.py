@@ -1,0 +1,104 @@
+import json
+import math
+import multiprocessing
+
+import numpy as np
+import pytest
+
+from mmt.core.errors import InputError, MmtError
+from mmt_lab.link_bench import _order, _ratios, _receive, _summarise, _unheard, bench_link
+from mmt_lab.link_sides import Report
+from mmt_lab.link_traffic import Measured, Side
+from mmt.core.frames import COMMAND_DTYPE
+
+
+def measured(**changes: float) -> Measured:
+    values: dict[str, float] = {
+        "p50_ms": 1.0,
+        "p99_ms": 2.0,
+        "worst_ms": 3.0,
+        "rate_hz": 1000.0,
+        "cores": 0.1,
+        "sent": 10,
+        "received": 10,
+        "lost": 0,
+        "out_of_order": 0,
+        **changes,
+    }
+    return Measured("ours", **values)  # type: ignore[arg-type]
+
+
+def test_both_links_are_measured_and_lose_nothing() -> None:
+    result = bench_link(1.0, rate_hz=200, sustained_hz=400, sustained_s=0.5)
+    for kind in (result.ours, result.bare, result.sustained):
+        for direction in (kind.up, kind.down):
+            assert direction.messages >= 100
+            assert direction.lost == direction.out_of_order == 0
+            assert 0 < direction.p50_ms <= direction.p99_ms <= direction.worst_ms
+        assert kind.leader_cores > 0
+        assert kind.follower_cores > 0
+    assert result.rounds == 1
+    assert result.sustained.up.rate_hz > 1.5 * result.ours.up.rate_hz > 0
+    assert all(math.isfinite(ratio) and ratio > 0 for ratio in result.ratios.values())
+    assert json.loads(json.dumps(result.as_dict()))["ours"]["up"]["lost"] == 0
+
+
+def test_each_link_goes_first_every_other_time() -> None:
+    assert [_order(number)[0] for number in range(4)] == ["ours", "bare", "ours", "bare"]
+    assert all(set(_order(number)) == {"ours", "bare"} for number in range(2))
+
+
+def test_a_disturbed_turn_does_not_move_the_ratios() -> None:
+    ours = [(measured(p99_ms=3.0, cores=0.2), measured(p50_ms=1.25))] * 4
+    bare = [(measured(), measured())] * 4
+    disturbed = (measured(p50_ms=90.0, p99_ms=90.0, cores=0.9), measured(p99_ms=70.0))
+    expected = {
+        "up_p50": 1.0,
+        "up_p99": 1.5,
+        "down_p50": 1.25,
+        "down_p99": 1.0,
+        "leader_cores": 2.0,
+        "follower_cores": 1.0,
+    }
+    assert _ratios(ours, bare) == pytest.approx(expected)
+    assert _ratios([*ours, disturbed], [*bare, bare[0]]) == pytest.approx(expected)
+
+
+def test_what_is_lost_is_summed_and_includes_the_tail() -> None:
+    turns = [(measured(lost=2, received=8), measured()), (measured(out_of_order=1), measured())]
+    result = _summarise(turns, unheard_up=3, unheard_down=1)
+    assert (result.up.lost, result.up.out_of_order, result.up.messages) == (5, 1, 18)
+    assert (result.down.lost, result.down.out_of_order) == (1, 0)
+    sender = Report([], {"ours": 10, "bare": 0}, {"ours": -1, "bare": -1})
+    receiver = Report([], {"ours": 0, "bare": 0}, {"ours": 7, "bare": -1})
+    assert _unheard(sender, receiver) == {"ours": 2, "bare": 0}
+
+
+def test_a_side_counts_gaps_and_disorder() -> None:
+    sender, receiver = Side(COMMAND_DTYPE), Side(COMMAND_DTYPE)
+    records = [sender.next_record() for _ in range(8)]
+    receiver.take_block(np.concatenate(records[:2]), 0)
+    for number in (4, 3, 7):
+        receiver.take(records[number].tobytes())
+    assert receiver.counts == (0, 5, 2 + 2, 1)
+    assert sender.counts == (8, 0, 0, 0)
+    assert receiver.latency.count == 5
+
+
+def test_a_process_that_dies_or_hangs_is_an_error() -> None:
+    near, far = multiprocessing.Pipe()
+    with pytest.raises(MmtError, match="gave nothing"):
+        _receive(near, 0.01)
+    far.close()
+    with pytest.raises(MmtError, match="failed"):
+        _receive(near, 1.0)
+    near.close()
+
+
+@pytest.mark.parametrize(
+    ("duration_s", "rate_hz", "sustained_hz"),
+    [(0.0, 1000, 1), (1.0, 0, 1), (1.0, 1000, 0), (math.nan, 1, 1)],
+)
+def test_numbers_must_be_positive(duration_s: float, rate_hz: int, sustained_hz: int) -> None:
+    with pytest.raises(InputError, match="must be positive"):
+        bench_link(duration_s, rate_hz, sustained_hz=sustained_hz)

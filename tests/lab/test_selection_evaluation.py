@@ -1,0 +1,148 @@
+"""Table II again: trials, knocks, and what is made of the results."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mmt.testing.simulation.textures import get_surface
+from mmt.core.errors import InputError
+from mmt_lab.selection import running
+from mmt_lab.selection import scaling
+from mmt_lab.selection import tables
+from mmt_lab.selection.knocks import SAMPLES, add_knock, read_knocks, simulated_knock
+from mmt_lab.selection.trials import Strokes, simulate_trials, vibrate
+
+IMPACTS = Path("/work/shared/data/impact_noise/machete_1.csv")
+SMALL = running.Row("Small", "sandpaper", 120, 12, directed=False)
+
+
+def test_strokes_side_by_side_have_the_spectrum_of_the_truth():
+    surface = get_surface("oak")
+    count, ticks = 60, 1600
+    heading = np.full(count, 0.7)
+    strokes = Strokes(
+        np.full((ticks, count), 150.0), np.full((ticks, count), 1.5), heading, np.zeros(count)
+    )
+    vibration = vibrate(surface, strokes, np.random.default_rng(0))[300:]
+    pieces = vibration[:1280].T.reshape(-1, 128)
+    window = np.hanning(130)[1:-1]
+    measured = (np.abs(np.fft.rfft(pieces * window, axis=1)) ** 2).mean(axis=0)
+    measured *= 2.0 / (1000.0 * (window**2).sum())
+    frequencies = np.fft.rfftfreq(128, 1e-3)[4:-4]
+    truth = surface.spectrum(150.0, 1.5, frequencies, 0.7)[0]
+    np.testing.assert_allclose(np.log(measured[4:-4] / truth), 0.0, atol=0.35)
+
+
+@pytest.mark.parametrize("directed", [False, True])
+def test_trials_hold_as_many_knocks_as_asked_and_differ_by_seed(directed):
+    surface = get_surface("oak" if directed else "plastic")
+    trials = [
+        simulate_trials(surface, 30, 3, np.random.default_rng(seed), directed=directed)
+        for seed in (1, 1, 2)
+    ]
+    assert trials[0].knocked.sum() == 3
+    assert trials[0].data.points.shape == (30, 3 if directed else 2)
+    np.testing.assert_array_equal(trials[0].data.lsf, trials[1].data.lsf)
+    assert not np.array_equal(trials[0].data.lsf, trials[2].data.lsf)
+
+
+def test_a_knock_has_four_tenths_of_the_segments_variance():
+    generator = np.random.default_rng(3)
+    segment = generator.standard_normal(250)
+    added = add_knock(segment, simulated_knock(generator), generator) - segment
+    assert added.std() ** 2 == pytest.approx(0.4 * segment.std() ** 2)
+
+
+def test_one_seed_gives_every_method_and_ours_finds_more_whatever_the_order():
+    results = {r.method: r for r in running.run_seed(SMALL, 1)}
+    assert set(results) == set(running.METHODS)
+    assert results["ours"].detected >= 0.9
+    assert results["ours"].detected > results["published"].detected
+    assert results["ours"].false_alarms <= 0.06
+    assert results["ours"].same_when_shuffled
+    assert results["ours"].compression > 2.7
+    assert results["ours"].gfc_change > -0.005
+
+
+def test_every_way_of_leaving_out_agrees():
+    for row in scaling.measure_scaling([60]):
+        assert row.same == row.compared
+        assert row.rebuilt_s > row.star_s
+
+
+def test_results_become_tables_verdicts_json_and_a_report(tmp_path):
+    results = running.run_rows(1, rows=[SMALL])
+    evaluation = tables.SelectionEvaluation(results, scaling.measure_scaling([40]))
+    table, growth = tables.selection_tables(evaluation)
+    assert len(table.rows) == len(running.METHODS)
+    assert len(growth.rows) == 2
+    (verdict,) = tables.verdicts(evaluation)
+    assert verdict.startswith("Small (sandpaper): ")
+    page = tables.write_selection_report(tmp_path, evaluation)
+    assert page.exists()
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["means"][1]["method"] == "ours"
+    assert summary["paper"]["Wood"]["detected"] == 0.74
+
+
+def test_a_missed_target_is_said():
+    good, *_ = [r for r in running.run_rows(1, rows=[SMALL]) if r.method == "ours"]
+    bad = running.SelectionResult(
+        **{**vars(good), "detected": 0.5, "same_when_shuffled": False, "gfc_change": -0.1}
+    )
+    evaluation = tables.SelectionEvaluation(
+        [running.SelectionResult(**{**vars(bad), "method": m}) for m in running.METHODS], []
+    )
+    (verdict,) = tables.verdicts(evaluation)
+    assert "detected 0.500" in verdict
+    assert "GFC -0.1000" in verdict
+    assert "depends on the order" in verdict
+
+
+def write_recording(path: Path, signal: np.ndarray, header: str, step_ms: float = 3.0) -> None:
+    time_ms = np.arange(len(signal)) * step_ms
+    columns = np.column_stack([time_ms, 0.1 * signal, signal, np.zeros(len(signal))])
+    np.savetxt(path, columns, delimiter=",", header=header, comments="")
+
+
+def test_knocks_are_found_in_a_recording_at_its_own_rate(tmp_path):
+    generator = np.random.default_rng(0)
+    signal = 0.01 * generator.standard_normal(2000) + 5.0
+    for start in (300, 900, 1500):
+        decay = np.exp(-np.arange(100) / 15.0)
+        signal[start : start + 100] += decay * np.cos(np.arange(100))
+    path = tmp_path / "knocks.csv"
+    write_recording(path, signal, "timestamp_ms,accel_x,accel_y,accel_z")
+    knocks = read_knocks([path])
+    assert [len(knock) for knock in knocks] == [SAMPLES] * 3
+    assert all(np.abs(knock[:150]).max() > 0.3 for knock in knocks)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("a,b\n1,2\n", "needs a column"),
+        (None, "not a CSV"),
+    ],
+)
+def test_a_bad_recording_of_knocks_is_refused_with_a_reason(tmp_path, content, words):
+    path = tmp_path / "bad.csv"
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(InputError, match=words):
+        read_knocks([path])
+
+
+def test_noise_without_a_knock_is_refused(tmp_path):
+    path = tmp_path / "quiet.csv"
+    signal = np.random.default_rng(1).standard_normal(2000)
+    write_recording(path, signal, "timestamp_ms,accel_x,accel_y,accel_z")
+    with pytest.raises(InputError, match="stands out"):
+        read_knocks([path])
+
+
+@pytest.mark.skipif(not IMPACTS.exists(), reason="the recorded impacts are not on this machine")
+def test_recorded_impacts_are_found():
+    assert len(read_knocks([IMPACTS])) >= 8

@@ -1,0 +1,106 @@
+"""The table's machinery: rows, families, JSON, report, exit codes."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from mmt.cli import main
+from mmt.core.errors import InputError
+from mmt_lab.stability import contact
+from mmt_lab.stability import families
+from mmt_lab.stability import models
+from mmt_lab.stability.cases import Case, Outcome, Row, broken, run_case
+from mmt_lab.stability.families import FAMILIES, load_cases
+from mmt_lab.stability.report import (
+    by_family,
+    family_table,
+    summary,
+    verdict,
+    write_stability_report,
+)
+
+
+def row(*, held: bool = True, **figures: object) -> Row:
+    case = Case("a thing is done", "it holds", lambda: Outcome("it did", held, figures))
+    return run_case("model", case)
+
+
+def fault() -> Outcome:
+    message = "no luck"
+    raise ArithmeticError(message)
+
+
+def test_a_case_that_raises_has_not_held() -> None:
+    found = run_case("ar", Case("divide", "a number", fault))
+    assert not found.held
+    assert found.got == "raised ArithmeticError: no luck"
+    assert broken([row(), found]) == [found]
+
+
+def test_a_row_can_be_read_by_a_program() -> None:
+    figures = {"none": math.inf, "some": np.float64(2.5), "many": [np.int64(3), math.nan]}
+    found = json.loads(json.dumps(row(held=np.bool_(True), **figures).as_dict()))  # type: ignore[arg-type]
+    assert found["held"] is True
+    assert found["figures"] == {"none": None, "some": 2.5, "many": [3, None]}
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_every_family_has_cases_that_say_what_they_expect(name: str) -> None:
+    cases = load_cases([name])[name]
+    assert len(cases) >= 10
+    assert all(case.what and case.expected for case in cases)
+    assert len({case.what for case in cases}) == len(cases)
+
+
+def test_families_come_in_their_order_and_unknown_ones_are_refused() -> None:
+    assert list(load_cases(["model", "ar"])) == ["ar", "model"]
+    with pytest.raises(InputError, match="allowed are ar, lsf, model"):
+        load_cases(["ar", "texture"])
+
+
+def test_a_report_holds_every_row_and_both_pictures(tmp_path: Path) -> None:
+    cases = {
+        "contact": [contact.cases(stiffnesses=(1e4,), map_points=4)[-1]],
+        "model": [Case("bad", "good", lambda: Outcome("worse", held=False))],
+    }
+    rows = [run_case(name, case) for name, some in cases.items() for case in some]
+    page = write_stability_report(tmp_path / "report", rows)
+    text = page.read_text(encoding="utf-8")
+    assert "data:image/png" in text
+    assert "worse" in (tmp_path / "report" / "report.md").read_text(encoding="utf-8")
+    assert (tmp_path / "report" / "figures" / "contact.png").stat().st_size > 1000
+    found = json.loads((tmp_path / "report" / "summary.json").read_text(encoding="utf-8"))
+    assert found["held"] is False
+    assert found["not_held"] == ["bad"]
+    assert "1 did not hold" in verdict(rows)
+    assert list(by_family(rows)) == ["model", "contact"]
+    assert family_table(rows[:1]).rows[0][-1] == "yes"
+    assert summary(rows[:1])["held"] is True
+
+
+def test_a_directory_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="report"):
+        write_stability_report(tmp_path / "file", [row()])
+
+
+def test_the_command_prints_rows_and_says_by_its_code_whether_all_held(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runner = CliRunner()
+    few = models.cases(many=50, queries=10)[:3]
+    monkeypatch.setattr(families, "_module_cases", lambda _: few)
+    file = tmp_path / "rows.json"
+    result = runner.invoke(main.app, ["stability", "model", "--json", str(file)])
+    assert result.exit_code == 0
+    assert "no sample" in result.output
+    assert json.loads(file.read_text(encoding="utf-8"))["cases"] == 3
+    few.append(Case("a broken thing", "holds", lambda: Outcome("does not", held=False)))
+    result = runner.invoke(main.app, ["stability", "model", "--report", str(tmp_path / "report")])
+    assert result.exit_code == 1
+    assert "a broken thing" in result.output
+    assert (tmp_path / "report" / "report.html").exists()

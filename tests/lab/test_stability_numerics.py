@@ -1,0 +1,178 @@
+"""Fits, line spectral frequencies and models: what holds, and that a fault would be seen."""
+
+from decimal import Decimal
+
+import numpy as np
+import pytest
+from spectrum import arburg
+
+from mmt_lab.stability import anisotropic
+from mmt_lab.stability import autoregression
+from mmt_lab.stability import lines
+from mmt_lab.stability import models
+from mmt_lab.stability import networks
+from mmt_lab.stability.cases import Case, run_case
+from mmt_lab.stability.exact import exact_burg, exact_residual
+from mmt.texture.autoregression.burg import ReflectionFit, burg
+from mmt.texture.model.texture_model import TextureModel
+
+
+def those_that_do_not_hold(family: str, cases: list[Case]) -> list[str]:
+    rows = [run_case(family, case) for case in cases]
+    return [f"{row.what}: {row.got}" for row in rows if not row.held]
+
+
+def case_of(cases: list[Case], words: str) -> Case:
+    return next(case for case in cases if words in case.what)
+
+
+@pytest.mark.parametrize("order", [1, 4, 13])
+def test_the_reference_is_burgs_method(order: int) -> None:
+    x = np.random.default_rng(order).standard_normal(80)
+    reflection, residual = exact_burg(x, order)
+    _, _, expected = arburg(x, order)
+    np.testing.assert_allclose([float(k) for k in reflection], np.real(expected), atol=1e-12)
+    assert float(residual - exact_residual(x, [float(k) for k in reflection])) < 1e-12
+    assert float(exact_residual(x, [])) == pytest.approx(np.mean(x**2), rel=1e-14)
+
+
+def test_the_reference_has_the_digits_that_the_stiff_cases_need() -> None:
+    n = np.arange(300)
+    x = np.ldexp(np.round(np.ldexp(np.cos(0.01 * n), 40)), -40)
+    _, residual = exact_burg(x, 6)
+    scaled, same = exact_burg(np.ldexp(x, -900), 6)
+    assert same * Decimal(2) ** 1800 == pytest.approx(residual, rel=Decimal("1e-100"))
+    assert all(abs(k) < 1 for k in scaled)
+
+
+def test_every_fit_holds() -> None:
+    assert those_that_do_not_hold("ar", autoregression.cases()) == []
+
+
+def test_a_fit_that_loses_digits_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    def rounded(x: np.ndarray, order: int) -> ReflectionFit:
+        fit = burg(x, order)
+        return ReflectionFit(fit.reflection.astype(np.float16).astype(np.float64), fit.variances)
+
+    cases = autoregression.cases()
+    stiff = case_of(cases, "radius 0.99, clustered")
+    monkeypatch.setattr(autoregression, "burg", rounded)
+    assert not stiff.run().held
+    assert case_of(cases, "white noise, order 8").run().held
+
+
+def test_a_fit_that_is_not_stable_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    def unstable(x: np.ndarray, order: int) -> ReflectionFit:
+        fit = burg(x, order)
+        return ReflectionFit(1.5 * np.sign(fit.reflection), fit.variances)
+
+    monkeypatch.setattr(autoregression, "burg", unstable)
+    outcome = case_of(autoregression.cases(), "order 8").run()
+    assert not outcome.held
+    assert "not stable" in outcome.got
+
+
+def test_line_spectral_frequencies_hold() -> None:
+    cases = lines.cases(filters=30, swaps=400_000, renders=60)
+    timed = [case for case in cases if "strokes and pauses" in case.what or "swapped" in case.what]
+    assert those_that_do_not_hold("lsf", [case for case in cases if case not in timed]) == []
+    for case in timed:
+        figures = case.run().figures
+        assert abs(figures.get("power_error", 0.0)) < 0.05
+        assert figures.get("peak", 0.0) < 8.0
+        assert figures.get("heard_m_s2", 0.0) == 0.0
+
+
+class GrowingVibration:
+    """A filter that rings up while it is swapped."""
+
+    def __init__(self, *_: object, **__: object) -> None:
+        self._level = 1.0
+
+    def render(self, speed_mm_s: np.ndarray, force_n: np.ndarray) -> np.ndarray:
+        self._level *= 2.0
+        return self._level * np.ones(len(speed_mm_s))
+
+
+def test_a_filter_that_rings_up_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    cases = lines.cases(filters=3, swaps=200_000, renders=20)
+    monkeypatch.setattr(lines, "Synthesizer", GrowingVibration)
+    for words in ("ordinary filters", "pauses", "radius 0.999,"):
+        assert not case_of(cases, words).run().held
+
+
+def test_frequencies_that_come_back_elsewhere_do_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    back = lines.reflection_to_lsf
+    monkeypatch.setattr(lines, "reflection_to_lsf", lambda k: back(k) + 1e-12)
+    assert not case_of(lines.cases(filters=3), "gaps of 1e-06").run().held
+
+
+def test_models_of_any_samples_hold() -> None:
+    cases = models.cases(many=600, queries=500)
+    growth = case_of(cases, "from 60 to 600")
+    assert those_that_do_not_hold("model", [case for case in cases if case is not growth]) == []
+    assert growth.run().figures["building_ratio"] > 0.0
+
+
+def test_a_plane_with_a_hole_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    build = models.build
+
+    def with_a_hole(points: np.ndarray) -> object:
+        model = build(points)
+        model.triangulation.triangles[0] = model.triangulation.triangles[1]
+        return model
+
+    cases = models.cases(many=100, queries=100)
+    monkeypatch.setattr(models, "build", with_a_hole)
+    assert not case_of(cases, "3 samples").run().held
+
+
+def test_models_of_velocity_hold() -> None:
+    assert those_that_do_not_hold("anisotropic", anisotropic.cases(many=200, queries=200)) == []
+
+
+def test_a_space_with_a_hole_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    build = anisotropic.build
+
+    def with_a_hole(*arguments: object) -> TextureModel:
+        model = build(*arguments)  # type: ignore[arg-type] # handed through
+        model.triangulation.triangles[0] = model.triangulation.triangles[1]
+        return model
+
+    case = case_of(anisotropic.cases(many=100, queries=100), "60 of one heading")
+    monkeypatch.setattr(anisotropic, "build", with_a_hole)
+    assert not case.run().held
+
+
+def test_a_vibration_at_rest_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    case = case_of(anisotropic.cases(many=100, queries=100), "30 at rest")
+    at = TextureModel.at
+
+    def with_a_floor(model: TextureModel, *inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        lsf, variance = at(model, *inputs)
+        return lsf, np.maximum(variance, 1e-12)
+
+    monkeypatch.setattr(TextureModel, "at", with_a_floor)
+    assert not case.run().held
+
+
+def test_networks_hold() -> None:
+    cases = networks.cases(samples=30, steps=100)
+    timed = case_of(cases, "come and go")
+    assert those_that_do_not_hold("networks", [case for case in cases if case is not timed]) == []
+    assert timed.run().figures["off"] < 1e-6
+
+
+def test_networks_that_miss_their_samples_do_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    at, remove = networks._at, networks.RadialBasisSystem.remove
+    cases = networks.cases(samples=30, steps=20)
+    monkeypatch.setattr(networks, "_at", lambda network, points: at(network, points) + 1e-6)
+    assert not case_of(cases, "on a line").run().held
+    assert not case_of(cases, "without each").run().held
+    monkeypatch.setattr(networks, "_at", at)
+    monkeypatch.setattr(networks.RadialBasisSystem, "remove", lambda *_: None)
+    assert not case_of(cases, "anywhere, cubic").run().held
+    assert not case_of(cases, "come and go").run().held
+    monkeypatch.setattr(networks.RadialBasisSystem, "remove", remove)
+    monkeypatch.setattr(networks, "nearest_valid_lsf", lambda *_: None)
+    assert not run_case("networks", case_of(cases, "of order 8")).held

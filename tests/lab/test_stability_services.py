@@ -1,0 +1,110 @@
+"""Clocks, bursts and uptime: what holds, and that a fault would be seen."""
+
+import asyncio
+
+import numpy as np
+import pytest
+
+import mmt.leader.playout
+import mmt.texture.online.modeller
+from mmt_lab.stability import clocks
+from mmt_lab.stability import services
+from mmt_lab.stability import uptime
+from mmt_lab.stability.cases import Case, run_case
+from mmt_lab.stability.fake_time import FakeClock, run_in_fake_time
+from mmt_lab.stability.uptime import MemoryWatch, run_endless_modelling, run_hour
+
+
+def case_of(cases: list[Case], words: str) -> Case:
+    return next(case for case in cases if words in case.what)
+
+
+def test_what_needs_no_hour_holds() -> None:
+    cases = services.cases(real_s=0.3)
+    quick = [
+        case
+        for case in cases
+        if not any(words in case.what for words in ("leader's parts", "never complete", "at rest"))
+    ]
+    assert len(quick) >= 10
+    rows = [run_case("services", case) for case in quick]
+    assert [f"{row.what}: {row.got}" for row in rows if not row.held] == []
+
+
+def test_a_clock_that_is_not_watched_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mmt.leader.playout, "_CLOCK_STEP_NS", 10**15)
+    cases = services.cases()
+    assert not case_of(cases, "follower's clock steps by -10 s").run().held
+    assert not case_of(cases, "leader's clock steps by +10 s").run().held
+
+
+def test_the_age_of_what_is_heard() -> None:
+    heard = clocks.play(np.full(400, 5.0), lambda _: (0, 0))
+    assert np.nanmedian(clocks.ages_ms(heard)) == pytest.approx(7.0, abs=1.0)
+    assert np.isnan(clocks.ages_ms(np.zeros(5))).all()
+    assert np.isnan(clocks.ages_ms(0.6 * heard[100:110])).all()
+
+
+def test_time_passes_by_waiting_alone() -> None:
+    clock = FakeClock(lambda: 2_000_000)
+    started_ns = clock.now_ns()
+
+    async def sleep() -> None:
+        await asyncio.sleep(3600.0)
+
+    run_in_fake_time(clock, sleep)
+    assert (clock.now_ns() - started_ns) / 1e9 == pytest.approx(3600.002, abs=1e-6)
+
+
+def test_minutes_of_uptime_neither_drift_nor_grow() -> None:
+    figures = run_hour(60_000).figures
+    assert figures["ticks"] >= 60_000
+    assert figures["drift_ticks"] == 0
+    assert figures["growth_blocks"] < uptime.MOST_BLOCKS
+    assert figures["resyncs"] <= 1
+
+
+def test_a_part_that_keeps_everything_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Hoarder(uptime.SimulatedActuator):
+        kept: list[object]
+
+        def write(self, samples_m_s2: np.ndarray) -> None:  # type: ignore[override]
+            super().write(samples_m_s2)
+            self.kept = [*getattr(self, "kept", []), samples_m_s2.tolist()]
+
+    monkeypatch.setattr(uptime, "SimulatedActuator", Hoarder)
+    outcome = run_hour(60_000)
+    assert outcome.figures["growth_blocks"] > uptime.MOST_BLOCKS
+    assert not outcome.held
+
+
+def test_a_part_that_loses_samples_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Forgetful(uptime.SimulatedActuator):
+        def write(self, samples_m_s2: np.ndarray) -> None:  # type: ignore[override]
+            super().write(samples_m_s2[:-1])
+
+    monkeypatch.setattr(uptime, "SimulatedActuator", Forgetful)
+    assert not run_hour(20_000).held
+
+
+def test_endless_modelling_keeps_its_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mmt.texture.online.modeller, "LARGEST_MODEL", 60)
+    figures = run_endless_modelling(60).figures
+    assert figures["samples"] == 60
+    assert figures["growth_blocks"] < uptime.MOST_BLOCKS
+
+
+def test_a_model_without_an_end_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mmt.texture.online.modeller, "LARGEST_MODEL", 10**9)
+    outcome = run_endless_modelling(120)
+    assert outcome.figures["samples"] > 300
+    assert outcome.figures["growth_blocks"] > uptime.MOST_BLOCKS
+    assert not outcome.held
+
+
+def test_growth_counts_from_the_quarter_that_is_asked_for() -> None:
+    watch = MemoryWatch(since=2)
+    watch.seconds = [0.0, 5.0, 6.0, 7.0, 8.5]
+    watch.blocks, watch.megabytes = [0, 9, 10, 11, 13], [0.0, 5.0, 6.0, 6.0, 6.5]
+    assert watch.growth() == (3, 0.5, 1.5)
+    assert not watch.flat()

@@ -1,0 +1,286 @@
+"""Scores of sessions over several surfaces, with answers known beforehand."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pytest
+from scipy.stats import poisson
+from typer.testing import CliRunner
+
+from mmt.cli.main import app
+from mmt.testing.simulation.course import CourseChange, SurfaceCourse
+from mmt.testing.simulation.offline import simulate_session
+from mmt.testing.simulation.surfaces import surface_from_annotations
+from mmt.testing.simulation.textures import get_surface
+from mmt.core.errors import InputError
+from mmt_lab.surfaces import running
+from mmt.evaluation.surface_blocks import account, stay_table
+from mmt.evaluation.recorded_surfaces import part_by_surface
+from mmt_lab.surfaces.running import (
+    SurfaceResult,
+    draw_surfaces,
+    run_session,
+    run_simulated,
+)
+from mmt_lab.surfaces.scoring import Found, SurfaceScore, score
+from mmt_lab.surfaces.tables import SurfaceEvaluation, surface_tables, verdicts
+from mmt.scene import Scene
+from mmt.scene.files import scene_from_tables
+from mmt.session.recorded import RecordedSession
+from mmt.session.writing import export_session, write_session
+from mmt.texture.settings import ModellingSettings, SurfaceSettings
+from mmt.texture.surfaces import SurfaceChange
+
+SECOND = 1000
+
+
+def change(
+    kind: Literal["new", "recalled", "identified"], before: int, surface: int, at_s: float
+) -> Found:
+    frame = round(at_s * SECOND)
+    since = frame - 200
+    return Found(SurfaceChange(kind, before, surface, since, since, frame - 10, 20.0), frame)
+
+
+def scored(places: list[int], found: list[Found]) -> SurfaceScore:
+    """Score stays of two seconds each, with contact all the time."""
+    truth = np.repeat(np.array(places, dtype=np.int64), 2 * SECOND)
+    always = np.ones(len(truth), dtype=np.bool_)
+    return score(truth, always, always, found)
+
+
+def test_what_is_found_at_once_is_right() -> None:
+    found = [change("new", 1, 2, 2.3), change("recalled", 2, 1, 4.4)]
+    result = scored([0, 1, 0], found)
+    assert [stay.outcome for stay in result.stays] == ["right", "right"]
+    assert [stay.known for stay in result.stays] == [False, True]
+    assert [stay.delay_s for stay in result.stays] == [0.3, 0.4]
+    assert result.stays[1].recall_s == 0.4
+    assert (result.recalls, result.wrong_recalls, result.false_alarms) == (1, 0, 0)
+
+
+def test_nothing_found_is_missed_and_a_change_without_one_is_a_false_alarm() -> None:
+    result = scored([0, 1], [change("new", 1, 2, 1.0)])
+    assert result.false_alarms == 1
+    assert result.stays[0].outcome == "missed"
+    assert result.stays[0].delay_s is None
+
+
+def test_what_is_found_just_after_the_tool_has_left_again_is_no_false_alarm() -> None:
+    late = Found(SurfaceChange("new", 1, 2, 3800, 3900, 4080, 20.0), 4120)
+    result = scored([0, 1, 0], [late, change("recalled", 2, 1, 4.4)])
+    assert result.false_alarms == 0
+    assert [stay.delay_s for stay in result.stays] == [2.12, 0.4]
+    assert [stay.outcome for stay in result.stays] == ["right", "right"]
+    early = Found(SurfaceChange("new", 1, 2, 3800, 3900, 4110, 20.0), 4150)
+    assert scored([0, 1, 0], [early]).false_alarms == 1
+
+
+def test_what_is_dated_too_early_is_found_if_the_tool_had_left_by_then() -> None:
+    dated_early = Found(SurfaceChange("new", 1, 2, 1000, 1100, 2290, 20.0), 2300)
+    result = scored([0, 1, 0], [dated_early, change("recalled", 2, 1, 4.4)])
+    assert (result.wrong_recalls, result.false_alarms) == (0, 0)
+    assert [stay.delay_s for stay in result.stays] == [0.3, 0.4]
+    too_soon = Found(SurfaceChange("new", 1, 2, 1000, 1100, 2050, 20.0), 2060)
+    assert scored([0, 1, 0], [too_soon]).false_alarms == 1  # no whole block of the next one
+
+
+def test_an_identification_is_judged_by_what_the_trial_was_on() -> None:
+    found = [change("new", 1, 2, 2.3), change("recalled", 2, 1, 4.3), change("new", 1, 3, 6.3)]
+    on_trial = Found(SurfaceChange("identified", 3, 2, 6100, 6100, 8100, 20.0), 8150)
+    result = scored([0, 1, 0, 1, 0], [*found, on_trial, change("recalled", 2, 1, 8.5)])
+    assert result.wrong_recalls == 0
+    assert [stay.outcome for stay in result.stays] == ["right"] * 4
+
+
+def test_the_model_of_another_surface_is_a_wrong_recall() -> None:
+    found = [change("new", 1, 2, 2.3), change("new", 2, 3, 4.3), change("recalled", 3, 2, 6.3)]
+    result = scored([0, 1, 2, 0], found)
+    assert (result.recalls, result.wrong_recalls) == (1, 1)
+    assert result.stays[-1].outcome == "wrong"
+
+
+def test_a_second_model_of_a_known_surface_is_doubled_until_it_is_identified() -> None:
+    found = [change("new", 1, 2, 2.3), change("new", 2, 3, 4.3)]
+    assert scored([0, 1, 0], found).stays[1].outcome == "doubled"
+    result = scored([0, 1, 0], [*found, change("identified", 3, 1, 5.0)])
+    assert result.stays[1].outcome == "right"
+    assert result.stays[1].delay_s == 0.3
+    assert result.stays[1].recall_s == 1.0
+    assert result.false_alarms == 0
+
+
+def test_the_delay_counts_from_contact_and_stays_without_stroking_do_not_count() -> None:
+    truth = np.repeat(np.array([0, 1, 0]), 2 * SECOND)
+    contact = np.ones(len(truth), dtype=np.bool_)
+    contact[1900:2500] = False
+    stroking = contact.copy()
+    stroking[4000:] = False
+    result = score(truth, stroking, contact, [change("new", 1, 2, 2.9)])
+    assert result.too_short == 1
+    assert [stay.delay_s for stay in result.stays] == [0.4]
+    assert not result.stays[0].in_contact
+
+
+def test_tables_and_verdicts_say_what_was_met() -> None:
+    good = SurfaceResult("one", ("a", "b"), scored([0, 1, 0], [change("new", 1, 2, 2.3)]))
+    evaluation = SurfaceEvaluation([good])
+    assert [row["surfaces"] for row in evaluation.rows()] == ["2", "all"]
+    assert len(surface_tables(evaluation)[0].rows) == 2
+    assert verdicts(evaluation)[0].endswith("met")
+    alarmed = SurfaceResult("one", ("a",), scored([0, 0], [change("new", 1, 2, 1.0)]))
+    assert verdicts(SurfaceEvaluation([alarmed]))[2].endswith("missed")
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 5, 6])
+def test_half_of_the_surfaces_of_a_grained_session_have_a_grain(count: int) -> None:
+    drawn = {group: draw_surfaces(group, count, 3) for group in ("isotropic", "grained")}
+    assert [len({surface.name for surface in each}) for each in drawn.values()] == [count] * 2
+    assert all(surface.isotropic for surface in drawn["isotropic"])
+    grained = sum(not surface.isotropic for surface in drawn["grained"])
+    assert grained == max(2, (count + 1) // 2)
+
+
+def test_both_groups_are_simulated_and_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(running, "COUNTS", (2,))
+    monkeypatch.setattr(running, "DURATION_S", 0.6)
+    done: list[tuple[int, int]] = []
+    results = run_simulated(1, lambda *state: done.append(state), first=7)
+    assert [result.group for result in results] == ["isotropic", "grained"]
+    assert all("seed 7" in result.name for result in results)
+    assert done == [(0, 2), (1, 2)]
+    evaluation = SurfaceEvaluation(results)
+    assert [(row["group"], row["surfaces"]) for row in evaluation.rows()] == [
+        ("isotropic", "2"),
+        ("isotropic", "all"),
+        ("grained", "2"),
+        ("grained", "all"),
+    ]
+    assert len(surface_tables(evaluation)) == 4
+    assert len(verdicts(evaluation)) == 6
+
+
+def test_the_bound_of_a_rate_is_that_of_a_poisson_count() -> None:
+    alarmed = SurfaceResult("one", ("a",), scored([0] * 900, [change("new", 1, 2, 1.0)]))
+    row = SurfaceEvaluation([alarmed]).rows()[-1]
+    hours = 0.5
+    assert row["false_alarms_per_hour"] == 1 / hours
+    assert poisson(hours * row["false_alarms_per_hour_most"]).cdf(1) == pytest.approx(0.05)
+
+
+def test_frames_that_are_missing_are_refused() -> None:
+    course = SurfaceCourse([get_surface("glass"), get_surface("wood")], [])
+    frames, _ = simulate_session(Scene(), course, 0.2, 1)
+    with pytest.raises(InputError, match="whole frames"):
+        run_session("gaps", course, frames[5:])
+
+
+def test_the_command_scores_a_recorded_session(tmp_path: Path) -> None:
+    course = SurfaceCourse.draw(
+        [get_surface("glass"), get_surface("sandpaper")],
+        stay_s=4.0,
+        when="contact",
+        duration_s=7.5,
+        seed=1,
+    )
+    frames, annotations = simulate_session(Scene(), course, 7.5, 1)
+    write_session(tmp_path / "two.mcap", frames, annotations=annotations)
+    figures = tmp_path / "figures.json"
+    arguments = ["evaluate", "--surfaces", str(tmp_path / "two.mcap"), "--json", str(figures)]
+    result = CliRunner().invoke(app, [*arguments, "--report", str(tmp_path / "report")])
+    assert result.exit_code == 0, result.output
+    row = json.loads(figures.read_text())["rows"][-1]
+    assert row["stays"] >= 1
+    assert row["missed"] == row["wrong_recalls"] == row["false_alarms"] == 0
+    assert 0.0 < row["delay_s"] < 3.5  # within the stay
+    assert (tmp_path / "report" / "report.html").exists()
+
+
+def test_a_session_on_one_surface_has_no_course(tmp_path: Path) -> None:
+    frames, annotations = simulate_session(Scene(), "glass", 0.2, 1)
+    write_session(tmp_path / "one.mcap", frames, annotations=annotations)
+    result = CliRunner().invoke(app, ["evaluate", "--surfaces", str(tmp_path / "one.mcap")])
+    assert isinstance(result.exception, InputError)
+    assert "single surface" in str(result.exception)
+
+
+# --- a recorded session by its surfaces
+
+
+@pytest.fixture(scope="module")
+def over_two() -> RecordedSession:
+    course = SurfaceCourse(
+        [get_surface("glass"), get_surface("sandpaper")],
+        [CourseChange(6000, 1, in_contact=True), CourseChange(12_000, 0, in_contact=False)],
+    )
+    frames, annotations = simulate_session(Scene(), course, 17.0, 4)
+    return RecordedSession(frames, annotations=annotations)
+
+
+def test_a_session_is_parted_by_its_surfaces(over_two: RecordedSession) -> None:
+    parts = part_by_surface(over_two, ModellingSettings(surfaces=SurfaceSettings()))
+    assert [(stay.surface, stay.truth) for stay in parts.stays] == [
+        (1, "glass"),
+        (2, "sandpaper"),
+        (1, "glass"),
+    ]
+    assert [a.to_s for a in parts.stays[:-1]] == [b.from_s for b in parts.stays[1:]]
+    assert (parts.stays[0].from_s, parts.stays[-1].to_s) == (0.0, 17.0)
+    assert parts.truth is not None
+    assert len(parts.truth) == len(over_two.frames)
+    lengths = {n: len(session.frames) for n, session in parts.sessions.items()}
+    assert sum(lengths.values()) == len(over_two.frames)
+    assert lengths[2] == round(1000 * (parts.stays[1].to_s - parts.stays[1].from_s))
+    assert parts.missing == {1: 0, 2: 0}
+    names = {n: surface_from_annotations(s.annotations).name for n, s in parts.sessions.items()}
+    assert names == {1: "glass", 2: "sandpaper"}
+    table = stay_table(parts)
+    assert len(table.rows) == 3
+    assert table.columns[-1] == "mostly on"
+    assert account(parts).startswith("2 surfaces in 3 stays; the tool was really on 2")
+
+
+def test_frames_that_are_missing_move_no_stay(over_two: RecordedSession) -> None:
+    sequence = over_two.frames["sequence"]
+    lacking = replace(over_two, frames=over_two.frames[(sequence < 3000) | (sequence >= 3100)])
+    parts = part_by_surface(lacking, ModellingSettings(surfaces=SurfaceSettings()))
+    assert [stay.surface for stay in parts.stays] == [1, 2, 1]
+    assert parts.stays[-1].to_s == 17.0
+    assert parts.missing == {1: 100, 2: 0}
+    assert parts.truth is not None
+    whole = part_by_surface(over_two, ModellingSettings(surfaces=SurfaceSettings())).truth
+    assert whole is not None
+    np.testing.assert_array_equal(
+        np.flatnonzero(np.diff(parts.truth)) + 100, np.flatnonzero(np.diff(whole))
+    )
+
+
+def test_without_a_known_course_stays_have_no_truth(over_two: RecordedSession) -> None:
+    parts = part_by_surface(
+        replace(over_two, annotations=b""), ModellingSettings(surfaces=SurfaceSettings())
+    )
+    assert [stay.truth for stay in parts.stays] == [None] * 3
+    assert stay_table(parts).columns[-1] == "found at (s)"
+    assert parts.sessions[1].annotations == b""
+
+
+def test_the_report_has_the_model_of_each_surface(
+    over_two: RecordedSession, tmp_path: Path
+) -> None:
+    scene = scene_from_tables({"link": {}, "replay": {}, "texture": {"surfaces": {}}})
+    path = tmp_path / "two.mcap"
+    export_session(replace(over_two, scene=scene.dump()), path)
+    result = CliRunner().invoke(
+        app, ["evaluate", str(path), "--report", str(tmp_path), "--json", str(tmp_path / "e.json")]
+    )
+    assert result.exit_code == 0, result.output
+    sessions = json.loads((tmp_path / "e.json").read_text())["sessions"]
+    assert [session["session"] for session in sessions] == ["two, surface 1", "two, surface 2"]
+    assert [session["surface"] for session in sessions] == ["glass", "sandpaper"]
+    assert all(session["at_end"]["within_jnd"] > 0.5 for session in sessions)
+    report = (tmp_path / "report.md").read_text()
+    assert "2 surfaces in 3 stays" in report
+    assert (tmp_path / "figures" / "surfaces.png").stat().st_size > 5000

@@ -1,0 +1,240 @@
+"""Sweeps: combinations, resuming, and the same numbers wherever they run."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from mmt.cli import main
+from mmt_lab.cli import sweeping
+from mmt.core.errors import InputError, MmtError
+from mmt_lab.sweep.combinations import (
+    Outcome,
+    SweepResults,
+    combinations,
+    evaluate_job,
+    make_jobs,
+)
+from mmt_lab.sweep.running import run_locally, run_on_dask
+from mmt.session import RecordedSession, write_session
+from mmt.scene.texture_table import Texture
+
+CHOICES = ("texture.order=6,9", "texture.interpolate=power")
+
+
+@pytest.fixture(scope="module")
+def session(stroked_session) -> RecordedSession:
+    return dataclasses.replace(stroked_session, frames=stroked_session.frames[:4000])
+
+
+def jobs_of(session, choices=CHOICES, **options):
+    return make_jobs(session, Texture(), combinations(choices), **options)
+
+
+def figures(outcomes) -> dict[str, dict[str, object]]:
+    """Return what must not depend on where a job ran."""
+    found = {}
+    for outcome in outcomes:
+        assert outcome.error is None
+        content = dict(outcome.evaluation)
+        for name in ("processing_s", "times_real_time"):
+            assert content.pop(name) > 0
+        found[outcome.job.key] = content
+    return found
+
+
+def test_every_combination_is_made_once_with_the_types_of_toml():
+    assert combinations(["texture.order=8,auto", "texture.stationarity=0.1, 1e-1"]) == [
+        {"texture.order": 8, "texture.stationarity": 0.1},
+        {"texture.order": 8, "texture.stationarity": 0.1},
+        {"texture.order": "auto", "texture.stationarity": 0.1},
+        {"texture.order": "auto", "texture.stationarity": 0.1},
+    ]
+    assert combinations([]) == [{}]
+
+
+@pytest.mark.parametrize(
+    ("choices", "words"),
+    [
+        (["texture.order"], "KEY=VALUE"),
+        (["texture.order="], "KEY=VALUE"),
+        (["texture.order=8,,9"], "KEY=VALUE"),
+        (["texture.order=8", "texture.order=9"], "twice"),
+        (["link.port=80"], r"\[texture\] alone"),
+    ],
+)
+def test_a_choice_of_another_form_is_explained(choices, words):
+    with pytest.raises(InputError, match=words):
+        combinations(choices)
+
+
+@pytest.mark.parametrize(
+    ("choice", "words"),
+    [
+        ("texture.ordr=8", "texture.ordr: no such key, allowed are axis"),
+        ("texture.order=x", "texture.order: .*'auto'"),
+        ("texture.order=99", "order is 99"),
+        ("texture.stationarity=-1", "texture.stationarity: .*greater than 0"),
+    ],
+)
+def test_a_value_that_is_not_allowed_is_explained(session, choice, words):
+    with pytest.raises(InputError, match=words):
+        jobs_of(session, [choice])
+
+
+def test_a_job_is_known_by_its_data_and_settings_alone(session):
+    first, second = jobs_of(session)
+    assert first.key != second.key
+    elsewhere = dataclasses.replace(session, path=Path("copy.mcap"))
+    assert [job.key for job in jobs_of(elsewhere)] == [first.key, second.key]
+    # A choice that says what holds anyway is the same job.
+    assert jobs_of(session, ["texture.order=6"])[0].key == first.key
+    frames = session.frames.copy()
+    frames["force_n"][0, 2] += 1e-3
+    for other in (
+        jobs_of(dataclasses.replace(session, frames=frames))[0],
+        jobs_of(session, seed=1)[0],
+        jobs_of(session, step_s=2.0)[0],
+    ):
+        assert other.key != first.key
+
+
+def test_results_are_kept_line_by_line_and_found_again(session, tmp_path):
+    first, second = jobs_of(session)
+    results = SweepResults(tmp_path)
+    assert results.missing([first, first, second]) == [first, second]
+    results.add(Outcome(first, evaluate_job(session, first)))
+    results.add(Outcome(second, None, "no"))
+    again = SweepResults(tmp_path)
+    assert again.missing([first, second]) == [second]
+    line = again.lines[first.key]
+    assert line["settings"]["texture.order"] == 6
+    assert line["evaluation"]["order"] == 6
+    assert line["times"]["processing_s"] > 0
+
+
+def test_a_line_that_was_cut_off_is_computed_again(session, tmp_path):
+    first, second = jobs_of(session)
+    results = SweepResults(tmp_path)
+    for job in (first, second):
+        results.add(Outcome(job, {"order": job.texture.order}))
+    whole = results.path.read_text(encoding="utf-8")
+    results.path.write_text(whole[:-20], encoding="utf-8")
+    again = SweepResults(tmp_path)
+    assert again.missing([first, second]) == [second]
+    again.add(Outcome(second, {"order": 9}))
+    assert len(SweepResults(tmp_path).lines) == 2
+
+
+def test_a_file_that_is_no_sweep_is_refused(tmp_path):
+    (tmp_path / "results.jsonl").write_text('{"key": 1}\nnonsense\n', encoding="utf-8")
+    with pytest.raises(InputError, match="line 2"):
+        SweepResults(tmp_path)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="--out"):
+        SweepResults(tmp_path / "file")
+
+
+def test_processes_give_the_numbers_of_this_one(session):
+    jobs = jobs_of(session)
+    here = {job.key: evaluate_job(session, job) for job in jobs}
+    found = figures(run_locally(jobs, {str(session.path): session}, 2))
+    assert set(found) == set(here)
+    for key, content in found.items():
+        assert content == {name: here[key][name] for name in content}
+
+
+def test_a_session_that_cannot_be_evaluated_fails_alone(session):
+    empty = RecordedSession(session.frames[:0], path=Path("empty.mcap"))
+    jobs = [*jobs_of(session, ["texture.order=6"]), *jobs_of(empty, ["texture.order=6"])]
+    sessions = {str(one.path): one for one in (session, empty)}
+    outcomes = {outcome.job.path: outcome for outcome in run_locally(jobs, sessions, 1)}
+    assert outcomes[str(session.path)].error is None
+    assert "no frames" in outcomes["empty.mcap"].error
+    assert outcomes["empty.mcap"].evaluation is None
+
+
+def test_a_dask_cluster_gives_the_numbers_of_local_processes(session):
+    distributed = pytest.importorskip("distributed", reason="the extra dask is not installed")
+    jobs, sessions = jobs_of(session), {str(session.path): session}
+    with distributed.LocalCluster(
+        n_workers=1,
+        threads_per_worker=1,
+        processes=False,
+        dashboard_address=None,
+        host="127.0.0.1",
+        protocol="tcp",
+    ) as cluster:
+        on_dask = figures(run_on_dask(jobs, sessions, cluster.scheduler_address))
+    assert on_dask == figures(run_locally(jobs, sessions, 1))
+
+
+def test_a_scheduler_that_does_not_answer_is_said(session, monkeypatch):
+    pytest.importorskip("distributed", reason="the extra dask is not installed")
+    monkeypatch.setattr("mmt_lab.sweep.running.CONNECT_S", 1)
+    with pytest.raises(MmtError, match="no scheduler answers"):
+        list(run_on_dask(jobs_of(session), {str(session.path): session}, "tcp://127.0.0.1:9"))
+
+
+def test_without_distributed_the_extra_is_named(session, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "distributed", None)
+    with pytest.raises(InputError, match=r"mmt-haptics\[dask\]"):
+        list(run_on_dask(jobs_of(session), {}, "tcp://127.0.0.1:9"))
+
+
+def test_the_command_goes_on_where_it_stopped(session, tmp_path, monkeypatch):
+    here = []
+
+    def run_here(jobs, sessions, workers):
+        for job in jobs:
+            here.append(job.settings["texture.order"])
+            yield Outcome(job, evaluate_job(sessions[job.path], job))
+
+    monkeypatch.setattr(sweeping, "run_locally", run_here)
+    file = tmp_path / "even.npz"
+    write_session(file, session.frames)
+    summary = tmp_path / "summary.json"
+    command = ["sweep", str(file), "--out", str(tmp_path / "out"), "--json", str(summary)]
+    first = CliRunner().invoke(main.app, [*command, "--set", "texture.order=6"])
+    assert first.exit_code == 0, first.output
+    second = CliRunner().invoke(main.app, [*command, "--set", "texture.order=6,9"])
+    assert second.exit_code == 0, second.output
+    assert here == [6, 9]
+    content = json.loads(summary.read_text(encoding="utf-8"))
+    assert [row["settings"] for row in content["settings"]] == [
+        {"texture.order": 6},
+        {"texture.order": 9},
+    ]
+    for row, result in zip(content["settings"], content["results"], strict=True):
+        final = result["evaluation"]["at_stop"] or result["evaluation"]["at_end"]
+        assert row["sessions"] == 1
+        assert row["power_error_db"] == pytest.approx(final["power_error_db"])
+
+
+def test_a_failed_job_is_named_and_ends_the_command_with_1(session, tmp_path, monkeypatch):
+    def fail(jobs, sessions, workers):
+        yield from (Outcome(job, None, "it broke") for job in jobs)
+
+    monkeypatch.setattr(sweeping, "run_locally", fail)
+    file = tmp_path / "even.npz"
+    write_session(file, session.frames)
+    result = CliRunner().invoke(main.app, ["sweep", str(file), "--out", str(tmp_path / "out")])
+    assert result.exit_code == 1
+    assert not (tmp_path / "out" / "results.jsonl").exists()
+
+
+def test_workers_and_a_cluster_exclude_each_other(session, tmp_path):
+    file = tmp_path / "even.npz"
+    write_session(file, session.frames)
+    for options in (["--workers", "2", "--dask", "tcp://x:1"], ["--workers", "0"]):
+        result = CliRunner().invoke(main.app, ["sweep", str(file), *options])
+        assert isinstance(result.exception, InputError)
+
+
+def test_numbers_are_plain(session):
+    content = evaluate_job(session, jobs_of(session)[0])
+    assert json.loads(json.dumps(content, allow_nan=False)) == json.loads(json.dumps(content))
+    assert np.isfinite(content["at_end"]["power_error_db"])

@@ -1,0 +1,300 @@
+"""The monitor's page in a real browser: what is on the screen while a leader runs."""
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from page_browser import (
+    DESKTOP,
+    LONGEST_MS,
+    MARKS,
+    TABLET,
+    a_page,
+    api,
+    browser,
+    fits,
+    inked,
+    shows,
+)
+
+from mmt.testing.simulation.offline import simulate_session
+from mmt.leader.service import LeaderService
+from mmt.link.access import TOKEN_VARIABLE
+from mmt.scene import Scene
+from mmt.scene.files import scene_from_tables
+from mmt.texture.model.texture_model import TextureModel
+
+__all__ = ["browser"]
+pytestmark = MARKS
+
+PICTURES = (
+    "#plane",
+    "#completion canvas",
+    "#vibration canvas",
+    "#spectra canvas",
+    "#force-plot canvas",
+    "#position canvas",
+)
+TOKEN = "a token that nobody guesses"
+
+
+def scene(
+    port: int = 0,
+    inputs: str = "isotropic",
+    surfaces: dict[str, Any] | None = None,
+    texture: dict[str, Any] | None = None,
+) -> Scene:
+    return scene_from_tables(
+        {
+            "session": {"name": "shown"},
+            "link": {"port": port},
+            "simulated": {},
+            "hand": {},
+            "texture": {
+                "inputs": inputs,
+                "start_distance": 30.0 if inputs == "isotropic" else "auto",
+                "surfaces": surfaces,
+                **(texture or {}),
+            },
+            "rendering": {},
+            "playout": {},
+            "actuator": {},
+            "monitor": {},
+            "network": {"profile": "lan"},
+        }
+    )
+
+
+class Leading:
+    """A leader whose frames a test hands over itself, so that no clock is waited for."""
+
+    def __init__(
+        self,
+        port: int = 0,
+        inputs: str = "isotropic",
+        surfaces: dict[str, Any] | None = None,
+        texture: dict[str, Any] | None = None,
+    ) -> None:
+        self.service = LeaderService(scene(port, inputs, surfaces, texture))
+
+    async def __aenter__(self) -> "Leading":
+        ready = asyncio.Event()
+        self.running = asyncio.create_task(self.service.run(ready.set))
+        await ready.wait()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        self.service.stop()
+        await self.running
+
+    @property
+    def origin(self) -> str:
+        return f"http://127.0.0.1:{self.service.port}/"
+
+    @property
+    def url(self) -> str:
+        return f"{self.origin}monitor/"
+
+    async def model(self, seconds: float) -> None:
+        """Let the model take a simulated session of this length."""
+        frames, _ = simulate_session(self.service.scene, "plastic", seconds)
+        modelling = self.service.parts.modelling
+        assert modelling is not None
+        for second in np.array_split(frames, round(seconds)):
+            self.service.parts.take(second, 0)
+            await modelling.finish(10.0)
+
+
+@pytest.mark.parametrize(
+    ("size", "scheme"), [(DESKTOP, "light"), (TABLET, "dark")], ids=["desktop", "tablet"]
+)
+async def test_a_person_sees_the_model_grow(
+    browser: Any, size: tuple[int, int], scheme: str
+) -> None:
+    async with a_page(browser, size, scheme) as (page, problems), Leading() as leading:
+        await page.goto(leading.url)
+        await shows(page, "#connection", "live")
+        await shows(page, "#session", "shown")
+        await shows(page, "#why", "no follower is connected")
+        await shows(page, "#plane-text", "No model yet")
+        await leading.model(6.0)
+        await shows(page, "#plane-text", "samples, order")
+        await shows(page, "#plane-text", "Stroke next at about")
+        await shows(page, "#h-completion", "Completion sum")
+        await shows(page, "#completion-text", "start met at")
+        await shows(page, "#events", "start criterion met")
+        await page.wait_for_function(
+            "document.querySelector('#tick-figures').innerText.includes('ms')"
+        )
+        for canvas in PICTURES:
+            assert await inked(page, canvas) > 100, canvas
+        await api.expect(page.locator("#surface")).to_be_hidden()
+        await fits(page, scheme)
+        assert problems == []
+
+
+@pytest.mark.parametrize(("inputs", "place"), [("isotropic", "mm/s and"), ("anisotropic", "°")])
+async def test_a_model_that_knows_its_error_says_where_to_stroke_next(
+    browser: Any, inputs: str, place: str
+) -> None:
+    ours = {"level": "gaussian_process", "criterion": "uncertainty", "stop_share": 0.999}
+    async with (
+        a_page(browser, TABLET, "dark") as (page, problems),
+        Leading(inputs=inputs, texture=ours) as leading,
+    ):
+        await page.goto(leading.url)
+        await shows(page, "#h-completion", "Expected share")
+        await shows(page, "#completion-text", "Nothing is modelled yet")
+        before = await inked(page, "#plane")
+        await leading.model(4.0)
+        await shows(page, "#plane-text", "Stroke next at about")
+        await shows(page, "#plane-text", place)
+        await shows(page, "#plane-numbers", "share of a cell's strokes")
+        await shows(page, "#completion-text", "now; start")
+        await shows(page, "#completion-text", "stop at 1.00")
+        assert await inked(page, "#plane") > before
+        leading.service.reset_model()
+        await shows(page, "#plane-text", "No model yet.")
+        await shows(page, "#completion-text", "Nothing is modelled yet")
+        assert "Stroke next" not in await page.inner_text("#plane-text")
+        assert problems == []
+
+
+async def test_the_surface_under_the_tool_is_named_where_there_are_several(browser: Any) -> None:
+    async with a_page(browser, TABLET) as (page, problems), Leading(surfaces={}) as leading:
+        await page.goto(leading.url)
+        await leading.model(2.0)
+        await shows(page, "#surface", "surface 1 (1 known)")
+        assert problems == []
+
+
+async def test_a_lost_connection_is_shown_and_found_again(
+    browser: Any, unused_tcp_port: int
+) -> None:
+    async with a_page(browser) as (page, problems):
+        async with Leading(unused_tcp_port) as leading:
+            await page.goto(leading.url)
+            await shows(page, "#connection", "live")
+            leading.service.stop()
+            await shows(page, "#connection", "session over: stopped")
+            await page.click("#save")
+            await shows(page, "#answer", "there is no connection to the leader")
+        async with Leading(unused_tcp_port) as leading:
+            await shows(page, "#connection", "live")
+            await api.expect(page.locator("#answer")).to_be_empty(timeout=LONGEST_MS)
+            await api.expect(page.locator("body.lost")).to_have_count(0)
+        assert problems == []
+
+
+async def test_a_leader_with_a_token_is_seen_by_who_has_it(
+    browser: Any,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv(TOKEN_VARIABLE, TOKEN)
+    async with a_page(browser) as (page, _), Leading() as leading:
+        await page.goto(leading.url)
+        await shows(page, "#connection", "token needed")
+        await page.keyboard.type("not the token at all")  # the field has the focus
+        await page.keyboard.press("Enter")
+        await shows(page, "#token-problem", "not the leader's token")
+        await page.keyboard.type(TOKEN)
+        await page.keyboard.press("Enter")
+        await shows(page, "#connection", "live")
+        await api.expect(page.locator("#token-form")).to_be_hidden()
+
+
+async def test_nothing_is_loaded_from_elsewhere(browser: Any) -> None:
+    async with a_page(browser) as (page, problems), Leading() as leading:
+        asked: list[str] = []
+        page.on("request", lambda request: asked.append(request.url))
+        await page.goto(leading.url)
+        await shows(page, "#connection", "live")
+        assert asked
+        assert [url for url in asked if not url.startswith(leading.origin)] == []
+        assert problems == []
+
+
+async def test_a_person_controls_the_run(
+    browser: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    async with a_page(browser, TABLET) as (page, problems), Leading() as leading:
+        await page.goto(leading.url)
+        await page.click("#save")
+        await shows(page, "#answer", "there is no model yet")
+        await api.expect(page.locator("#answer")).to_have_attribute("data-good", "false")
+        await leading.model(6.0)
+        await shows(page, "#plane-text", "samples, order")
+        await page.click("#save")
+        await shows(page, "#answer", "samples as mmt-monitor/shown-model-1.npz")
+        assert TextureModel.load(Path("mmt-monitor/shown-model-1.npz")).order > 0
+        await page.keyboard.press("r")
+        await shows(page, "#answer", "recording into mmt-monitor/shown-1.mcap")
+        await shows(page, "#record", "Stop recording")
+        await page.keyboard.press("m")  # which goes to the field
+        await page.keyboard.type("wood begins")
+        await page.keyboard.press("Enter")
+        await shows(page, "#answer", "marked: wood begins")
+        await shows(page, "#events", "marked: wood begins")
+        await page.click("#record")
+        await shows(page, "#answer", "recorded 0 frames into")
+        await page.select_option("#force", "streamed")
+        await shows(page, "#answer", "held to streamed vibration")
+        await page.select_option("#network", "bad")
+        await shows(page, "#answer", "emulated network: bad")
+        await shows(page, "#events", "emulated network: delay 150")
+        await page.click("#freeze")
+        await shows(page, "#freeze", "Let the model grow")
+        page.on("dialog", lambda dialog: dialog.accept())
+        await page.click("#reset")
+        await shows(page, "#plane-text", "No model yet")
+        await shows(page, "#freeze", "Freeze model")
+        assert problems == []
+
+
+async def test_a_person_sees_the_headings_of_an_anisotropic_model(browser: Any) -> None:
+    async with a_page(browser) as (page, problems), Leading(inputs="anisotropic") as leading:
+        await page.goto(leading.url)
+        await shows(page, "#plane-text", "No model yet")
+        await leading.model(8.0)
+        await shows(page, "#plane-text", "which is shown. Lacks most: ")
+        await page.wait_for_function("document.querySelector('#plane').width > 300")
+        assert await inked(page, "#plane") > 1000
+        # cells have their colour also where neither sample nor line is
+        blended = await page.evaluate(
+            """() => {
+                const { width, height } = document.querySelector("#plane");
+                const pen = document.querySelector("#plane").getContext("2d");
+                const row = pen.getImageData(0, Math.round(height * 0.45), width, 1).data;
+                return row.filter((value, i) => i % 4 === 3 && value > 20 && value < 200).length;
+            }"""
+        )
+        assert blended > 100
+        assert problems == []
+
+
+async def test_single_keys_change_the_network_and_are_listed(browser: Any) -> None:
+    async with a_page(browser) as (page, problems), Leading() as leading:
+        await page.goto(leading.url)
+        await shows(page, "#connection", "live")
+        await api.expect(page.locator("#network")).to_have_value("lan")
+        await page.keyboard.press("?")
+        await shows(page, "#help", "network: lan, wifi, wan")
+        await api.expect(page.locator("#help")).not_to_contain_text(
+            "play, pause", use_inner_text=True
+        )
+        await page.keyboard.press("4")  # while the list is open keys do nothing
+        await page.keyboard.press("Escape")
+        await api.expect(page.locator("#help")).to_be_hidden()
+        await page.keyboard.press("3")
+        await shows(page, "#answer", "emulated network: wan")
+        await api.expect(page.locator("#network")).to_have_value("wan")
+        assert await page.locator("#events").inner_text() != ""
+        assert "150" not in await page.locator("#events").inner_text()
+        await page.keyboard.press("0")
+        await shows(page, "#answer", "emulated network: none")
+        await page.keyboard.press("v")
+        assert await page.evaluate("document.activeElement.id") == "force"
+        assert problems == []

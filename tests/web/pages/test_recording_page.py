@@ -1,0 +1,199 @@
+"""A recording's page in a real browser: what is on the screen while a person looks through it."""
+
+from contextlib import AbstractAsyncContextManager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from page_browser import DESKTOP, MARKS, TABLET, a_page, api, browser, fits, inked, shows
+from recording_server import serving
+
+from mmt.testing.simulation.offline import simulate_session
+from mmt.scene import Scene
+from mmt.scene.files import scene_from_tables
+from mmt.session.recorded import OutputBlock, RecordedSession
+from mmt.session.writing import export_session
+from mmt.web.viewing.recording import ViewedRecording
+
+__all__ = ["browser"]
+pytestmark = MARKS
+
+SECONDS = 8.0
+PICTURES = (
+    "#plane",
+    "#completion canvas",
+    "#vibration canvas",
+    "#spectra canvas",
+    "#force-plot canvas",
+    "#position canvas",
+)
+EVENTS = [
+    {"time_s": 0.0, "event": "follower connected (simulated)"},
+    {
+        "time_s": 0.5,
+        "event": "clocks compared",
+        "clock_time_ns": 0,
+        "clock_offset_ns": 2_000_000,
+        "clock_drift_ppm": 0.0,
+        "clock_uncertainty_ns": 50_000,
+    },
+    {"time_s": 3.0, "kind": "gap", "event": "frames are missing", "frames": 12},
+    {"time_s": 5.25, "event": "marked: knock", "mark": "knock"},
+]
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    scene = scene_from_tables(
+        {
+            "link": {},
+            "simulated": {},
+            "hand": {},
+            "texture": {"start_distance": 40.0, "surfaces": {}},
+        }
+    )
+    frames, _ = simulate_session(Scene(), "plastic", SECONDS)
+    rng = np.random.default_rng(1)
+    outputs = [
+        OutputBlock(begin / 1e3, "streamed" if begin < 4000 else "synthesized", rng.normal(size=20))
+        for begin in range(0, 8000, 20)
+    ]
+    path = tmp_path_factory.mktemp("recording") / "run.mcap"
+    export_session(
+        RecordedSession(frames, scene=scene.dump(), events=EVENTS, outputs=outputs), path
+    )
+    return path
+
+
+def viewing(path: Path) -> AbstractAsyncContextManager[str]:
+    """Serve a recording; give the page's address."""
+    return serving(ViewedRecording.open(path))
+
+
+@pytest.mark.parametrize(
+    ("size", "scheme"), [(DESKTOP, "light"), (TABLET, "dark")], ids=["desktop", "tablet"]
+)
+async def test_a_person_goes_through_a_recording(
+    browser: Any, recorded: Path, size: tuple[int, int], scheme: str
+) -> None:
+    async with (
+        viewing(recorded) as url,
+        a_page(browser, size, scheme) as (page, problems),
+    ):
+        await page.goto(url)
+        await shows(page, "#session", "run.mcap")
+        await shows(page, "#plane-text", "No model yet")
+        await api.expect(page.locator("#remarks")).to_have_text("", timeout=60_000)  # it is built
+        await page.keyboard.press("End")
+        await shows(page, "#plane-text", "samples, order")
+        await shows(page, "#completion-text", "start met at")
+        await shows(page, "#mode", "synthesized")
+        await shows(page, "#surface", "surface 1 (1 known)")
+        await shows(page, "#link-figures", "12")
+        await shows(page, "#link-figures", "2.000 ± 0.050 ms")
+        for canvas in PICTURES:
+            await page.wait_for_function(
+                "selector => document.querySelector(selector)?.width > 100", arg=canvas
+            )
+            assert await inked(page, canvas) > 100, canvas
+        await fits(page, scheme)
+        for absent in ("#controls", "#token-form", "#tick-figures"):
+            await api.expect(page.locator(absent)).to_be_hidden()
+        await page.keyboard.press("Home")
+        await shows(page, "#time", "0.00 s")
+        await shows(page, "#plane-text", "No model yet")
+        await page.keyboard.press("ArrowRight")
+        await shows(page, "#time", "1.00 s")
+        await shows(page, "#mode", "streamed")
+        assert problems == []
+
+
+async def test_an_event_leads_to_its_moment(browser: Any, recorded: Path) -> None:
+    async with viewing(recorded) as url, a_page(browser, TABLET) as (page, problems):
+        await page.goto(url)
+        await page.get_by_role("button", name="marked: knock").click()
+        await shows(page, "#time", "5.25 s")
+        await shows(page, "#events li[aria-current]", "marked: knock")
+        assert await page.locator("#slider-marks .mark").count() == 1
+        assert await page.locator("#slider-marks .gap").count() == 1
+        assert await page.locator("#events li").count() == 3  # clocks are not for a person
+        assert problems == []
+
+
+async def test_a_recording_is_played(browser: Any, recorded: Path) -> None:
+    async with viewing(recorded) as url, a_page(browser) as (page, problems):
+        await page.goto(url)
+        await shows(page, "#at", "0.00 of 8.0")
+        await page.keyboard.press("+")
+        await api.expect(page.locator("#speed")).to_have_value("2")
+        await page.select_option("#speed", "50")
+        await page.click("#play")
+        await shows(page, "#play", "Play")  # it stops at the end by itself
+        await shows(page, "#mode", "synthesized")
+        length = await page.evaluate("document.querySelector('#slider').max")
+        assert float(length) == pytest.approx(SECONDS, abs=0.1)
+        await shows(page, "#time", f"{float(length):.2f} s")
+        await page.select_option("#speed", "0.1")
+        await page.evaluate("document.activeElement.blur()")
+        await page.keyboard.press("Home")
+        await page.keyboard.press("Space")
+        await shows(page, "#play", "Pause")
+        await page.wait_for_function("document.querySelector('#slider').valueAsNumber > 0")
+        await page.keyboard.press("Space")
+        await shows(page, "#play", "Play")
+        assert problems == []
+
+
+async def test_the_slider_is_dragged(browser: Any, recorded: Path) -> None:
+    async with viewing(recorded) as url, a_page(browser, TABLET) as (page, problems):
+        await page.goto(url)
+        await shows(page, "#time", "0.00 s")
+        box = await page.locator("#slider").bounding_box()
+        await page.mouse.move(box["x"] + 8, box["y"] + box["height"] / 2)
+        await page.mouse.down()
+        await page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        await page.mouse.up()
+        at = await page.evaluate("document.querySelector('#slider').valueAsNumber")
+        assert at == pytest.approx(SECONDS / 2, abs=0.5)
+        await shows(page, "#time", f"{at:.2f} s")
+        assert problems == []
+
+
+async def test_keys_are_listed(browser: Any, recorded: Path) -> None:
+    async with viewing(recorded) as url, a_page(browser) as (page, problems):
+        await page.goto(url)
+        await shows(page, "#at", "0.00 of 8.0")
+        await page.click("#help-open")
+        help_text = await page.locator("#help").inner_text()
+        assert "play, pause" in help_text
+        assert "save the model" not in help_text
+        await page.keyboard.press("ArrowRight")
+        await page.click("#help-close")
+        await shows(page, "#at", "0.00 of 8.0")
+        assert problems == []
+
+
+async def test_without_recorded_output_the_model_of_the_moment_is_rendered(
+    browser: Any, tmp_path: Path
+) -> None:
+    frames, _ = simulate_session(Scene(), "plastic", 6.0)
+    export_session(RecordedSession(frames), tmp_path / "raw.npz")
+    async with viewing(tmp_path / "raw.npz") as url, a_page(browser) as (page, problems):
+        await page.goto(url)
+        await shows(page, "#remarks", "by the defaults")
+        await api.expect(page.locator("#remarks")).not_to_contain_text("being built")
+        await page.keyboard.press("End")
+        await shows(page, "#why", "rendered from the model of this moment")
+        await api.expect(page.locator("#link-panel")).to_be_hidden()
+        assert problems == []
+
+
+async def test_the_page_says_that_its_server_has_ended(browser: Any, recorded: Path) -> None:
+    async with a_page(browser) as (page, problems):
+        async with viewing(recorded) as url:
+            await page.goto(url)
+            await shows(page, "#connection", "recording")
+        await page.keyboard.press("End")
+        await shows(page, "#connection", "mmt session view has ended")
+        assert problems == []

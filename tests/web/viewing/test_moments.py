@@ -1,0 +1,160 @@
+"""A moment of a recording, as its page gets it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from frame_samples import made_frames
+from monitor_messages import unpack
+
+from mmt.testing.simulation.offline import simulate_session
+from mmt.core.errors import InputError
+from mmt.scene import Scene
+from mmt.session.recorded import OutputBlock, RecordedSession
+from mmt.session.window_files import MemoryWindows, Window
+from mmt.session.writing import export_session
+from mmt.texture.model.texture_model import TextureModel, TextureSamples
+from mmt.texture.settings import ModellingSettings
+from mmt.web.viewing import traces
+from mmt.web.viewing.happenings import LinkRecord, happenings
+from mmt.web.viewing.recording import ViewedRecording
+
+SETTINGS = ModellingSettings()
+
+
+def window(count: int, first: int = 0) -> Window:
+    frames = made_frames(first, count)
+    return Window(frames["sequence"] / 1e3, frames)
+
+
+def test_samples_stand_at_their_moment_and_a_gap_stays_empty() -> None:
+    whole = window(2000)
+    missing = (whole.frames["sequence"] >= 1700) & (whole.frames["sequence"] < 1750)
+    shown = traces.measured(Window(whole.time_s[~missing], whole.frames[~missing]), 2.0, SETTINGS)
+    assert np.flatnonzero(np.isnan(shown)).tolist() == list(range(512 - 300, 512 - 250))
+    later = traces.measured(whole, 2.1, SETTINGS)  # nothing came for a tenth of a second
+    assert np.flatnonzero(np.isnan(later)).tolist() == list(range(412, 512))
+
+
+def test_what_was_played_stands_at_its_moment() -> None:
+    blocks = [
+        OutputBlock(1.0, "streamed", np.full(100, 2.0)),
+        OutputBlock(1.1, "synthesized", np.full(100, 3.0)),
+    ]
+    shown = traces.played(blocks, 1.2)
+    assert np.isnan(shown.vibration_m_s2[:312]).all()
+    assert (shown.vibration_m_s2[312:412] == 2.0).all()
+    assert (shown.vibration_m_s2[412:] == 3.0).all()
+    assert shown.modelled.tolist() == [0.0] * 412 + [1.0] * 100
+    assert np.isnan(traces.played(blocks, 50.0).vibration_m_s2).all()
+
+
+def test_a_late_tick_leaves_no_hole_in_what_was_played() -> None:
+    late_s = (0.0, 0.003, -0.001, 0.012, 0.0, 0.002)
+    blocks = [
+        OutputBlock(1.0 + 0.1 * k + late, "synthesized", np.arange(100.0) + 100 * k)
+        for k, late in enumerate(late_s)
+    ]
+    shown = traces.played(blocks, 1.6).vibration_m_s2
+    np.testing.assert_array_equal(shown, np.arange(86.0, 598.0))
+    lost = [*blocks[:3], *blocks[4:]]  # a hole that is one stays
+    assert np.isnan(traces.played(lost, 1.6).vibration_m_s2).sum() == 103
+
+
+def test_a_rendered_sample_is_the_same_a_moment_later() -> None:
+    frames, _ = simulate_session(Scene(), "plastic", 4.0)
+    time_s = (frames["sequence"] - frames["sequence"][0]) / 1e3
+    model = TextureModel(
+        TextureSamples.isotropic(
+            speed_mm_s=np.array([50.0, 150.0, 250.0]),
+            force_n=np.array([1.0, 2.0, 1.0]),
+            lsf=np.array([[0.5, 1.5]] * 3),
+            variance=np.ones(3),
+            power=np.ones(3),
+        )
+    )
+    shown = [
+        traces.synthesized(
+            Window(time_s[time_s < end], frames[time_s < end]), end, SETTINGS, model
+        ).vibration_m_s2
+        for end in (3.0, 3.04)
+    ]
+    earlier, later = shown[0][40:], shown[1][:-40]
+    both = ~np.isnan(earlier) & ~np.isnan(later)
+    assert both.sum() > 400
+    assert np.abs(earlier[both]).max() > 0.1
+    np.testing.assert_array_equal(earlier[both], later[both])
+
+
+def test_the_trail_is_the_mean_motion_of_each_step() -> None:
+    frames = made_frames(0, 400)
+    frames["position_mm"] = np.arange(400)[:, None] * np.array([0.05, -0.1, 0.0])
+    frames["force_n"] = [0.0, 0.0, 1.25]
+    trail = traces.trail(Window(np.arange(400) / 1e3, frames), SETTINGS)
+    assert trail.shape == (9, 3)
+    np.testing.assert_allclose(trail, np.tile([50.0, -100.0, 1.25], (9, 1)), rtol=1e-4)
+
+
+def test_no_line_is_drawn_across_a_gap() -> None:
+    whole = window(4000)
+    kept = (whole.time_s < 1.0) | (whole.time_s > 3.0)
+    time_s, force, position = traces.history(Window(whole.time_s[kept], whole.frames[kept]))
+    assert (np.diff(time_s) > 0).all()
+    assert np.isnan(force).all(axis=0).sum() == np.isnan(position).all(axis=0).sum() == 1
+
+
+def test_of_events_a_person_gets_what_matters() -> None:
+    events = [
+        {"at_s": -0.1, "event": "follower connected"},
+        {"at_s": 1.0, "event": "clocks compared", "clock_uncertainty_ns": 5},
+        {"at_s": 2.0, "kind": "gap", "event": "gap", "frames": 30},
+        {"at_s": 2.5, "kind": "filled", "event": "filled", "frames": 30, "lost": 10},
+        {"at_s": 3.0, "event": "marked: wood", "mark": "wood"},
+        {"at_s": 4.0, "event": "start criterion met at 4.0 s"},
+    ]
+    found = [(h.at_s, h.kind) for h in happenings(events)]
+    assert found == [(0.0, "other"), (2.0, "gap"), (3.0, "mark"), (4.0, "criterion")]
+    assert LinkRecord(events).at(2.1, np.zeros((0, 2), np.int64))["missed"] == 30
+    table = LinkRecord(events).at(9.0, np.zeros((0, 2), np.int64))
+    assert (table["missed"], table["filled"], table["lost"]) == (30, 20, 10)
+
+
+def test_latencies_are_told_on_one_clock() -> None:
+    clock = {
+        "at_s": 0.0,
+        "clock_time_ns": 0,
+        "clock_offset_ns": 5_000_000_000,
+        "clock_drift_ppm": 10.0,
+        "clock_uncertainty_ns": 1000,
+    }
+    came = np.arange(100, dtype=np.int64) * 10_000_000
+    sent = came - 3_000_000 + 5_000_000_000 + came // 100_000
+    table = LinkRecord([clock]).at(1.0, np.column_stack([came, sent]))
+    assert table["latency_p50_ms"] == pytest.approx(3.0, abs=1e-3)
+    assert sum(table["counts"]) == 100
+    assert table["counts"][table["bounds_ms"].index(5)] == 100  # between 2 and 5 ms
+
+
+def test_a_recording_without_force_is_shown_without_a_model(tmp_path: Path) -> None:
+    frames = made_frames(0, 1000, ("position", "acceleration"))
+    export_session(RecordedSession(frames), tmp_path / "no-force.mcap")
+    recording = ViewedRecording.open(tmp_path / "no-force.mcap")
+    recording.start()
+    opening = unpack(recording.opening())
+    assert opening["remarks"] == ["No model: the recording has no force channel."]
+    moment = unpack(recording.moment(0.9))
+    assert (moment["model"], moment["source"]) == (None, None)
+    assert np.isnan(moment["arrays"]["force_n"]).all()
+    assert not np.isnan(moment["arrays"]["position_mm"]).all()
+    assert not np.isnan(moment["arrays"]["measured"]).all()
+    assert unpack(recording.growth())["done"]
+    with pytest.raises(InputError, match="there is no model 0"):
+        recording.model(0)
+    recording.close()
+
+
+def test_a_scene_that_is_not_understood_gives_way_to_the_defaults() -> None:
+    scene = {"session": {"name": "old"}, "gone": {}}
+    recording = ViewedRecording(MemoryWindows(RecordedSession(made_frames(0, 100), scene=scene)))
+    assert "gone" in unpack(recording.opening())["remarks"][0]
+    recording.close()

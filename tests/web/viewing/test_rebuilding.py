@@ -1,0 +1,136 @@
+"""The model that a recording's page shows is the one that the leader had."""
+
+import time
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from mmt.testing.simulation.course import CourseChange, SurfaceCourse
+from mmt.testing.simulation.offline import simulate_session
+from mmt.testing.simulation.textures import get_surface
+from mmt.texture.online.history import build, update_blocks
+from mmt.scene import Scene
+from mmt.session.recorded import JsonObject, RecordedSession
+from mmt.session.window_files import MemoryWindows
+from mmt.texture.settings import ModellingSettings, SurfaceSettings
+from mmt.web.viewing.rebuilding import Rebuilding, frozen_spans
+
+FRAMES, _ = simulate_session(Scene(), "plastic", 14.0)
+NEVER = ModellingSettings(start_distance=12.0, stop_distance=1e-6)
+
+
+def rebuilt(settings: ModellingSettings, events: list[JsonObject] | None = None) -> Rebuilding:
+    """Return the finished building of a session's model."""
+    windows = MemoryWindows(RecordedSession(FRAMES, events=events or []))
+    rebuilding = Rebuilding(windows, settings, 1.0)
+    rebuilding.start()
+    deadline = time.monotonic() + 120
+    while not rebuilding.done and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert rebuilding.done
+    assert rebuilding.problem is None
+    return rebuilding
+
+
+def test_every_state_is_that_of_the_live_leader() -> None:
+    rebuilding = rebuilt(NEVER)
+    history = build(list(update_blocks(FRAMES, 1000)), NEVER)
+    assert [s.progress for s in rebuilding.states] == [u.progress for u in history.updates]
+    assert [s.time_s for s in rebuilding.states] == pytest.approx(
+        [u.time_s for u in history.updates], abs=0.01
+    )
+    for state, update in zip(rebuilding.states, history.updates, strict=True):
+        assert (state.number is None) is (update.model is None)
+        if state.number is not None and update.model is not None:
+            model = rebuilding.snapshots.model(state.number)
+            np.testing.assert_array_equal(model.points, update.model.points)
+    rebuilding.close()
+
+
+def test_a_moment_has_the_state_of_the_last_update() -> None:
+    rebuilding = rebuilt(NEVER)
+    assert rebuilding.at(0.5) is None
+    third = rebuilding.states[2]
+    assert rebuilding.at(third.time_s) is third
+    assert rebuilding.at(third.time_s + 0.5) is third
+    assert rebuilding.at(1e9) is rebuilding.states[-1]
+    rebuilding.close()
+
+
+def test_the_model_is_left_alone_once_it_is_complete() -> None:
+    settings = ModellingSettings(start_distance=20.0, stop_distance=12.0)
+    rebuilding = rebuilt(settings)
+    last = rebuilding.states[-1]
+    assert last.stop_s == last.time_s < 13.0
+    assert last.progress.value <= 12.0
+    assert last.start_s is not None
+    rebuilding.close()
+
+
+def test_a_reset_begins_a_new_model() -> None:
+    rebuilding = rebuilt(NEVER, [{"time_s": 7.5, "event": "model reset"}])
+    after = [state for state in rebuilding.states if state.time_s >= 7.5]
+    assert (after[0].time_s, after[0].number, after[0].start_s) == (7.5, None, None)
+    begun = FRAMES[FRAMES["sequence"] >= 7500]
+    history = build(list(update_blocks(begun, 1000)), NEVER)
+    assert [s.progress.value for s in after[1:]] == pytest.approx(
+        [u.distance for u in history.updates]
+    )
+    before = rebuilding.at(7.4)
+    assert before is not None
+    assert before.number is not None
+    rebuilding.close()
+
+
+def test_a_frozen_model_does_not_grow() -> None:
+    events = [
+        {"time_s": 5.0, "event": "model frozen", "frozen": True},
+        {"time_s": 9.0, "event": "model grows again", "frozen": False},
+    ]
+    rebuilding = rebuilt(NEVER, events)
+    assert [s for s in rebuilding.states if 6.0 < s.time_s < 9.5] == []
+    assert rebuilding.states[-1].time_s > 12.0
+    rebuilding.close()
+
+
+def test_a_freeze_ends_with_the_recording_or_a_reset() -> None:
+    freeze: JsonObject = {"at_s": 2.0, "event": "model frozen", "frozen": True}
+    reset: JsonObject = {"at_s": 3.0, "event": "model reset"}
+    assert frozen_spans([freeze], 8.0) == [(2.0, 8.0)]
+    assert frozen_spans([freeze, reset], 8.0) == [(2.0, 3.0)]
+
+
+def test_each_surface_has_its_own_model_and_criteria() -> None:
+    course = SurfaceCourse(
+        [get_surface("glass"), get_surface("sandpaper")],
+        [CourseChange(7000, 1, in_contact=True), CourseChange(13_000, 0, in_contact=False)],
+    )
+    frames, _ = simulate_session(Scene(), course, 17.0, 4)
+    settings = ModellingSettings(
+        order=10, start_distance=20.0, stop_distance=9.0, surfaces=SurfaceSettings()
+    )
+    rebuilding = Rebuilding(MemoryWindows(RecordedSession(frames)), settings, 1.0)
+    rebuilding._run()
+    states = rebuilding.states
+    surfaces = [state.surface for state in states]
+    assert [a for a, b in pairwise([*surfaces, None]) if a != b] == [1, 2, 1]
+    assert (states[0].surfaces, states[-1].surfaces) == (1, 2)
+    first = next(state for state in states if state.stop_s is not None)
+    second = next(state for state in states if state.surface == 2)
+    last = states[-1]
+    assert second.start_s is None or second.start_s > 7.0
+    assert (last.start_s, last.stop_s) == (first.start_s, first.stop_s)
+    assert last.number is not None
+    model = rebuilding.snapshots.model(last.number)
+    other = max(s.number for s in states if s.surface == 2 and s.number is not None)
+    assert rebuilding.snapshots.model(other).samples.power.mean() > 30 * model.samples.power.mean()
+    rebuilding.close()
+
+
+def test_building_can_be_left_at_any_time() -> None:
+    windows = MemoryWindows(RecordedSession(FRAMES))
+    rebuilding = Rebuilding(windows, NEVER, 1.0)
+    rebuilding.start()
+    rebuilding.close()
+    assert rebuilding.done
