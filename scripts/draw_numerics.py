@@ -11,10 +11,10 @@ from image_files import write
 
 from mmt.testing.simulation.textures import SURFACES
 from mmt_lab.bench import run_stage
-from mmt_lab.bench.plotting import stage_figure
 from mmt_lab.felt.presenting import felt_figure
 from mmt_lab.felt.summary import cases, feel_all
-from mmt_lab.stability.cases import run_case
+from mmt_lab.harness.cases import run_case
+from mmt_lab.harness.plots import panels_figure
 from mmt_lab.stability.families import load_cases
 from mmt_lab.stability.figures import contact_map, loop_map
 
@@ -37,7 +37,7 @@ def main() -> None:
     for name, chosen in PANELS.items():
         result = run_stage(name)
         panels = tuple(p for p in result.panels if chosen is None or p.name in chosen)
-        write(f"bench-{name}", stage_figure(replace(result, panels=panels)))
+        write(f"bench-{name}", panels_figure(replace(result, panels=panels)))
     rows = [
         run_case(name, case)
         for name, cases in load_cases(["contact", "loop"]).items()

@@ -7,26 +7,23 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt_lab.bench import burg_methods
-from mmt_lab.bench import peers
-from mmt_lab.bench import references
-from mmt_lab.bench import signals
+from mmt.texture.autoregression.burg import burg
+from mmt_lab.bench import burg_methods, peers, references, signals
 from mmt_lab.bench.burg_methods import OURS, Method
 from mmt_lab.bench.loops import burg_loops
 from mmt_lab.bench.measuring import interleave
-from mmt_lab.bench.results import (
+from mmt_lab.harness.findings import (
     MICROSECONDS,
     TIME_US,
     Axis,
     Curve,
     Curves,
+    Findings,
     Panel,
     Records,
     Spread,
-    StageResult,
     Target,
 )
-from mmt.texture.autoregression.burg import burg
 
 OFFSET_ORDER: Final = 10
 ERROR: Final = Axis("error of the coefficients over the largest", "error")
@@ -46,7 +43,7 @@ class Plan:
 
 
 @peers.quiet()
-def run(plan: Plan | None = None) -> StageResult:
+def run(plan: Plan | None = None) -> Findings:
     """Measure every implementation that is installed.
 
     Raises
@@ -60,7 +57,7 @@ def run(plan: Plan | None = None) -> StageResult:
     batch = _by_batch(methods, plan)
     stiff = _stiff(methods, plan)
     loops, without_loops = burg_loops(((1, plan.lengths[0]), plan.batch), plan.orders, plan.rounds)
-    return StageResult(
+    return Findings(
         name="burg",
         title="Burg's method",
         about=(

@@ -8,8 +8,8 @@ from rich.table import Table
 
 from mmt.cli.common import messages, output, print_error, write_json
 from mmt.evaluation import document
+from mmt_lab.harness.cases import Row, broken, run_case
 from mmt_lab.stability import report
-from mmt_lab.stability.cases import Row, broken, run_case
 from mmt_lab.stability.families import load_cases
 
 

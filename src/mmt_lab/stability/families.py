@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from mmt.core.errors import InputError
-from mmt_lab.stability.cases import Case
+from mmt_lab.harness.cases import Case
 
 
 @dataclass(frozen=True)

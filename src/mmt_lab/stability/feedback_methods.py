@@ -5,7 +5,7 @@ from typing import Final
 
 from mmt_lab.feedback.sides import PASSIVITY, Method
 from mmt_lab.feedback.simulated import run_cell
-from mmt_lab.stability.cases import Case, Outcome
+from mmt_lab.harness.cases import Case, Outcome
 
 _METHODS: Final[tuple[Method, ...]] = ("passive", "model")
 

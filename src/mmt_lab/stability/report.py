@@ -7,7 +7,7 @@ from typing import Any, Final
 from mmt.evaluation.document import Block, Heading, Paragraph, Picture, Table
 from mmt.evaluation.report import environment
 from mmt.evaluation.report_files import picture, write_report_files
-from mmt_lab.stability.cases import Row, broken
+from mmt_lab.harness.cases import Row, broken
 from mmt_lab.stability.families import FAMILIES
 
 COLUMNS: Final = ("case", "expected", "got", "held")
