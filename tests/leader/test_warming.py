@@ -11,7 +11,7 @@ from mmt.core.errors import InputError
 from mmt.leader.warming import WarmingTask, load_library
 from mmt.scene import Scene
 from mmt.models import shipped_models
-from mmt.texture.model.library_choice import Choice
+from mmt.texture.library.identification import Choice
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 

@@ -22,7 +22,7 @@ from mmt.texture.model.inputs import InputSpace
 from mmt.texture.interpolation.interpolant import Interpolant
 from mmt.texture.interpolation.delaunay import Triangulation, triangulate
 from mmt.texture.interpolation.interpolators import BUILDERS
-from mmt.texture.model.law import (
+from mmt.texture.model.kernel_parameters import (
     DIMENSIONS,
     FORCE_EXPONENT,
     KIND,

@@ -31,7 +31,7 @@ from mmt.texture.model.inputs import from_zero, normalise_into
 from mmt.texture.interpolation.interpolant import DELAUNAY
 from mmt.texture.interpolation.interpolators import LARGEST_SCRATCH, evaluate_into, planar_into
 from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
-from mmt.texture.model.law import (
+from mmt.texture.model.kernel_parameters import (
     DIMENSIONS,
     FORCE_EXPONENT,
     KIND,

@@ -22,7 +22,7 @@ from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import lsf_to_reflection
 from mmt.texture.autoregression.effective_length import UNKNOWN, log_power_scatter
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.model.known_textures import Field, field, grid, model_of
+from mmt.texture.library.conversion import Field, field, grid, model_of
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.model.samples import TextureSamples
 
