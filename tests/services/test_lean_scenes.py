@@ -78,7 +78,7 @@ WARM = {"mmt.leader.warming", "mmt.texture.model.warm_start"}
 LEVEL = {"mmt.texture.field.level_process", "mmt.texture.completion.uncertainty"}
 HAND = "mmt.testing.simulation.hand"
 ACTUATOR = "mmt.testing.simulation.actuator"
-RECORDER = "mmt.session.recording"
+RECORDER = "mmt.session.recorder"
 SIMULATED, REPLAY, DEVICE_SOURCE = SOURCES = (
     "mmt.testing.simulation.follower",
     "mmt.session.replay",
