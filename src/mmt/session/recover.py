@@ -32,7 +32,8 @@ def recover(path: str | Path, out: str | Path) -> Recovery:
     """Write every readable record of a session file into a whole one.
 
     Complete chunks are saved; a chunk that was cut off is lost, since it is compressed as one
-    block. A recorder ends its chunk every 0.5 s or less, so a crash costs at most that much. The file that was cut off is not touched.
+    block. A recorder ends its chunk every 0.5 s or less, so a crash costs at most that
+    much. The file that was cut off is not changed.
 
     Raises
     ------

@@ -5,7 +5,6 @@ from functools import cache
 from typing import Final
 
 import numpy as np
-from mmt.texture.model.warm_start import WarmStart
 
 from mmt.core.arrays import RecordArray
 from mmt.leader.warming import LOOK_FRAMES, load_library
