@@ -26,7 +26,7 @@ from mmt.web.monitor.states import (
 from mmt.web.monitor.tap import MonitorTap
 from mmt.web.monitor.viewers import MOST_VIEWERS, Viewers
 from mmt.leader.surface_log import SurfaceLog
-from mmt.web.pages.packing import pack
+from mmt.web.binary_messages import pack
 from mmt.scene.files import scene_from_tables
 from mmt.texture.interpolation.boundary import RIM
 from mmt.texture.completion.distance import CompletionMonitor, cell_distances, distance_sum
