@@ -15,7 +15,9 @@ class Known:
     """A follower's clock that is ahead, and the notes of it."""
 
     def __init__(self, other: str = "elsewhere") -> None:
-        self.clock = ClockResponder(BlockReader(frame_dtype(), "frames"), SendQueue(1), lambda _: None)
+        self.clock = ClockResponder(
+            BlockReader(frame_dtype(), "frames"), SendQueue(1), lambda _: None
+        )
         self.clock.meet(other)
         self.noted: list[dict[str, Any]] = []
         self.notes = ClockNotes(self.clock, self.noted.append)
