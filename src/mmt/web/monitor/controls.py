@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.errors import InputError, MmtError
 from mmt.leader.journal import Journal
+from mmt.web.binary_messages import pack
 from mmt.web.monitor.states import model_of
-from mmt.web.pages.packing import pack
 
 if TYPE_CHECKING:
     from mmt.leader.service import LeaderService

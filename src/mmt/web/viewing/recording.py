@@ -9,8 +9,8 @@ from mmt.scene.files import scene_from_tables
 from mmt.scene.texture_table import Texture
 from mmt.session.windows import SessionWindows, Window, open_windows
 from mmt.texture.model.texture_model import TextureModel
+from mmt.web.binary_messages import pack
 from mmt.web.monitor import states
-from mmt.web.pages.packing import pack
 from mmt.web.viewing import traces
 from mmt.web.viewing.happenings import LinkRecord, happenings
 from mmt.web.viewing.rebuilding import ModelState, Rebuilding
