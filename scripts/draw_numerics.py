@@ -15,8 +15,8 @@ from mmt_lab.bench.plotting import stage_figure
 from mmt_lab.felt.presenting import felt_figure
 from mmt_lab.felt.summary import cases, feel_all
 from mmt_lab.stability.cases import run_case
-from mmt_lab.stability.families import load_cases
-from mmt_lab.stability.figures import contact_map, loop_map
+from mmt_lab.stability.running import load_families
+from mmt_lab.stability.maps import contact_map, loop_map
 
 PANELS: Final = {
     "burg": ("batch", "offset"),

@@ -6,15 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
-
-from mmt.cli import main
-from mmt.core.errors import InputError
-from mmt_lab.stability import contact
-from mmt_lab.stability import families
-from mmt_lab.stability import models
-from mmt_lab.stability.cases import Case, Outcome, Row, broken, run_case
-from mmt_lab.stability.families import FAMILIES, load_cases
 from mmt_lab.stability.report import (
     by_family,
     family_table,
@@ -22,6 +13,14 @@ from mmt_lab.stability.report import (
     verdict,
     write_stability_report,
 )
+from typer.testing import CliRunner
+
+from mmt.cli import main
+from mmt.core.errors import InputError
+from mmt_lab.stability import families
+from mmt_lab.stability.cases import Case, Outcome, Row, broken, run_case
+from mmt_lab.stability.families import FAMILIES, contact, load_cases
+from mmt_lab.stability.families import model as models
 
 
 def row(*, held: bool = True, **figures: object) -> Row:

@@ -4,17 +4,16 @@ from decimal import Decimal
 
 import numpy as np
 import pytest
+from mmt_lab.stability.exact import exact_burg, exact_residual
 from spectrum import arburg
 
-from mmt_lab.stability import anisotropic
-from mmt_lab.stability import autoregression
-from mmt_lab.stability import lines
-from mmt_lab.stability import models
-from mmt_lab.stability import networks
-from mmt_lab.stability.cases import Case, run_case
-from mmt_lab.stability.exact import exact_burg, exact_residual
 from mmt.texture.autoregression.burg import ReflectionFit, burg
 from mmt.texture.model.texture_model import TextureModel
+from mmt_lab.stability.cases import Case, run_case
+from mmt_lab.stability.families import anisotropic, networks
+from mmt_lab.stability.families import ar as autoregression
+from mmt_lab.stability.families import lsf as lines
+from mmt_lab.stability.families import model as models
 
 
 def those_that_do_not_hold(family: str, cases: list[Case]) -> list[str]:

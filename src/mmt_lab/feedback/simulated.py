@@ -27,7 +27,7 @@ from mmt.testing.simulation import PERIOD_S
 from mmt.testing.simulation.robot import START_MM, SimulatedRobot
 from mmt_lab.feedback.delays import DelayLine
 from mmt_lab.feedback.sides import PASSIVITY, Display, Method, handle_state, make_sides
-from mmt_lab.stability.delay import LIGHT_GRIP
+from mmt_lab.stability.loop_theory import LIGHT_GRIP
 from mmt.core.frames import empty_frames
 from mmt.scene import Simulated
 
