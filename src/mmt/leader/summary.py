@@ -6,14 +6,14 @@ from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.errors import FAILED
-from mmt.leader.parts import LeaderParts
 from mmt.core.process import ProcessMeter
 from mmt.core.ticking import TickStatistics, TimeHistogram
+from mmt.leader.parts import LeaderParts
 
 if TYPE_CHECKING:
     from mmt.leader.surface_log import SurfaceLog
     from mmt.link.protocol import LinkStatistics
-    from mmt.texture.model.library_choice import Choice
+    from mmt.texture.library.identification import Choice
     from mmt.texture.online.modeller import ModelUpdate
 
 _UNWANTED: Final = (FAILED, f"follower {FAILED}", "follower lost")

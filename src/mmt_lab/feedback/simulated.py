@@ -19,10 +19,12 @@ from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray, RecordArray
 from mmt.contact.friction import step_tangential
 from mmt.contact.normal import Drive
+from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.frames import empty_frames
 from mmt.devices.protocols import Vector
+from mmt.scene import Simulated
 from mmt.testing.simulation import PERIOD_S
 from mmt.testing.simulation.robot import START_MM, SimulatedRobot
 from mmt_lab.feedback.delays import DelayLine
