@@ -20,7 +20,7 @@ from mmt.texture.autoregression.lsf import lsf_inverse_gain
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.stability.cases import Case, Family, Outcome
-from mmt_lab.stability.families import ar as autoregression
+from mmt_lab.stability.families import ar
 
 GAPS_RAD: Final = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 HOUR_SAMPLES: Final = 3_600_000
@@ -234,7 +234,7 @@ def _pauses(samples: int) -> Outcome:
 
 def _stiff_power(radius: float, order: int, renders: int) -> Outcome:
     """Render many realisations of one fit, each of two seconds."""
-    segment = autoregression.poles(radius, autoregression.CLUSTERED_RAD)
+    segment = ar.poles(radius, ar.CLUSTERED_RAD)
     fit = burg(segment / np.sqrt(np.mean(segment**2)), order)
     model = TextureModel(
         TextureSamples.isotropic(
