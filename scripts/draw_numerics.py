@@ -16,7 +16,7 @@ from mmt_lab.felt.summary import cases, feel_all
 from mmt_lab.harness.cases import run_case
 from mmt_lab.harness.plots import panels_figure
 from mmt_lab.stability.families import load_cases
-from mmt_lab.stability.figures import contact_map, loop_map
+from mmt_lab.stability.maps import contact_map, loop_map
 
 PANELS: Final = {
     "burg": ("batch", "offset"),

@@ -11,9 +11,9 @@ from mmt.contact.normal import Drive
 from mmt.testing.simulation.robot import DISSIPATION_S_M, tip_drive
 from mmt_lab.harness.cases import Case, run_case
 from mmt_lab.stability import closed_loop, contact
-from mmt_lab.stability.closed_loop import loop_on, run_loop
-from mmt_lab.stability.contact import impact_growth, wall
-from mmt_lab.stability.delay import LIGHT_GRIP, Loop
+from mmt_lab.stability.families.contact import impact_growth, wall
+from mmt_lab.stability.families.loop import loop_on, run_loop
+from mmt_lab.stability.loop_theory import LIGHT_GRIP, Loop
 
 LIGHT = Drive(0.01, 0.0, 0.0)
 

@@ -4,13 +4,13 @@ from decimal import Decimal
 
 import numpy as np
 import pytest
+from mmt_lab.stability.exact import exact_burg, exact_residual
 from spectrum import arburg
 
 from mmt.texture.autoregression.burg import ReflectionFit, burg
 from mmt.texture.model.texture_model import TextureModel
 from mmt_lab.harness.cases import Case, run_case
 from mmt_lab.stability import anisotropic, autoregression, lines, models, networks
-from mmt_lab.stability.exact import exact_burg, exact_residual
 
 
 def those_that_do_not_hold(family: str, cases: list[Case]) -> list[str]:

@@ -83,8 +83,8 @@ def _with(rows: Sequence[Row], *names: str) -> list[Mapping[str, Any]]:
 
 
 def _contact(figures: Mapping[str, Any]) -> Picture:
-    from mmt_lab.stability.contact import MAP_MASS_KG, MAP_RATIO
-    from mmt_lab.stability.figures import contact_map
+    from mmt_lab.stability.families.contact import MAP_MASS_KG, MAP_RATIO
+    from mmt_lab.stability.maps import contact_map
 
     return picture(
         "contact",
@@ -96,7 +96,7 @@ def _contact(figures: Mapping[str, Any]) -> Picture:
 
 
 def _loop(figures: Mapping[str, Any], rows: Sequence[Row]) -> Picture:
-    from mmt_lab.stability.figures import loop_map
+    from mmt_lab.stability.maps import loop_map
 
     return picture(
         "loop",

@@ -18,8 +18,8 @@ from mmt.testing.simulation.robot import SimulatedRobot, tip_drive
 from mmt_lab.feedback.simulated import DELAYS_MS as METHOD_DELAYS_MS
 from mmt_lab.feedback.simulated import WALLS_N_MM as METHOD_WALLS_N_MM
 from mmt_lab.harness.cases import Case, Outcome
-from mmt_lab.stability.delay import LIGHT_GRIP, Loop
 from mmt_lab.stability.feedback_methods import method_cases
+from mmt_lab.stability.loop_theory import LIGHT_GRIP, Loop
 
 WALLS_N_MM: Final = (0.1, 0.2, 0.3, 0.4, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 DELAYS_MS: Final = (0, 1, 2, 5, 10, 20, 50, 100, 200)

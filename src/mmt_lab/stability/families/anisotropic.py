@@ -1,6 +1,6 @@
 """Models of velocity and force: degenerate samples, odd units and queries, any interpolator.
 
-The plane's cases (`mmt_lab.stability.models`) in three dimensions, where samples lie on
+The plane's cases (`mmt_lab.stability.families.model`) in three dimensions, where samples lie on
 planes and lines of which the plane knows nothing: one force, one heading, a ring of one speed.
 """
 
@@ -20,7 +20,7 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import Interpolation
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.harness.cases import Case, Outcome
-from mmt_lab.stability.anisotropic_samples import anywhere, arrangements, build
+from mmt_lab.stability.degenerate import anywhere, arrangements, build
 
 MANY: Final = 2000
 INTERPOLATORS: Final[tuple[Interpolation, ...]] = ("delaunay", "nearest", "rbf")
