@@ -5,7 +5,9 @@ import json
 import pytest
 
 from mmt.evaluation.figures import to_png
-from mmt_lab.bench import (
+from mmt_lab.bench import signals
+from mmt_lab.bench.network_methods import DELAUNAY, OURS
+from mmt_lab.experiments import (
     burg,
     conceal,
     contact,
@@ -14,11 +16,9 @@ from mmt_lab.bench import (
     networks,
     order,
     pipeline,
-    signals,
     synthesis,
     update,
 )
-from mmt_lab.bench.network_methods import DELAUNAY, OURS
 from mmt_lab.harness.findings import LeftOut
 from mmt_lab.harness.plots import panels_figure
 
