@@ -3,8 +3,9 @@
 import re
 import shlex
 from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast, get_args
 
 import pytest
 import typer
@@ -223,14 +224,31 @@ def table_rows(text: str) -> dict[str, list[str]]:
     return rows
 
 
-TABLES: dict[str, type[BaseModel]] = {
-    name: next(
-        part
-        for part in (field.annotation, *getattr(field.annotation, "__args__", ()))
-        if isinstance(part, type) and issubclass(part, BaseModel)
-    )
-    for name, field in Scene.model_fields.items()
-}
+def keys_of(table: object) -> dict[str, FieldInfo]:
+    """Return the keys of a table, be it a pydantic model or a dataclass."""
+    if isinstance(table, type) and issubclass(table, BaseModel):
+        return dict(table.model_fields)
+    if isinstance(table, type) and is_dataclass(table):
+        return {
+            field.name: FieldInfo.from_annotated_attribute(
+                cast(type[Any], field.type), field.default
+            )
+            for field in fields(table)
+        }
+    return {}
+
+
+def tables_in(keys: dict[str, FieldInfo], prefix: str = "") -> Iterator[tuple[str, object]]:
+    """Give each table among keys, and those inside it, by its name in a scene."""
+    for name, field in keys.items():
+        for part in (field.annotation, *get_args(field.annotation)):
+            if keys_of(part):
+                yield f"{prefix}{name}", part
+                if name == "texture":
+                    yield from tables_in(keys_of(part), f"{name}.")
+
+
+TABLES: dict[str, object] = dict(tables_in(dict(Scene.model_fields)))
 
 
 def expected_default(field: FieldInfo) -> str:
@@ -260,10 +278,10 @@ def expected_in_range(field: FieldInfo) -> set[str]:
 @pytest.mark.parametrize("table", TABLES)
 def test_every_key_is_documented_with_its_default_and_range(table: str) -> None:
     rows = table_rows(sections(SCENE_PAGE.read_text(encoding="utf-8"))[f"[{table}]"])
-    fields = TABLES[table].model_fields
-    assert set(rows) == set(fields)
-    for key, field in fields.items():
-        _, meaning, _, default, allowed = rows[key]
+    keys = keys_of(TABLES[table])
+    assert set(rows) == set(keys)
+    for key, field in keys.items():
+        _, meaning, *_, default, allowed = rows[key]
         assert meaning
         assert default == expected_default(field), key
         plain = re.sub(r"(?<=\d) (?=\d{3}\b)", "", allowed.replace("`", ""))

@@ -15,14 +15,14 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.texture.online.history import ModelHistory, build, update_blocks
 from mmt.evaluation.coverage import coverage
 from mmt.evaluation.held_out import choose_held_out, outside
 from mmt.evaluation.results import Evaluation
 from mmt.evaluation.scoring import Scorer
 from mmt.evaluation.truth import KnownTexture, known_texture
 from mmt.session.recorded import RecordedSession, missing_frames
-from mmt.texture.settings import AUTOMATIC, Inputs, ModellingSettings
+from mmt.texture.online.history import ModelHistory, build, update_blocks
+from mmt.texture.settings import Inputs, ModellingSettings
 
 
 def evaluate_session(
@@ -126,7 +126,7 @@ def _of_other_inputs(
     if truth is None or truth.surface.isotropic:
         return None
     inputs: Inputs = "isotropic" if settings.inputs == "anisotropic" else "anisotropic"
-    others = replace(settings, inputs=inputs, start_distance=AUTOMATIC, stop_distance=AUTOMATIC)
+    others = replace(settings, inputs=inputs, start_distance="auto", stop_distance="auto")
     return build(blocks, others)
 
 

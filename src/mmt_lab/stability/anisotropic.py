@@ -12,18 +12,17 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from mmt.core.arrays import FloatArray
-from mmt_lab.stability.anisotropic_samples import anywhere, arrangements, build
-from mmt_lab.stability.cases import Case, Outcome
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power
+from mmt.texture.field.trend import trend_at
+from mmt.texture.interpolation.radial_basis.model import LEVEL_ROOM
 from mmt.texture.model.inputs import ANISOTROPIC, InputSpace
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.interpolation.radial_basis.model import LEVEL_ROOM
-from mmt.texture.settings import Interpolation
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt.texture.field.trend import trend_at
+from mmt_lab.stability.anisotropic_samples import anywhere, arrangements, build
+from mmt_lab.stability.cases import Case, Outcome
 
 MANY: Final = 2000
-INTERPOLATORS: Final[tuple[Interpolation, ...]] = ("delaunay", "nearest", "rbf")
+INTERPOLATORS: Final[tuple[str, ...]] = ("delaunay", "nearest", "rbf")
 
 _LARGEST_NETWORK: Final = 200  # samples; a network costs their cube
 _EXPECTED: Final = "the whole space; filters ordered, level within bounds, silence at rest"

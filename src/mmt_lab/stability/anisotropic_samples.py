@@ -9,9 +9,8 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
 from mmt.texture.model.inputs import ANISOTROPIC, InputSpace
-from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.model.samples import TextureSamples
-from mmt.texture.settings import Interpolation
+from mmt.texture.model.texture_model import TextureModel
 
 _ORDER: Final = 10
 
@@ -71,7 +70,7 @@ def _polar(heading: FloatArray, turn: FloatArray) -> FloatArray:
 
 def build(
     points: FloatArray,
-    interpolator: Interpolation = "delaunay",
+    interpolator: str = "delaunay",
     space: InputSpace = ANISOTROPIC,
     scale: float = 1.0,
 ) -> TextureModel:

@@ -21,12 +21,11 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
-from mmt.texture.interpolation.interpolant import DELAUNAY, NEAREST, Interpolant
-from mmt.texture.interpolation.delaunay import locate, triangulate
-from mmt.texture.interpolation.radial_basis.network import RadialBasisSettings
-from mmt.texture.interpolation.radial_basis.evaluation import SCRATCH, radial_basis_into
-from mmt.texture.settings import Interpolation
 from mmt.texture.autoregression.split import separate
+from mmt.texture.interpolation.delaunay import locate, triangulate
+from mmt.texture.interpolation.interpolant import DELAUNAY, NEAREST, Interpolant
+from mmt.texture.interpolation.radial_basis.evaluation import SCRATCH, radial_basis_into
+from mmt.texture.interpolation.radial_basis.network import RadialBasisSettings
 from mmt.texture.interpolation.tetrahedra import locate_3d
 
 LARGEST_SCRATCH: Final = SCRATCH
@@ -111,13 +110,13 @@ def _joined(points: FloatArray, values: FloatArray) -> FloatArray:
     return np.ascontiguousarray(np.hstack([points, values]))
 
 
-BUILDERS: Final[Mapping[Interpolation, Builder]] = MappingProxyType(
+BUILDERS: Final[Mapping[str, Builder]] = MappingProxyType(
     {"delaunay": _build_delaunay, "nearest": _build_nearest, "rbf": _build_radial_basis}
 )
 """Every interpolator by its name in the scene."""
 
 
-def load(interpolator: Interpolation) -> None:
+def load(interpolator: str) -> None:
     """Load what an interpolator has compiled, so that no update of a model waits for it."""
     if interpolator == "rbf":
         importlib.import_module("mmt.texture.interpolation.radial_basis.model")

@@ -17,11 +17,16 @@ import numpy.typing as npt
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
+from mmt.texture.autoregression.spectra import lsf_spectrum
+from mmt.texture.field.level_table import TABLE, TABLE_SIZES
+from mmt.texture.field.trend import NO_TREND, fit_trend, without_trend
+from mmt.texture.interpolation.delaunay import Triangulation, triangulate
+from mmt.texture.interpolation.interpolant import Interpolant
+from mmt.texture.interpolation.interpolators import BUILDERS
+from mmt.texture.interpolation.vertices import vertex_table
+from mmt.texture.model.file import pack, unpack
 from mmt.texture.model.fitted import Fitted
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.interpolation.interpolant import Interpolant
-from mmt.texture.interpolation.delaunay import Triangulation, triangulate
-from mmt.texture.interpolation.interpolators import BUILDERS
 from mmt.texture.model.kernel_parameters import (
     DIMENSIONS,
     FORCE_EXPONENT,
@@ -34,13 +39,8 @@ from mmt.texture.model.kernel_parameters import (
     SPEED_EXPONENT,
     filters_into,
 )
-from mmt.texture.field.level_table import TABLE, TABLE_SIZES
-from mmt.texture.model.file import pack, unpack
 from mmt.texture.model.samples import TextureSamples
-from mmt.texture.settings import Interpolated, Interpolation, Level, Shape
-from mmt.texture.autoregression.spectra import lsf_spectrum
-from mmt.texture.field.trend import NO_TREND, fit_trend, without_trend
-from mmt.texture.interpolation.vertices import vertex_table
+from mmt.texture.settings import Interpolated, Level, Shape
 
 if TYPE_CHECKING:
     from mmt.texture.field.level_process import LevelProcess
@@ -86,7 +86,7 @@ class TextureModel:
         samples: TextureSamples,
         *,
         interpolate: Interpolated = "power",
-        interpolator: Interpolation = "delaunay",
+        interpolator: str = "delaunay",
         level: Level = "interpolated",
         shape: Shape = "measured",
         rate_hz: float = 1000.0,
@@ -106,7 +106,7 @@ class TextureModel:
         samples.check()
         self.samples = samples.frozen()
         self.interpolate: Interpolated = interpolate
-        self.interpolator: Interpolation = interpolator
+        self.interpolator = interpolator
         self.rate_hz = float(rate_hz)
         self.points = self.samples.points
         self.points.setflags(write=False)
