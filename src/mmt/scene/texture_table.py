@@ -1,4 +1,4 @@
-"""The scene's table ``[texture]``: the settings of the texture's numerics, and how often it updates.
+"""The scene's table ``[texture]``: the settings of the numerics, and how often a model is updated.
 
 Its keys are the fields of `mmt.texture.settings.TextureSettings`, which pydantic validates by
 their annotations.
