@@ -18,7 +18,7 @@ from mmt.follower.sources import build_source
 from mmt.follower.summary import FollowerSummary
 from mmt.link.access import Access
 from mmt.link.client import FollowerClient, FollowerEvents
-from mmt.link.from_scene import emulated_network, extra_event
+from mmt.link.endpoint import emulated_network, extra_event
 from mmt.link.protocol import FollowerHello
 from mmt.scene import Scene
 from mmt.scene.link_table import Link
@@ -26,7 +26,7 @@ from mmt.scene.link_table import Link
 if TYPE_CHECKING:
     from mmt.core.arrays import RecordArray
     from mmt.follower.feedback import FollowerFeedback
-    from mmt.link.listening import Listener
+    from mmt.link.http import Listener
 
 LOG: Final = logging.getLogger("mmt.follower")
 

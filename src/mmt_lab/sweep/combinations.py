@@ -13,13 +13,13 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Final
 
+from mmt.session.recorded import RecordedSession
 from pydantic import ValidationError
 
 import mmt
 from mmt.core.errors import InputError
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.scene.texture_table import TEXTURE_TABLE, Texture
-from mmt.session.recorded import RecordedSession
 
 RESULTS: Final = "results.jsonl"
 TABLE: Final = "texture"
