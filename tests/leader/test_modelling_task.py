@@ -11,8 +11,8 @@ from frame_samples import made_frames
 
 from mmt.core.arrays import RecordArray
 from mmt.leader.modelling import ModellingTask
-from mmt.texture.online import modellers
 from mmt.texture.completion.distance import CompletionMonitor
+from mmt.texture.online import modellers
 from mmt.texture.online.modeller import ModelUpdate
 from mmt.texture.settings import ModellingSettings
 

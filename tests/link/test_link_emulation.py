@@ -22,8 +22,7 @@ from mmt.link.client import FollowerClient
 from mmt.link.emulation import EmulatedOutbox
 from mmt.link.network import EmulatedNetwork
 from mmt.link.server import LeaderServer
-from mmt.scene.link_table import Link
-from mmt.scene.network_table import Network
+from mmt.scene import Link, Network
 
 
 class Sent:

@@ -12,10 +12,9 @@ from frame_samples import made_frames
 from service_runs import MadeSource, Together, run_session, small_scene
 
 from mmt.core.arrays import RecordArray
-from mmt.devices.protocols import InterfaceState, Vector
-from mmt.testing.simulation.offline import simulate_session
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import CHANNELS, finite_frames
+from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.feedback import StreamedForce
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
@@ -23,6 +22,7 @@ from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
 from mmt.session import read_session, write_session
 from mmt.session.mcap_writer import SessionWriter
+from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
 
 

@@ -5,10 +5,9 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 
-from mmt.core.arrays import RecordArray
 from mmt.contact.energies import EnergyCounts, EnergyReport
 from mmt.contact.passivity import MotionPort, PassivitySettings
-from mmt.devices.protocols import Vector
+from mmt.core.arrays import RecordArray
 from mmt.core.feedback_records import (
     CONTACT,
     CONTACT_DTYPE,
@@ -16,7 +15,8 @@ from mmt.core.feedback_records import (
     ENERGY,
     ENERGY_DTYPE,
 )
-from mmt.scene.feedback_table import ForceFeedback
+from mmt.devices.protocols import Vector
+from mmt.scene import ForceFeedback
 
 _M: Final = 1e-3
 

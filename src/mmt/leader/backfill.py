@@ -5,10 +5,10 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from mmt.core.arrays import RecordArray
+from mmt.core.ranges import Range
 from mmt.leader.missing import MissingFrames, Note
 from mmt.leader.numbering import SessionNumbering
 from mmt.leader.parts import LeaderParts
-from mmt.core.ranges import Range
 
 if TYPE_CHECKING:
     from mmt.link.protocol import FollowerHello

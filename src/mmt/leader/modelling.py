@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Final
 
 from mmt.core.arrays import RecordArray
 from mmt.leader.frame_queue import FrameQueue
-from mmt.texture.online.modellers import Modellers
 from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
+from mmt.texture.online.modellers import Modellers
 from mmt.texture.settings import ModellingSettings
 
 if TYPE_CHECKING:

@@ -6,29 +6,26 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from mmt.core.arrays import RecordArray
-from mmt.scene.device_tables import Actuator, Handle
-from mmt.devices.protocols import LeaderInterface, VibrationActuator
 from mmt.core.errors import MmtError
+from mmt.devices.protocols import LeaderInterface, VibrationActuator
 from mmt.leader.concealment import build_concealment
 from mmt.leader.feedback import Feedback
 from mmt.leader.feedback_choice import build_feedback
 from mmt.leader.playout import PlayoutBuffer
 from mmt.leader.rendering import VibrationSwitch
 from mmt.leader.stream import StreamedMotion, StreamedVibration
-from mmt.scene.link_table import Link
-from mmt.scene import Rendering, Scene, Simulated
-from mmt.scene.texture_table import Texture
+from mmt.scene import Actuator, Handle, Link, Rendering, Scene, Simulated, Texture
 
 if TYPE_CHECKING:
     from mmt.devices.mending import LossCallback, Mended, MendedActuator
     from mmt.leader.handle import OperatorHandle
     from mmt.leader.model_crossfade import ModelCrossfade
     from mmt.leader.modelling import ModellingTask
-    from mmt.web.monitor.tap import MonitorTap
     from mmt.leader.warming import WarmingTask
     from mmt.session.recording import McapRecorder
     from mmt.texture.online.modeller import ModelUpdate
     from mmt.texture.synthesis.synthesizer import Synthesizer
+    from mmt.web.monitor.tap import MonitorTap
 
 
 @dataclass

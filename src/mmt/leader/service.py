@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING, Final
 from mmt.core import logs
 from mmt.core.ending import Ending
 from mmt.core.errors import MmtError
+from mmt.core.process import prefer_even_ticks
+from mmt.core.ticking import Ticker
 from mmt.leader.journal import LOG, Journal
 from mmt.leader.models import ModelUse
 from mmt.leader.parts import LeaderParts, build_parts
 from mmt.leader.remote import RemoteFollower
 from mmt.leader.summary import LeaderStatus, LeaderSummary, RunLog, summarise
 from mmt.leader.tick import LeaderTick
-from mmt.core.process import prefer_even_ticks
 from mmt.scene import Scene
-from mmt.core.ticking import Ticker
 
 if TYPE_CHECKING:
-    from mmt.web.monitor.running import LeaderMonitor
     from mmt.texture.online.modeller import ModelUpdate
+    from mmt.web.monitor.running import LeaderMonitor
 
 _STATUS_PERIOD_S: Final = 0.2
 _LAST_UPDATES_S: Final = 1.0

@@ -6,9 +6,9 @@ from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.errors import FAILED
-from mmt.leader.parts import LeaderParts
 from mmt.core.process import ProcessMeter
 from mmt.core.ticking import TickStatistics, TimeHistogram
+from mmt.leader.parts import LeaderParts
 
 if TYPE_CHECKING:
     from mmt.leader.surface_log import SurfaceLog

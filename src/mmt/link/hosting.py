@@ -7,7 +7,7 @@ from mmt.link.direct import ServerSockets
 from mmt.link.listening import CLOSE_TIMEOUT_S, Listener, guarded_application, make_server
 from mmt.link.pages import Page
 from mmt.link.protocol import PING_TIMEOUT_S
-from mmt.scene.link_table import Link
+from mmt.scene import Link
 
 
 class LinkHost:

@@ -8,7 +8,7 @@ from aiohttp import web
 
 from mmt.core.errors import InputError
 from mmt.link.emulation import EmulatedOutbox
-from mmt.scene.network_table import Network
+from mmt.scene import Network
 from mmt.scene.files import table_from
 
 PATH: Final = "/network"

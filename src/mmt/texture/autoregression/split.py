@@ -26,7 +26,14 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.compiled import kernel
 from mmt.texture.autoregression.burg_recursion import LARGEST_REFLECTION
-from mmt.texture.autoregression.laguerre import LANES, STATE_SIZE, X, begin_search, improve, is_found
+from mmt.texture.autoregression.laguerre import (
+    LANES,
+    STATE_SIZE,
+    X,
+    begin_search,
+    improve,
+    is_found,
+)
 from mmt.texture.autoregression.quotient_difference import add_mass, move_origin
 
 _LEAST_FREQUENCY: Final = 2.0**-100

@@ -8,8 +8,8 @@ and the share of strokes whose level is expected to be right
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
-from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.settings import CriterionScale
+from mmt.texture.signals.aligned import AlignedBlock
 
 if TYPE_CHECKING:
     from mmt.texture.model.texture_model import TextureModel

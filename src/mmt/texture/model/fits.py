@@ -15,11 +15,11 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.autoregression.burg import ReflectionFits, burg_batch
 from mmt.texture.autoregression.effective_length import effective_samples
-from mmt.texture.model.inputs import InputSpace
+from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.autoregression.ordering import choose_order
+from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings

@@ -17,11 +17,16 @@ import numpy.typing as npt
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
+from mmt.texture.autoregression.spectra import lsf_spectrum
+from mmt.texture.field.level_table import TABLE, TABLE_SIZES
+from mmt.texture.field.trend import NO_TREND, fit_trend, without_trend
+from mmt.texture.interpolation.delaunay import Triangulation, triangulate
+from mmt.texture.interpolation.interpolant import Interpolant
+from mmt.texture.interpolation.interpolators import BUILDERS
+from mmt.texture.interpolation.vertices import vertex_table
+from mmt.texture.model.file import pack, unpack
 from mmt.texture.model.fitted import Fitted
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.interpolation.interpolant import Interpolant
-from mmt.texture.interpolation.delaunay import Triangulation, triangulate
-from mmt.texture.interpolation.interpolators import BUILDERS
 from mmt.texture.model.law import (
     DIMENSIONS,
     FORCE_EXPONENT,
@@ -34,13 +39,8 @@ from mmt.texture.model.law import (
     SPEED_EXPONENT,
     filters_into,
 )
-from mmt.texture.field.level_table import TABLE, TABLE_SIZES
-from mmt.texture.model.file import pack, unpack
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.settings import Interpolated, Interpolation, Level, Shape
-from mmt.texture.autoregression.spectra import lsf_spectrum
-from mmt.texture.field.trend import NO_TREND, fit_trend, without_trend
-from mmt.texture.interpolation.vertices import vertex_table
 
 if TYPE_CHECKING:
     from mmt.texture.field.level_process import LevelProcess

@@ -18,20 +18,20 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mmt.core.arrays import FloatArray, RecordArray
-from mmt.texture.completion.distance import distance_sum
 from mmt.texture.completion.criteria import criterion_of
 from mmt.texture.completion.criterion import Criterion, Progress
-from mmt.texture.signals.filtering import StreamFilter
+from mmt.texture.completion.distance import distance_sum
+from mmt.texture.interpolation.interpolators import load
 from mmt.texture.model.fits import Fit, automatic_order, fit_segments, samples_of
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.interpolation.interpolators import load
-from mmt.texture.signals.low_band import LowBand
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.signals.noise_floor import NoiseFloor
+from mmt.texture.online.stopwatch import Stopwatch
 from mmt.texture.segmentation.segmenter import OnlineSegmenter, segmentation_of
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.online.stopwatch import Stopwatch
+from mmt.texture.signals.filtering import StreamFilter
+from mmt.texture.signals.low_band import LowBand
+from mmt.texture.signals.noise_floor import NoiseFloor
 
 if TYPE_CHECKING:
     from mmt.texture.selection.online import OnlineSelection

@@ -26,10 +26,10 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, IntArray
 from mmt.core.errors import InputError
-from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.segmentation.pieces import CELL, cell_moments, stationary_pieces, straight_pieces
 from mmt.texture.segmentation.segments import SampleRange, Segment
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.signals.aligned import AlignedBlock
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,9 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.texture.signals.amplitude_spectra import amplitude_spectrum, scaled_rows
 from mmt.texture.autoregression.forms import ar_to_reflection
 from mmt.texture.autoregression.realisation import realise
+from mmt.texture.signals.amplitude_spectra import amplitude_spectrum, scaled_rows
 
 JND_DB: Final = 20.0 * math.log10(1.17)
 """Just noticeable difference of vibration, 17 % in amplitude (Awan et al., section VII.A)."""

@@ -17,20 +17,12 @@ import numpy as np
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
-from mmt.texture.synthesis.generation import (
-    COMPLEMENT,
-    LARGEST_AMPLITUDE,
-    ORDER,
-    PAST,
-    REFLECTION,
-    WANTED,
-    Generator,
-    scaled,
-)
-from mmt.texture.model.inputs import from_zero, normalise_into
+from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
+from mmt.texture.field.level_table import TABLE_SIZES, tabulated_level
+from mmt.texture.field.trend import trend_at
 from mmt.texture.interpolation.interpolant import DELAUNAY
 from mmt.texture.interpolation.interpolators import LARGEST_SCRATCH, evaluate_into, planar_into
-from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
+from mmt.texture.model.inputs import from_zero, normalise_into
 from mmt.texture.model.law import (
     DIMENSIONS,
     FORCE_EXPONENT,
@@ -41,10 +33,18 @@ from mmt.texture.model.law import (
     PER_SPEED,
     SPEED_EXPONENT,
 )
-from mmt.texture.field.level_table import TABLE_SIZES, tabulated_level
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import LARGEST_ORDER
-from mmt.texture.field.trend import trend_at
+from mmt.texture.synthesis.generation import (
+    COMPLEMENT,
+    LARGEST_AMPLITUDE,
+    ORDER,
+    PAST,
+    REFLECTION,
+    WANTED,
+    Generator,
+    scaled,
+)
 
 _COUNTER = LARGEST_SCRATCH  # scratch: that of the interpolator, samples, where it was found,
 _PLACE = _COUNTER + 1  # then point, level and LSF, work
