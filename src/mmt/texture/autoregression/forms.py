@@ -88,8 +88,8 @@ def ar_to_reflection(ar: FloatArray) -> FloatArray:
 def reflection_to_lsf(reflection: FloatArray) -> FloatArray:
     """Return the line spectral frequencies of reflection coefficients; error about 1e-15.
 
-    See `mmt.texture.autoregression.split` for the method. Frequencies closer than a rounding are moved apart
-    by one.
+    See `mmt.texture.autoregression.split` for the method. Frequencies closer than a rounding are
+    moved apart by one.
 
     Raises
     ------

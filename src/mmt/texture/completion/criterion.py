@@ -1,8 +1,9 @@
 """When a model is good enough to render from, and when to stop modelling: what criteria share.
 
-Two stand behind the one protocol here: the published sum of distances (`mmt.texture.completion.distance`)
-and the share of strokes whose level is expected to be right
-(`mmt.texture.completion.uncertainty`). Which one runs is known to `mmt.texture.completion.criteria` alone.
+Two stand behind the one protocol here: the published sum of distances
+(`mmt.texture.completion.distance`) and the share of strokes whose level is expected to be right
+(`mmt.texture.completion.uncertainty`). Which one runs is known to
+`mmt.texture.completion.criteria` alone.
 """
 
 from dataclasses import dataclass

@@ -22,7 +22,7 @@ from mmt.texture.signals.aligned import AlignedBlock
 
 
 class UncertaintyCriterion(Thresholds):
-    """Judge a model by the uncertainty of its level; see `mmt.texture.completion.criterion.Criterion`.
+    """Judge a model by the uncertainty of its level; see `Criterion`.
 
     Parameters
     ----------

@@ -22,8 +22,8 @@ class Fitted:
     networks
         Settings of the networks of level and filters; empty with another interpolator.
     level
-        Logarithms of the hyperparameters of `mmt.texture.field.level_process.LevelProcess`; None where
-        the level is interpolated.
+        Logarithms of the hyperparameters of `mmt.texture.field.level_process.LevelProcess`; None
+        where the level is interpolated.
     """
 
     trend: Trend

@@ -4,8 +4,8 @@ Awan et al., section V.B: the samples' filters, kept as line spectral frequencie
 at their mean speed and force, both divided by their maxima; the plane is Delaunay
 triangulated, extended by boundary points on its four edges. Abdulali and Jeon (paper B): in
 place of the speed, the velocity vector. What differs between the two is the input space
-(`mmt.texture.model.inputs`) and the interpolator (`mmt.texture.interpolation.interpolators`). A model never
-changes: modelling builds a new one and hands it over by one assignment.
+(`mmt.texture.model.inputs`) and the interpolator (`mmt.texture.interpolation.interpolators`). A
+model never changes: modelling builds a new one and hands it over by one assignment.
 """
 
 from functools import cached_property
@@ -27,7 +27,7 @@ from mmt.texture.interpolation.vertices import vertex_table
 from mmt.texture.model.file import pack, unpack
 from mmt.texture.model.fitted import Fitted
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.model.law import (
+from mmt.texture.model.kernel_parameters import (
     DIMENSIONS,
     FORCE_EXPONENT,
     KIND,
@@ -169,7 +169,8 @@ class TextureModel:
     def level_process(self) -> "LevelProcess | None":
         """The level with its uncertainty, whatever is rendered; None where no sample has power.
 
-        A sample whose length is not known counts as `mmt.texture.autoregression.effective_length.UNKNOWN`.
+        A sample whose length is not known counts as
+        `mmt.texture.autoregression.effective_length.UNKNOWN`.
         """
         from mmt.texture.field.level_process import level_process
 

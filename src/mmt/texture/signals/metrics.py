@@ -2,9 +2,9 @@
 
 A score of amplitude spectra means nothing without the way the spectra were made: raw Fourier
 amplitudes of two realisations of one process score a GFC of only pi/4 on average. Here an
-amplitude spectrum is always Welch's (`mmt.texture.signals.amplitude_spectra`), and `gfc_ceiling` gives
-what a perfect model would score. GFC ignores the level: state `power_error_db` beside it. Numpy
-alone; offline use.
+amplitude spectrum is always Welch's (`mmt.texture.signals.amplitude_spectra`), and `gfc_ceiling`
+gives what a perfect model would score. GFC ignores the level: state `power_error_db` beside it.
+Numpy alone; offline use.
 """
 
 import math
