@@ -19,8 +19,7 @@ from link_samples import (
 
 import mmt.link.emulation
 from mmt.link.client import FollowerClient
-from mmt.link.emulation import EmulatedOutbox
-from mmt.link.network import EmulatedNetwork
+from mmt.link.emulation import EmulatedNetwork, EmulatedSendQueue
 from mmt.link.server import LeaderServer
 from mmt.scene import Link, Network
 
@@ -38,8 +37,8 @@ class Sent:
 
 
 @asynccontextmanager
-async def outbox(capacity: int = 50, **table: Any) -> AsyncIterator[tuple[EmulatedOutbox, Sent]]:
-    box, sent = EmulatedOutbox(capacity, Network(**table), seed=1), Sent()
+async def outbox(capacity: int = 50, **table: Any) -> AsyncIterator[tuple[EmulatedSendQueue, Sent]]:
+    box, sent = EmulatedSendQueue(capacity, Network(**table), seed=1), Sent()
     box.open(sent)
     try:
         yield box, sent

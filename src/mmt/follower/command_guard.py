@@ -5,9 +5,9 @@ from collections.abc import Callable
 from typing import Any, Final, Literal
 
 from mmt.core.arrays import RecordArray
+from mmt.core.logs import RepeatLimit
 from mmt.core.vectors import difference, towards
 from mmt.devices.protocols import Vector
-from mmt.link.log import RateLimit
 from mmt.scene import Link
 
 _COMMAND: Final = struct.Struct("<Iqqq3f")
@@ -65,7 +65,7 @@ class CommandGuard:
         self._recovery_mm = link.recovery_mm_s / rate_hz
         self._limit_mm = link.limit_mm_s / rate_hz
         self._normal = _NORMALS[normal]
-        self._told = RateLimit()
+        self._told = RepeatLimit()
         self._command: Vector | None = None  # came since the last tick
         self._target: Vector = (0.0, 0.0, 0.0)
         self._offset: Vector | None = None  # from the target to where the robot is let be

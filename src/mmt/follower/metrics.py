@@ -15,8 +15,7 @@ from mmt.core.exposition import (
 from mmt.core.ticking import Ticker
 from mmt.link.access import Access
 from mmt.link.client import FollowerClient
-from mmt.link.listening import Listener, guarded_application
-from mmt.link.pages import metrics_page
+from mmt.link.http import Listener, guarded_application, metrics_page
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric

@@ -17,14 +17,14 @@ from mmt.follower.guarded_source import GuardedSource
 from mmt.follower.sources import build_source
 from mmt.link.access import Access
 from mmt.link.client import FollowerClient, FollowerEvents
-from mmt.link.from_scene import emulated_network, extra_event
+from mmt.link.endpoint import emulated_network, extra_event
 from mmt.link.protocol import FollowerHello
 from mmt.scene import Link, Scene
 
 if TYPE_CHECKING:
     from mmt.core.arrays import RecordArray
     from mmt.follower.feedback import FollowerFeedback
-    from mmt.link.listening import Listener
+    from mmt.link.http import Listener
 
 LOG: Final = logging.getLogger("mmt.follower")
 

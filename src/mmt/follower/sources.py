@@ -39,7 +39,7 @@ def _simulated(scene: Scene, table: Simulated) -> FollowerSource:
 def _replay(scene: Scene, table: Replay) -> FollowerSource:
     if table.file is None:
         raise InputError("[replay] names no file: set its key 'file' or give --replay FILE")
-    from mmt.session.reading import read_session
+    from mmt.session.files import read_session
     from mmt.session.replay import ReplaySource
 
     return ReplaySource(

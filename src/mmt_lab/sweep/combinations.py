@@ -19,7 +19,7 @@ import mmt
 from mmt.core.errors import InputError
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.scene import Texture
-from mmt.session.recorded import RecordedSession
+from mmt.session.data import RecordedSession
 
 RESULTS: Final = "results.jsonl"
 TABLE: Final = "texture"

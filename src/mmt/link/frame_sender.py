@@ -1,14 +1,13 @@
-"""The follower's frames: gathered, sent, and kept to be sent again."""
+"""The follower's frames: batched, sent, and buffered so that they can be sent again."""
 
 import struct
 from typing import Final
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import frame_dtype
-from mmt.link.backfilling import Backfiller
-from mmt.link.keeping import KeptFrames
+from mmt.link.backfill import BackfillSender, FrameBuffer
+from mmt.link.endpoint import Endpoint
 from mmt.link.protocol import FRAMES, SETTLE_S, FollowerHello
-from mmt.link.traffic import Traffic
 
 _SEQUENCE: Final = struct.Struct("<I")
 
@@ -24,17 +23,17 @@ class FrameSender:
         Of the follower's side.
     """
 
-    def __init__(self, hello: FollowerHello, traffic: Traffic) -> None:
+    def __init__(self, hello: FollowerHello, traffic: Endpoint) -> None:
         self._traffic = traffic
         self._dtype = frame_dtype(hello.channels)
         self._full_bytes = hello.frames_per_message * self._dtype.itemsize
         self._gathered = bytearray()
         self._last_frame = b""
         keeps = hello.keep_frames
-        self._kept = KeptFrames(self._dtype, keeps) if keeps else None
-        self._backfiller: Backfiller | None = None
+        self._kept = FrameBuffer(self._dtype, keeps) if keeps else None
+        self._backfiller: BackfillSender | None = None
         if self._kept is not None:
-            self._backfiller = Backfiller(self._kept, traffic.outbox)
+            self._backfiller = BackfillSender(self._kept, traffic.outbox)
 
     @property
     def sent(self) -> int:

@@ -1,5 +1,6 @@
-"""Check, count and time the blocks that arrive from the other side."""
+"""Check, count and time the blocks of records that arrive from the other side."""
 
+import logging
 import math
 import struct
 from typing import Any, Final
@@ -7,10 +8,12 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import RecordArray
+from mmt.core.logs import RepeatLimit
 from mmt.core.pacing import JumpBound, shortest_period_ns
 from mmt.core.ticking import TimeHistogram
-from mmt.link.log import LOG, RateLimit
 from mmt.link.protocol import MAX_RECORDS_PER_MESSAGE, argument_of
+
+LOG: Final = logging.getLogger("mmt.link")
 
 _CODES: Final = {"<u4": "I", "<i8": "q", "<f4": "f", "<f8": "d"}
 _WINDOW: Final = 256
@@ -52,7 +55,7 @@ class BlockReader:
         self._dtype = dtype
         self._layout = _layout(dtype)
         self._kind = kind
-        self._limit = RateLimit()
+        self._limit = RepeatLimit()
         self._bound = JumpBound(shortest_ns)
         integers = sum(code in "Iq" for code in self._layout.format)
         self._quantities = slice(integers, None)

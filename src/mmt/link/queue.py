@@ -1,17 +1,26 @@
-"""The bounded queue between a tick that must not wait and a link that may."""
+"""The bounded send queue between a tick that must not wait and a link that may stall.
+
+The kernel and the event loop each buffer hundreds of kilobytes before a send has to wait: seconds
+of frames, which a network that recovers delivers before the first new one. `UnbufferedSend`
+keeps those buffers short, so that messages wait in the queue instead, where they can be dropped
+for newer ones.
+"""
 
 import asyncio
+import socket
 from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine, Generator
 from contextlib import suppress
-from typing import Any, Final
+from typing import Any, Final, Protocol
+
+from aiohttp import ClientWebSocketResponse, web
 
 Sending = Coroutine[Any, Any, None]
 
-_POLL_S: Final = 0.002
+_FLUSH_POLL_S: Final = 0.002
 
 
-class Outbox:
+class SendQueue:
     """Send messages in their order; when full, give up the oldest.
 
     A message goes out as it is put, in the caller's turn of the loop, where the link takes it
@@ -82,7 +91,7 @@ class Outbox:
         with suppress(TimeoutError):
             async with asyncio.timeout(timeout_s):
                 while self.is_open and not self._empty:
-                    await asyncio.sleep(_POLL_S)
+                    await asyncio.sleep(_FLUSH_POLL_S)
 
     @property
     def _empty(self) -> bool:
@@ -189,3 +198,50 @@ class _Begun:
 
 async def _raise(error: Exception) -> None:
     raise error
+
+
+UNSENT_BYTES: Final = 4096
+"""What the kernel takes beyond that which is on its way; some 50 frames."""
+
+_WRITE_POLL_S: Final = 0.001
+
+
+class _Transport(Protocol):
+    def get_write_buffer_size(self) -> int:
+        """Return how many bytes the event loop holds."""
+
+
+class UnbufferedSend:
+    """Send over a WebSocket, and wait while its bytes do not leave for the kernel.
+
+    Parameters
+    ----------
+    websocket
+        That is open.
+    """
+
+    def __init__(self, websocket: ClientWebSocketResponse | web.WebSocketResponse) -> None:
+        self._send = websocket.send_bytes
+        self._transport = _transport_of(websocket)
+        option = getattr(socket, "TCP_NOTSENT_LOWAT", None)
+        connection = websocket.get_extra_info("socket")
+        if option is not None and connection is not None:
+            connection.setsockopt(socket.IPPROTO_TCP, option, UNSENT_BYTES)
+
+    def __call__(self, message: bytes) -> Sending:
+        """Send a message; see `mmt.link.queue.SendQueue.open`."""
+        transport = self._transport
+        return self._send(message) if transport is None else self._wait(message, transport)
+
+    async def _wait(self, message: bytes, transport: _Transport) -> None:
+        await self._send(message)
+        while transport.get_write_buffer_size() > 0:
+            await asyncio.sleep(_WRITE_POLL_S)
+
+
+def _transport_of(
+    websocket: ClientWebSocketResponse | web.WebSocketResponse,
+) -> _Transport | None:
+    """Return what the WebSocket writes to, None where this version of aiohttp hides it."""
+    transport = getattr(getattr(websocket, "_writer", None), "transport", None)
+    return transport if isinstance(transport, asyncio.WriteTransport) else None
