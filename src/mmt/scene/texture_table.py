@@ -1,4 +1,4 @@
-"""The scene's table ``[texture]``: the settings of the numerics, and how often a model is updated.
+"""The scene's table ``[texture]``: settings of the numerics, and how often a model is updated.
 
 Its keys are the fields of `mmt.texture.settings.TextureSettings`, which pydantic validates by
 their annotations.
@@ -10,11 +10,12 @@ from typing import Annotated, ClassVar, Final
 from annotated_types import Ge, Le
 from pydantic import ConfigDict, TypeAdapter
 
+from mmt.scene.table import Part
 from mmt.texture.settings import ModellingSettings, TextureSettings
 
 
 @dataclass(frozen=True)
-class Texture(TextureSettings):
+class Texture(TextureSettings, Part):
     """``[texture]``: segment the stream, fit, and build the model."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid", allow_inf_nan=False)

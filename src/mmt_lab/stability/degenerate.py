@@ -104,13 +104,8 @@ def _polar(heading: FloatArray, turn: FloatArray) -> FloatArray:
 
 def build(
     points: FloatArray,
-<<<<<<< HEAD:src/mmt_lab/stability/anisotropic_samples.py
     interpolator: str = "delaunay",
-    space: InputSpace = ANISOTROPIC,
-=======
-    interpolator: Interpolation = "delaunay",
     space: InputSpace | None = None,
->>>>>>> main:src/mmt_lab/stability/degenerate.py
     scale: float = 1.0,
 ) -> TextureModel:
     """Return a model with random filters of order 10 and random levels.

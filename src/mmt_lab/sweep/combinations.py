@@ -13,13 +13,13 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Final
 
-from mmt.session.recorded import RecordedSession
 from pydantic import ValidationError
 
 import mmt
 from mmt.core.errors import InputError
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.scene.texture_table import TEXTURE_TABLE, Texture
+from mmt.session.data import RecordedSession
 
 RESULTS: Final = "results.jsonl"
 TABLE: Final = "texture"
@@ -114,13 +114,8 @@ def make_jobs(
     jobs = []
     for chosen in settings:
         texture = _texture(base, chosen)
-        origin = [
-            data,
-            TEXTURE_TABLE.dump_python(texture, mode="json"),
-            step_s,
-            seed,
-            mmt.__version__,
-        ]
+        table = TEXTURE_TABLE.dump_python(texture, mode="json")
+        origin = [data, table, step_s, seed, mmt.__version__]
         key = hashlib.sha256(json.dumps(origin, sort_keys=True).encode()).hexdigest()
         jobs.append(Job(key, str(session.path), dict(chosen), texture, step_s, seed))
     return jobs
