@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from mmt.contact.passivity import PassivitySettings
-from mmt.devices.protocols import InterfaceState, Vector
 from mmt.core.feedback_records import CONTACT_DTYPE, CONTACT_GATHERED, ENERGY_DTYPE
-from mmt.scene.feedback_table import ForceFeedback
+from mmt.core.frames import empty_frames
+from mmt.devices.protocols import InterfaceState, Vector
 from mmt.follower.feedback import ContactReporter, PassiveFollower
 from mmt.follower.feedback import build_feedback as follower_feedback
-from mmt.core.frames import empty_frames
 from mmt.leader.feedback import StreamedForce
 from mmt.leader.feedback_choice import build_feedback
 from mmt.leader.feedback_model import ModelForce
 from mmt.leader.feedback_passive import PassiveForce
+from mmt.scene.feedback_table import ForceFeedback
 
 SETTINGS = PassivitySettings()
 

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.contact.passivity import PassivitySettings
-from mmt.devices.protocols import InterfaceState, Vector
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.feedback_records import ENERGY_DTYPE
 from mmt.core.frames import frame_dtype
+from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.feedback import StreamedForce
 from mmt.leader.feedback_model import ModelForce
 from mmt.leader.feedback_passive import PassiveForce

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from mmt.cli.scene.description import describe_scene
 from mmt.core.errors import InputError, MmtError
 from mmt.leader.parts import build_parts
 from mmt.scene import Scene
-from mmt.cli.scene.description import describe_scene
 from mmt.scene.files import load_scene, scene_from_tables
 
 DRIVERS = """

@@ -14,6 +14,13 @@ from hypothesis.extra import numpy as arrays
 from monitor_messages import unpack
 
 from mmt.devices.protocols import InterfaceState
+from mmt.leader.surface_log import SurfaceLog
+from mmt.scene.files import scene_from_tables
+from mmt.texture.completion.criterion import Progress
+from mmt.texture.completion.distance import CompletionMonitor, cell_distances, distance_sum
+from mmt.texture.interpolation.boundary import RIM
+from mmt.texture.model.inputs import ANISOTROPIC
+from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.web.monitor.live import MOST_SAMPLES, LiveMessages
 from mmt.web.monitor.states import (
     completion_header,
@@ -25,14 +32,7 @@ from mmt.web.monitor.states import (
 )
 from mmt.web.monitor.tap import MonitorTap
 from mmt.web.monitor.viewers import MOST_VIEWERS, Viewers
-from mmt.leader.surface_log import SurfaceLog
 from mmt.web.pages.packing import pack
-from mmt.scene.files import scene_from_tables
-from mmt.texture.interpolation.boundary import RIM
-from mmt.texture.completion.distance import CompletionMonitor, cell_distances, distance_sum
-from mmt.texture.completion.criterion import Progress
-from mmt.texture.model.inputs import ANISOTROPIC
-from mmt.texture.model.texture_model import TextureModel, TextureSamples
 
 SCENE = scene_from_tables(
     {"link": {}, "simulated": {}, "hand": {}, "texture": {}, "playout": {}, "actuator": {}}

@@ -3,8 +3,8 @@
 import numpy as np
 
 from mmt.core.arrays import RecordArray
-from mmt.devices.protocols import Vector
 from mmt.core.frames import COMMAND_DTYPE
+from mmt.devices.protocols import Vector
 from mmt.leader.numbering import SessionNumbering
 
 

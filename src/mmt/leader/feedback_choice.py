@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING, Literal
 
-from mmt.scene.feedback_table import ForceFeedback
 from mmt.leader.feedback import Feedback, ForceDisplay, StreamedForce
+from mmt.scene.feedback_table import ForceFeedback
 
 if TYPE_CHECKING:
     from mmt.contact.passivity import PassivitySettings

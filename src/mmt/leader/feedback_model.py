@@ -7,13 +7,13 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from mmt.core.arrays import RecordArray
 from mmt.contact.estimation import ContactEstimator, ContactModel, EstimationSettings
 from mmt.contact.memory import ForceMemory, SmoothSpeed
 from mmt.contact.passivity import PassivitySettings
 from mmt.contact.rendering import LocalContact, RenderingSettings
-from mmt.devices.protocols import InterfaceState, Vector
+from mmt.core.arrays import RecordArray
 from mmt.core.feedback_records import CONTACT, CONTACT_DTYPE
+from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.feedback import ForceDisplay, StreamedForce, limited
 from mmt.leader.ports import GuardedPorts
 from mmt.leader.silence import SILENCE_TICKS

@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from mmt.core.arrays import RecordArray
 from mmt.contact.energies import EnergyCounts, EnergyReport
 from mmt.contact.passivity import PassivitySettings
-from mmt.devices.protocols import InterfaceState
+from mmt.core.arrays import RecordArray
 from mmt.core.feedback_records import ENERGY, ENERGY_DTYPE
+from mmt.devices.protocols import InterfaceState
 from mmt.leader.feedback import ForceDisplay, StreamedForce
 from mmt.leader.ports import GuardedPorts
 from mmt.leader.silence import SILENCE_TICKS

@@ -1,8 +1,8 @@
 """A real handle in the operator's hand, which may be lost and come back somewhere else."""
 
+from mmt.core.vectors import difference, towards
 from mmt.devices.mending import MendedHandle
 from mmt.devices.protocols import InterfaceState, LeaderInterface, Vector
-from mmt.core.vectors import difference, towards
 
 
 class OperatorHandle(MendedHandle):

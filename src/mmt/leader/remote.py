@@ -4,9 +4,11 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from mmt.core.arrays import RecordArray
-from mmt.devices.protocols import Vector
 from mmt.core.ending import Ending
 from mmt.core.errors import FAILED
+from mmt.core.process import ProcessMeter
+from mmt.core.ranges import Range
+from mmt.devices.protocols import Vector
 from mmt.leader.backfill import Backfill
 from mmt.leader.clock_notes import ClockNotes
 from mmt.leader.commands import MotionCommands
@@ -14,8 +16,6 @@ from mmt.leader.journal import Journal
 from mmt.leader.numbering import SessionNumbering
 from mmt.leader.parts import LeaderParts
 from mmt.leader.summary import RunLog
-from mmt.core.process import ProcessMeter
-from mmt.core.ranges import Range
 from mmt.scene import LARGEST_SPEED, Scene
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from typing import Final
 from mmt.core.arrays import RecordArray
 from mmt.leader.concealment import LONGEST_SAMPLES
 from mmt.leader.playout import PlayoutBuffer
-from mmt.texture.signals.biquad import BiquadFilter, bessel_low_pass, butterworth_high_pass
 from mmt.texture.settings import Axis, VibrationAxis
+from mmt.texture.signals.biquad import BiquadFilter, bessel_low_pass, butterworth_high_pass
 
 _AXES: Final[dict[str, int]] = {"x": 0, "y": 1, "z": 2}
 _MOTION_CUTOFF_HZ: Final = 20.0

@@ -19,10 +19,10 @@ from mmt.models import find_model, shipped_models
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.known_textures import into_space
 from mmt.texture.model.library_choice import Choice
-from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.model.samples import TextureSamples
-from mmt.texture.settings import ModellingSettings
+from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.model.warm_start import WarmStart
+from mmt.texture.settings import ModellingSettings
 
 LOOK_FRAMES: Final = 50
 """Frames that are looked at together."""

@@ -15,14 +15,13 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, RecordArray
 from mmt.core.errors import MmtError
-from mmt.texture.online.history import update_blocks
 from mmt.session.recorded import JsonObject
 from mmt.session.windows import SessionWindows
 from mmt.texture.completion.criteria import criterion_of
 from mmt.texture.completion.criterion import Progress
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.modellers import Modellers
-from mmt.texture.online.modeller import ModelUpdate
+from mmt.texture.online.history import update_blocks
+from mmt.texture.online.modeller import ModellerFactory, ModelUpdate
 from mmt.texture.settings import ModellingSettings
 from mmt.web.viewing.snapshots import ModelSnapshots
 
@@ -69,7 +68,7 @@ class Rebuilding:
     ) -> None:
         self._windows = windows
         self._settings = settings
-        self._modellers = Modellers(settings, period_s)
+        self._modellers = ModellerFactory(settings, period_s)
         self._frozen = frozen_spans(windows.events, windows.duration_s)
         self._snapshots = ModelSnapshots()
         self._leave = threading.Event()
