@@ -12,11 +12,11 @@ from typing import Final
 from write_measured import Row, table_rows
 from write_measured import replace as write_table
 
+from mmt.evaluation.grid_errors import SectorErrors
+from mmt.models import FOLDER, SUFFIX
 from mmt.testing.simulation.grained_textures import GRAINED
 from mmt.testing.simulation.surfaces import Surface
-from mmt.evaluation.grid_errors import SectorErrors
 from mmt_lab.shipped_models import build, measure, settings_of, trials_of
-from mmt.models import FOLDER, SUFFIX
 
 PAGE: Final = Path(__file__).resolve().parents[1] / "docs" / "reference" / "shipped-models.md"
 COLUMNS: Final = (

@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 
 from mmt.cli.reporting import evaluate, scene_of
 from mmt.evaluation import figures, growth
+from mmt.evaluation.recorded_surfaces import part_by_surface
 from mmt.evaluation.results import Evaluation
 from mmt.evaluation.surface_figure import surfaces_over_time
-from mmt.evaluation.recorded_surfaces import part_by_surface
 from mmt.session import RecordedSession, read_session
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 

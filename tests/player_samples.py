@@ -13,10 +13,10 @@ import numpy as np
 from monitor_messages import unpack
 
 from mmt.link.access import Access
-from mmt.web.player.player import Player
-from mmt.web.player.results import ResultsFile
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
+from mmt.web.player.player import Player
+from mmt.web.player.results import ResultsFile
 
 NAMES = ("cork", "linen", "slate")
 RMS_M_S2 = (1.0, 2.0, 4.0)

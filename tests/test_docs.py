@@ -97,11 +97,11 @@ def test_every_decision_has_a_number_of_its_own_in_file_title_and_index() -> Non
     numbers = [page.name[:4] for page in pages]
     titles = [re.match(r"# (\d+)\. ", page.read_text(encoding="utf-8")) for page in pages]
     listed = re.findall(
-        r"^(\d+)\. \[.+\]\(decisions/(\d{4})-", INDEX.read_text(encoding="utf-8"), re.MULTILINE
+        r"^- \[(\d+)\. .+\]\(decisions/(\d{4})-", INDEX.read_text(encoding="utf-8"), re.MULTILINE
     )
     assert len(set(numbers)) == len(numbers)
     assert [title and f"{int(title[1]):04}" for title in titles] == numbers
-    assert [(f"{int(place):04}", number) for place, number in listed] == [(n, n) for n in numbers]
+    assert [(f"{int(shown):04}", number) for shown, number in listed] == [(n, n) for n in numbers]
 
 
 def test_pictures_are_small_and_used() -> None:

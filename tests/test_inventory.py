@@ -58,7 +58,10 @@ async def test_a_task_of_a_library_is_named_by_its_package() -> None:
 def test_modules_are_those_that_were_imported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "made_up_at_run_time", types.ModuleType("made_up"))
     modules = Inventory().as_dict()["modules"]
-    assert {"asyncio", "mmt.core.inventory", "numpy"} & set(modules) >= {"asyncio", "mmt.core.inventory"}
+    assert {"asyncio", "mmt.core.inventory", "numpy"} & set(modules) >= {
+        "asyncio",
+        "mmt.core.inventory",
+    }
     assert "made_up_at_run_time" not in modules
 
 

@@ -9,13 +9,13 @@ import pytest
 from typer.testing import CliRunner
 
 from mmt.cli.main import app
+from mmt.core.errors import InputError
+from mmt.models import find_model, shipped_models
+from mmt.rendering import close, open_textures, render, touch
 from mmt.testing.simulation.grained_textures import GRAINED
 from mmt.testing.simulation.textures import get_surface
-from mmt.core.errors import InputError
-from mmt_lab.shipped_models import build, measure, settings_of, trials_of
-from mmt.rendering import close, open_textures, render, touch
-from mmt.models import find_model, shipped_models
 from mmt.texture.model.texture_model import TextureModel
+from mmt_lab.shipped_models import build, measure, settings_of, trials_of
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "reference" / "shipped-models.md"
 ISOTROPIC = {surface.name: surface.isotropic for surface in GRAINED}

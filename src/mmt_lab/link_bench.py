@@ -20,9 +20,9 @@ from multiprocessing.connection import Connection
 from typing import Any, Final
 
 from mmt.core.errors import InputError, MmtError
+from mmt.core.realtime import require_real_time
 from mmt_lab.link_sides import PATIENCE_S, Report, follow, lead
 from mmt_lab.link_traffic import Kind, Measured, Turn
-from mmt.core.realtime import require_real_time
 
 ROUND_S: Final = 1.0
 """Longest turn."""

@@ -15,14 +15,14 @@ import aiohttp
 from aiohttp import web
 
 from mmt.core.arrays import RecordArray
-from mmt_lab.link_traffic import Kind, Measured, Send, Side, Turn, take_turns
 from mmt.core.frames import CHANNELS, COMMAND_DTYPE, frame_dtype
+from mmt.core.process import prefer_even_ticks
+from mmt.core.realtime import be_real_time
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.link.server import LeaderEvents, LeaderServer
 from mmt.scene.link_table import Link
-from mmt.core.process import prefer_even_ticks
-from mmt.core.realtime import be_real_time
+from mmt_lab.link_traffic import Kind, Measured, Send, Side, Turn, take_turns
 
 PATIENCE_S: Final = 60.0
 """How long one process waits for the other."""

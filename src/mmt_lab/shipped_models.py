@@ -5,19 +5,19 @@ from dataclasses import replace
 from typing import Final
 
 from mmt.core.arrays import RecordArray
+from mmt.core.errors import InputError
+from mmt.evaluation.grid_errors import SectorErrors, overall
+from mmt.evaluation.truth import KnownTexture
+from mmt.scene import Scene
+from mmt.scene.hand_table import Hand
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces import Surface
 from mmt.testing.simulation.textures import get_surface
-from mmt.core.errors import InputError
-from mmt.texture.online.history import trials
-from mmt.evaluation.grid_errors import SectorErrors, overall
-from mmt.evaluation.truth import KnownTexture
-from mmt.scene.hand_table import Hand
-from mmt.scene import Scene
+from mmt.texture.autoregression.ordering import choose_order
 from mmt.texture.model.fits import HIGHEST_AUTOMATIC_ORDER
 from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.online.history import trials
 from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.autoregression.ordering import choose_order
 from mmt.texture.settings import Inputs, ModellingSettings
 
 TRIALS: Final = 6

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import pytest
 from device_drivers import run
 
-from mmt.devices import discovery, table
 from mmt.core.errors import MmtError
+from mmt.devices import discovery, table
 
 
 def test_the_list_has_drivers_ports_and_what_is_missing(

@@ -10,9 +10,9 @@ import pytest
 from device_drivers import run
 from typer.testing import Result
 
+from mmt.core.errors import InputError
 from mmt.devices import table
 from mmt.devices.observing import observe
-from mmt.core.errors import InputError
 
 
 def figures_of(drivers: str, name: str, directory: Path, *settings: str) -> tuple[Result, dict]:

@@ -10,9 +10,9 @@ import typer
 from typer.testing import CliRunner, Result
 
 from mmt.cli.main import app
+from mmt.core.errors import InputError
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, UPS, Calibration
 from mmt.devices.calibrations import load_calibration
-from mmt.core.errors import InputError
 
 TRUE = Calibration((1.60, 1.68, 1.75), (0.0345, 0.033, 0.0325))
 

@@ -9,10 +9,10 @@ from scipy.io import wavfile
 from typer.testing import CliRunner, Result
 
 from mmt.cli.main import app
-from mmt.testing.simulation.offline import simulate_session
 from mmt.core.errors import InputError
 from mmt.scene import Scene
 from mmt.session import write_session
+from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel
 
 MODEL = Path("configs/models/plastic.npz")

@@ -8,12 +8,12 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from mmt.cli.main import app
-from mmt.testing.simulation.offline import simulate_session
 from mmt.core.errors import InputError
 from mmt.scene import Scene
 from mmt.session import write_session
-from mmt.texture.model.texture_model import TextureModel
+from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.samples import TextureSamples
+from mmt.texture.model.texture_model import TextureModel
 
 KNOCK_AT = (4000, 9000)
 

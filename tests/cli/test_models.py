@@ -8,19 +8,19 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from mmt.cli.main import app
+from mmt.core.errors import InputError, MmtError
+from mmt.core.frames import empty_frames
+from mmt.scene import Scene
+from mmt.scene.texture_table import Texture
+from mmt.session import write_session
 from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
-from mmt.core.errors import InputError, MmtError
-from mmt.texture.online.history import trials
-from mmt.core.frames import empty_frames
-from mmt.scene import Scene
-from mmt.session import write_session
 from mmt.texture.completion.distance import STOP_DISTANCE, distance_sum
 from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.online.history import trials
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.segmentation.pieces import CELL
-from mmt.scene.texture_table import Texture
 
 DURATION_S = 12.0
 

@@ -4,8 +4,8 @@ import numpy as np
 from typer.testing import CliRunner
 
 from mmt.cli.main import app
-from mmt.testing.simulation.surfaces import surface_from_annotations
 from mmt.session import read_session
+from mmt.testing.simulation.surfaces import surface_from_annotations
 
 
 def simulate(*options):

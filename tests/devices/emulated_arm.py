@@ -5,8 +5,8 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from mmt.testing.emulated.hd import EmulatedHd
 from mmt.core.errors import MmtError
+from mmt.testing.emulated.hd import EmulatedHd
 
 PATIENCE_S = 20.0
 

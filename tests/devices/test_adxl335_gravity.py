@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mmt.core.errors import InputError
 from mmt.devices.adxl335.gravity import (
     GRAVITY_M_S2,
     UPS,
@@ -18,7 +19,6 @@ from mmt.devices.adxl335.gravity import (
     nominal,
     rests_from,
 )
-from mmt.core.errors import InputError
 
 TRUE = Calibration((1.60, 1.68, 1.75), (0.0345, 0.033, 0.0325))
 STILL = (0.002, 0.002, 0.003)

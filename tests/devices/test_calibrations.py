@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from mmt.devices.calibrations import calibration_file, load_calibration, save_calibration
 from mmt.core.errors import InputError, MmtError
+from mmt.devices.calibrations import calibration_file, load_calibration, save_calibration
 
 
 def test_what_is_saved_is_loaded(tmp_path: Path) -> None:

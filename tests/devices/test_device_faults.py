@@ -12,12 +12,12 @@ from nano17_files import write_calibration
 from running_source import RunningSource
 from sensor_reading import read_some, read_until, read_until_fault
 
+from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
-from mmt.testing.emulated.labjack_u6 import EmulatedU6
-from mmt.testing.emulated.net_ft import EmulatedNetFt
 from mmt.devices.loading import load_device
 from mmt.devices.protocols import SampledSensor, Vector
-from mmt.core.errors import DeviceLost, MmtError
+from mmt.testing.emulated.labjack_u6 import EmulatedU6
+from mmt.testing.emulated.net_ft import EmulatedNetFt
 
 if sys.platform != "linux":
     pytest.skip("the emulated ports are for Linux", allow_module_level=True)

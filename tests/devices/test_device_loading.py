@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel, ConfigDict, Field
 
+from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices import table
 from mmt.devices.loading import load_device, read_options
-from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.scene import Scene
 from mmt.scene.files import environment_overrides, scene_from_tables
 

@@ -7,12 +7,12 @@ import pytest
 from synthetic_sensors import MS, SyntheticSensor, Time
 
 from mmt.core.arrays import RecordArray
+from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices import ports as ports_module
 from mmt.devices import source as source_module
 from mmt.devices.protocols import SensorReading, Vector
 from mmt.devices.reconnecting import Reasons
 from mmt.devices.source import DeviceSource
-from mmt.core.errors import DeviceLost, MmtError
 
 
 class Arm:

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from synthetic_sensors import MS, START_NS, SyntheticSensor
 
 from mmt.core.arrays import RecordArray
+from mmt.core.frames import frame_dtype
 from mmt.devices.clocks import SensorClock
 from mmt.devices.holding_back import ReadingAges
 from mmt.devices.merging import FrameMerger, Lane, PolledLane
 from mmt.devices.probing import PROBES_HZ
 from mmt.devices.protocols import SensorReading
-from mmt.core.frames import frame_dtype
 
 DTYPE = np.dtype([("sequence", "u4"), ("time_ns", "i8"), ("force_n", "f8", (3,))])
 TRANSPORT_NS = 20_000

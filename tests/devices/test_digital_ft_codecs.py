@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mmt.core.errors import MmtError
 from mmt.devices.ati.digital_clock import CountingClock
 from mmt.devices.ati.digital_records import SIZE, RecordStream, pack_record
 from mmt.devices.ati.digital_registers import (
@@ -25,7 +26,6 @@ from mmt.devices.ati.modbus import (
     registers_of,
     write_request,
 )
-from mmt.core.errors import MmtError
 
 MS = 1_000_000
 GAUGES = st.tuples(*[st.integers(-32768, 32767)] * 6)

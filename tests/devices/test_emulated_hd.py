@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from mmt.testing.emulated.hd import EmulatedHd, build_library
+from mmt.core.errors import MmtError
 from mmt.devices.openhaptics.constants import (
     CURRENT_FORCE,
     CURRENT_POSITION,
@@ -16,7 +16,7 @@ from mmt.devices.openhaptics.constants import (
 )
 from mmt.devices.openhaptics.library import CALLBACK, Stack, Vector3, open_stack
 from mmt.devices.openhaptics.sentences import name_of
-from mmt.core.errors import MmtError
+from mmt.testing.emulated.hd import EmulatedHd, build_library
 
 
 @pytest.fixture

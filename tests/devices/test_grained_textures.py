@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
+from mmt.core.errors import InputError
 from mmt.testing.simulation.grain import Grain
 from mmt.testing.simulation.grained_textures import CANVAS, CORDUROY, GRAINED, RIDGED_PLASTIC
 from mmt.testing.simulation.instruments import Instruments
@@ -16,7 +17,6 @@ from mmt.testing.simulation.robot import TipState
 from mmt.testing.simulation.surfaces import Surface, surface_from_annotations
 from mmt.testing.simulation.textures import SURFACES, get_surface
 from mmt.testing.simulation.vibration import Vibration
-from mmt.core.errors import InputError
 
 FREQUENCIES_HZ = np.linspace(5.0, 495.0, 981)
 DIRECTED = [surface for surface in GRAINED if not surface.isotropic]

@@ -12,12 +12,12 @@ from scipy import signal
 from typer.testing import CliRunner
 
 from mmt.cli.main import app
+from mmt.core.errors import InputError
 from mmt.devices.calibrations import save_calibration
 from mmt.devices.haptuator.drive import VoltageDrive
 from mmt.devices.haptuator.equalising import TAPS, Equaliser, fit_equaliser, sweep
 from mmt.devices.haptuator.level import level_of, store_level
 from mmt.devices.haptuator.options import HaptuatorOptions
-from mmt.core.errors import InputError
 
 
 def actuator(volts: np.ndarray) -> np.ndarray:

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import signal
 
+from mmt.core.errors import InputError
 from mmt.devices.haptuator.drive import VoltageDrive
 from mmt.devices.haptuator.interpolation import AFTER, BEFORE, Interpolator, tap_table
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.haptuator.pulling import Puller
 from mmt.devices.loading import read_options
-from mmt.core.errors import InputError
 
 
 def drive(**changes: float) -> VoltageDrive:

@@ -14,7 +14,7 @@ pytest.importorskip("pty", reason="the sketch runs on a pseudo-terminal")
 
 from sketches import FIRMWARE, check_whole, compiled, needs_compiler, running
 
-from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard
+from mmt.core.errors import DeviceLost
 from mmt.devices.haptuator.framing import (
     FULL_SCALE,
     MOST_SAMPLES,
@@ -25,7 +25,7 @@ from mmt.devices.haptuator.framing import (
     encode,
 )
 from mmt.devices.loading import load_device
-from mmt.core.errors import DeviceLost
+from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard
 
 SKETCH = FIRMWARE / "haptuator" / "haptuator.ino"
 

@@ -9,15 +9,15 @@ import types
 import numpy as np
 import pytest
 
-from mmt.testing.emulated.haptuator import EmulatedHaptuator
-from mmt.testing.emulated.sound_card import EmulatedSoundCard
+from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.haptuator.library import load_sounddevice
 from mmt.devices.haptuator.sound import SoundHaptuator, SoundOptions
 from mmt.devices.loading import load_device
 from mmt.devices.mending import MendedActuator
-from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.leader.parts import build_parts
 from mmt.scene.files import scene_from_tables
+from mmt.testing.emulated.haptuator import EmulatedHaptuator
+from mmt.testing.emulated.sound_card import EmulatedSoundCard
 
 OPTIONS = {"volts_per_m_s2": 0.1, "full_scale_v": 6.0}
 

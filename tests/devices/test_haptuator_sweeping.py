@@ -10,13 +10,13 @@ import pytest
 from typer.testing import CliRunner
 
 from mmt.cli.main import app
-from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard
+from mmt.core.errors import InputError, MmtError
 from mmt.devices.haptuator import sweeping
 from mmt.devices.haptuator.equalising import fit_equaliser
 from mmt.devices.haptuator.sweeping import SweepSettings, record_sweep
 from mmt.devices.loading import load_device
 from mmt.devices.protocols import ActuatorStatistics, SensorReading
-from mmt.core.errors import InputError, MmtError
+from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard
 
 GAIN = 20.0
 DELAY = 8.0

@@ -14,13 +14,13 @@ from nano17_files import write_calibration
 from running_source import RunningSource
 from sensor_reading import read_some, read_until
 
+from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
-from mmt.testing.emulated.labjack_u6 import EmulatedU6
 from mmt.devices.labjack import sharing
 from mmt.devices.labjack.packets import Channel
 from mmt.devices.labjack.voltages import U6Voltages
 from mmt.devices.loading import load_device
-from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.testing.emulated.labjack_u6 import EmulatedU6
 
 WAVE_HZ = 5.0
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from sensor_reading import read_some, read_until, read_until_fault
 
+from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.ati import net_ft as net_ft_module
 from mmt.devices.ati import sensor as sensor_module
 from mmt.devices.ati.net_ft import NetFt, NetFtOptions, net_ft
@@ -22,9 +23,8 @@ from mmt.devices.ati.net_records import (
     request,
 )
 from mmt.devices.ati.net_settings import filter_delay_ns, parse_page, parse_settings
-from mmt.testing.emulated.net_ft import EmulatedNetFt
 from mmt.devices.loading import load_device
-from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.testing.emulated.net_ft import EmulatedNetFt
 
 PAGE = """<?xml version="1.0" encoding="utf-8"?><netft><setuserfilter>4</setuserfilter>
 <cfgcpf>1000000</cfgcpf><cfgcpt>2000</cfgcpt><scfgfu>N</scfgfu><scfgtu>Nm</scfgtu>

@@ -8,10 +8,10 @@ from emulated_arm import emulated_arm, until
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmt.testing.emulated.hd import EmulatedHd
+from mmt.core.errors import DeviceLost, InputError
 from mmt.devices.loading import load_device
 from mmt.devices.openhaptics.handle import HandForce, OpenHapticsHandle
-from mmt.core.errors import DeviceLost, InputError
+from mmt.testing.emulated.hd import EmulatedHd
 
 emulated = emulated_arm
 

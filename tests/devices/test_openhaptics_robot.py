@@ -10,14 +10,14 @@ from collections.abc import Callable, Iterator
 import pytest
 from emulated_arm import emulated_arm, until
 
+from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices import discovery
 from mmt.devices.discovery import FoundPort
-from mmt.testing.emulated.hd import EmulatedHd
 from mmt.devices.loading import load_device
 from mmt.devices.openhaptics.library import Stack
 from mmt.devices.openhaptics.measuring import JUMP, NOT_FINITE, OUT_OF_REACH
 from mmt.devices.openhaptics.robot import OpenHapticsRobot
-from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.testing.emulated.hd import EmulatedHd
 
 ENCODER_RESET, AUTO, INKWELL = 1, 2, 4
 NEEDS_UPDATE, NEEDS_HANDS = 0x5001, 0x5002

@@ -5,8 +5,8 @@ import time
 
 import pytest
 
-from mmt.devices.probing import LoopTimer, Retry
 from mmt.core.timer_file import open_timer
+from mmt.devices.probing import LoopTimer, Retry
 
 PATIENCE_S = 20.0
 

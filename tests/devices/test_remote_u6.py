@@ -6,11 +6,11 @@ from itertools import pairwise
 
 import pytest
 
+from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.adxl335.u6_driver import U6Adxl335
+from mmt.devices.protocols import SensorReading
 from mmt.testing.emulated.labjack_u6 import EmulatedU6
 from mmt.testing.emulated.remote_u6 import RemoteU6, U6Server
-from mmt.devices.protocols import SensorReading
-from mmt.core.errors import DeviceLost, MmtError
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from mmt.testing.simulation.actuator import SimulatedActuator
 from mmt.core.errors import InputError
+from mmt.testing.simulation.actuator import SimulatedActuator
 
 
 def test_statistics_of_lists_and_arrays():

@@ -6,6 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from mmt.core.errors import InputError
+from mmt.follower.sources import build_source
+from mmt.scene import Scene, Simulated
 from mmt.testing.simulation.course import (
     SETTLED_TICKS,
     CourseChange,
@@ -15,9 +18,6 @@ from mmt.testing.simulation.course import (
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces import surface_from_annotations
 from mmt.testing.simulation.textures import get_surface
-from mmt.core.errors import InputError
-from mmt.follower.sources import build_source
-from mmt.scene import Scene, Simulated
 
 LINKED = {"link": {}, "recording": {}}
 THREE = [get_surface(name) for name in ("glass", "sandpaper", "wood")]

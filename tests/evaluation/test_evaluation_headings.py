@@ -5,20 +5,20 @@ import json
 import numpy as np
 import pytest
 
-from mmt.testing.simulation.grain import Grain
-from mmt.testing.simulation.modes import Resonance
-from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.surfaces import Surface
-from mmt.testing.simulation.textures import get_surface
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.grid_errors import GridErrors, by_heading
 from mmt.evaluation.report import write_report
 from mmt.evaluation.strokes import Strokes, all_headings
 from mmt.evaluation.table import heading_tables
 from mmt.evaluation.truth import KnownTexture
-from mmt.scene.hand_table import Hand
 from mmt.scene import Scene
+from mmt.scene.hand_table import Hand
 from mmt.session import RecordedSession
+from mmt.testing.simulation.grain import Grain
+from mmt.testing.simulation.modes import Resonance
+from mmt.testing.simulation.offline import simulate_session
+from mmt.testing.simulation.surfaces import Surface
+from mmt.testing.simulation.textures import get_surface
 from mmt.texture.settings import ModellingSettings
 
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from mmt.testing.simulation.offline import simulate_session
 from mmt.core.errors import InputError
+from mmt.core.frames import empty_frames
 from mmt.evaluation import figures, growth, tables
 from mmt.evaluation.document import (
     Heading,
@@ -28,10 +28,10 @@ from mmt.evaluation.document import (
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.report import environment, write_report
 from mmt.evaluation.table import evaluation_table, step_table
-from mmt.core.frames import empty_frames
-from mmt.scene.hand_table import Hand
 from mmt.scene import Scene
+from mmt.scene.hand_table import Hand
 from mmt.session import RecordedSession
+from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.settings import ModellingSettings
 
 PNG = b"\x89PNG\r\n\x1a\n"

@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mmt.testing.simulation.offline import simulate_session
 from mmt.core.errors import InputError
-from mmt.texture.online.history import build, update_blocks
+from mmt.core.frames import empty_frames
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.held_out import choose_held_out, outside
 from mmt.evaluation.results import evaluations_as_dict
-from mmt.core.frames import empty_frames
-from mmt.scene.hand_table import Hand
 from mmt.scene import Scene
+from mmt.scene.hand_table import Hand
 from mmt.session import RecordedSession
+from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.completion.distance import FARTHEST
+from mmt.texture.online.history import build, update_blocks
 from mmt.texture.settings import ModellingSettings
 
 SETTINGS = ModellingSettings(order=8)

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from mmt.testing.simulation.modes import Resonance
-from mmt.testing.simulation.surfaces import Surface
-from mmt.testing.simulation.textures import SURFACES, get_surface
 from mmt.evaluation.levels import level_error_db
 from mmt.evaluation.strokes import GRID_FORCE_N, GRID_SPEED_MM_S, Strokes
 from mmt.evaluation.truth import KnownTexture, known_texture
+from mmt.testing.simulation.modes import Resonance
+from mmt.testing.simulation.surfaces import Surface
+from mmt.testing.simulation.textures import SURFACES, get_surface
 from mmt.texture.autoregression.forms import ar_to_lsf
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import ModellingSettings

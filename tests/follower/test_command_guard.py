@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.core.arrays import RecordArray
+from mmt.core.frames import COMMAND_DTYPE
 from mmt.devices.protocols import Vector
 from mmt.follower.guarding import CommandGuard
-from mmt.core.frames import COMMAND_DTYPE
 from mmt.scene.link_table import Link
 
 HOME = (0.0, 0.0, 5.0)

@@ -7,8 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from mmt_lab.bench import STAGES
-from mmt_lab.bench import peers
+from mmt_lab.bench import STAGES, peers
 from mmt_lab.bench.measuring import call_times, interleave, machine, spread
 from mmt_lab.bench.results import (
     Axis,

@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from mmt_lab.bench import filters
-from mmt_lab.bench import references
-from mmt_lab.bench import signals
+from mmt_lab.bench import filters, references, signals
 
 
 def test_burg_of_a_signal_that_is_worked_out_by_hand():

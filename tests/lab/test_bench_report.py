@@ -7,6 +7,8 @@ import pytest
 from rich.console import Console
 
 from mmt.core.errors import InputError
+from mmt.evaluation.document import Table
+from mmt.evaluation.table import as_rich
 from mmt_lab.bench.presenting import (
     narrow_panel_table,
     panel_table,
@@ -25,8 +27,6 @@ from mmt_lab.bench.results import (
     StageResult,
     Target,
 )
-from mmt.evaluation.document import Table
-from mmt.evaluation.table import as_rich
 
 TIME, ERROR = Axis("time (µs)", "µs"), Axis("error", "error")
 

@@ -4,21 +4,23 @@ import json
 
 import pytest
 
-from mmt_lab.bench import burg
-from mmt_lab.bench import conceal
-from mmt_lab.bench import contact
-from mmt_lab.bench import interpolation
-from mmt_lab.bench import lines
-from mmt_lab.bench import networks
-from mmt_lab.bench import order
-from mmt_lab.bench import pipeline
-from mmt_lab.bench import signals
-from mmt_lab.bench import synthesis
-from mmt_lab.bench import update
+from mmt.evaluation.figures import to_png
+from mmt_lab.bench import (
+    burg,
+    conceal,
+    contact,
+    interpolation,
+    lines,
+    networks,
+    order,
+    pipeline,
+    signals,
+    synthesis,
+    update,
+)
 from mmt_lab.bench.network_methods import DELAUNAY, OURS
 from mmt_lab.bench.plotting import stage_figure
 from mmt_lab.bench.results import LeftOut
-from mmt.evaluation.figures import to_png
 
 PLANS = {
     "burg": (

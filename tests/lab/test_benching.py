@@ -4,11 +4,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from mmt_lab.cli import benching
-from mmt_lab.cli.benching import run_benches
 from mmt.cli.main import app
 from mmt.core.errors import InputError, MmtError
 from mmt_lab.bench.results import StageResult, Target
+from mmt_lab.cli import benching
+from mmt_lab.cli.benching import run_benches
 
 
 def test_an_unknown_stage_is_explained() -> None:

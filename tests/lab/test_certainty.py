@@ -5,6 +5,8 @@ import json
 import numpy as np
 import pytest
 
+from mmt.texture.completion.grid import completion_grid
+from mmt.texture.settings import START_SHARE, STOP_SHARE
 from mmt_lab.methods.cases import Case
 from mmt_lab.methods.certainty import (
     DEVIATIONS_DB,
@@ -25,8 +27,6 @@ from mmt_lab.methods.certainty_tables import (
 from mmt_lab.methods.judging import blocks_of
 from mmt_lab.methods.summary import MethodComparison
 from mmt_lab.methods.tables import method_tables, write_method_report
-from mmt.texture.completion.grid import completion_grid
-from mmt.texture.settings import START_SHARE, STOP_SHARE
 
 
 def certainty(expected: list[float], true: list[float], *, start_s: float | None = 4.0):

@@ -9,8 +9,9 @@ import pytest
 from typer.testing import CliRunner
 
 from mmt.cli.main import app
-from mmt.testing.simulation.textures import SURFACES
 from mmt.core.errors import InputError
+from mmt.scene.network_table import Network
+from mmt.testing.simulation.textures import SURFACES
 from mmt_lab.felt.judging import Reference
 from mmt_lab.felt.leading import (
     at_once,
@@ -22,7 +23,6 @@ from mmt_lab.felt.leading import (
 from mmt_lab.felt.passing import NEVER_TICK, Passage, pass_over
 from mmt_lab.felt.summary import Case, Outcome, by_second, feel, rows
 from mmt_lab.felt.warming import library_without, shipped_library, warm_models
-from mmt.scene.network_table import Network
 
 PLASTIC = SURFACES["plastic"]
 

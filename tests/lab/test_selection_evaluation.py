@@ -6,11 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mmt.testing.simulation.textures import get_surface
 from mmt.core.errors import InputError
-from mmt_lab.selection import running
-from mmt_lab.selection import scaling
-from mmt_lab.selection import tables
+from mmt.testing.simulation.textures import get_surface
+from mmt_lab.selection import running, scaling, tables
 from mmt_lab.selection.knocks import SAMPLES, add_knock, read_knocks, simulated_knock
 from mmt_lab.selection.trials import Strokes, simulate_trials, vibrate
 

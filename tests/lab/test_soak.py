@@ -12,16 +12,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt_lab.cli import soaking
 from mmt.core.errors import InputError
+from mmt.core.frames import frame_dtype
+from mmt.scene.network_table import Network
+from mmt.session import write_session
+from mmt_lab.cli import soaking
 from mmt_lab.soak.drift import by_window, drift, outside
 from mmt_lab.soak.faults import CUT, LENGTHS_S, NETWORKS, RESTART, Fault, plan_faults
 from mmt_lab.soak.judging import Happened, Observed, Sample, judge, table
 from mmt_lab.soak.proxy import Proxy
 from mmt_lab.soak.recorded import Gap, Readback, find_gaps, read_back
-from mmt.core.frames import frame_dtype
-from mmt.scene.network_table import Network
-from mmt.session import write_session
 
 # --- faults
 

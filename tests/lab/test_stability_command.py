@@ -10,9 +10,7 @@ from typer.testing import CliRunner
 
 from mmt.cli import main
 from mmt.core.errors import InputError
-from mmt_lab.stability import contact
-from mmt_lab.stability import families
-from mmt_lab.stability import models
+from mmt_lab.stability import contact, families, models
 from mmt_lab.stability.cases import Case, Outcome, Row, broken, run_case
 from mmt_lab.stability.families import FAMILIES, load_cases
 from mmt_lab.stability.report import (

@@ -9,8 +9,7 @@ import pytest
 from mmt.contact.integrators import INTEGRATORS
 from mmt.contact.normal import Drive
 from mmt.testing.simulation.robot import DISSIPATION_S_M, tip_drive
-from mmt_lab.stability import closed_loop
-from mmt_lab.stability import contact
+from mmt_lab.stability import closed_loop, contact
 from mmt_lab.stability.cases import Case, run_case
 from mmt_lab.stability.closed_loop import loop_on, run_loop
 from mmt_lab.stability.contact import impact_growth, wall

@@ -6,15 +6,11 @@ import numpy as np
 import pytest
 from spectrum import arburg
 
-from mmt_lab.stability import anisotropic
-from mmt_lab.stability import autoregression
-from mmt_lab.stability import lines
-from mmt_lab.stability import models
-from mmt_lab.stability import networks
-from mmt_lab.stability.cases import Case, run_case
-from mmt_lab.stability.exact import exact_burg, exact_residual
 from mmt.texture.autoregression.burg import ReflectionFit, burg
 from mmt.texture.model.texture_model import TextureModel
+from mmt_lab.stability import anisotropic, autoregression, lines, models, networks
+from mmt_lab.stability.cases import Case, run_case
+from mmt_lab.stability.exact import exact_burg, exact_residual
 
 
 def those_that_do_not_hold(family: str, cases: list[Case]) -> list[str]:

@@ -11,14 +11,20 @@ from scipy.stats import poisson
 from typer.testing import CliRunner
 
 from mmt.cli.main import app
+from mmt.core.errors import InputError
+from mmt.evaluation.recorded_surfaces import part_by_surface
+from mmt.evaluation.surface_blocks import account, stay_table
+from mmt.scene import Scene
+from mmt.scene.files import scene_from_tables
+from mmt.session.recorded import RecordedSession
+from mmt.session.writing import export_session, write_session
 from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces import surface_from_annotations
 from mmt.testing.simulation.textures import get_surface
-from mmt.core.errors import InputError
+from mmt.texture.settings import ModellingSettings, SurfaceSettings
+from mmt.texture.surfaces import SurfaceChange
 from mmt_lab.surfaces import running
-from mmt.evaluation.surface_blocks import account, stay_table
-from mmt.evaluation.recorded_surfaces import part_by_surface
 from mmt_lab.surfaces.running import (
     SurfaceResult,
     draw_surfaces,
@@ -27,12 +33,6 @@ from mmt_lab.surfaces.running import (
 )
 from mmt_lab.surfaces.scoring import Found, SurfaceScore, score
 from mmt_lab.surfaces.tables import SurfaceEvaluation, surface_tables, verdicts
-from mmt.scene import Scene
-from mmt.scene.files import scene_from_tables
-from mmt.session.recorded import RecordedSession
-from mmt.session.writing import export_session, write_session
-from mmt.texture.settings import ModellingSettings, SurfaceSettings
-from mmt.texture.surfaces import SurfaceChange
 
 SECOND = 1000
 

@@ -9,8 +9,10 @@ import pytest
 from typer.testing import CliRunner
 
 from mmt.cli import main
-from mmt_lab.cli import sweeping
 from mmt.core.errors import InputError, MmtError
+from mmt.scene.texture_table import Texture
+from mmt.session import RecordedSession, write_session
+from mmt_lab.cli import sweeping
 from mmt_lab.sweep.combinations import (
     Outcome,
     SweepResults,
@@ -19,8 +21,6 @@ from mmt_lab.sweep.combinations import (
     make_jobs,
 )
 from mmt_lab.sweep.running import run_locally, run_on_dask
-from mmt.session import RecordedSession, write_session
-from mmt.scene.texture_table import Texture
 
 CHOICES = ("texture.order=6,9", "texture.interpolate=power")
 

@@ -1,4 +1,4 @@
-"""The modelling's tasks: what they give to a modeller, when, what they drop, and what comes of it."""
+"""The modelling's tasks: what they give to a modeller, when, and what they drop."""
 
 import asyncio
 import threading
@@ -319,10 +319,10 @@ def described(update: ModelUpdate) -> tuple[Any, ...]:
 
 @pytest.mark.parametrize("name", list(TEXTURES))
 async def test_the_tasks_make_the_model_of_an_offline_pass_to_the_bit(name: str) -> None:
-    scene = scene_from_tables({"simulated": {}, "texture": TEXTURES[name]})
-    frames, _ = simulate_session(scene, "plastic", 5.0 if name == "surfaces" else 8.0)
+    scene = scene_from_tables({"link": {}, "simulated": {}, "hand": {}, "texture": TEXTURES[name]})
+    frames, _ = simulate_session(scene, "plastic", 3.0 if name == "surfaces" else 5.0)
     if name == "surfaces":
-        frames = both_surfaces(frames, simulate_session(scene, "felt", 5.0)[0])
+        frames = both_surfaces(frames, simulate_session(scene, "felt", 3.0)[0])
     assert scene.texture is not None
     settings = scene.texture.settings(1000.0)
     factory = ModellerFactory(settings, 0.5)

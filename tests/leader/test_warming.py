@@ -11,7 +11,7 @@ from mmt.leader.warming import WarmingTask, load_library
 from mmt.models import shipped_models
 from mmt.scene import Scene
 from mmt.testing.simulation.offline import simulate_session
-from mmt.texture.model.library_choice import Choice
+from mmt.texture.library.identification import Choice
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 

@@ -11,8 +11,8 @@ from library_samples import directed, model
 
 from mmt.core.errors import InputError, MmtError
 from mmt.rendering import close, open_textures, render, touch
-from mmt.texture.synthesis.generation import estimate
 from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.synthesis.generation import estimate
 
 
 def expected_rms(of: TextureModel, *inputs: float) -> float:

@@ -11,12 +11,12 @@ from link_samples import CHANNELS, FollowerNotes, LeaderNotes, follower, frames,
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import frame_dtype
+from mmt.core.ranges import Range
 from mmt.link.backfilling import FRAMES_PER_MESSAGE, Backfiller
 from mmt.link.events import LeaderEvents
 from mmt.link.keeping import KeptFrames
 from mmt.link.outbox import Outbox
 from mmt.link.protocol import BACKFILL, GONE, MAX_RANGES, encode_event, ranges_of_payload
-from mmt.core.ranges import Range
 
 DTYPE = frame_dtype(CHANNELS)
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from mmt.core.arrays import RecordArray
+from mmt.core.frames import frame_dtype
 from mmt.devices.protocols import Vector
 from mmt.follower import service as follower_service
 from mmt.follower.service import FollowerService
 from mmt.follower.summary import FollowerSummary
-from mmt.core.frames import frame_dtype
 from mmt.leader.service import LeaderService
 from mmt.leader.summary import LeaderSummary
 from mmt.link.server import LeaderServer

@@ -11,16 +11,16 @@ from frame_samples import made_frames
 from service_runs import Together, small_scene
 from wire_relay import relay
 
-from mmt.testing.simulation.offline import simulate_session
+from mmt.core.frames import CHANNELS
 from mmt.follower.service import FollowerService
 from mmt.follower.summary import FollowerSummary
-from mmt.core.frames import CHANNELS
 from mmt.leader.summary import LeaderSummary
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
 from mmt.session import RecordedSession, read_session, write_session
+from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel
 
 SPEED = 2.0

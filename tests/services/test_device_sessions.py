@@ -11,8 +11,8 @@ import pytest
 from instruments import Instrument
 from service_runs import Together, small_scene
 
-from mmt.devices.protocols import SensorReading
 from mmt.core.errors import DeviceLost, MmtError
+from mmt.devices.protocols import SensorReading
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
 from mmt.session import read_session

@@ -9,13 +9,13 @@ from instruments import Instrument
 from service_runs import small_scene
 
 from mmt.core.arrays import RecordArray
+from mmt.core.errors import InputError, MmtError
+from mmt.core.frames import CHANNELS
 from mmt.devices.loading import load_device
 from mmt.devices.protocols import DeviceBackedSource, FrameTaker
 from mmt.devices.source import DeviceSource
-from mmt.core.errors import InputError, MmtError
 from mmt.follower.driving import DrivenSource
 from mmt.follower.sources import build_source
-from mmt.core.frames import CHANNELS
 
 
 def made(**failures: Exception) -> tuple[DeviceSource, list[Instrument]]:

@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 from service_runs import Together, small_scene
 
-from mmt.testing.emulated.haptuator import EmulatedHaptuator
-from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard
-from mmt.testing.emulated.hd import EmulatedHd
 from mmt.core.errors import MmtError
 from mmt.scene import Scene
 from mmt.session import read_session
+from mmt.testing.emulated.haptuator import EmulatedHaptuator
+from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard
+from mmt.testing.emulated.hd import EmulatedHd
 
 RECOVERY_MM_S = 50.0
 

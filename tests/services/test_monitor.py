@@ -11,8 +11,8 @@ from frame_samples import made_frames
 from monitor_browser import Browser, address, monitored, open_browser, until
 from service_runs import MadeSource, Together, small_scene
 
-from mmt.web.monitor.viewers import MOST_VIEWERS
 from mmt.link.access import TOKEN_VARIABLE
+from mmt.web.monitor.viewers import MOST_VIEWERS
 
 TOKEN = "a token that nobody guesses"
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from service_runs import Together, small_scene
 
-from mmt.testing.simulation.offline import simulate_session
 from mmt.scene import Scene
-from mmt.session import write_session
 from mmt.scene.texture_table import Selection
+from mmt.session import write_session
+from mmt.testing.simulation.offline import simulate_session
 
 KNOCKS = (2500, 5100, 9100, 12400)
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from service_runs import run_session
 
-from mmt.testing.emulated.hd import EmulatedHd
 from mmt.core.errors import MmtError
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
 from mmt.session import read_session
+from mmt.testing.emulated.hd import EmulatedHd
 
 
 @pytest.fixture

@@ -9,11 +9,11 @@ import pytest
 from service_processes import Service, session, streamed_s
 
 from mmt.cli import follower, leader, main
-from mmt_lab.cli import realtime_gain
 from mmt.cli.common import run_app
 from mmt.cli.demo import DemoRun
 from mmt.core.errors import MmtError
 from mmt.core.realtime import require_real_time
+from mmt_lab.cli import realtime_gain
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Linux's scheduler is asked")
 

@@ -12,8 +12,8 @@ from frame_samples import made_frames
 from service_runs import MadeSource, Together, small_scene
 
 from mmt.core.arrays import RecordArray
-from mmt.devices.protocols import Vector
 from mmt.core.frames import frame_dtype
+from mmt.devices.protocols import Vector
 from mmt.session import read_session
 
 

@@ -11,15 +11,15 @@ import pytest
 from service_runs import Together, small_scene
 
 from mmt.core.arrays import RecordArray
-from mmt.devices.protocols import Vector
-from mmt.testing.simulation.course import CourseChange, SurfaceCourse
-from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.textures import get_surface
 from mmt.core.errors import InputError
+from mmt.devices.protocols import Vector
 from mmt.leader.service import LeaderService
 from mmt.leader.summary import LeaderSummary
 from mmt.scene import Scene
 from mmt.session import read_session
+from mmt.testing.simulation.course import CourseChange, SurfaceCourse
+from mmt.testing.simulation.offline import simulate_session
+from mmt.testing.simulation.textures import get_surface
 from mmt.texture.model.texture_model import TextureModel
 
 FRAMES_A_TICK = 5

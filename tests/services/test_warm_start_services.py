@@ -5,13 +5,13 @@ from pathlib import Path
 import pytest
 from service_runs import Together, small_scene
 
-from mmt.testing.simulation.offline import simulate_session
 from mmt.core.errors import InputError
 from mmt.leader.summary import LeaderSummary
+from mmt.models import shipped_models
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
 from mmt.session import write_session
-from mmt.models import shipped_models
+from mmt.testing.simulation.offline import simulate_session
 
 SCENE = """
 [link]

@@ -3,8 +3,8 @@
 import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray
-from mmt.texture.autoregression.forms import lsf_to_reflection, reflection_to_lsf
 from mmt.texture.autoregression.burg import burg_batch
+from mmt.texture.autoregression.forms import lsf_to_reflection, reflection_to_lsf
 from mmt.texture.autoregression.realisation import realise
 from mmt.texture.selection import ModelPoints
 

@@ -9,8 +9,8 @@ from scipy.spatial import Delaunay
 
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
-from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace, normalise_into
 from mmt.texture.interpolation.interpolators import BUILDERS
+from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace, normalise_into
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.synthesis.synthesizer import Synthesizer
 

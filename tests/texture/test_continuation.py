@@ -7,10 +7,10 @@ from hypothesis.extra import numpy as hnp
 from scipy.signal import lfilter
 
 from mmt.core.errors import InputError
-from mmt.texture.signals.amplitude_spectra import amplitude_spectra
 from mmt.texture.autoregression.forms import burg, reflection_to_ar, reflection_to_lsf
-from mmt.texture.synthesis.concealment import continuation
+from mmt.texture.signals.amplitude_spectra import amplitude_spectra
 from mmt.texture.signals.metrics import power_error_db
+from mmt.texture.synthesis.concealment import continuation
 
 finite = st.floats(-1e300, 1e300)
 pasts = st.integers(48, 200).flatmap(

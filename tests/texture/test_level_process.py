@@ -9,9 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.forms import lsf_to_reflection, output_power, reflection_to_lsf
 from mmt.texture.autoregression.effective_length import LEAST, effective_samples, log_power_scatter
-from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
+from mmt.texture.autoregression.forms import lsf_to_reflection, output_power, reflection_to_lsf
 from mmt.texture.field.level_choice import log_posterior
 from mmt.texture.field.level_covariance import (
     PRIOR,
@@ -24,8 +23,9 @@ from mmt.texture.field.level_covariance import (
 )
 from mmt.texture.field.level_pooling import LevelSamples, pooled
 from mmt.texture.field.level_process import DB, LevelProcess
-from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
 from mmt.texture.model.samples import TextureSamples
+from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.synthesis.synthesizer import Synthesizer
 
 

@@ -8,8 +8,13 @@ from hypothesis.extra import numpy as hnp
 from scipy.signal import lfilter, welch
 
 from mmt.core.errors import InputError
-from mmt.texture.signals.amplitude_spectra import amplitude_spectra, amplitude_spectrum, expected_amplitude
 from mmt.texture.autoregression.forms import reflection_to_ar
+from mmt.texture.autoregression.spectra import ar_spectrum
+from mmt.texture.signals.amplitude_spectra import (
+    amplitude_spectra,
+    amplitude_spectrum,
+    expected_amplitude,
+)
 from mmt.texture.signals.metrics import (
     JND_DB,
     gfc,
@@ -21,7 +26,6 @@ from mmt.texture.signals.metrics import (
     power_error_db,
     within_jnd,
 )
-from mmt.texture.autoregression.spectra import ar_spectrum
 
 amplitudes = hnp.arrays(np.float64, 12, elements=st.floats(0, 1e3))
 

@@ -12,10 +12,10 @@ import pytest
 from mmt.core.errors import InputError
 from mmt.models import find_model
 from mmt.texture.autoregression.forms import lsf_to_ar, output_power, reflection_to_lsf
-from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
 from mmt.texture.autoregression.lsf import lsf_inverse_gain
-from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
 from mmt.texture.model.samples import TextureSamples
+from mmt.texture.model.texture_model import TextureModel
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "model-file.md"
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.field.level_process import LevelProcess
+from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.noise_floor import LEAST_WINDOWS, WINDOW, NoiseFloor
 
 

@@ -10,9 +10,14 @@ from hypothesis import strategies as st
 from scipy.interpolate import RBFInterpolator
 
 from mmt.core.errors import InputError
-from mmt.texture.interpolation.radial_basis.network import RadialBasisSettings
 from mmt.texture.interpolation.radial_basis.choice import CANDIDATES, choose_settings, tried
-from mmt.texture.interpolation.radial_basis.functions import FUNCTIONS, KernelName, evaluate_into, monomials
+from mmt.texture.interpolation.radial_basis.functions import (
+    FUNCTIONS,
+    KernelName,
+    evaluate_into,
+    monomials,
+)
+from mmt.texture.interpolation.radial_basis.network import RadialBasisSettings
 from mmt.texture.interpolation.radial_basis.online import RadialBasisSystem
 
 KERNELS = get_args(KernelName)

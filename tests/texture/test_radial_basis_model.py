@@ -5,15 +5,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt_lab.bench.textures import Truth, exact_samples, scattered
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power, reflection_to_lsf
-from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
-from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.field.trend import without_trend
 from mmt.texture.interpolation.radial_basis.model import LEVEL_ROOM
 from mmt.texture.interpolation.radial_basis.online import RadialBasisSystem
+from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
 from mmt.texture.model.samples import TextureSamples
+from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt.texture.field.trend import without_trend
+from mmt_lab.bench.textures import Truth, exact_samples, scattered
 
 SPACES = pytest.mark.parametrize("space", [ISOTROPIC, ANISOTROPIC], ids=lambda s: s.name)
 

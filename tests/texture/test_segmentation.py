@@ -7,11 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
-from mmt.texture.signals.aligned import AlignedBlock
-from mmt.texture.signals.dft321 import dft321
 from mmt.texture.segmentation.pieces import CELL
 from mmt.texture.segmentation.segmenter import OnlineSegmenter, SegmentationSettings, segment
 from mmt.texture.segmentation.segments import SampleRange, Segment
+from mmt.texture.signals.aligned import AlignedBlock
+from mmt.texture.signals.dft321 import dft321
 
 RATE_HZ = 1000.0
 

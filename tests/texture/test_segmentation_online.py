@@ -8,10 +8,10 @@ import pytest
 import scipy.signal
 
 from mmt.core.frames import empty_frames
-from mmt.texture.signals.aligned import AlignedBlock
-from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.segmentation.segmenter import OnlineSegmenter, segment
 from mmt.texture.segmentation.segments import SampleRange
+from mmt.texture.signals.aligned import AlignedBlock
+from mmt.texture.signals.filtering import StreamFilter
 
 RATE_HZ = 1000.0
 RECORDED = Path(__file__).parents[2] / "../shared/data/bilateral_1dof"

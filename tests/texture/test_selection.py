@@ -10,6 +10,7 @@ from selection_samples import ORDER, sampled_texture, true_lsf
 
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import lsf_to_ar
+from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt.texture.selection import ModelPoints, SelectionSettings, select, select_published
 from mmt.texture.selection.condensed import condense
 from mmt.texture.selection.leave_one_out import retrained
@@ -18,7 +19,6 @@ from mmt.texture.selection.points import band, log_density_of
 from mmt.texture.selection.ringing import loudest_ring, modes
 from mmt.texture.selection.transients import bursts, whitening
 from mmt.texture.selection.valid import valid_filter
-from mmt.texture.autoregression.spectra import lsf_spectrum
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,10 @@ import time
 import numpy as np
 from selection_samples import sampled_texture
 
-from mmt.testing.simulation.offline import simulate_session
 from mmt.scene import Scene
-from mmt.texture.online.modeller import OnlineModeller
+from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.samples import TextureSamples
+from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.selection import select
 from mmt.texture.selection.leave_one_out import hull_of
 from mmt.texture.selection.online import OnlineSelection, best_predicted

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.texture.autoregression.forms import reflection_to_lsf
-from mmt.texture.interpolation.boundary import boundary
 from mmt.texture.autoregression.effective_length import effective_samples, lengths
-from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
-from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.model.samples import TextureSamples
+from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.field.shape_smoothing import LARGEST, smoothed, smoothed_shapes
+from mmt.texture.interpolation.boundary import boundary
+from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
+from mmt.texture.model.samples import TextureSamples
+from mmt.texture.model.texture_model import TextureModel
 
 
 def scattered(count, directed=False, seed=0):

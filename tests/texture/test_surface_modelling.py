@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from mmt.core.arrays import RecordArray
+from mmt.core.errors import InputError
+from mmt.scene import Scene
+from mmt.scene.hand_table import Hand
 from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
-from mmt.core.errors import InputError
-from mmt.scene.hand_table import Hand
-from mmt.scene import Scene
 from mmt.texture.completion.distance import CompletionMonitor
 from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
 from mmt.texture.settings import ModellingSettings, OnlineSelectionSettings, SurfaceSettings

@@ -8,19 +8,19 @@ from scipy.linalg import toeplitz
 from scipy.stats import multivariate_normal
 
 from mmt.core.arrays import FloatArray
-from mmt.testing.simulation.offline import simulate_session
 from mmt.core.errors import InputError
 from mmt.scene import Scene
+from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.autoregression.forms import lsf_spectrum, reflection_to_lsf
-from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
-from mmt.texture.model.known_textures import field, grid, into_space
-from mmt.texture.model.library_choice import Stretch, choose
-from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.autoregression.realisation import realise
+from mmt.texture.library.blending import blend
+from mmt.texture.library.conversion import field, grid, into_space
+from mmt.texture.library.identification import Stretch, choose
+from mmt.texture.library.warm_start import LOOK_SAMPLES, WarmStart
+from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
 from mmt.texture.model.samples import TextureSamples
+from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.model.warm_blend import blend
-from mmt.texture.model.warm_start import LOOK_SAMPLES, WarmStart
 
 LOW = np.array([-0.9, 0.5, -0.2])
 HIGH = np.array([0.6, 0.4, 0.1, 0.2])

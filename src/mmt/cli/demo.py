@@ -15,8 +15,8 @@ from mmt.cli.child import Child
 from mmt.cli.common import messages, output, print_error, write_json
 from mmt.cli.tables import summary_table
 from mmt.core.errors import InputError
-from mmt.follower.sources import build_source
 from mmt.core.realtime import require_real_time
+from mmt.follower.sources import build_source
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
 

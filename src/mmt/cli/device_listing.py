@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from mmt.cli.common import output, write_json
+from mmt.core.errors import MmtError
 from mmt.devices import discovery
 from mmt.devices.table import ROLE_NAMES
-from mmt.core.errors import MmtError
 
 if TYPE_CHECKING:
     from collections.abc import Callable

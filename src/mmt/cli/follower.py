@@ -20,10 +20,10 @@ from mmt.cli.common import (
     write_line,
 )
 from mmt.core.errors import InputError, MmtError
-from mmt.follower.service import FollowerService
-from mmt.follower.summary import FollowerSummary
 from mmt.core.logs import Logs, details
 from mmt.core.realtime import be_real_time, require_real_time
+from mmt.follower.service import FollowerService
+from mmt.follower.summary import FollowerSummary
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
 

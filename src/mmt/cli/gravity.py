@@ -9,6 +9,7 @@ import typer
 
 from mmt.cli.common import messages, output, write_json
 from mmt.cli.tables import summary_table
+from mmt.core.errors import InputError, MmtError
 from mmt.devices.adxl335.gravity import (
     UPS,
     Calibration,
@@ -22,7 +23,6 @@ from mmt.devices.adxl335.gravity import (
 )
 from mmt.devices.adxl335.sensor import CALIBRATED_AS, Adxl335
 from mmt.devices.calibrations import calibration_file, load_calibration, save_calibration
-from mmt.core.errors import InputError, MmtError
 
 _SKIP: Final = "s"
 

@@ -23,9 +23,9 @@ from mmt.cli.common import (
 )
 from mmt.core.errors import InputError, MmtError
 from mmt.core.kernel_cache import kernels_are_compiled
-from mmt.leader.summary import LeaderStatus, LeaderSummary
 from mmt.core.logs import Logs, details
 from mmt.core.realtime import be_real_time, require_real_time
+from mmt.leader.summary import LeaderStatus, LeaderSummary
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
 

@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mmt.core.arrays import FloatArray
 from mmt.cli.common import messages, output, write_json
 from mmt.cli.tables import summary_table
+from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError, MmtError
-from mmt.session import RecordedSession, read_session
 from mmt.scene.texture_table import Texture
+from mmt.session import RecordedSession, read_session
 
 if TYPE_CHECKING:
-    from mmt.texture.online.history import ModelHistory
     from mmt.texture.model.texture_model import TextureModel
+    from mmt.texture.online.history import ModelHistory
     from mmt.texture.settings import ModellingSettings
 
 SUFFIX = ".npz"

@@ -9,9 +9,9 @@ from mmt.cli.common import messages, stop_on_signals
 from mmt.core.errors import InputError, MmtError
 from mmt.core.kernel_cache import kernels_are_compiled
 from mmt.link.access import Access
-from mmt.scene.link_table import Link
-from mmt.scene.files import table_from
 from mmt.models import find_model, shipped_models
+from mmt.scene.files import table_from
+from mmt.scene.link_table import Link
 
 if TYPE_CHECKING:
     from mmt.web.player.player import Player
@@ -45,9 +45,9 @@ def play(
         raise InputError(f"--record {record}: the name of a recording must end in {_MCAP}")
     if not kernels_are_compiled():
         messages.print("compiling the numerics, at the first start only (15 to 60 s)")
+    from mmt.texture.model.texture_model import TextureModel
     from mmt.web.player.player import Player
     from mmt.web.player.results import ResultsFile
-    from mmt.texture.model.texture_model import TextureModel
 
     files = [find_model(source) for source in sources] or list(shipped_models().values())
     names = [file.stem for file in files]

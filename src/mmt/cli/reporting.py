@@ -13,8 +13,8 @@ from mmt.evaluation.results import Evaluation, evaluations_as_dict
 from mmt.evaluation.table import evaluation_table
 from mmt.scene import Scene
 from mmt.scene.files import load_scene, scene_from_tables
-from mmt.session import RecordedSession, read_session
 from mmt.scene.texture_table import Texture
+from mmt.session import RecordedSession, read_session
 
 
 def report_recording(directory: Path, recording: Path, run: Mapping[str, Any]) -> dict[str, Any]:
@@ -76,8 +76,8 @@ def evaluate_all(
     stem = session.path.stem or "session"
     if scene.texture is None or scene.texture.surfaces is None or not len(session.frames):
         return [replace(evaluate(session, scene, step_s=step_s, seed=seed), name=name or stem)], []
-    from mmt.evaluation.surface_blocks import surface_blocks
     from mmt.evaluation.recorded_surfaces import part_by_surface
+    from mmt.evaluation.surface_blocks import surface_blocks
 
     parts = part_by_surface(session, scene.texture.settings(float(scene.session.rate_hz)))
     evaluations = [

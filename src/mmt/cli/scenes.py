@@ -74,8 +74,8 @@ def _measure(
     scene: Scene, duration_s: float, rounds: int, parts: bool
 ) -> "tuple[SceneCosts, Scene]":
     """Return the costs, and the scene as it was run."""
-    from mmt.cli.scene.runs import SceneRunner
     from mmt.cli.scene.costs import measure_scene
+    from mmt.cli.scene.runs import SceneRunner
 
     progress = Progress(
         TextColumn("{task.description}"),
@@ -111,7 +111,7 @@ def _print_costs(costs: "SceneCosts", scene: Scene) -> None:
 
 
 def _figures(costs: "SceneCosts", scene: Scene) -> dict[str, Any]:
-    from mmt_lab.bench.measuring import machine
     from mmt.cli.scene.results import costs_as_dict
+    from mmt_lab.bench.measuring import machine
 
     return {"machine": machine(), **costs_as_dict(costs, scene)}

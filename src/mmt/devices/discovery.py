@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from mmt.core.errors import MmtError
 from mmt.devices.loading import load_factory
 from mmt.devices.roles import roles_of
 from mmt.devices.table import DRIVERS, Role, offered
-from mmt.core.errors import MmtError
 
 KNOWN_USB: Final[dict[tuple[int, int], str]] = {
     (0x0CD5, 0x0006): "LabJack U6",

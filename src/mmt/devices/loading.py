@@ -7,8 +7,8 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from mmt.devices.table import Role, locate
 from mmt.core.errors import InputError, MmtError
+from mmt.devices.table import Role, locate
 from mmt.scene.files import explain_problems
 
 Options = TypeVar("Options", bound=BaseModel)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any, Generic, Protocol, TypeVar
 
 from mmt.core.arrays import FloatArray
+from mmt.core.errors import DeviceLost
 from mmt.devices.protocols import (
     ActuatorStatistics,
     Device,
@@ -14,7 +15,6 @@ from mmt.devices.protocols import (
     VibrationActuator,
 )
 from mmt.devices.reconnecting import Reconnection
-from mmt.core.errors import DeviceLost
 
 AnyDevice = TypeVar("AnyDevice", bound=Device)
 

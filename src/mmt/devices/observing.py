@@ -10,8 +10,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from mmt.devices.protocols import Remarking, SensorReading
 from mmt.core.errors import MmtError
+from mmt.devices.protocols import Remarking, SensorReading
 
 UNITS: Final = {
     "robot": "mm",

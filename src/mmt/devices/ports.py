@@ -5,6 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, Final
 
+from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.merging import Lane, PolledLane
 from mmt.devices.protocols import (
     Accelerometer,
@@ -18,7 +19,6 @@ from mmt.devices.protocols import (
 )
 from mmt.devices.reconnecting import Reasons, Reconnection
 from mmt.devices.vibration_lane import VibrationLane
-from mmt.core.errors import DeviceLost, MmtError
 
 SILENT_NS: Final = 15_000_000
 """A sampled sensor that gives nothing for so long is lost."""

@@ -3,9 +3,9 @@
 import inspect
 from typing import Any, get_type_hints
 
+from mmt.core.errors import InputError
 from mmt.devices.loading import load_factory
 from mmt.devices.table import DRIVERS, ROLE_NAMES, Role
-from mmt.core.errors import InputError
 
 
 def roles_of(driver: str) -> tuple[Role, ...]:

@@ -7,6 +7,8 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from mmt.core.arrays import RecordArray
+from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.frames import FIELD_OF_CHANNEL, Channel, frame_dtype, ordered_channels
 from mmt.devices.holding_back import ReadingAges
 from mmt.devices.merging import FrameMerger, PolledLane
 from mmt.devices.ports import Port, RobotPort, SampledPort, failure, port_of, summaries
@@ -21,8 +23,6 @@ from mmt.devices.protocols import (
     SampledSensor,
     Vector,
 )
-from mmt.core.errors import DeviceLost, InputError, MmtError
-from mmt.core.frames import FIELD_OF_CHANNEL, Channel, frame_dtype, ordered_channels
 
 PERIOD_NS: Final = 1_000_000
 

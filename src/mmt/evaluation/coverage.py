@@ -8,9 +8,9 @@ import numpy as np
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.evaluation.results import Cell, Coverage
 from mmt.texture.completion.distance import Cells, cell_distances, cells_of
-from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.signals.filtering import StreamFilter
 
 _PERCENTILES: Final = (5.0, 95.0)
 _AT_REST_MM_S: Final = 1.0

@@ -15,13 +15,13 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.texture.online.history import ModelHistory, build, update_blocks
 from mmt.evaluation.coverage import coverage
 from mmt.evaluation.held_out import choose_held_out, outside
 from mmt.evaluation.results import Evaluation
 from mmt.evaluation.scoring import Scorer
 from mmt.evaluation.truth import KnownTexture, known_texture
 from mmt.session.recorded import RecordedSession, missing_frames
+from mmt.texture.online.history import ModelHistory, build, update_blocks
 from mmt.texture.settings import AUTOMATIC, Inputs, ModellingSettings
 
 

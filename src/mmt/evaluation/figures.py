@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from mmt.evaluation.results import Evaluation, HeldOutSegment, Score
 from mmt.evaluation.truth import DENSITY_HZ
-from mmt.texture.signals.metrics import JND_DB
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
+from mmt.texture.signals.metrics import JND_DB
 
 COLOURS: Final = (
     "#0072b2",

@@ -13,10 +13,10 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.evaluation.levels import level_error_db
-from mmt.texture.signals.amplitude_spectra import amplitude_spectra, amplitude_spectrum
-from mmt.texture.signals.metrics import gfc_of_rows
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.segmentation.segments import Segment
+from mmt.texture.signals.amplitude_spectra import amplitude_spectra, amplitude_spectrum
+from mmt.texture.signals.metrics import gfc_of_rows
 from mmt.texture.synthesis.synthesizer import Synthesizer
 
 HELD_OUT: Final = 5

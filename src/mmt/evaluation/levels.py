@@ -6,8 +6,8 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power
-from mmt.texture.signals.metrics import power_error_db
 from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.signals.metrics import power_error_db
 
 LARGEST_ERROR_DB: Final = 60.0
 """Errors count as no larger, so that one silent point does not make a mean infinite."""

@@ -10,14 +10,12 @@ import numpy as np
 from mmt.core.arrays import BoolArray
 from mmt.core.errors import InputError, MmtError
 from mmt.session import RecordedSession
-from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.autoregression.burg import burg_batch
-from mmt.texture.signals.filtering import StreamFilter
+from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.model.fits import automatic_order
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.signals.metrics import gfc_of_rows
-from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.model.samples import TextureSamples
+from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.segmentation.segmenter import segment, segmentation_of
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.selection import ModelPoints
@@ -25,6 +23,8 @@ from mmt.texture.selection.leave_one_out import DelaunayNeighbours
 from mmt.texture.selection.points import amplitude_of
 from mmt.texture.selection.published import spectral_error
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.signals.filtering import StreamFilter
+from mmt.texture.signals.metrics import gfc_of_rows
 
 
 @dataclass(frozen=True)

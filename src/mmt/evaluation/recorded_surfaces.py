@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from mmt.core.arrays import IntArray, RecordArray
-from mmt.testing.simulation.course import SurfaceCourse, course_from_annotations
 from mmt.core.errors import InputError
-from mmt.texture.online.history import trials
 from mmt.session.recorded import RecordedSession, missing_frames
+from mmt.testing.simulation.course import SurfaceCourse, course_from_annotations
+from mmt.texture.online.history import trials
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.texture.surfaces import SurfaceChange
 from mmt.texture.surfaces.modeller import LOOK_S

@@ -6,19 +6,19 @@ from typing import Final
 
 import numpy as np
 
-from mmt.texture.online.history import ModelHistory
 from mmt.evaluation.grid_errors import GridErrors, HeadingErrors
 from mmt.evaluation.held_out import Approximation, HeldOutRecording
 from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.results import HeldOutSegment, PowerMap, Score, Worst
 from mmt.evaluation.strokes import Strokes
 from mmt.evaluation.truth import DENSITY_HZ, KnownTexture
-from mmt.texture.completion.distance import cells_of
 from mmt.texture.completion.criteria import criterion_of
+from mmt.texture.completion.distance import cells_of
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.signals.metrics import within_jnd
+from mmt.texture.online.history import ModelHistory
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import Inputs, ModellingSettings
+from mmt.texture.signals.metrics import within_jnd
 
 MODEL_NAMES: Final[dict[Inputs, str]] = {
     "isotropic": "speed and force",

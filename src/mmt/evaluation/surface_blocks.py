@@ -1,8 +1,8 @@
 """A recorded session's surfaces in a report: a table of the stays, and the way over them."""
 
 from mmt.evaluation.document import Block, Heading, Paragraph, Table
-from mmt.evaluation.report_files import picture
 from mmt.evaluation.recorded_surfaces import SurfaceParts
+from mmt.evaluation.report_files import picture
 
 
 def surface_blocks(parts: SurfaceParts, duration_s: float) -> list[Block]:

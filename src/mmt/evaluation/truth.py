@@ -11,7 +11,6 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.testing.simulation.surfaces import Surface, surface_from_annotations
 from mmt.core.errors import InputError
 from mmt.evaluation.bands import band_errors_db
 from mmt.evaluation.grid_errors import GridErrors, HeadingErrors, by_heading
@@ -19,11 +18,12 @@ from mmt.evaluation.levels import bounded_error_db
 from mmt.evaluation.results import PowerMap, Worst
 from mmt.evaluation.strokes import Strokes, all_headings, over_plane
 from mmt.evaluation.worst import Error, explain
-from mmt.texture.signals.amplitude_spectra import expected_amplitude
+from mmt.testing.simulation.surfaces import Surface, surface_from_annotations
 from mmt.texture.autoregression.forms import ar_spectrum, lsf_to_ar, lsf_to_reflection, output_power
-from mmt.texture.signals.metrics import gfc_of_rows
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.signals.amplitude_spectra import expected_amplitude
+from mmt.texture.signals.metrics import gfc_of_rows
 
 DENSITY_HZ: Final[FloatArray] = np.arange(501.0)
 """Where spectra are computed; lines are at least 3 Hz wide."""

@@ -8,8 +8,8 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.evaluation.results import Limit, Worst
 from mmt.evaluation.strokes import Strokes
-from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.interpolation.vertices import COINCIDENT
+from mmt.texture.model.texture_model import TextureModel
 
 _SPARSE: Final = 0.2  # of the normalised plane
 _MUCH: Final = 0.5

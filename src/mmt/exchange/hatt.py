@@ -8,10 +8,15 @@ import numpy as np
 from mmt.core.arrays import IntArray
 from mmt.core.errors import InputError
 from mmt.exchange.hatt_file import HattModelSet, format_hatt, read_hatt
-from mmt.texture.autoregression.forms import lsf_to_ar, lsf_to_reflection, output_power, reflection_to_lsf
+from mmt.texture.autoregression.forms import (
+    lsf_to_ar,
+    lsf_to_reflection,
+    output_power,
+    reflection_to_lsf,
+)
+from mmt.texture.autoregression.moving_average import all_pole
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
-from mmt.texture.autoregression.moving_average import all_pole
 from mmt.texture.settings import Interpolated
 
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from mmt.core.arrays import RecordArray
 from mmt.devices.protocols import DeviceBackedSource, FollowerSource, Vector
 from mmt.follower.guarding import CommandGuard
-from mmt.scene.link_table import Link
 from mmt.scene import Scene
+from mmt.scene.link_table import Link
 from mmt.scene.texture_table import Texture
 
 if TYPE_CHECKING:

@@ -5,10 +5,9 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 
-from mmt.core.arrays import RecordArray
 from mmt.contact.energies import EnergyCounts, EnergyReport
 from mmt.contact.passivity import MotionPort, PassivitySettings
-from mmt.devices.protocols import Vector
+from mmt.core.arrays import RecordArray
 from mmt.core.feedback_records import (
     CONTACT,
     CONTACT_DTYPE,
@@ -16,6 +15,7 @@ from mmt.core.feedback_records import (
     ENERGY,
     ENERGY_DTYPE,
 )
+from mmt.devices.protocols import Vector
 from mmt.scene.feedback_table import ForceFeedback
 
 _M: Final = 1e-3

@@ -5,10 +5,10 @@ from collections.abc import Callable
 from typing import Any, Final, Literal
 
 from mmt.core.arrays import RecordArray
+from mmt.core.vectors import difference, towards
 from mmt.devices.protocols import Vector
 from mmt.link.log import RateLimit
 from mmt.scene.link_table import Link
-from mmt.core.vectors import difference, towards
 
 _COMMAND: Final = struct.Struct("<Iqqq3f")
 """The layout of `mmt.core.frames.COMMAND_DTYPE`; NumPy takes over twice as long to read it."""

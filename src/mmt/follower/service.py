@@ -8,9 +8,11 @@ from collections.abc import Callable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Final
 
-from mmt.devices.protocols import DeviceBackedSource
 from mmt.core.ending import Ending
 from mmt.core.errors import FAILED, MmtError
+from mmt.core.process import ProcessCost, ProcessMeter, prefer_even_ticks
+from mmt.core.ticking import Ticker
+from mmt.devices.protocols import DeviceBackedSource
 from mmt.follower.driving import DrivenSource
 from mmt.follower.sources import build_source
 from mmt.follower.summary import FollowerSummary
@@ -18,10 +20,8 @@ from mmt.link.access import Access
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.from_scene import emulated_network, extra_event
 from mmt.link.protocol import FollowerHello
-from mmt.scene.link_table import Link
-from mmt.core.process import ProcessCost, ProcessMeter, prefer_even_ticks
 from mmt.scene import Scene
-from mmt.core.ticking import Ticker
+from mmt.scene.link_table import Link
 
 if TYPE_CHECKING:
     from mmt.core.arrays import RecordArray

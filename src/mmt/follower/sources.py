@@ -2,10 +2,10 @@
 
 from typing import TYPE_CHECKING, Any
 
-from mmt.scene.device_tables import Devices, Driver
-from mmt.devices.protocols import FollowerSource
 from mmt.core.errors import InputError
+from mmt.devices.protocols import FollowerSource
 from mmt.scene import Replay, Scene, Simulated
+from mmt.scene.device_tables import Devices, Driver
 
 if TYPE_CHECKING:
     from mmt.devices.table import Role

@@ -12,7 +12,7 @@ from mmt.leader.summary import RunLog
 
 if TYPE_CHECKING:
     from mmt.session.recording import McapRecorder
-    from mmt.texture.model.library_choice import Choice
+    from mmt.texture.library.identification import Choice
     from mmt.texture.model.texture_model import TextureModel
     from mmt.texture.online.work import ModelUpdate, Work
 

@@ -13,7 +13,7 @@ from mmt.leader.parts import LeaderParts
 if TYPE_CHECKING:
     from mmt.leader.surface_log import SurfaceLog
     from mmt.link.protocol import LinkStatistics
-    from mmt.texture.model.library_choice import Choice
+    from mmt.texture.library.identification import Choice
     from mmt.texture.online.work import ModelUpdate
 
 _UNWANTED: Final = (FAILED, f"follower {FAILED}", "follower lost")

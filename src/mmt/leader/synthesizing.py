@@ -1,8 +1,8 @@
 """The task that synthesizes: fits in, an immutable model out, from which the tick renders.
 
-The task chooses the fits that the model is made of and triangulates them (Delaunay, or as the scene
-says). The tick renders from the newest model that was put to use: a snapshot that is replaced by one
-assignment and never changed.
+The task chooses the fits that the model is made of and triangulates them (Delaunay, or as the
+scene says). The tick renders from the newest model that was put to use: a snapshot that is
+replaced by one assignment and never changed.
 """
 
 from collections.abc import Callable

@@ -16,12 +16,12 @@ import numpy as np
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.models import find_model, shipped_models
+from mmt.texture.library.conversion import into_space
+from mmt.texture.library.identification import Choice
+from mmt.texture.library.warm_start import WarmStart
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.model.known_textures import into_space
-from mmt.texture.model.library_choice import Choice
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.model.warm_start import WarmStart
 from mmt.texture.settings import ModellingSettings
 
 LOOK_FRAMES: Final = 50

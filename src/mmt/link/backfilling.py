@@ -5,10 +5,10 @@ from collections import deque
 from typing import Final
 
 from mmt.core.arrays import RecordArray
+from mmt.core.ranges import RangeSet, ranges_of
 from mmt.link.keeping import KeptFrames
 from mmt.link.outbox import Outbox
 from mmt.link.protocol import BACKFILL, GONE, MAX_RANGES, encode_event, ranges_of_payload
-from mmt.core.ranges import RangeSet, ranges_of
 
 PERIOD_S: Final = 0.005
 """Least time between two messages: with `FRAMES_PER_MESSAGE`, 4000 frames a second at most."""

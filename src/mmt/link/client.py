@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import COMMAND_DTYPE
+from mmt.core.ticking import TimeHistogram
 from mmt.link.access import Access
 from mmt.link.clock_exchange import ClockAsker
 from mmt.link.connection import Connection
@@ -34,7 +35,6 @@ from mmt.link.protocol import (
 from mmt.link.reading import BlockReader
 from mmt.link.sending import FrameSender
 from mmt.link.traffic import Traffic
-from mmt.core.ticking import TimeHistogram
 
 if TYPE_CHECKING:
     from mmt.link.network import EmulatedNetwork

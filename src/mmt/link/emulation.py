@@ -12,10 +12,10 @@ import time
 from collections.abc import Callable
 from typing import Final
 
+from mmt.core.timer_file import TimerFile, open_timer
 from mmt.link.impairments import MessageFates
 from mmt.link.outbox import Outbox
 from mmt.scene.network_table import Network
-from mmt.core.timer_file import TimerFile, open_timer
 
 _MOST_HELD: Final = 20_000
 """Messages that are held back at most."""

@@ -4,10 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from mmt.core.arrays import RecordArray
+from mmt.core.ranges import Range
 from mmt.link.clock_offset import ClockJump
 from mmt.link.log import LOG
 from mmt.link.protocol import FollowerHello
-from mmt.core.ranges import Range
 
 
 def _nothing(*_: object) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import socketio
 
 from mmt.core.frames import FIELD_OF_CHANNEL, channels_of
+from mmt.core.ranges import Range, ranges_of
 from mmt.link.events import LeaderEvents, call
 from mmt.link.outbox import Outbox
 from mmt.link.protocol import (
@@ -22,7 +23,6 @@ from mmt.link.protocol import (
     ranges_of_payload,
 )
 from mmt.link.reading import LARGEST_QUANTITY, LATEST_NS, BlockReader
-from mmt.core.ranges import Range, ranges_of
 
 _SEQUENCES: Final = 2**32
 

@@ -8,8 +8,8 @@ from aiohttp import web
 
 from mmt.core.errors import InputError
 from mmt.link.emulation import EmulatedOutbox
-from mmt.scene.network_table import Network
 from mmt.scene.files import table_from
+from mmt.scene.network_table import Network
 
 PATH: Final = "/network"
 _MOST_BYTES: Final = 4096

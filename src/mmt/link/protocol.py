@@ -11,8 +11,8 @@ import msgpack
 
 from mmt.core.errors import InputError
 from mmt.core.frames import Channel, ordered_channels
-from mmt.link.clock import clock_id
 from mmt.core.ranges import Range
+from mmt.link.clock import clock_id
 
 PROTOCOL_VERSION: Final = 1
 

@@ -7,10 +7,10 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import RecordArray
-from mmt.link.log import LOG, RateLimit
-from mmt.link.protocol import MAX_RECORDS_PER_MESSAGE, argument_of
 from mmt.core.pacing import JumpBound, shortest_period_ns
 from mmt.core.ticking import TimeHistogram
+from mmt.link.log import LOG, RateLimit
+from mmt.link.protocol import MAX_RECORDS_PER_MESSAGE, argument_of
 
 _CODES: Final = {"<u4": "I", "<i8": "q", "<f4": "f", "<f8": "d"}
 _WINDOW: Final = 256

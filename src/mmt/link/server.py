@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Final
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import COMMAND_DTYPE, Channel, frame_dtype, ordered_channels
+from mmt.core.pacing import shortest_period_ns
+from mmt.core.ranges import Range
+from mmt.core.ticking import TimeHistogram
 from mmt.link.access import Access
 from mmt.link.admission import admit
 from mmt.link.clock_exchange import ClockAnswerer
@@ -34,9 +37,6 @@ from mmt.link.reading import BlockReader
 from mmt.link.reception import Reception
 from mmt.link.traffic import Traffic
 from mmt.scene.link_table import Link
-from mmt.core.pacing import shortest_period_ns
-from mmt.core.ranges import Range
-from mmt.core.ticking import TimeHistogram
 
 if TYPE_CHECKING:
     from mmt.link.network import EmulatedNetwork

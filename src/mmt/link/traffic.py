@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import MmtError
+from mmt.core.ticking import TimeHistogram
 from mmt.link.clock_offset import ClockJump
 from mmt.link.events import FollowerEvents, LeaderEvents, call
 from mmt.link.extra import ExtraEvent
@@ -13,7 +14,6 @@ from mmt.link.gate import Gate
 from mmt.link.outbox import Outbox
 from mmt.link.protocol import MAX_RECORDS_PER_MESSAGE, LinkStatistics, encode_event
 from mmt.link.reading import BlockReader
-from mmt.core.ticking import TimeHistogram
 
 if TYPE_CHECKING:
     from mmt.link.network import EmulatedNetwork

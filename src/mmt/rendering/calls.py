@@ -11,9 +11,9 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError, MmtError
+from mmt.models import find_model
 from mmt.rendering.estimating import Estimator, Touch
 from mmt.rendering.generating import OutputGenerator
-from mmt.models import find_model
 from mmt.texture.model.texture_model import TextureModel
 
 Source = Path | str | TextureModel

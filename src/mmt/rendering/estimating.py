@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mmt.core.errors import InputError
-from mmt.texture.synthesis.generation import VibrationFilter, estimate
 from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.synthesis.generation import VibrationFilter, estimate
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from mmt.core.frames import Channel, ordered_channels
 from mmt.scene.device_tables import Actuator, Devices, Handle
 from mmt.scene.feedback_table import ForceFeedback
-from mmt.core.frames import Channel, ordered_channels
 from mmt.scene.hand_table import Hand
 from mmt.scene.link_table import Link
 from mmt.scene.network_table import Network

@@ -12,12 +12,12 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mmt.texture.autoregression.forms import lsf_to_ar, reflection_to_lsf
     from mmt.texture.autoregression.burg import burg_batch
-    from mmt.texture.signals.filtering import StreamFilter
+    from mmt.texture.autoregression.forms import lsf_to_ar, reflection_to_lsf
     from mmt.texture.model.texture_model import TextureModel, TextureSamples
     from mmt.texture.online.modeller import OnlineModeller
     from mmt.texture.segmentation.segmenter import OnlineSegmenter, segment
+    from mmt.texture.signals.filtering import StreamFilter
     from mmt.texture.synthesis.synthesizer import Synthesizer
 
 _HOMES = {

@@ -7,10 +7,8 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt_lab.bench import burg_methods
-from mmt_lab.bench import peers
-from mmt_lab.bench import references
-from mmt_lab.bench import signals
+from mmt.texture.autoregression.burg import burg
+from mmt_lab.bench import burg_methods, peers, references, signals
 from mmt_lab.bench.burg_methods import OURS, Method
 from mmt_lab.bench.loops import burg_loops
 from mmt_lab.bench.measuring import interleave
@@ -26,7 +24,6 @@ from mmt_lab.bench.results import (
     StageResult,
     Target,
 )
-from mmt.texture.autoregression.burg import burg
 
 OFFSET_ORDER: Final = 10
 ERROR: Final = Axis("error of the coefficients over the largest", "error")

@@ -8,10 +8,10 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
+from mmt.texture.autoregression.burg import burg, burg_batch
+from mmt.texture.autoregression.forms import reflection_to_ar
 from mmt_lab.bench import peers
 from mmt_lab.bench.results import LeftOut
-from mmt.texture.autoregression.forms import reflection_to_ar
-from mmt.texture.autoregression.burg import burg, burg_batch
 
 OURS: Final = "mmt"
 

@@ -9,14 +9,14 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
-from mmt_lab.bench.measuring import spread
-from mmt_lab.bench.results import Axis, Cell, Curves, Panel, Records, StageResult, Target
-from mmt_lab.bench.textures import RATE_HZ, session
 from mmt.leader.concealment import Concealment, Continuation, FadeOut, backwards, modelled
 from mmt.leader.playout import PlayoutBuffer
 from mmt.leader.stream import StreamedVibration
 from mmt.texture.signals.amplitude_spectra import amplitude_spectra
 from mmt.texture.signals.metrics import gfc_of_rows, log_spectral_distance_db
+from mmt_lab.bench.measuring import spread
+from mmt_lab.bench.results import Axis, Cell, Curves, Panel, Records, StageResult, Target
+from mmt_lab.bench.textures import RATE_HZ, session
 
 MODEL: Final = "mmt, model"
 BACKWARDS: Final = "mmt, repetition"

@@ -10,9 +10,9 @@ from typing import Final
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from mmt.core.arrays import FloatArray
 from mmt.contact.integrators import INTEGRATORS, Step
 from mmt.contact.normal import ContactLaw, Drive
+from mmt.core.arrays import FloatArray
 from mmt.testing.simulation.robot import tip_drive
 from mmt_lab.bench.measuring import interleave
 from mmt_lab.bench.results import (

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Final
 
 from mmt.core.errors import MmtError
+from mmt.core.realtime import require_real_time
 from mmt_lab.bench.results import Cell, LeftOut, Records, StageResult, Target
 from mmt_lab.device_bench.running import Measured, SetUp, measure
-from mmt.core.realtime import require_real_time
 
 SET_UPS: Final = (
     SetUp("virtual lab: Net F/T, ADXL335 on serial", "net_ft", "adxl335"),

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.signal import butter, sosfilt
 
 from mmt.core.arrays import FloatArray
-from mmt_lab.bench import references
 from mmt.texture.autoregression.forms import burg, reflection_to_lsf
+from mmt_lab.bench import references
 
 POLE_PAIRS: Final = 8
 

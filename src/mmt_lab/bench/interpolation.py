@@ -7,6 +7,9 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
+from mmt.texture.autoregression.forms import lsf_to_reflection
+from mmt.texture.model.texture_model import TextureModel, TextureSamples
+from mmt.texture.settings import Interpolated
 from mmt_lab.bench.measuring import interleave
 from mmt_lab.bench.results import (
     MICROSECONDS,
@@ -18,9 +21,6 @@ from mmt_lab.bench.results import (
     StageResult,
 )
 from mmt_lab.bench.textures import Truth, exact_samples, scattered
-from mmt.texture.autoregression.forms import lsf_to_reflection
-from mmt.texture.model.texture_model import TextureModel, TextureSamples
-from mmt.texture.settings import Interpolated
 
 Filters = tuple[FloatArray, FloatArray]
 """Line spectral frequencies (k, m) and variances (k,)."""

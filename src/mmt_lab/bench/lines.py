@@ -8,9 +8,13 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt_lab.bench import filters
-from mmt_lab.bench import peers
-from mmt_lab.bench import references
+from mmt.texture.autoregression.forms import (
+    ar_to_lsf,
+    lsf_to_ar,
+    lsf_to_reflection,
+    reflection_to_lsf,
+)
+from mmt_lab.bench import filters, peers, references
 from mmt_lab.bench.filters import Filters
 from mmt_lab.bench.loops import lines_loops
 from mmt_lab.bench.measuring import interleave
@@ -24,7 +28,6 @@ from mmt_lab.bench.results import (
     StageResult,
     Target,
 )
-from mmt.texture.autoregression.forms import ar_to_lsf, lsf_to_ar, lsf_to_reflection, reflection_to_lsf
 
 OURS: Final = "mmt, reflection"
 OURS_AR: Final = "mmt, coefficients"

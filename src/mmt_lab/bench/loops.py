@@ -6,12 +6,11 @@ from functools import partial
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt_lab.bench import native
-from mmt_lab.bench import signals
-from mmt_lab.bench.measuring import interleave
-from mmt_lab.bench.results import MICROSECONDS, Cell, LeftOut, Records
 from mmt.texture.autoregression.burg_recursion import burg_each_into
 from mmt.texture.autoregression.lsf import lsf_to_ar_each_into
+from mmt_lab.bench import native, signals
+from mmt_lab.bench.measuring import interleave
+from mmt_lab.bench.results import MICROSECONDS, Cell, LeftOut, Records
 
 Compared = tuple[tuple[Records, ...], tuple[LeftOut, ...]]
 """A table, or why there is none."""

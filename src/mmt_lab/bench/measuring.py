@@ -18,8 +18,8 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt_lab.bench.results import Spread
 from mmt.evaluation.report import environment
+from mmt_lab.bench.results import Spread
 
 Task = Callable[[], object]
 

@@ -18,8 +18,8 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
-from mmt_lab.bench.results import LeftOut
 from mmt.texture.model.texture_model import TextureModel
+from mmt_lab.bench.results import LeftOut
 
 _SOURCE: Final = Path(__file__).with_name("loops.c")
 _FLAGS: Final = ("-O3", "-march=native", "-std=c99", "-shared", "-fPIC")

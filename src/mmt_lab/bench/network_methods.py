@@ -9,11 +9,11 @@ from scipy.interpolate import LinearNDInterpolator, RBFInterpolator
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import lsf_to_reflection
-from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.interpolation.radial_basis.outputs import least_gap, nearest_valid_lsf
-from mmt.texture.model.samples import TextureSamples
-from mmt.texture.settings import Interpolation
 from mmt.texture.interpolation.vertices import vertex_table
+from mmt.texture.model.samples import TextureSamples
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.settings import Interpolation
 
 Filters = tuple[FloatArray, FloatArray]
 """Line spectral frequencies (k, m) and variances (k,)."""

@@ -9,6 +9,10 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.testing.simulation.textures import get_surface
+from mmt.texture.interpolation.radial_basis.network import RadialBasisSettings
+from mmt.texture.interpolation.radial_basis.online import RadialBasisSystem
+from mmt.texture.model.samples import TextureSamples
+from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
 from mmt_lab.bench.measuring import interleave, spread
 from mmt_lab.bench.network_methods import DELAUNAY, METHODS, OURS, Filters, part_of
 from mmt_lab.bench.results import (
@@ -23,10 +27,6 @@ from mmt_lab.bench.results import (
     Target,
 )
 from mmt_lab.bench.textures import Known, exact_samples
-from mmt.texture.interpolation.radial_basis.network import RadialBasisSettings
-from mmt.texture.interpolation.radial_basis.online import RadialBasisSystem
-from mmt.texture.model.samples import TextureSamples
-from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
 
 SAMPLES: Final = Axis("samples", "samples")
 BUILDING: Final = Axis("time to build (ms)", "build, ms")

@@ -6,14 +6,14 @@ from typing import Final, Literal
 
 import numpy as np
 
-from mmt_lab.bench.measuring import spread
-from mmt_lab.bench.results import Axis, Curves, Panel, Records, Spread, StageResult
-from mmt_lab.bench.textures import session
-from mmt.texture.online.history import ModelHistory, build, update_blocks
 from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.truth import KnownTexture, known_texture
 from mmt.session.recorded import RecordedSession
+from mmt.texture.online.history import ModelHistory, build, update_blocks
 from mmt.texture.settings import ModellingSettings
+from mmt_lab.bench.measuring import spread
+from mmt_lab.bench.results import Axis, Curves, Panel, Records, Spread, StageResult
+from mmt_lab.bench.textures import session
 
 Order = int | Literal["auto"]
 

@@ -6,6 +6,12 @@ from typing import Final
 
 import numpy as np
 
+from mmt.evaluation.levels import root_mean_square
+from mmt.evaluation.truth import KnownTexture, known_texture
+from mmt.session.recorded import RecordedSession
+from mmt.texture.online.history import ModelHistory, build, update_blocks
+from mmt.texture.settings import Interpolated, ModellingSettings
+from mmt.texture.signals.metrics import within_jnd
 from mmt_lab.bench.measuring import spread
 from mmt_lab.bench.results import (
     Axis,
@@ -16,12 +22,6 @@ from mmt_lab.bench.results import (
     StageResult,
 )
 from mmt_lab.bench.textures import session
-from mmt.texture.online.history import ModelHistory, build, update_blocks
-from mmt.evaluation.levels import root_mean_square
-from mmt.evaluation.truth import KnownTexture, known_texture
-from mmt.session.recorded import RecordedSession
-from mmt.texture.signals.metrics import within_jnd
-from mmt.texture.settings import Interpolated, ModellingSettings
 
 SESSION: Final = Axis("session time (s)", "s", logarithmic=False)
 PROCESSING: Final = Axis("processing time (ms)", "ms")

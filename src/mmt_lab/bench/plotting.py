@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from mmt.core.arrays import FloatArray
+from mmt.evaluation.figures import COLOURS
 from mmt_lab.bench.results import Axis as SideOfPanel
 from mmt_lab.bench.results import Curve, Panel, Point, StageResult
-from mmt.evaluation.figures import COLOURS
 
 _MARKERS: Final = "osD^vP*X"
 _LEGEND_COLUMNS: Final = 3

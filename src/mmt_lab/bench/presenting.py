@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from mmt.evaluation.document import Block, Heading, Paragraph, Table
+from mmt.evaluation.report_files import picture, write_report_files
 from mmt_lab.bench.results import (
     Cell,
     Curve,
@@ -14,8 +16,6 @@ from mmt_lab.bench.results import (
     StageResult,
     Target,
 )
-from mmt.evaluation.document import Block, Heading, Paragraph, Table
-from mmt.evaluation.report_files import picture, write_report_files
 
 TITLE: Final = "Error against run time"
 _NOTICEABLE: Final = 0.005

@@ -12,6 +12,10 @@ from scipy.signal import lfilter
 
 from mmt.core.arrays import FloatArray
 from mmt.testing.simulation.textures import get_surface
+from mmt.texture.autoregression.forms import lsf_to_ar
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.signals.filtering import StreamFilter
+from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.bench import native
 from mmt_lab.bench.measuring import call_times, interleave, spread
 from mmt_lab.bench.results import (
@@ -25,10 +29,6 @@ from mmt_lab.bench.results import (
     Target,
 )
 from mmt_lab.bench.textures import exact_samples, scattered, session
-from mmt.texture.autoregression.forms import lsf_to_ar
-from mmt.texture.signals.filtering import StreamFilter
-from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.synthesis.synthesizer import Synthesizer
 
 OURS: Final = "mmt"
 SCIPY: Final = "scipy, direct form"

@@ -6,13 +6,13 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.surfaces import Surface
-from mmt.testing.simulation.textures import get_surface
 from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.strokes import GRID_FORCE_N, GRID_SPEED_MM_S
 from mmt.scene import Scene
 from mmt.session.recorded import RecordedSession
+from mmt.testing.simulation.offline import simulate_session
+from mmt.testing.simulation.surfaces import Surface
+from mmt.testing.simulation.textures import get_surface
 from mmt.texture.autoregression.forms import (
     ar_spectrum,
     lsf_to_ar,
@@ -21,9 +21,9 @@ from mmt.texture.autoregression.forms import (
     reflection_to_lsf,
 )
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
-from mmt.texture.signals.metrics import gfc_of_rows, power_error_db
 from mmt.texture.model.texture_model import TextureSamples
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
+from mmt.texture.signals.metrics import gfc_of_rows, power_error_db
 
 RATE_HZ: Final = 1000.0
 SHAPE_HZ: Final[FloatArray] = np.arange(10.0, 501.0, 2.0)

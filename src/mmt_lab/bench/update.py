@@ -11,6 +11,13 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.testing.simulation.textures import get_surface
+from mmt.texture.autoregression.effective_length import UNKNOWN
+from mmt.texture.model.fits import Fit
+from mmt.texture.model.texture_model import TextureModel, TextureSamples
+from mmt.texture.online.modeller import OnlineModeller
+from mmt.texture.segmentation.segments import Segment
+from mmt.texture.settings import ModellingSettings
+from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.bench.measuring import interleave, spread
 from mmt_lab.bench.results import (
     MICROSECONDS,
@@ -23,13 +30,6 @@ from mmt_lab.bench.results import (
     Target,
 )
 from mmt_lab.bench.textures import exact_samples, scattered, session
-from mmt.texture.autoregression.effective_length import UNKNOWN
-from mmt.texture.model.fits import Fit
-from mmt.texture.model.texture_model import TextureModel, TextureSamples
-from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.segmentation.segments import Segment
-from mmt.texture.settings import ModellingSettings
-from mmt.texture.synthesis.synthesizer import Synthesizer
 
 SAMPLES: Final = Axis("samples of the model", "samples")
 TIME_MS: Final = Axis("time (ms)", "ms")
@@ -96,7 +96,8 @@ def _stages(blocks: Sequence[RecordArray], plan: Plan) -> Panel:
             if number >= plan.first_second:
                 for count in plan.counts:
                     grown = copy.deepcopy(modeller)
-                    grown.fits = extra[count].copy()
+                    grown.fits.clear()
+                    grown.fits.update(extra[count])
                     _note(durations[count], grown.update(block).durations_s)
             modeller.update(block)
     curves = Curves()

@@ -10,8 +10,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from mmt.cli.common import messages, output
-from mmt_lab.cli.realtime_gain import compare
 from mmt.core.errors import InputError, MmtError
+from mmt.evaluation.document import Table
+from mmt.evaluation.table import as_rich
+from mmt.scene import Scene
+from mmt.scene.files import example_scenes, load_scene
 from mmt_lab.bench import STAGES, run_stage
 from mmt_lab.bench.measuring import machine
 from mmt_lab.bench.presenting import (
@@ -21,10 +24,7 @@ from mmt_lab.bench.presenting import (
     write_bench_report,
 )
 from mmt_lab.bench.results import LeftOut, Records, Side, StageResult, Target
-from mmt.evaluation.document import Table
-from mmt.evaluation.table import as_rich
-from mmt.scene import Scene
-from mmt.scene.files import example_scenes, load_scene
+from mmt_lab.cli.realtime_gain import compare
 
 EVALUATIONS: Final = 5
 """Repetitions of the evaluation; the median counts."""

@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from mmt.cli.common import messages, output, write_json
+from mmt.evaluation.table import as_rich
 from mmt_lab.cli.counting import counting
 from mmt_lab.feedback.recorded import find_runs
 from mmt_lab.feedback.results import evaluate_feedback
 from mmt_lab.feedback.tables import feedback_tables, verdicts, write_feedback_report
-from mmt.evaluation.table import as_rich
 
 
 def print_feedback(

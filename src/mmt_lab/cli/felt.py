@@ -3,12 +3,12 @@
 from pathlib import Path
 
 from mmt.cli.common import messages, output, write_json
-from mmt_lab.cli.counting import check_workers, counting, names_of, processes
 from mmt.core.errors import InputError
+from mmt.evaluation.table import as_rich
+from mmt_lab.cli.counting import check_workers, counting, names_of, processes
 from mmt_lab.felt.presenting import felt_table, write_felt_report
 from mmt_lab.felt.summary import as_dict, cases, feel_all
 from mmt_lab.methods.cases import known_textures
-from mmt.evaluation.table import as_rich
 
 
 def print_felt(

@@ -3,13 +3,13 @@
 from pathlib import Path
 
 from mmt.cli.common import messages, output, write_json
+from mmt.evaluation.table import as_rich
 from mmt_lab.cli.counting import check_workers, counting, names_of, processes
 from mmt_lab.methods.cases import recorded_cases, simulated_cases
 from mmt_lab.methods.judging import check_methods
 from mmt_lab.methods.running import run_cases
 from mmt_lab.methods.summary import MethodComparison
 from mmt_lab.methods.tables import method_tables, verdicts, write_method_report
-from mmt.evaluation.table import as_rich
 
 
 def print_methods(

@@ -12,9 +12,9 @@ from typing import Any, Final
 
 from mmt.cli.demo import DemoRun, run_services
 from mmt.core.errors import MmtError
-from mmt_lab.bench.results import Records, StageResult
 from mmt.core.realtime import require_real_time
 from mmt.scene.files import example_scenes, load_scene
+from mmt_lab.bench.results import Records, StageResult
 
 ROUND_S: Final = 5.0
 """Longest run of the services; the two ways take turns."""

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from mmt.cli.common import messages, output, write_json
+from mmt.evaluation.table import as_rich
 from mmt_lab.cli.counting import counting
 from mmt_lab.selection.knocks import read_knocks
 from mmt_lab.selection.running import run_rows
@@ -13,7 +14,6 @@ from mmt_lab.selection.tables import (
     verdicts,
     write_selection_report,
 )
-from mmt.evaluation.table import as_rich
 
 
 def print_selection(

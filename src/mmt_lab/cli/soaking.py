@@ -13,13 +13,13 @@ import aiohttp
 from rich.progress import BarColumn, Progress, TextColumn
 
 from mmt.cli.common import messages, output, print_error, write_json
-from mmt_lab.cli.soak_services import SoakServices
 from mmt.core.errors import InputError
+from mmt.evaluation.table import as_rich
+from mmt_lab.cli.soak_services import SoakServices
 from mmt_lab.soak import faults as kinds
 from mmt_lab.soak.faults import Fault, plan_faults
 from mmt_lab.soak.judging import RECOVERY_S, Check, Happened, Observed, judge, table
 from mmt_lab.soak.recorded import read_back
-from mmt.evaluation.table import as_rich
 
 _SHORTEST_S: Final = 5.0
 _LONGEST_S: Final = 86_000.0

@@ -3,10 +3,13 @@
 from pathlib import Path
 
 from mmt.cli.common import messages, output, write_json
-from mmt_lab.cli.counting import Counted, counting
 from mmt.cli.reporting import scene_of
-from mmt.testing.simulation.course import course_from_annotations
 from mmt.core.errors import InputError
+from mmt.evaluation.table import as_rich
+from mmt.session import read_session
+from mmt.testing.simulation.course import course_from_annotations
+from mmt.texture.settings import ModellingSettings
+from mmt_lab.cli.counting import Counted, counting
 from mmt_lab.surfaces.running import SurfaceResult, run_session, run_simulated
 from mmt_lab.surfaces.tables import (
     SurfaceEvaluation,
@@ -14,9 +17,6 @@ from mmt_lab.surfaces.tables import (
     verdicts,
     write_surface_report,
 )
-from mmt.evaluation.table import as_rich
-from mmt.session import read_session
-from mmt.texture.settings import ModellingSettings
 
 
 def print_surfaces(

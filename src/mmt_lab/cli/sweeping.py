@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 
 from mmt.cli.common import messages, output, write_json
-from mmt_lab.cli.counting import check_workers, counting, processes
 from mmt.cli.reporting import scene_of
 from mmt.core.errors import InputError, MmtError
 from mmt.evaluation.document import Table
-from mmt_lab.sweep.combinations import Job, Outcome, Settings, SweepResults, combinations, make_jobs
-from mmt_lab.sweep.running import run_locally, run_on_dask
 from mmt.evaluation.table import as_rich
 from mmt.evaluation.texts import number, share
-from mmt.session import RecordedSession, read_session
 from mmt.scene.texture_table import Texture
+from mmt.session import RecordedSession, read_session
+from mmt_lab.cli.counting import check_workers, counting, processes
+from mmt_lab.sweep.combinations import Job, Outcome, Settings, SweepResults, combinations, make_jobs
+from mmt_lab.sweep.running import run_locally, run_on_dask
 
 MEANS = ("gfc", "gfc_ceiling", "truth_gfc", "power_error_db", "within_jnd", "samples")
 """Of the finished model; the mean over sessions is shown."""

@@ -15,19 +15,19 @@ from typing import Any, Final
 
 import numpy as np
 
+from mmt.core.process import prefer_even_ticks, wake_on_time
+from mmt.core.realtime import PRIORITY
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
+from mmt.devices.protocols import Vector
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
 from mmt.testing.emulated.digital_ft import EmulatedDigitalFt
 from mmt.testing.emulated.labjack_u6 import EmulatedU6
 from mmt.testing.emulated.net_ft import EmulatedNetFt
 from mmt.testing.emulated.remote_u6 import U6Server
 from mmt.testing.emulated.robot_link import RobotLink
-from mmt.devices.protocols import Vector
 from mmt_lab.device_bench.children import say
 from mmt_lab.device_bench.measures import pauses_of_device
 from mmt_lab.device_bench.motion import Motion
-from mmt.core.process import prefer_even_ticks, wake_on_time
-from mmt.core.realtime import PRIORITY
 
 FORCE_PPM: Final = 40.0
 ACCELERATION_PPM: Final = -70.0

@@ -14,16 +14,16 @@ from typing import Any, Final, Protocol
 import numpy as np
 
 from mmt.core.arrays import RecordArray
-from mmt.testing.emulated.hd import EmulatedHd
-from mmt.testing.emulated.remote_u6 import RemoteU6
-from mmt.testing.emulated.robot_driver import DatagramRobot
-from mmt.devices.loading import load_device
-from mmt.devices.source import PERIOD_NS, DeviceSource
-from mmt_lab.device_bench.children import say
 from mmt.core.frames import CHANNELS
 from mmt.core.process import prefer_even_ticks
 from mmt.core.realtime import be_real_time
 from mmt.core.ticking import Ticker
+from mmt.devices.loading import load_device
+from mmt.devices.source import PERIOD_NS, DeviceSource
+from mmt.testing.emulated.hd import EmulatedHd
+from mmt.testing.emulated.remote_u6 import RemoteU6
+from mmt.testing.emulated.robot_driver import DatagramRobot
+from mmt_lab.device_bench.children import say
 
 _COMMAND_MM: Final = (0.0, 0.0, 5.0)
 _HELD_UP_TICKS: Final = 10

@@ -10,8 +10,8 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import IntArray
-from mmt.devices.source import PERIOD_NS as TICK_NS
 from mmt.core.errors import MmtError
+from mmt.devices.source import PERIOD_NS as TICK_NS
 from mmt_lab.device_bench.children import Child
 from mmt_lab.device_bench.lab import ACCELERATION_PPM, FORCE_PPM
 from mmt_lab.device_bench.measures import FrameTimes, frame_times, pauses_of_ticks, within

@@ -13,9 +13,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray, RecordArray
 from mmt.contact.estimation import ContactModel
+from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
+from mmt.core.frames import empty_frames
+from mmt.leader.feedback_model import ModelForce
 from mmt_lab.feedback.bound import least_shown
 from mmt_lab.feedback.sides import (
     PASSIVITY,
@@ -25,8 +27,6 @@ from mmt_lab.feedback.sides import (
     handle_state,
     make_sides,
 )
-from mmt.core.frames import empty_frames
-from mmt.leader.feedback_model import ModelForce
 
 DELAYS_MS: Final = (0, 20, 50, 100, 200)
 """One way; the force comes back after twice this."""

@@ -5,8 +5,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from mmt_lab.feedback import recorded
-from mmt_lab.feedback import simulated
+from mmt_lab.feedback import recorded, simulated
 from mmt_lab.feedback.recorded import RecordedResult, evaluate_run, model_table, read_run
 from mmt_lab.feedback.sides import METHODS, Method
 from mmt_lab.feedback.simulated import CellResult, run_cell

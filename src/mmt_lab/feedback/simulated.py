@@ -19,17 +19,17 @@ from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray, RecordArray
 from mmt.contact.friction import step_tangential
 from mmt.contact.normal import Drive
+from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.frames import empty_frames
 from mmt.devices.protocols import Vector
+from mmt.scene import Simulated
 from mmt.testing.simulation import PERIOD_S
 from mmt.testing.simulation.robot import START_MM, SimulatedRobot
 from mmt_lab.feedback.delays import DelayLine
 from mmt_lab.feedback.sides import PASSIVITY, Display, Method, handle_state, make_sides
 from mmt_lab.stability.delay import LIGHT_GRIP
-from mmt.core.frames import empty_frames
-from mmt.scene import Simulated
 
 WALLS_N_MM: Final = (0.1, 0.5, 2.0, 10.0, 50.0)
 DELAYS_MS: Final = (0, 10, 50, 100, 200)

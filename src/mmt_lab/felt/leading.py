@@ -7,19 +7,19 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
-from mmt.scene.device_tables import Actuator
-from mmt.testing.simulation import PERIOD_NS, RATE_HZ
-from mmt.testing.simulation.vibration import Vibration
-from mmt_lab.felt.passing import NEVER_TICK, Passage
 from mmt.leader.concealment import build_concealment
 from mmt.leader.playout import PlayoutBuffer
 from mmt.leader.rendering import VibrationSwitch
 from mmt.leader.stream import StreamedVibration
 from mmt.scene import Playout, Rendering
+from mmt.scene.device_tables import Actuator
+from mmt.testing.simulation import PERIOD_NS, RATE_HZ
+from mmt.testing.simulation.vibration import Vibration
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
 from mmt.texture.settings import Inputs, ModellingSettings
 from mmt.texture.synthesis.synthesizer import Synthesizer
+from mmt_lab.felt.passing import NEVER_TICK, Passage
 
 BACKFILL_TICKS: Final = 250
 """A frame that was lost comes so much later than the longest way there and back."""

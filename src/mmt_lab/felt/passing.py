@@ -12,17 +12,17 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray, RecordArray
+from mmt.core.frames import CHANNELS
 from mmt.devices.protocols import Vector
+from mmt.link.impairments import MessageFates
+from mmt.scene import Simulated
+from mmt.scene.hand_table import Hand
+from mmt.scene.network_table import Network
 from mmt.testing.simulation import PERIOD_NS
 from mmt.testing.simulation.follower import SimulatedFollower
 from mmt.testing.simulation.hand import SimulatedHand
 from mmt.testing.simulation.robot import nominal_compliance_mm_n
 from mmt.testing.simulation.surfaces import Surface
-from mmt.core.frames import CHANNELS
-from mmt.scene.hand_table import Hand
-from mmt.link.impairments import MessageFates
-from mmt.scene.network_table import Network
-from mmt.scene import Simulated
 
 COMMAND_BYTES: Final = 60
 FRAME_BYTES: Final = 80

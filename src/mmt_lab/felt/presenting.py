@@ -8,6 +8,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mmt.evaluation.document import Table
+from mmt.evaluation.figures import COLOURS
+from mmt.evaluation.report_files import picture
+from mmt.evaluation.texts import number
+from mmt.scene.network_table import PROFILES, Network
 from mmt_lab.felt.judging import HOP, LEAST_RMS_M_S2, WINDOW
 from mmt_lab.felt.summary import (
     AT_ONCE,
@@ -19,11 +23,7 @@ from mmt_lab.felt.summary import (
     by_second,
     rows,
 )
-from mmt.evaluation.figures import COLOURS
 from mmt_lab.judged_report import write_judged_report
-from mmt.evaluation.report_files import picture
-from mmt.evaluation.texts import number
-from mmt.scene.network_table import PROFILES, Network
 
 TITLE: Final = "What the operator feels, end to end"
 

@@ -8,8 +8,11 @@ from typing import Any, Final, TypeVar
 import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray
+from mmt.scene.network_table import Network
 from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.textures import SURFACES
+from mmt.texture.online.modeller import ModelUpdate
+from mmt.texture.settings import ModellingSettings
 from mmt_lab.felt.judging import Course, Reference
 from mmt_lab.felt.leading import (
     at_once,
@@ -23,9 +26,6 @@ from mmt_lab.felt.warming import library_without, warm_models
 from mmt_lab.methods.cases import DURATION_S, FIRST_SEED, GRAINED_DURATION_S
 from mmt_lab.methods.judging import METHODS as METHODS_OF_MODELLING
 from mmt_lab.sweep.running import in_order
-from mmt.scene.network_table import Network
-from mmt.texture.online.modeller import ModelUpdate
-from mmt.texture.settings import ModellingSettings
 
 NETWORKS: Final = ("lan", "wifi", "wan", "bad")
 

@@ -7,14 +7,14 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import RecordArray
-from mmt_lab.felt.passing import NEVER_TICK, Passage
 from mmt.leader.warming import LOOK_FRAMES, load_library
+from mmt.texture.library.conversion import into_space
+from mmt.texture.library.warm_start import WarmStart
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.model.known_textures import into_space
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.modeller import ModelUpdate
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.model.warm_start import WarmStart
+from mmt_lab.felt.passing import NEVER_TICK, Passage
 
 LOOK_TICKS: Final = 50
 """So long after its last frame a choice is in use."""

@@ -8,12 +8,12 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import RecordArray
+from mmt.core.errors import InputError
+from mmt.scene import Scene
+from mmt.scene.hand_table import Hand
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.recorded_path import LARGEST_SCALE, load_path
 from mmt.testing.simulation.textures import SURFACES
-from mmt.core.errors import InputError
-from mmt.scene.hand_table import Hand
-from mmt.scene import Scene
 from mmt.texture.settings import Inputs
 
 FIRST_SEED: Final = 1000

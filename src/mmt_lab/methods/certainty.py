@@ -14,19 +14,19 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
-from mmt.testing.simulation.textures import SURFACES
-from mmt.texture.online.history import ModelHistory, build
 from mmt.evaluation.levels import level_error_db
+from mmt.evaluation.truth import KnownTexture
+from mmt.testing.simulation.textures import SURFACES
+from mmt.texture.completion.grid import CompletionGrid, completion_grid
+from mmt.texture.field.level_outlook import Outlook, outlook
+from mmt.texture.field.stroking_density import StrokingDensity
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.online.history import ModelHistory, build
+from mmt.texture.settings import Criterion, ModellingSettings
+from mmt.texture.signals.filtering import StreamFilter
+from mmt.texture.signals.metrics import JND_DB, within_jnd
 from mmt_lab.methods.cases import Case
 from mmt_lab.methods.judging import METHODS
-from mmt.evaluation.truth import KnownTexture
-from mmt.texture.completion.grid import CompletionGrid, completion_grid
-from mmt.texture.signals.filtering import StreamFilter
-from mmt.texture.field.level_outlook import Outlook, outlook
-from mmt.texture.signals.metrics import JND_DB, within_jnd
-from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.settings import Criterion, ModellingSettings
-from mmt.texture.field.stroking_density import StrokingDensity
 
 CRITERIA: Final[tuple[Criterion, ...]] = ("distance", "uncertainty")
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.evaluation.document import Table
-from mmt_lab.methods.certainty import CRITERIA, DEVIATIONS_DB, Certainty, Outcome, Update
 from mmt.evaluation.texts import number
+from mmt_lab.methods.certainty import CRITERIA, DEVIATIONS_DB, Certainty, Outcome, Update
 
 SHARES: Final = (0.0, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 1.0)
 """Edges of the bands of expected shares."""

@@ -8,15 +8,15 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import RecordArray
-from mmt.testing.simulation.textures import SURFACES
 from mmt.core.errors import InputError
-from mmt.texture.online.history import ModelHistory, build, update_blocks
 from mmt.evaluation.grid_errors import GridErrors
 from mmt.evaluation.levels import root_mean_square
-from mmt_lab.methods.cases import Case
 from mmt.evaluation.truth import KnownTexture
-from mmt.texture.signals.metrics import within_jnd
+from mmt.testing.simulation.textures import SURFACES
+from mmt.texture.online.history import ModelHistory, build, update_blocks
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.signals.metrics import within_jnd
+from mmt_lab.methods.cases import Case
 
 METHODS: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
     {

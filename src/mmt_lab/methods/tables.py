@@ -7,6 +7,8 @@ from typing import Final
 
 from mmt.evaluation.bands import BAND_EDGES_HZ
 from mmt.evaluation.document import Block, Heading, Table
+from mmt.evaluation.report_files import picture
+from mmt.evaluation.texts import number
 from mmt_lab.judged_report import write_judged_report
 from mmt_lab.methods.certainty_tables import DEFINITIONS as CERTAINTY_DEFINITIONS
 from mmt_lab.methods.certainty_tables import (
@@ -17,8 +19,6 @@ from mmt_lab.methods.certainty_tables import (
 )
 from mmt_lab.methods.judging import FIGURES, METHODS, MOMENTS
 from mmt_lab.methods.summary import STANDARD_ERRORS, Difference, MethodComparison, Row
-from mmt.evaluation.report_files import picture
-from mmt.evaluation.texts import number
 
 TITLE: Final = "Methods side by side"
 

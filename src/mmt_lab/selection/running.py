@@ -9,12 +9,12 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray
 from mmt.testing.simulation.textures import get_surface
-from mmt_lab.selection.trials import Trials, points_of, simulate_trials
-from mmt.texture.signals.amplitude_spectra import expected_amplitude
-from mmt.texture.signals.metrics import gfc_of_rows
+from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt.texture.selection import ModelPoints, select, select_published
 from mmt.texture.selection.enclosing import enclose_each
-from mmt.texture.autoregression.spectra import lsf_spectrum
+from mmt.texture.signals.amplitude_spectra import expected_amplitude
+from mmt.texture.signals.metrics import gfc_of_rows
+from mmt_lab.selection.trials import Trials, points_of, simulate_trials
 
 Method = Literal["published", "ours", "ours, model's data"]
 METHODS: Final[tuple[Method, ...]] = ("published", "ours", "ours, model's data")

@@ -10,9 +10,9 @@ from scipy.spatial import Delaunay
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.testing.simulation.textures import get_surface
-from mmt_lab.selection.trials import simulate_trials
 from mmt.texture.selection import select
 from mmt.texture.selection.leave_one_out import leave_each_out
+from mmt_lab.selection.trials import simulate_trials
 
 SIZES: Final = (100, 200, 461, 1000, 2000)
 _REBUILT: Final = 12  # so many triangulations stand for all

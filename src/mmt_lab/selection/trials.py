@@ -15,11 +15,11 @@ from mmt.core.arrays import BoolArray, FloatArray
 from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.modes import maps_at
 from mmt.testing.simulation.surfaces import HIGH_PASS_POLE, Surface
-from mmt_lab.selection.knocks import add_knock, simulated_knock
-from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.autoregression.burg import burg_batch
+from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.selection import ModelPoints
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
+from mmt_lab.selection.knocks import add_knock, simulated_knock
 
 ORDER: Final = 12
 NOISE_M_S2: Final = 0.03

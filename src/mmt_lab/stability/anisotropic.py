@@ -12,15 +12,15 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from mmt.core.arrays import FloatArray
-from mmt_lab.stability.anisotropic_samples import anywhere, arrangements, build
-from mmt_lab.stability.cases import Case, Outcome
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power
+from mmt.texture.field.trend import trend_at
+from mmt.texture.interpolation.radial_basis.model import LEVEL_ROOM
 from mmt.texture.model.inputs import ANISOTROPIC, InputSpace
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.interpolation.radial_basis.model import LEVEL_ROOM
 from mmt.texture.settings import Interpolation
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt.texture.field.trend import trend_at
+from mmt_lab.stability.anisotropic_samples import anywhere, arrangements, build
+from mmt_lab.stability.cases import Case, Outcome
 
 MANY: Final = 2000
 INTERPOLATORS: Final[tuple[Interpolation, ...]] = ("delaunay", "nearest", "rbf")

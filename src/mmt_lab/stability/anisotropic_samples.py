@@ -9,8 +9,8 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
 from mmt.texture.model.inputs import ANISOTROPIC, InputSpace
-from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.model.samples import TextureSamples
+from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import Interpolation
 
 _ORDER: Final = 10

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.signal import sosfilt
 
 from mmt.core.arrays import FloatArray
+from mmt.texture.autoregression.forms import burg, reflection_to_lsf
 from mmt_lab.stability.cases import Case, Outcome
 from mmt_lab.stability.exact import exact_burg, exact_residual
-from mmt.texture.autoregression.forms import burg, reflection_to_lsf
 
 CLUSTERED_RAD: Final = (0.05, 0.0525, 0.055, 0.0575, 0.06)
 SPREAD_RAD: Final = (0.3, 0.8, 1.4, 2.0, 2.7)

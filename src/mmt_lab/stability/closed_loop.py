@@ -7,7 +7,11 @@ from typing import Final
 
 from mmt.contact.friction import step_tangential
 from mmt.contact.normal import Drive
+from mmt.core.frames import empty_frames
 from mmt.devices.protocols import InterfaceState, Vector
+from mmt.leader.feedback import StreamedForce
+from mmt.scene import Simulated
+from mmt.scene.hand_table import Hand
 from mmt.testing.simulation import PERIOD_S
 from mmt.testing.simulation.hand import SimulatedHand
 from mmt.testing.simulation.robot import SimulatedRobot, tip_drive
@@ -16,10 +20,6 @@ from mmt_lab.feedback.simulated import WALLS_N_MM as METHOD_WALLS_N_MM
 from mmt_lab.stability.cases import Case, Outcome
 from mmt_lab.stability.delay import LIGHT_GRIP, Loop
 from mmt_lab.stability.feedback_methods import method_cases
-from mmt.core.frames import empty_frames
-from mmt.scene.hand_table import Hand
-from mmt.leader.feedback import StreamedForce
-from mmt.scene import Simulated
 
 WALLS_N_MM: Final = (0.1, 0.2, 0.3, 0.4, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 DELAYS_MS: Final = (0, 1, 2, 5, 10, 20, 50, 100, 200)

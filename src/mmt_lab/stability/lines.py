@@ -8,8 +8,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt_lab.stability import autoregression
-from mmt_lab.stability.cases import Case, Outcome
+from mmt.texture.autoregression.burg_recursion import LARGEST_REFLECTION
 from mmt.texture.autoregression.forms import (
     burg,
     lsf_to_ar,
@@ -17,10 +16,11 @@ from mmt.texture.autoregression.forms import (
     output_power,
     reflection_to_lsf,
 )
-from mmt.texture.autoregression.burg_recursion import LARGEST_REFLECTION
 from mmt.texture.autoregression.lsf import lsf_inverse_gain
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.synthesis.synthesizer import Synthesizer
+from mmt_lab.stability import autoregression
+from mmt_lab.stability.cases import Case, Outcome
 
 GAPS_RAD: Final = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 HOUR_SAMPLES: Final = 3_600_000

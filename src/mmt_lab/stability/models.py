@@ -10,12 +10,12 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt_lab.stability.cases import Case, Outcome
 from mmt.core.frames import empty_frames
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power, reflection_to_lsf
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.synthesis.synthesizer import Synthesizer
+from mmt_lab.stability.cases import Case, Outcome
 
 MANY: Final = 5000
 

@@ -13,12 +13,16 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt_lab.stability.cases import Case, Outcome
 from mmt.texture.autoregression.forms import lsf_to_reflection
+from mmt.texture.interpolation.radial_basis.functions import (
+    FUNCTIONS,
+    KernelName,
+    evaluate_each_into,
+)
 from mmt.texture.interpolation.radial_basis.network import RadialBasisNetwork, RadialBasisSettings
-from mmt.texture.interpolation.radial_basis.functions import FUNCTIONS, KernelName, evaluate_each_into
 from mmt.texture.interpolation.radial_basis.online import RadialBasisSystem
 from mmt.texture.interpolation.radial_basis.outputs import nearest_valid_lsf
+from mmt_lab.stability.cases import Case, Outcome
 
 FLAT: Final = (0.001, 0.1, 1.0, 1000.0)
 """Shape parameters: 0.001 is all but constant over the space, 1000 a needle at each sample."""

@@ -11,20 +11,20 @@ import numpy as np
 import psutil
 
 from mmt.core.arrays import RecordArray
-from mmt.testing.simulation.actuator import SimulatedActuator
-from mmt_lab.stability.cases import Outcome
-from mmt_lab.stability.fake_time import FakeClock, run_in_fake_time
 from mmt.core.frames import empty_frames
+from mmt.core.ticking import Ticker
 from mmt.leader.feedback import StreamedForce
 from mmt.leader.frame_queue import FrameQueue
 from mmt.leader.numbering import SessionNumbering
 from mmt.leader.playout import PlayoutBuffer
 from mmt.leader.rendering import VibrationSwitch
 from mmt.leader.stream import StreamedVibration
+from mmt.testing.simulation.actuator import SimulatedActuator
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt.core.ticking import Ticker
+from mmt_lab.stability.cases import Outcome
+from mmt_lab.stability.fake_time import FakeClock, run_in_fake_time
 
 PERIOD_NS: Final = 1_000_000
 PATTERN_SAMPLES: Final = 20_000

@@ -8,18 +8,18 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import RecordArray
+from mmt.core.errors import InputError
+from mmt.scene import Scene
+from mmt.scene.hand_table import Hand
 from mmt.testing.simulation.course import SurfaceCourse
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces import Surface
 from mmt.testing.simulation.textures import SURFACES
-from mmt.core.errors import InputError
-from mmt_lab.surfaces.scoring import Found, SurfaceScore, score
-from mmt.scene.hand_table import Hand
-from mmt.scene import Scene
-from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.settings import Inputs, ModellingSettings, SurfaceSettings
+from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.surfaces.modeller import LOOK_S
 from mmt.texture.surfaces.tracking import SurfaceTracker
+from mmt_lab.surfaces.scoring import Found, SurfaceScore, score
 
 LOOK_FRAMES: Final = round(1000 * LOOK_S)
 """The tracker gets so many frames at a time, as the leader's does."""

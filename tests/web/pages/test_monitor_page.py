@@ -19,11 +19,11 @@ from page_browser import (
     shows,
 )
 
-from mmt.testing.simulation.offline import simulate_session
 from mmt.leader.service import LeaderService
 from mmt.link.access import TOKEN_VARIABLE
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
+from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel
 
 __all__ = ["browser"]

@@ -9,11 +9,11 @@ import pytest
 from page_browser import DESKTOP, MARKS, TABLET, a_page, api, browser, fits, inked, shows
 from recording_server import serving
 
-from mmt.testing.simulation.offline import simulate_session
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
 from mmt.session.recorded import OutputBlock, RecordedSession
 from mmt.session.writing import export_session
+from mmt.testing.simulation.offline import simulate_session
 from mmt.web.viewing.recording import ViewedRecording
 
 __all__ = ["browser"]

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mmt.testing.simulation.offline import simulate_session
-from mmt_lab.bench.presenting import write_bench_report
-from mmt_lab.bench.results import Axis, Curves, Panel, Spread, StageResult
 from mmt.evaluation.comparison import compare_reports, write_comparison
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.report import write_report
-from mmt_lab.stability.cases import Row
-from mmt_lab.stability.report import write_stability_report
 from mmt.scene import Scene
 from mmt.session import RecordedSession
+from mmt.testing.simulation.offline import simulate_session
+from mmt_lab.bench.presenting import write_bench_report
+from mmt_lab.bench.results import Axis, Curves, Panel, Spread, StageResult
+from mmt_lab.stability.cases import Row
+from mmt_lab.stability.report import write_stability_report
 
 api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 CHROMIUM = shutil.which("chromium")

@@ -11,11 +11,11 @@ from player_samples import NAMES, RATE_HZ, RMS_M_S2, address, playing, visiting
 
 from mmt.core.errors import InputError
 from mmt.evaluation.evaluate import evaluate_session
-from mmt.web.player.player import TAKEN_OVER
 from mmt.session import read_session
 from mmt.session.info import info
 from mmt.session.recorded import missing_frames
 from mmt.texture.model.texture_model import TextureModel
+from mmt.web.player.player import TAKEN_OVER
 
 
 async def test_a_page_hears_the_texture_that_it_strokes(tmp_path: Path) -> None:

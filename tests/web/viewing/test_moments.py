@@ -7,12 +7,12 @@ import pytest
 from frame_samples import made_frames
 from monitor_messages import unpack
 
-from mmt.testing.simulation.offline import simulate_session
 from mmt.core.errors import InputError
 from mmt.scene import Scene
 from mmt.session.recorded import OutputBlock, RecordedSession
 from mmt.session.window_files import MemoryWindows, Window
 from mmt.session.writing import export_session
+from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import ModellingSettings
 from mmt.web.viewing import traces

@@ -6,13 +6,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from mmt.scene import Scene
+from mmt.session.recorded import JsonObject, RecordedSession
+from mmt.session.window_files import MemoryWindows
 from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.online.history import build, update_blocks
-from mmt.scene import Scene
-from mmt.session.recorded import JsonObject, RecordedSession
-from mmt.session.window_files import MemoryWindows
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.web.viewing.rebuilding import Rebuilding, frozen_spans
 

@@ -13,9 +13,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from mmt.core.errors import MmtError
 from mmt.cli.scene.import_times import import_times_s
 from mmt.cli.scene.variants import Variant, variants_of
+from mmt.core.errors import MmtError
 from mmt.scene import Scene
 
 FIGURES: Final = ("start_s", "core_share", "memory_mb")

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 from mmt.cli.scene.costs import FIGURES, SceneCosts
-from mmt.scene import Scene
 from mmt.cli.scene.description import Stream, describe_scene
+from mmt.scene import Scene
 
 _AT_ONCE: Final = 0.1
 """Share of a run within which what begins counts as there from the start."""

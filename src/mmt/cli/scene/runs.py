@@ -11,8 +11,8 @@ import tomli_w
 from rich.console import Console
 
 from mmt.cli.demo import DemoRun, run_services
-from mmt.core.errors import MmtError
 from mmt.cli.scene.costs import SceneRun, ServiceRun
+from mmt.core.errors import MmtError
 from mmt.scene import Replay, Scene
 from mmt.scene.files import ENVIRONMENT_PREFIX
 
@@ -55,8 +55,8 @@ class SceneRunner:
         return scene.model_copy(update=changes)
 
     def _simulate(self, scene: Scene) -> Path:
-        from mmt.testing.simulation.offline import simulate_session
         from mmt.session import write_session
+        from mmt.testing.simulation.offline import simulate_session
 
         file = self._directory / "simulated.mcap"
         speed = (scene.replay or Replay()).speed

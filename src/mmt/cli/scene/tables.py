@@ -7,13 +7,13 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from mmt.cli.scene.costs import FIGURES, Difference, SceneCosts
+from mmt.cli.scene.description import SceneDescription, SideParts, Stream
 from mmt.cli.scene.results import (
     added_bytes_per_s,
     measured_bytes_per_s,
     service_figures,
 )
 from mmt.scene import Scene
-from mmt.cli.scene.description import SceneDescription, SideParts, Stream
 
 _AT_TIMES: Final = 0.3
 _DIGITS: Final = {"start_s": 2, "core_share": 2, "memory_mb": 1}

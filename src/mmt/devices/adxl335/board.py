@@ -7,8 +7,8 @@ from typing import Final
 import serial
 from serial.tools import list_ports
 
-from mmt.devices.serial_ports import explain_refusal, read_waiting
 from mmt.core.errors import DeviceLost, MmtError
+from mmt.devices.serial_ports import explain_refusal, read_waiting
 
 _AT_ONCE: Final = 16384
 

@@ -3,11 +3,11 @@
 from collections import Counter
 from typing import Final
 
+from mmt.core.errors import DeviceLost
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, Calibration
 from mmt.devices.adxl335.options import Adxl335Options
 from mmt.devices.overload import OverloadNotice
 from mmt.devices.protocols import SensorReading, Vector
-from mmt.core.errors import DeviceLost
 
 RANGE_M_S2: Final = 3.0 * GRAVITY_M_S2
 """Least full scale by the data sheet; a sensor that is typical goes to 3.6 g."""

@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import Any, Final, Literal, NamedTuple, cast, get_args
 
-from mmt.devices.protocols import Vector
 from mmt.core.errors import InputError
+from mmt.devices.protocols import Vector
 
 GRAVITY_M_S2: Final = 9.80665
 

@@ -8,6 +8,7 @@ from math import hypot
 from statistics import fmean, pstdev
 from typing import Final
 
+from mmt.core.errors import MmtError
 from mmt.devices.adxl335.conversion import Converter
 from mmt.devices.adxl335.gravity import (
     GRAVITY_M_S2,
@@ -20,7 +21,6 @@ from mmt.devices.adxl335.gravity import (
 from mmt.devices.adxl335.options import Adxl335Options
 from mmt.devices.calibrations import load_calibration
 from mmt.devices.protocols import SensorReading, Vector
-from mmt.core.errors import MmtError
 
 LOG: Final = logging.getLogger("mmt.devices")
 

@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.adxl335.board import SerialBoard
 from mmt.devices.adxl335.framing import Counts, Frame, FrameDecoder
 from mmt.devices.adxl335.options import SerialOptions
@@ -12,7 +13,6 @@ from mmt.devices.adxl335.sensor import Adxl335
 from mmt.devices.adxl335.timeline import Timeline
 from mmt.devices.loading import read_options
 from mmt.devices.protocols import SensorReading, Vector
-from mmt.core.errors import DeviceLost, MmtError
 
 NAME: Final = "adxl335-serial"
 _FIRST_FRAMES: Final = 3

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
+from mmt.core.errors import InputError
 from mmt.devices.ati.options import AtiOptions
 from mmt.devices.protocols import Vector
-from mmt.core.errors import InputError
 
 RANGE_TOLERANCE = 0.01
 

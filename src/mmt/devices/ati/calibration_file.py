@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from mmt.core.errors import InputError
 from mmt.devices.ati.calibration import Calibration
 from mmt.devices.ati.units import force_in_newton, length_in_mm, torque_in_newton_mm
 from mmt.devices.ati.wrench import Matrix, matrix_of
-from mmt.core.errors import InputError
 
 _AXES: Final = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 _LARGEST: Final = 1 << 20

@@ -5,6 +5,7 @@ from typing import Any, Final, Literal
 
 from pydantic import Field
 
+from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.ati.calibration import check_calibration
 from mmt.devices.ati.digital_clock import CountingClock
 from mmt.devices.ati.digital_line import DigitalLine
@@ -28,7 +29,6 @@ from mmt.devices.ati.options import AtiOptions
 from mmt.devices.ati.sensor import AtiSensor, Stamped
 from mmt.devices.ati.wrench import WrenchConverter
 from mmt.devices.loading import read_options
-from mmt.core.errors import DeviceLost, MmtError
 
 DRIVER: Final = "ati-digital-ft"
 

@@ -6,6 +6,7 @@ from typing import Final
 
 import serial
 
+from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.ati.digital_registers import DEVICE
 from mmt.devices.ati.modbus import (
     LONGEST_READ,
@@ -18,7 +19,6 @@ from mmt.devices.ati.modbus import (
     write_request,
 )
 from mmt.devices.serial_ports import explain_refusal, read_waiting
-from mmt.core.errors import DeviceLost, MmtError
 
 _ANSWER_S: Final = 0.15
 _ATTEMPTS: Final = 3

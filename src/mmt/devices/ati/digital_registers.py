@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from mmt.core.errors import MmtError
 from mmt.devices.ati.calibration import Calibration
 from mmt.devices.ati.units import force_in_newton, torque_in_newton_mm
 from mmt.devices.ati.wrench import Matrix, matrix_of
-from mmt.core.errors import MmtError
 
 DEVICE: Final = 10
 """Its Modbus number, always the same."""

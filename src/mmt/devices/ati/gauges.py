@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from mmt.scene.device_tables import Driver
+from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.ati.calibration import check_calibration
 from mmt.devices.ati.calibration_file import FileCalibration, load_calibration_file
 from mmt.devices.ati.options import AtiOptions
@@ -13,7 +13,7 @@ from mmt.devices.ati.sensor import AtiSensor, Stamped
 from mmt.devices.ati.wrench import WrenchConverter
 from mmt.devices.loading import load_device, read_options
 from mmt.devices.voltages import VoltageBoard
-from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.scene.device_tables import Driver
 
 DRIVER: Final = "ati-gauges"
 

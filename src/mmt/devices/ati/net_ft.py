@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from pydantic import Field
 
+from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.ati.calibration import check_calibration
 from mmt.devices.ati.clock import SequenceClock
 from mmt.devices.ati.net_records import (
@@ -27,7 +28,6 @@ from mmt.devices.ati.sensor import AtiSensor, Stamped
 from mmt.devices.ati.wrench import WrenchConverter
 from mmt.devices.datagrams import StampedSocket
 from mmt.devices.loading import read_options
-from mmt.core.errors import DeviceLost, MmtError
 
 DRIVER: Final = "ati-net-ft"
 

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from mmt.core.errors import MmtError
 from mmt.devices.ati.calibration import Calibration
 from mmt.devices.ati.units import force_in_newton, torque_in_newton_mm
 from mmt.devices.ati.wrench import Matrix, diagonal
 from mmt.devices.protocols import Vector
-from mmt.core.errors import MmtError
 
 TIMEOUT_S: Final = 2.0
 _LARGEST_PAGE: Final = 65_536

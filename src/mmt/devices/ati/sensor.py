@@ -5,11 +5,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Final
 
+from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.ati.options import AtiOptions
 from mmt.devices.ati.wrench import Six, WrenchConverter
 from mmt.devices.overload import OverloadNotice
 from mmt.devices.protocols import SensorReading
-from mmt.core.errors import DeviceLost, MmtError
 
 Stamped = tuple[int, Six]
 """The sensor's time of a record (ns), and its raw values."""

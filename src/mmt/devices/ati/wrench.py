@@ -5,9 +5,9 @@ import sys
 from collections.abc import Sequence
 from typing import Final
 
+from mmt.core.errors import MmtError
 from mmt.devices.ati.options import AtiOptions
 from mmt.devices.protocols import Vector
-from mmt.core.errors import MmtError
 
 Six = tuple[float, float, float, float, float, float]
 """Counts or volts of a record, in the order of the matrix's columns; or a wrench: Fx, Fy, Fz

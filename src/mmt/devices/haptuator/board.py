@@ -8,9 +8,9 @@ from typing import Final
 
 import serial
 
+from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.haptuator.framing import Decoder, Message, encode
 from mmt.devices.serial_ports import explain_refusal
-from mmt.core.errors import DeviceLost, MmtError
 
 _AT_ONCE: Final = 16384
 _LARGEST_BACKLOG: Final = 8192

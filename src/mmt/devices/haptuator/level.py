@@ -4,10 +4,10 @@ import math
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from mmt.core.errors import InputError
 from mmt.devices.calibrations import calibration_file, load_calibration, save_calibration
 from mmt.devices.haptuator.equalising import TAPS, Equaliser
 from mmt.devices.haptuator.options import HaptuatorOptions
-from mmt.core.errors import InputError
 
 DEVICE: Final = "haptuator"
 

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from mmt.core.arrays import FloatArray
+from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.haptuator.board import HaptuatorBoard
 from mmt.devices.haptuator.framing import FULL_SCALE, MOST_SAMPLES, Report, Reset, Samples
 from mmt.devices.haptuator.interpolation import AFTER
@@ -17,7 +18,6 @@ from mmt.devices.haptuator.playing import RATE_HZ, SILENCE_NS, PlayingHaptuator
 from mmt.devices.haptuator.pushing import Pusher
 from mmt.devices.loading import read_options
 from mmt.devices.protocols import ActuatorStatistics
-from mmt.core.errors import DeviceLost, MmtError
 
 DRIVER: Final = "haptuator-serial"
 

@@ -12,10 +12,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError, MmtError
 from mmt.devices.haptuator.equalising import sweep
 from mmt.devices.merging import Lane
 from mmt.devices.protocols import SensorReading, VoltageActuator
-from mmt.core.errors import InputError, MmtError
 
 _BEFORE: Final = 400
 """Samples of silence before a sweep: what the sensor feels at rest, and how its clock goes."""

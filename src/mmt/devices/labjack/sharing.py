@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 from itertools import count
 from typing import Any, Final
 
+from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.labjack.decoding import StreamDecoder
 from mmt.devices.labjack.gains import BLOCKS, Line, read_lines
 from mmt.devices.labjack.packets import (
@@ -23,7 +24,6 @@ from mmt.devices.labjack.packets import (
 )
 from mmt.devices.labjack.usb_link import U6Link, check_alone, find_boxes
 from mmt.devices.voltages import VoltageReading
-from mmt.core.errors import DeviceLost, InputError, MmtError
 
 INPUTS: Final = 14
 MOST_SAMPLES_HZ: Final = 50_000

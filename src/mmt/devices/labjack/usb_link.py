@@ -12,6 +12,8 @@ from typing import Any, Final
 import usb.core
 import usb.util
 
+from mmt.core.errors import DeviceLost, MmtError
+from mmt.core.realtime import follow_real_time
 from mmt.devices.labjack.packets import (
     CONFIG_U6,
     START_STREAM,
@@ -21,8 +23,6 @@ from mmt.devices.labjack.packets import (
     read_reply,
     read_short_reply,
 )
-from mmt.core.errors import DeviceLost, MmtError
-from mmt.core.realtime import follow_real_time
 
 VENDOR: Final = 0x0CD5
 PRODUCT: Final = 0x0006

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
+from mmt.core.errors import DeviceLost, InputError
 from mmt.devices.labjack.packets import GAINS, Channel
 from mmt.devices.labjack.sharing import (
     INPUTS,
@@ -14,7 +15,6 @@ from mmt.devices.labjack.sharing import (
     disconnect,
 )
 from mmt.devices.voltages import VoltageReading
-from mmt.core.errors import DeviceLost, InputError
 
 
 class U6Voltages:

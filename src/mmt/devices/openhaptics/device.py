@@ -8,12 +8,12 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Final, Generic, TypeVar
 
+from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.openhaptics import constants as hd
 from mmt.devices.openhaptics.library import CALLBACK, Stack, open_stack
 from mmt.devices.openhaptics.options import HdOptions
 from mmt.devices.openhaptics.sentences import HdError, explain
 from mmt.devices.openhaptics.servo import Servo
-from mmt.core.errors import DeviceLost, MmtError
 
 LOG: Final = logging.getLogger("mmt.devices.openhaptics")
 

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
-from mmt.devices.openhaptics.sentences import HdError, explain
 from mmt.core.errors import InputError, MmtError
+from mmt.devices.openhaptics.sentences import HdError, explain
 
 EMULATED: Final = "emulated"
 """In the place of a path: the library that emulates a device."""

@@ -3,6 +3,7 @@
 import math
 from typing import Any, Final
 
+from mmt.core.errors import InputError
 from mmt.devices.loading import read_options
 from mmt.devices.openhaptics.driving import HdDriver
 from mmt.devices.openhaptics.library import Stack
@@ -10,7 +11,6 @@ from mmt.devices.openhaptics.measuring import STUCK
 from mmt.devices.openhaptics.options import RobotOptions
 from mmt.devices.openhaptics.servo import Servo
 from mmt.devices.protocols import Vector
-from mmt.core.errors import InputError
 
 _LONGEST_STEP_S: Final = 0.005
 _STUCK_NS: Final = 200_000_000

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any, Final
 
+from mmt.core.realtime import follow_real_time
 from mmt.devices.openhaptics.constants import (
     COMM_ERROR,
     CONTINUE,
@@ -20,7 +21,6 @@ from mmt.devices.openhaptics.library import VECTOR, Vector3
 from mmt.devices.openhaptics.measuring import STUCK, Watch
 from mmt.devices.openhaptics.sentences import HdError, name_of, only_force
 from mmt.devices.protocols import Vector
-from mmt.core.realtime import follow_real_time
 
 _LONGEST_STEP_NS: Final = 10_000_000
 _COOLING_NS: Final = 1_000_000_000

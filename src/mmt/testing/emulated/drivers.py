@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 from pydantic import BaseModel, ConfigDict, Field
 
 from mmt.core.arrays import FloatArray
-from mmt.testing.emulated.lab_process import LabProcess
-from mmt.testing.emulated.robot_driver import DatagramRobot
+from mmt.core.errors import DeviceLost
 from mmt.devices.loading import load_device, read_options
 from mmt.devices.protocols import (
     ActuatorStatistics,
@@ -16,7 +15,8 @@ from mmt.devices.protocols import (
     SensorReading,
     Vector,
 )
-from mmt.core.errors import DeviceLost
+from mmt.testing.emulated.lab_process import LabProcess
+from mmt.testing.emulated.robot_driver import DatagramRobot
 
 if TYPE_CHECKING:
     from mmt.devices.haptuator.serial_driver import SerialHaptuator

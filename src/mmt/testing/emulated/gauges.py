@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mmt.devices.ati.wrench import Matrix
-from mmt.testing.emulated.truth import Truth
-from mmt.devices.voltages import VoltageReading
 from mmt.core.errors import DeviceLost, MmtError
+from mmt.devices.ati.wrench import Matrix
+from mmt.devices.voltages import VoltageReading
+from mmt.testing.emulated.truth import Truth
 
 
 class EmulatedGauges:

@@ -11,11 +11,11 @@ import time
 from collections import deque
 from typing import Final
 
-from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
-from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard
+from mmt.core.process import SWITCH_INTERVAL_S
 from mmt.devices.haptuator.framing import FULL_SCALE
 from mmt.devices.protocols import Vector
-from mmt.core.process import SWITCH_INTERVAL_S
+from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
+from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard
 
 FULL_SCALE_V: Final = 3.0
 LEVEL_M_S2_PER_V: Final = 15.0

@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from mmt.testing.emulated.sound_card import EmulatedSoundCard
 from mmt.devices.haptuator.sound import DRIVER, SoundHaptuator, SoundOptions
 from mmt.devices.loading import read_options
+from mmt.testing.emulated.sound_card import EmulatedSoundCard
 
 
 def emulated_haptuator(**options: Any) -> "EmulatedHaptuator":

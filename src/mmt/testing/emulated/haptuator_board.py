@@ -5,8 +5,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
-from mmt.testing.emulated.serial_port import EmulatedPort
 from mmt.devices.haptuator.framing import Decoder, Report, Reset, Samples, encode
+from mmt.testing.emulated.serial_port import EmulatedPort
 
 _PERIOD_NS: Final = 1_000_000
 _REPORT_PERIODS: Final = 5

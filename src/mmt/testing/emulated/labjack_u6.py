@@ -10,7 +10,6 @@ from typing import Any, Final
 
 import usb.core
 
-from mmt.testing.emulated.usb_backend import Handle, OneDeviceBackend
 from mmt.devices.labjack.gains import Line, nominal_lines, write_lines
 from mmt.devices.labjack.packets import (
     BAD_CHECKSUM,
@@ -32,6 +31,7 @@ from mmt.devices.labjack.packets import (
     is_sound,
 )
 from mmt.devices.labjack.usb_link import PRODUCT, VENDOR
+from mmt.testing.emulated.usb_backend import Handle, OneDeviceBackend
 
 ENDPOINTS: Final = (0x01, 0x82, 0x83)
 _SLICE_S: Final = 0.0002

@@ -17,9 +17,9 @@ from typing import Any, Final
 
 import usb.core
 
+from mmt.devices.labjack.usb_link import PRODUCT, VENDOR
 from mmt.testing.emulated.labjack_u6 import ENDPOINTS, EmulatedU6
 from mmt.testing.emulated.usb_backend import Handle, OneDeviceBackend
-from mmt.devices.labjack.usb_link import PRODUCT, VENDOR
 
 _REQUEST: Final = struct.Struct("<BH")
 _LARGEST: Final = 4096

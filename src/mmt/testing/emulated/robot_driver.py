@@ -5,9 +5,9 @@ import socket
 import time
 from typing import Final
 
-from mmt.testing.emulated.robot_link import NO_COMMAND, PACKET
-from mmt.devices.protocols import Vector
 from mmt.core.errors import DeviceLost, MmtError
+from mmt.devices.protocols import Vector
+from mmt.testing.emulated.robot_link import NO_COMMAND, PACKET
 
 _ANSWER_S: Final = 2.0
 _SILENT_READS: Final = 100

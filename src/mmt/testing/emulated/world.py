@@ -4,11 +4,11 @@ import threading
 import time
 from typing import Final
 
+from mmt.core.frames import CHANNELS
 from mmt.devices.protocols import Vector
+from mmt.scene import Simulated
 from mmt.testing.simulation.follower import SimulatedFollower
 from mmt.testing.simulation.robot import START_MM
-from mmt.core.frames import CHANNELS
-from mmt.scene import Simulated
 
 TICK_NS: Final = 1_000_000
 

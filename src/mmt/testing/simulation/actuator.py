@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 
 from mmt.core.arrays import FloatArray
-from mmt.devices.protocols import ActuatorStatistics
 from mmt.core.errors import InputError
+from mmt.devices.protocols import ActuatorStatistics
 
 
 class SimulatedActuator:

@@ -13,12 +13,12 @@ from typing import Any, Final, Literal, NamedTuple
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
+from mmt.core.errors import InputError
+from mmt.scene import Simulated
 from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.surfaces import COURSE_VERSION, Surface, surface_from_annotations
 from mmt.testing.simulation.textures import get_surface
 from mmt.testing.simulation.vibration import Vibration
-from mmt.core.errors import InputError
-from mmt.scene import Simulated
 
 When = Literal["lifted", "contact", "either"]
 

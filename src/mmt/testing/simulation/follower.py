@@ -5,12 +5,12 @@ from math import isfinite
 
 from mmt.core.arrays import RecordArray
 from mmt.devices.protocols import Vector
+from mmt.scene import Simulated
 from mmt.testing.simulation.course import SurfaceCourse
 from mmt.testing.simulation.instruments import Instruments
 from mmt.testing.simulation.robot import START_MM, SimulatedRobot
 from mmt.testing.simulation.surfaces import Surface
 from mmt.testing.simulation.textures import get_surface
-from mmt.scene import Simulated
 
 
 class SimulatedFollower:

@@ -7,12 +7,12 @@ from typing import Final
 import numpy as np
 
 from mmt.devices.protocols import InterfaceState, Vector
+from mmt.scene import Simulated
+from mmt.scene.hand_table import Hand
 from mmt.testing.simulation import PERIOD_S, RATE_HZ
 from mmt.testing.simulation.noise import NoiseRows
 from mmt.testing.simulation.robot import START_MM, nominal_compliance_mm_n
 from mmt.testing.simulation.strokes import Phase, StrokePlanner
-from mmt.scene.hand_table import Hand
-from mmt.scene import Simulated
 
 LEAST_FORCE_N: Final = 0.01
 """Below this the hand does not press."""

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import RecordArray
+from mmt.core.frames import frame_dtype, ordered_channels
 from mmt.devices.protocols import Vector
 from mmt.testing.simulation import PERIOD_NS
 from mmt.testing.simulation.course import CourseVibration, SurfaceCourse
@@ -15,7 +16,6 @@ from mmt.testing.simulation.robot import TipState
 from mmt.testing.simulation.sensors import Encoder, ForceGauge, TiltedAccelerometer
 from mmt.testing.simulation.surfaces import Surface
 from mmt.testing.simulation.vibration import Vibration
-from mmt.core.frames import frame_dtype, ordered_channels
 
 LEAST_SPEED_MM_S: Final = 1.0
 """Below this a heading is not defined; the last one holds."""

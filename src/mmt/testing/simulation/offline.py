@@ -8,6 +8,10 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.errors import InputError
+from mmt.core.frames import CHANNELS
+from mmt.scene import Scene, Simulated
+from mmt.scene.hand_table import Hand
 from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.course import SurfaceCourse
 from mmt.testing.simulation.follower import SimulatedFollower
@@ -17,10 +21,6 @@ from mmt.testing.simulation.recorded_path import RecordedPath, load_path
 from mmt.testing.simulation.robot import TipState, nominal_compliance_mm_n
 from mmt.testing.simulation.surfaces import Surface
 from mmt.testing.simulation.textures import get_surface
-from mmt.core.errors import InputError
-from mmt.core.frames import CHANNELS
-from mmt.scene.hand_table import Hand
-from mmt.scene import Scene, Simulated
 
 _BLOCK_TICKS: Final = 1000
 _STILL_MM_S: Final = 4.0

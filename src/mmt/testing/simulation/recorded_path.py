@@ -10,8 +10,8 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
-from mmt.testing.simulation import PERIOD_S, RATE_HZ
 from mmt.core.errors import InputError
+from mmt.testing.simulation import PERIOD_S, RATE_HZ
 
 MOTION_BAND_HZ: Final = 40.0
 """Human motion ends well below; what an encoder's steps add lies mostly above."""

@@ -7,8 +7,8 @@ from typing import Final
 from mmt.contact.friction import SMOOTHING_M_S, friction_slope_n_s_m, step_tangential
 from mmt.contact.normal import ContactLaw, Drive, step_normal, substeps
 from mmt.devices.protocols import Vector
-from mmt.testing.simulation import PERIOD_S
 from mmt.scene import Simulated
+from mmt.testing.simulation import PERIOD_S
 
 TIP_MASS_KG: Final = 0.08
 """Moving mass felt at the tip of a small arm."""

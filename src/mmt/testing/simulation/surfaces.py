@@ -21,10 +21,10 @@ import numpy as np
 import numpy.typing as npt
 
 from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError
 from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.grain import Grain
 from mmt.testing.simulation.modes import Line, Mode, Resonance, maps_at
-from mmt.core.errors import InputError
 
 HIGH_PASS_POLE: Final = 0.95
 """Pole of the fixed high-pass, a corner of 8 Hz, below the band of texture."""

@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
+from mmt.core.errors import InputError
 from mmt.testing.simulation.grained_textures import GRAINED, ridges
 from mmt.testing.simulation.modes import Resonance
 from mmt.testing.simulation.surfaces import Surface
-from mmt.core.errors import InputError
 
 _PLASTIC = Surface(
     "plastic",

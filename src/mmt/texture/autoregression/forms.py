@@ -28,9 +28,12 @@ from mmt.texture.autoregression.lsf import (
     reflection_to_ar_each_into,
 )
 from mmt.texture.autoregression.ordering import choose_order
-from mmt.texture.settings import LARGEST_ORDER
 from mmt.texture.autoregression.spectra import ar_spectrum, lsf_spectrum
-from mmt.texture.autoregression.split import lsf_to_reflection_each_into, reflection_to_lsf_each_into
+from mmt.texture.autoregression.split import (
+    lsf_to_reflection_each_into,
+    reflection_to_lsf_each_into,
+)
+from mmt.texture.settings import LARGEST_ORDER
 
 __all__ = [
     "ReflectionFit",
@@ -85,8 +88,8 @@ def ar_to_reflection(ar: FloatArray) -> FloatArray:
 def reflection_to_lsf(reflection: FloatArray) -> FloatArray:
     """Return the line spectral frequencies of reflection coefficients; error about 1e-15.
 
-    See `mmt.texture.autoregression.split` for the method. Frequencies closer than a rounding are moved apart
-    by one.
+    See `mmt.texture.autoregression.split` for the method. Frequencies closer than a rounding are
+    moved apart by one.
 
     Raises
     ------

@@ -8,10 +8,11 @@ the linear phase taken out, the polynomials P and Q of every order obey three-te
     q_(j+1) = t q_j - (1 + k_j) (1 - k_(j-1)) q_(j-1)      from j = 2, without the zero at w = 0
 
 so that their zeros are the eigenvalues of symmetric tridiagonal matrices with a zero diagonal,
-in plus and minus pairs. From reflection coefficients, `mmt.texture.autoregression.laguerre` searches them by
-the recurrences. The other way, they are the singular values of bidiagonal matrices, whose
-squared entries are a qd array (see `mmt.texture.autoregression.quotient_difference`): alternately `q` and `e`, the coefficients
-of the recurrence.
+in plus and minus pairs. From reflection coefficients, `mmt.texture.autoregression.laguerre`
+searches them by the recurrences. The other way, they are the singular values of bidiagonal
+matrices, whose squared entries are a qd array (see
+`mmt.texture.autoregression.quotient_difference`): alternately `q` and `e`, the coefficients of the
+recurrence.
 
 The coefficients are products of positive numbers, and small relative changes of them are all
 that roundings amount to. Hence small frequencies, frequencies near pi and reflection
@@ -26,7 +27,14 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.compiled import kernel
 from mmt.texture.autoregression.burg_recursion import LARGEST_REFLECTION
-from mmt.texture.autoregression.laguerre import LANES, STATE_SIZE, X, begin_search, improve, is_found
+from mmt.texture.autoregression.laguerre import (
+    LANES,
+    STATE_SIZE,
+    X,
+    begin_search,
+    improve,
+    is_found,
+)
 from mmt.texture.autoregression.quotient_difference import add_mass, move_origin
 
 _LEAST_FREQUENCY: Final = 2.0**-100

@@ -1,15 +1,16 @@
 """When a model is good enough to render from, and when to stop modelling: what criteria share.
 
-Two stand behind the one protocol here: the published sum of distances (`mmt.texture.completion.distance`)
-and the share of strokes whose level is expected to be right
-(`mmt.texture.completion.uncertainty`). Which one runs is known to `mmt.texture.completion.criteria` alone.
+Two stand behind the one protocol here: the published sum of distances
+(`mmt.texture.completion.distance`) and the share of strokes whose level is expected to be right
+(`mmt.texture.completion.uncertainty`). Which one runs is known to
+`mmt.texture.completion.criteria` alone.
 """
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
-from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.settings import CriterionScale
+from mmt.texture.signals.aligned import AlignedBlock
 
 if TYPE_CHECKING:
     from mmt.texture.model.texture_model import TextureModel

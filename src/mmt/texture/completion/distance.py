@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.completion.criterion import Progress, Thresholds
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
 from mmt.texture.settings import distance_scale
+from mmt.texture.signals.aligned import AlignedBlock
 
 if TYPE_CHECKING:
     from mmt.texture.model.texture_model import TextureModel

@@ -11,8 +11,8 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.texture.completion.distance import DIVISIONS, cells_of
-from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
 from mmt.texture.field.level_covariance import Features, nodes
+from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
 
 SPEEDS_MM_S: Final = (40.0, 260.0)
 FORCES_N: Final = (0.4, 2.6)

@@ -12,17 +12,17 @@ does not tell, such as vibration far below the corner of the modelling's high-pa
 
 import numpy as np
 
-from mmt.texture.signals.aligned import AlignedBlock
-from mmt.texture.completion.grid import completion_grid
 from mmt.texture.completion.criterion import Progress, Thresholds
+from mmt.texture.completion.grid import completion_grid
 from mmt.texture.field.level_outlook import outlook
+from mmt.texture.field.stroking_density import StrokingDensity
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings
-from mmt.texture.field.stroking_density import StrokingDensity
+from mmt.texture.signals.aligned import AlignedBlock
 
 
 class UncertaintyCriterion(Thresholds):
-    """Judge a model by the uncertainty of its level; see `mmt.texture.completion.criterion.Criterion`.
+    """Judge a model by the uncertainty of its level; see `Criterion`.
 
     Parameters
     ----------

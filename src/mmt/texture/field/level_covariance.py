@@ -3,7 +3,8 @@
 The level's logarithm is a power law of speed and force plus what departs from it:
 
 - the law, ``c + a ln(speed) + b ln(force)``: c all but free, a and b normal about the usual
-  exponents, as in `mmt.texture.field.trend`. It holds the limits: no speed or no force, no vibration.
+  exponents, as in `mmt.texture.field.trend`. It holds the limits: no speed or no force, no
+  vibration.
 - a smooth departure, a Gaussian process over ln(speed) and ln(force), with the product of two
   Matern covariances of smoothness 5/2 (Rasmussen and Williams, Gaussian Processes for Machine
   Learning, 2006, eq. 4.17): smooth, but not as stiff as a squared exponential.

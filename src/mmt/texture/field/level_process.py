@@ -1,10 +1,10 @@
 """The level of a texture over speed, force and heading, with its uncertainty.
 
 A model's segments tell their power with sampling noise that is known from their effective
-length (`mmt.texture.autoregression.effective_length`), and power is smooth in the logarithms of speed and
-force. So the level is estimated as a Gaussian process whose noise differs from sample to sample
-(Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, sections 2.2 and 5.4; the
-prior is in `mmt.texture.field.level_covariance`).
+length (`mmt.texture.autoregression.effective_length`), and power is smooth in the logarithms of
+speed and force. So the level is estimated as a Gaussian process whose noise differs from sample to
+sample (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, sections 2.2 and
+5.4; the prior is in `mmt.texture.field.level_covariance`).
 
 Assumptions: within a segment the vibration is stationary and Gaussian; segments are independent;
 the level's logarithm has the prior's smoothness. What speed and force vary within a segment, and

@@ -29,8 +29,8 @@ from scipy.linalg import eigh
 from scipy.spatial import cKDTree
 
 from mmt.core.arrays import FloatArray, IntArray
-from mmt.texture.interpolation.boundary import boundary
 from mmt.texture.field.level_covariance import matern
+from mmt.texture.interpolation.boundary import boundary
 from mmt.texture.model.samples import TextureSamples
 
 LARGEST: Final = 128

@@ -16,8 +16,8 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.completion.grid import CompletionGrid
+from mmt.texture.signals.aligned import AlignedBlock
 
 PRIOR_S: Final = 10.0
 """Our choice: about what the published criterion takes to stop, so that then half is even."""

@@ -21,13 +21,13 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
-from mmt.texture.interpolation.interpolant import DELAUNAY, NEAREST, Interpolant
-from mmt.texture.interpolation.delaunay import locate, triangulate
-from mmt.texture.interpolation.radial_basis.network import RadialBasisSettings
-from mmt.texture.interpolation.radial_basis.evaluation import SCRATCH, radial_basis_into
-from mmt.texture.settings import Interpolation
 from mmt.texture.autoregression.split import separate
+from mmt.texture.interpolation.delaunay import locate, triangulate
+from mmt.texture.interpolation.interpolant import DELAUNAY, NEAREST, Interpolant
+from mmt.texture.interpolation.radial_basis.evaluation import SCRATCH, radial_basis_into
+from mmt.texture.interpolation.radial_basis.network import RadialBasisSettings
 from mmt.texture.interpolation.tetrahedra import locate_3d
+from mmt.texture.settings import Interpolation
 
 LARGEST_SCRATCH: Final = SCRATCH
 """Numbers of scratch that `evaluate_into` may need."""

@@ -1,1 +1,1 @@
-"""The texture model: its samples, its inputs, its file, and a warm start from known ones."""
+"""The texture model: its samples, its inputs and its file."""

@@ -8,11 +8,11 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
+from mmt.texture.field.trend import NO_TREND, Trend
+from mmt.texture.interpolation.radial_basis.network import RadialBasisSettings
 from mmt.texture.model.fitted import Fitted
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.interpolation.radial_basis.network import RadialBasisSettings
 from mmt.texture.model.samples import TextureSamples
-from mmt.texture.field.trend import NO_TREND, Trend
 
 if TYPE_CHECKING:
     from mmt.texture.model.texture_model import TextureModel

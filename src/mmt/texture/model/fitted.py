@@ -7,8 +7,8 @@ them takes; and a model that has grown may have been told its own at fewer sampl
 from dataclasses import dataclass
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.interpolation.radial_basis.network import RadialBasisSettings
 from mmt.texture.field.trend import Trend
+from mmt.texture.interpolation.radial_basis.network import RadialBasisSettings
 
 
 @dataclass(frozen=True)
@@ -22,8 +22,8 @@ class Fitted:
     networks
         Settings of the networks of level and filters; empty with another interpolator.
     level
-        Logarithms of the hyperparameters of `mmt.texture.field.level_process.LevelProcess`; None where
-        the level is interpolated.
+        Logarithms of the hyperparameters of `mmt.texture.field.level_process.LevelProcess`; None
+        where the level is interpolated.
     """
 
     trend: Trend

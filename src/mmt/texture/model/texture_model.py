@@ -4,8 +4,8 @@ Awan et al., section V.B: the samples' filters, kept as line spectral frequencie
 at their mean speed and force, both divided by their maxima; the plane is Delaunay
 triangulated, extended by boundary points on its four edges. Abdulali and Jeon (paper B): in
 place of the speed, the velocity vector. What differs between the two is the input space
-(`mmt.texture.model.inputs`) and the interpolator (`mmt.texture.interpolation.interpolators`). A model never
-changes: modelling builds a new one and hands it over by one assignment.
+(`mmt.texture.model.inputs`) and the interpolator (`mmt.texture.interpolation.interpolators`). A
+model never changes: modelling builds a new one and hands it over by one assignment.
 """
 
 from functools import cached_property
@@ -17,12 +17,17 @@ import numpy.typing as npt
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
+from mmt.texture.autoregression.spectra import lsf_spectrum
+from mmt.texture.field.level_table import TABLE, TABLE_SIZES
+from mmt.texture.field.trend import NO_TREND, fit_trend, without_trend
+from mmt.texture.interpolation.delaunay import Triangulation, triangulate
+from mmt.texture.interpolation.interpolant import Interpolant
+from mmt.texture.interpolation.interpolators import BUILDERS
+from mmt.texture.interpolation.vertices import vertex_table
+from mmt.texture.model.file import pack, unpack
 from mmt.texture.model.fitted import Fitted
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.interpolation.interpolant import Interpolant
-from mmt.texture.interpolation.delaunay import Triangulation, triangulate
-from mmt.texture.interpolation.interpolators import BUILDERS
-from mmt.texture.model.law import (
+from mmt.texture.model.kernel_parameters import (
     DIMENSIONS,
     FORCE_EXPONENT,
     KIND,
@@ -34,13 +39,8 @@ from mmt.texture.model.law import (
     SPEED_EXPONENT,
     filters_into,
 )
-from mmt.texture.field.level_table import TABLE, TABLE_SIZES
-from mmt.texture.model.file import pack, unpack
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.settings import Interpolated, Interpolation, Level, Shape
-from mmt.texture.autoregression.spectra import lsf_spectrum
-from mmt.texture.field.trend import NO_TREND, fit_trend, without_trend
-from mmt.texture.interpolation.vertices import vertex_table
 
 if TYPE_CHECKING:
     from mmt.texture.field.level_process import LevelProcess
@@ -169,7 +169,8 @@ class TextureModel:
     def level_process(self) -> "LevelProcess | None":
         """The level with its uncertainty, whatever is rendered; None where no sample has power.
 
-        A sample whose length is not known counts as `mmt.texture.autoregression.effective_length.UNKNOWN`.
+        A sample whose length is not known counts as
+        `mmt.texture.autoregression.effective_length.UNKNOWN`.
         """
         from mmt.texture.field.level_process import level_process
 

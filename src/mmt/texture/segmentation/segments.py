@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 from mmt.core.arrays import FloatArray
+from mmt.texture.model.inputs import InputSpace
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.dft321 import dft321
-from mmt.texture.model.inputs import InputSpace
 
 
 class SampleRange(NamedTuple):

@@ -108,8 +108,8 @@ def band(count: int = _GRID) -> FloatArray:
 def log_density_of(lsf: FloatArray, variance: FloatArray) -> FloatArray:
     """Return the logarithms of the filters' exact power densities (n, f) at `band`; the rate is 1.
 
-    As `mmt.texture.autoregression.spectra.lsf_spectrum`, with differences of cosines in the place of products
-    of sines: several times faster, at an absolute error of a rounding in each factor.
+    As `mmt.texture.autoregression.spectra.lsf_spectrum`, with differences of cosines in the place
+    of products of sines: several times faster, at an absolute error of a rounding in each factor.
     """
     angles = 2.0 * np.pi * band()
     roots = 2.0 * np.cos(lsf)

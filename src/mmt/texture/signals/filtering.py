@@ -19,9 +19,9 @@ from mmt.core.arrays import BoolArray, FloatArray, IntArray, RecordArray
 from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
 from mmt.core.frames import FIELD_OF_CHANNEL
+from mmt.texture.settings import Axis, VibrationAxis
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.biquad import SMALLEST, Biquad, bessel_low_pass, butterworth_high_pass
-from mmt.texture.settings import Axis, VibrationAxis
 
 SETTLED_SHARE: Final = 0.05
 """Samples count as valid when what a filter's restart left has decayed to this share in

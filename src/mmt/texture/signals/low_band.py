@@ -22,12 +22,12 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
+from mmt.texture.segmentation.segments import Segment
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.biquad import Biquad, butterworth_high_pass
 from mmt.texture.signals.dft321 import dft321
 from mmt.texture.signals.filtering import VIBRATION_CUTOFF_HZ, SectionFilter
 from mmt.texture.signals.noise_floor import WINDOWS_KEPT, still_powers
-from mmt.texture.segmentation.segments import Segment
 
 LOW_CUTOFF_HZ: Final = VIBRATION_CUTOFF_HZ / 2.0**0.5
 

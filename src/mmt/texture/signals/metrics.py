@@ -2,9 +2,9 @@
 
 A score of amplitude spectra means nothing without the way the spectra were made: raw Fourier
 amplitudes of two realisations of one process score a GFC of only pi/4 on average. Here an
-amplitude spectrum is always Welch's (`mmt.texture.signals.amplitude_spectra`), and `gfc_ceiling` gives
-what a perfect model would score. GFC ignores the level: state `power_error_db` beside it. Numpy
-alone; offline use.
+amplitude spectrum is always Welch's (`mmt.texture.signals.amplitude_spectra`), and `gfc_ceiling`
+gives what a perfect model would score. GFC ignores the level: state `power_error_db` beside it.
+Numpy alone; offline use.
 """
 
 import math
@@ -14,9 +14,9 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.texture.signals.amplitude_spectra import amplitude_spectrum, scaled_rows
 from mmt.texture.autoregression.forms import ar_to_reflection
 from mmt.texture.autoregression.realisation import realise
+from mmt.texture.signals.amplitude_spectra import amplitude_spectrum, scaled_rows
 
 JND_DB: Final = 20.0 * math.log10(1.17)
 """Just noticeable difference of vibration, 17 % in amplitude (Awan et al., section VII.A)."""

@@ -1,9 +1,9 @@
 """From frames to the surface under the tool: filter, cut into blocks, detect."""
 
 from mmt.core.arrays import RecordArray
-from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
+from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.surfaces.blocks import BLOCK, BlockCutter
 from mmt.texture.surfaces.changes import SurfaceChange
 from mmt.texture.surfaces.detection import SurfaceDetector

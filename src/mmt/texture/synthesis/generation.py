@@ -1,10 +1,10 @@
 """White noise through the filter of the moment, at its amplitude.
 
-A filter is a normalised lattice of unit power (`mmt.texture.autoregression.lattice`) and an amplitude. It may
-be replaced between any two samples: the lattice's memory is carried over, and the output stays
-bounded whatever filters follow each other. The amplitude falls no faster than by a time constant
-of 4 ms, so that nothing clicks where a hand stops, and ends at exactly zero. The memory is never
-near zero: nothing becomes denormal. Cost: O(order) a sample.
+A filter is a normalised lattice of unit power (`mmt.texture.autoregression.lattice`) and an
+amplitude. It may be replaced between any two samples: the lattice's memory is carried over, and
+the output stays bounded whatever filters follow each other. The amplitude falls no faster than by
+a time constant of 4 ms, so that nothing clicks where a hand stops, and ends at exactly zero. The
+memory is never near zero: nothing becomes denormal. Cost: O(order) a sample.
 """
 
 import math

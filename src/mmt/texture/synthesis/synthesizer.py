@@ -2,14 +2,14 @@
 
 Awan et al., section VI: white Gaussian noise of the interpolated variance drives the filter
 at the present speed and force, whose memory is carried over every change of filter. Here the
-filter is a normalised lattice of unit power (`mmt.texture.autoregression.lattice`), and its output is
-multiplied by the interpolated amplitude: the same spectrum, but the power is the model's at
+filter is a normalised lattice of unit power (`mmt.texture.autoregression.lattice`), and its output
+is multiplied by the interpolated amplitude: the same spectrum, but the power is the model's at
 every sample, also while speed and force change.
 
 Stability: an interpolated filter is a convex combination of ordered LSF and hence stable, and
 the lattice stays bounded for every course of stable filters, also one that changes at every
-sample; see `mmt.texture.synthesis.generation`. Cost: O(order^2) for a renewal of the filter, O(order) for
-a sample.
+sample; see `mmt.texture.synthesis.generation`. Cost: O(order^2) for a renewal of the filter,
+O(order) for a sample.
 """
 
 import numpy as np
@@ -17,6 +17,24 @@ import numpy as np
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
+from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
+from mmt.texture.field.level_table import TABLE_SIZES, tabulated_level
+from mmt.texture.field.trend import trend_at
+from mmt.texture.interpolation.interpolant import DELAUNAY
+from mmt.texture.interpolation.interpolators import LARGEST_SCRATCH, evaluate_into, planar_into
+from mmt.texture.model.inputs import from_zero, normalise_into
+from mmt.texture.model.kernel_parameters import (
+    DIMENSIONS,
+    FORCE_EXPONENT,
+    KIND,
+    LEVEL_KIND,
+    MODEL_ORDER,
+    PER_FORCE,
+    PER_SPEED,
+    SPEED_EXPONENT,
+)
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.settings import LARGEST_ORDER
 from mmt.texture.synthesis.generation import (
     COMPLEMENT,
     LARGEST_AMPLITUDE,
@@ -27,24 +45,6 @@ from mmt.texture.synthesis.generation import (
     Generator,
     scaled,
 )
-from mmt.texture.model.inputs import from_zero, normalise_into
-from mmt.texture.interpolation.interpolant import DELAUNAY
-from mmt.texture.interpolation.interpolators import LARGEST_SCRATCH, evaluate_into, planar_into
-from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
-from mmt.texture.model.law import (
-    DIMENSIONS,
-    FORCE_EXPONENT,
-    KIND,
-    LEVEL_KIND,
-    MODEL_ORDER,
-    PER_FORCE,
-    PER_SPEED,
-    SPEED_EXPONENT,
-)
-from mmt.texture.field.level_table import TABLE_SIZES, tabulated_level
-from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.settings import LARGEST_ORDER
-from mmt.texture.field.trend import trend_at
 
 _COUNTER = LARGEST_SCRATCH  # scratch: that of the interpolator, samples, where it was found,
 _PLACE = _COUNTER + 1  # then point, level and LSF, work

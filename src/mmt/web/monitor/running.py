@@ -6,13 +6,13 @@ from collections import deque
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.leader.journal import Journal
+from mmt.scene import Monitor
 from mmt.web.monitor import states
 from mmt.web.monitor.controls import Controls
 from mmt.web.monitor.live import LiveMessages
 from mmt.web.monitor.tap import MonitorTap
 from mmt.web.monitor.viewers import Viewers
 from mmt.web.pages.packing import pack
-from mmt.scene import Monitor
 
 if TYPE_CHECKING:
     from mmt.leader.service import LeaderService

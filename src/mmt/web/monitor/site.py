@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 from aiohttp import WSMsgType, web
 
-from mmt.web import pages
-from mmt.web.monitor.controls import Controls
-from mmt.web.monitor.viewers import Viewer, Viewers
 from mmt.link.access import Access
 from mmt.link.browsers import GOING_AWAY, add_page, open_socket, refuse_strangers
 from mmt.scene import Scene
+from mmt.web import pages
+from mmt.web.monitor.controls import Controls
+from mmt.web.monitor.viewers import Viewer, Viewers
 
 if TYPE_CHECKING:
     from mmt.link.pages import Page

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy.typing as npt
 
 import mmt
-from mmt.web.pages.packing import pack
 from mmt.scene import Scene
-from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
 from mmt.scene.texture_table import Texture
+from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
+from mmt.web.pages.packing import pack
 
 if TYPE_CHECKING:
+    from mmt.core.ticking import TimeHistogram
     from mmt.leader.service import LeaderService
     from mmt.leader.summary import RunLog
     from mmt.texture.completion.criterion import Progress
     from mmt.texture.model.texture_model import TextureModel
-    from mmt.core.ticking import TimeHistogram
 
 LATENCY_MS: Final = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 """Bounds of the histogram of latencies."""

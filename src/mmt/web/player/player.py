@@ -7,12 +7,13 @@ from typing import Final
 import numpy as np
 from aiohttp import web
 
-from mmt.web import pages
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.link.access import TOKEN_VARIABLE, Access, check_listening
 from mmt.link.browsers import add_page, open_socket, refuse_strangers
 from mmt.link.listening import Listener
+from mmt.texture.model.texture_model import TextureModel
+from mmt.web import pages
 from mmt.web.pages.packing import pack
 from mmt.web.player.motion import PointerMotion
 from mmt.web.player.pictures import picture
@@ -20,7 +21,6 @@ from mmt.web.player.recording import TouchRecorder
 from mmt.web.player.results import ResultsFile
 from mmt.web.player.study import BEST, MOST_TILES, SCENARIOS, Study
 from mmt.web.player.visit import Visit
-from mmt.texture.model.texture_model import TextureModel
 
 TAKEN_OVER: Final = 4409
 """Close code: another page plays now."""

@@ -14,10 +14,10 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS, empty_frames
 from mmt.rendering.rate import RateConverter
-from mmt.web.player.motion import PointerMotion
 from mmt.session.recorded import FRAME_PERIOD_NS
 from mmt.session.recording import McapRecorder
 from mmt.texture.model.texture_model import TextureModel
+from mmt.web.player.motion import PointerMotion
 
 _FRAME_S: Final = FRAME_PERIOD_NS / 1e9
 _RETURN_S: Final = 1.0

@@ -16,9 +16,9 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.rendering import close, open_textures, render, touch
 from mmt.rendering.rate import RateConverter
+from mmt.texture.model.texture_model import TextureModel
 from mmt.web.player.motion import PointerMotion
 from mmt.web.player.requests import PlayRequest
-from mmt.texture.model.texture_model import TextureModel
 
 LONGEST_LEAD_S: Final = 0.5
 SLOWEST_HZ, FASTEST_HZ = 8000, 192_000

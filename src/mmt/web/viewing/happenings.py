@@ -7,8 +7,8 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
-from mmt.web.monitor.states import LATENCY_MS
 from mmt.session.recorded import JsonObject
+from mmt.web.monitor.states import LATENCY_MS
 
 Kind = Literal["mark", "gap", "criterion", "other"]
 _CLOCK: Final = ("clock_time_ns", "clock_offset_ns", "clock_drift_ppm", "clock_uncertainty_ns")

@@ -4,14 +4,14 @@ from pathlib import Path
 from typing import Any, Final, Self
 
 from mmt.core.errors import InputError
-from mmt.web.monitor import states
-from mmt.web.pages.packing import pack
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
+from mmt.scene.texture_table import Texture
 from mmt.session.window_files import open_windows
 from mmt.session.windows import SessionWindows, Window
 from mmt.texture.model.texture_model import TextureModel
-from mmt.scene.texture_table import Texture
+from mmt.web.monitor import states
+from mmt.web.pages.packing import pack
 from mmt.web.viewing import traces
 from mmt.web.viewing.happenings import LinkRecord, happenings
 from mmt.web.viewing.rebuilding import ModelState, Rebuilding

@@ -12,10 +12,10 @@ from typing import Final
 
 from aiohttp import web
 
-from mmt.web import pages
 from mmt.core.errors import InputError
 from mmt.link.access import Access
 from mmt.link.browsers import add_page, refuse_strangers
+from mmt.web import pages
 from mmt.web.viewing.recording import ViewedRecording
 
 HOST: Final = "127.0.0.1"

@@ -12,10 +12,10 @@ import numpy as np
 from mmt.core.arrays import FloatArray, IntArray, RecordArray
 from mmt.session.recorded import OutputBlock
 from mmt.session.windows import Window
-from mmt.texture.signals.biquad import BiquadFilter, butterworth_high_pass
-from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings
+from mmt.texture.signals.biquad import BiquadFilter, butterworth_high_pass
+from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.synthesis.synthesizer import Synthesizer
 
 SHOWN: Final = 512

@@ -1,7 +1,7 @@
 """A radial basis model at a point: level and filter, in compiled code.
 
-The model is two networks over the same samples (see `mmt.texture.interpolation.radial_basis.model`), packed
-into the arrays of an `Interpolant`:
+The model is two networks over the same samples (see
+`mmt.texture.interpolation.radial_basis.model`), packed into the arrays of an `Interpolant`:
 
 - ``rows``: coordinates, weight of the level, weights of the line spectral frequencies (LSF);
   the samples first, then the points at which the level is zero, which have no filter;

@@ -19,10 +19,10 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.texture.interpolation.interpolant import RADIAL_BASIS, Interpolant
-from mmt.texture.interpolation.radial_basis.network import RadialBasisNetwork, RadialBasisSettings
 from mmt.texture.interpolation.radial_basis.choice import choose_settings
 from mmt.texture.interpolation.radial_basis.evaluation import Bounds
 from mmt.texture.interpolation.radial_basis.functions import monomials
+from mmt.texture.interpolation.radial_basis.network import RadialBasisNetwork, RadialBasisSettings
 from mmt.texture.interpolation.radial_basis.online import RadialBasisSystem
 from mmt.texture.interpolation.radial_basis.outputs import least_gap
 

@@ -1,8 +1,8 @@
 """Radial basis function networks: what they are told, and the network itself.
 
-A network is immutable, as a texture model is: `mmt.texture.interpolation.radial_basis.online` solves for it
-and gives a new one where samples come and go, `mmt.texture.interpolation.radial_basis.choice` chooses its
-settings.
+A network is immutable, as a texture model is: `mmt.texture.interpolation.radial_basis.online`
+solves for it and gives a new one where samples come and go,
+`mmt.texture.interpolation.radial_basis.choice` chooses its settings.
 """
 
 from dataclasses import dataclass

@@ -21,12 +21,12 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.interpolation.radial_basis.network import RadialBasisNetwork, RadialBasisSettings
 from mmt.texture.interpolation.radial_basis.functions import (
     polynomial_row_into,
     radial_row_into,
     radial_value,
 )
+from mmt.texture.interpolation.radial_basis.network import RadialBasisNetwork, RadialBasisSettings
 from mmt.texture.interpolation.radial_basis.samples import SampleTable
 from mmt.texture.interpolation.radial_basis.solving import (
     INDISPENSABLE,

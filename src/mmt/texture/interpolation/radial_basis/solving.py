@@ -20,12 +20,12 @@ import numpy as np
 from scipy.linalg import lapack, qr
 
 from mmt.core.arrays import FloatArray, IntArray
-from mmt.texture.interpolation.radial_basis.network import RadialBasisSettings
 from mmt.texture.interpolation.radial_basis.functions import (
     monomials,
     polynomial_matrix_into,
     radial_matrix_into,
 )
+from mmt.texture.interpolation.radial_basis.network import RadialBasisSettings
 
 REFINABLE: Final = 1e-4
 """Largest relative error of an inverse that one step of refinement leaves at 1e-8."""

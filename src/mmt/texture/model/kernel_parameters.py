@@ -10,12 +10,12 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
+from mmt.texture.autoregression.lsf import lsf_inverse_gain
+from mmt.texture.field.level_table import TABLE_SIZES, tabulated_level
+from mmt.texture.field.trend import trend_at
 from mmt.texture.interpolation.interpolant import DELAUNAY
 from mmt.texture.interpolation.interpolators import LARGEST_SCRATCH, evaluate_into, planar_into
-from mmt.texture.field.level_table import TABLE_SIZES, tabulated_level
-from mmt.texture.autoregression.lsf import lsf_inverse_gain
 from mmt.texture.settings import Interpolated
-from mmt.texture.field.trend import trend_at
 
 LEVELS: Final[dict[Interpolated, int]] = {"variance": 0, "power": 1, "amplitude": 2}
 """What is interpolated linearly, by its number in the compiled kernels."""

@@ -13,16 +13,16 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
+from mmt.texture.library.blending import blend
+from mmt.texture.library.conversion import into_space
+from mmt.texture.library.identification import Choice, Stretch, choose
+from mmt.texture.model.inputs import InputSpace
+from mmt.texture.model.samples import TextureSamples
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.dft321 import dft321
 from mmt.texture.signals.filtering import StreamFilter
-from mmt.texture.model.inputs import InputSpace
-from mmt.texture.model.known_textures import into_space
-from mmt.texture.model.library_choice import Choice, Stretch, choose
-from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.model.samples import TextureSamples
-from mmt.texture.settings import ModellingSettings
-from mmt.texture.model.warm_blend import blend
 
 LOOK_SAMPLES: Final = 200
 """Samples of stroking after which a texture is chosen."""

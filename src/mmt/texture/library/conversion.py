@@ -14,10 +14,10 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power, reflection_to_lsf
-from mmt.texture.model.inputs import InputSpace
-from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.model.samples import TextureSamples
 from mmt.texture.autoregression.spectra import lsf_spectrum
+from mmt.texture.model.inputs import InputSpace
+from mmt.texture.model.samples import TextureSamples
+from mmt.texture.model.texture_model import TextureModel
 
 _SPEEDS: Final = np.array([0.03, 0.06, 0.1, 0.2, 0.35, 0.6, 1.0])
 _FORCES: Final = np.array([0.03, 0.08, 0.2, 0.4, 0.7, 1.0])

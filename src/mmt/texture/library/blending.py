@@ -19,12 +19,12 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.autoregression.forms import lsf_to_reflection
 from mmt.texture.autoregression.effective_length import UNKNOWN, log_power_scatter
+from mmt.texture.autoregression.forms import lsf_to_reflection
+from mmt.texture.library.conversion import Field, field, grid, model_of
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.model.known_textures import Field, field, grid, model_of
-from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.model.samples import TextureSamples
+from mmt.texture.model.texture_model import TextureModel
 
 LARGEST: Final = 200
 """So many of the newest samples count."""
