@@ -11,7 +11,7 @@ from mmt.leader.stage import Activity, Item, ItemQueue, StageTask
 from mmt.leader.summary import RunLog
 
 if TYPE_CHECKING:
-    from mmt.session.recording import McapRecorder
+    from mmt.session.recorder import McapRecorder
     from mmt.texture.library.identification import Choice
     from mmt.texture.model.texture_model import TextureModel
     from mmt.texture.online.work import ModelUpdate, Work
