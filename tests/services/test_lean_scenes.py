@@ -23,7 +23,8 @@ from mmt.scene.files import load_scene
 
 async def main():
     module = importlib.import_module(f"mmt.{service}.service")
-    make = getattr(module, f"{service.capitalize()}Service")
+    name = service.capitalize()
+    make = getattr(module, name, None) or getattr(module, f"{name}Service")
     running = make(load_scene(scene, changes))
     await running.run(running.stop)
 
@@ -78,7 +79,7 @@ WARM = {"mmt.leader.warming", "mmt.texture.library.warm_start"}
 LEVEL = {"mmt.texture.field.level_process", "mmt.texture.completion.uncertainty"}
 HAND = "mmt.testing.simulation.hand"
 ACTUATOR = "mmt.testing.simulation.actuator"
-RECORDER = "mmt.session.recording"
+RECORDER = "mmt.session.recorder"
 SIMULATED, REPLAY, DEVICE_SOURCE = SOURCES = (
     "mmt.testing.simulation.follower",
     "mmt.session.replay",

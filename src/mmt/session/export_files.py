@@ -1,13 +1,45 @@
-"""Export sessions as HDF5, for MATLAB, Julia and h5py."""
+"""Export sessions as Parquet (pandas, Polars, DuckDB) and HDF5 (MATLAB, Julia, h5py)."""
 
 from pathlib import Path
 
 import numpy as np
 
 from mmt.core.errors import InputError
-from mmt.session.jsontext import to_json
-from mmt.session.recorded import RecordedSession
-from mmt.session.replacing import replacing
+from mmt.session.data import RecordedSession, to_json
+from mmt.session.files import replacing
+
+
+def write_parquet(path: Path, session: RecordedSession) -> None:
+    """Write the frames as flat columns; scene, annotations, events as the file's metadata.
+
+    The metadata's keys are ``mmt.scene`` and ``mmt.events`` (JSON), ``mmt.annotations``
+    (bytes).
+
+    Raises
+    ------
+    InputError
+        pyarrow is not installed, or see `mmt.session.export_session`.
+    MmtError
+        Writing failed.
+    """
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    except ImportError as error:
+        raise InputError(
+            f"export {path}: Parquet needs pyarrow: pip install 'mmt-haptics[export]'"
+        ) from error
+    metadata: dict[bytes, bytes] = {}
+    if session.scene is not None:
+        metadata[b"mmt.scene"] = to_json(dict(session.scene)).encode()
+    if session.annotations:
+        metadata[b"mmt.annotations"] = session.annotations
+    if session.events:
+        metadata[b"mmt.events"] = to_json([dict(event) for event in session.events]).encode()
+    columns = {"time_ns": session.frames["time_ns"], **session.columns()}
+    table = pa.table({name: pa.array(values) for name, values in columns.items()})
+    with replacing(path) as part, part.open("wb") as stream:
+        pq.write_table(table.replace_schema_metadata(metadata), stream, compression="zstd")
 
 
 def write_hdf5(path: Path, session: RecordedSession) -> None:

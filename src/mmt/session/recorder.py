@@ -4,6 +4,8 @@ The caller, an event loop at 1 kHz, only puts bytes into a queue (under a micros
 frame) and is neither blocked by a slow disk nor stopped by a full one.
 """
 
+import errno
+import importlib
 import math
 import os
 import stat
@@ -12,8 +14,9 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from importlib.util import find_spec
 from pathlib import Path
-from typing import BinaryIO, Final, Literal, NamedTuple, Self
+from typing import Any, BinaryIO, Final, Literal, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -21,11 +24,11 @@ import numpy.typing as npt
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import Channel, frame_dtype, ordered_channels
-from mmt.session.assembling import FrameAssembler, OutputAssembler
-from mmt.session.jsontext import to_json
-from mmt.session.locking import lock
-from mmt.session.mcap_writer import SessionWriter
-from mmt.session.recorded import JsonObject
+from mmt.session.data import JsonObject, to_json
+from mmt.session.mcap_writer import FrameAssembler, OutputAssembler, SessionWriter
+
+fcntl: Final[Any] = importlib.import_module("fcntl") if find_spec("fcntl") else None
+"""None on Windows, which locks open files by itself."""
 
 QUEUE_LIMIT: Final = 10_000
 """Records that may wait for the disk: 10 s at one frame a message."""
@@ -48,7 +51,7 @@ class McapRecorder:
 
     All calls come from one thread. After a clean `close` everything recorded is in the
     file; after a crash all but the last 0.5 s is, by ``mmt session recover``. Times in the
-    file are those of `clock` at the call: this machine's, whoever sent the frames.
+    file are those of `clock` at the call: this machine's, also for frames from another.
 
     Parameters
     ----------
@@ -91,7 +94,7 @@ class McapRecorder:
         self.frames = 0
         """Frames that are in the file, up to the last flush."""
         self.error: str | None = None
-        """Why recording stopped, None while all is well."""
+        """Why recording stopped, None while it runs."""
         self._dtype = frame_dtype(ordered_channels(channels))
         self._on_error = on_error
         self._clock = clock
@@ -172,7 +175,7 @@ class McapRecorder:
             self._put(_Record("output", time_ns, data, mode=mode))
 
     def record_event(self, event: JsonObject) -> None:
-        """Record what happened, at its ``time_s`` (session time), else now."""
+        """Record an event at its ``time_s`` (session time), or now if it has none."""
         time_s = event.get("time_s")
         timed = isinstance(time_s, int | float) and math.isfinite(time_s)
         log_time_ns = self._log_time_ns(time_s if timed else None)
@@ -183,7 +186,7 @@ class McapRecorder:
         self._rare_queue.append(_Record("model", self._log_time_ns(time_s), data))
 
     def attach_annotations(self, data: bytes) -> None:
-        """Attach what the follower says of the session; the last call counts."""
+        """Attach the follower's annotations of the session; the last call counts."""
         self._rare_queue.append(_Record("annotations", self._clock(), data))
 
     def close(self, timeout_s: float = 10.0) -> None:
@@ -194,7 +197,7 @@ class McapRecorder:
         self._closing.set()
         self._thread.join(timeout_s)
         if self._thread.is_alive():
-            self._fail(f"the disk did not take the rest within {timeout_s:g} s")
+            self._fail(f"the rest was not written within {timeout_s:g} s")
 
     def _log_time_ns(self, time_s: float | None) -> int:
         if time_s is None or self._start_ns is None:
@@ -237,7 +240,7 @@ class McapRecorder:
             for _ in range(len(queue)):
                 try:
                     record = queue.popleft()
-                except IndexError:  # the caller has taken the rest to make room
+                except IndexError:  # the caller dropped the rest to make room
                     break
                 self._write(record)
 
@@ -280,8 +283,8 @@ class McapRecorder:
 def _create(path: Path) -> BinaryIO:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        stream = path.open("ab")  # nothing is lost before the file is known to be ours
-        if not lock(stream):
+        stream = path.open("ab")  # truncated only once it is locked
+        if not _lock(stream):
             stream.close()
             raise InputError(
                 f"recording {path}: another leader records into it: end that one, "
@@ -292,3 +295,17 @@ def _create(path: Path) -> BinaryIO:
     except OSError as error:
         raise InputError(f"recording {path}: {error.strerror or error}") from error
     return stream
+
+
+def _lock(stream: BinaryIO) -> bool:
+    """Lock an open file until it is closed; False where another process has locked it.
+
+    On a file system without locks, as some on a network, this always succeeds.
+    """
+    if fcntl is None:
+        return True
+    try:
+        fcntl.flock(stream.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        return error.errno not in {errno.EWOULDBLOCK, errno.EACCES}
+    return True

@@ -1,5 +1,6 @@
-"""Samples of velocity and force in which three dimensions degenerate, and models of them."""
+"""Arrangements of samples that are few, coincident, collinear or many, and models of them."""
 
+import math
 from collections.abc import Iterator
 from itertools import product
 from typing import Final
@@ -8,7 +9,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
-from mmt.texture.model.inputs import ANISOTROPIC, InputSpace
+from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import Interpolation
@@ -16,7 +17,40 @@ from mmt.texture.settings import Interpolation
 _ORDER: Final = 10
 
 
-def arrangements(many: int) -> Iterator[tuple[str, FloatArray]]:
+def of_plane(many: int) -> Iterator[tuple[str, FloatArray]]:
+    """Yield named points (n, 2) of the unit square, some of them outside."""
+    generator = np.random.default_rng(3)
+    along = np.linspace(0.05, 0.95, 30)
+    for count in (1, 2, 3):
+        yield f"{count} sample{'s' if count > 1 else ''}", generator.uniform(0.1, 0.9, (count, 2))
+    yield "50 samples, all equal", np.tile((0.4, 0.6), (50, 1))
+    yield "30 on a diagonal", np.column_stack([along, along])
+    yield "30 of one force", np.column_stack([along, np.full(30, 0.5)])
+    yield "30 of one speed", np.column_stack([np.full(30, 1.0 / 3.0), along])
+    edge = np.linspace(0.0, 1.0, 31)
+    yield "31 on the edge of largest force", np.column_stack([edge, np.ones(31)])
+    yield "31 on the edge of zero speed", np.column_stack([np.zeros(31), edge])
+    yield "4 on the corners", np.array([(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)])
+    for inside in (1e-7, 1e-12, 1e-16):
+        beside = np.column_stack([generator.uniform(0.0, 1.0, 30), np.full(30, 1.0 - inside)])
+        yield f"30 at {inside:g} inside an edge", beside
+    yield "3 beyond the maxima", np.array([(5.0, 0.5), (10.0, 7.0), (0.5, 30.0)])
+    for apart in (1e-6, 1e-9, 1e-12, 1e-15):
+        # Half a cell off the grid by which coincident samples are found.
+        centres = (np.round(generator.uniform(0.1, 0.9, (20, 2)) * 1e6) + 0.5) / 1e6
+        cross = 0.5 * apart * np.array([(-1.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
+        yield f"20 times 4 samples {apart:g} apart", (centres[:, None] + cross).reshape(-1, 2)
+    turn = np.linspace(0.0, 2.0 * np.pi, 500, endpoint=False)
+    yield "500 on a circle", 0.5 + 0.4 * np.column_stack([np.cos(turn), np.sin(turn)])
+    side = round(math.sqrt(many))
+    ticks = np.linspace(0.0, 1.0, side)
+    lattice = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
+    yield f"{side} x {side} on a grid", lattice
+    yield f"{many} samples", generator.uniform(0.0, 1.0, (many, 2))
+    yield f"{many} within 1e-3 of the plane", 0.3 + 1e-3 * generator.uniform(0.0, 1.0, (many, 2))
+
+
+def of_space(many: int) -> Iterator[tuple[str, FloatArray]]:
     """Yield named points (n, 3) of the unit cylinder, some of them outside."""
     generator = np.random.default_rng(3)
     along = np.linspace(0.05, 0.95, 30)
@@ -72,10 +106,24 @@ def _polar(heading: FloatArray, turn: FloatArray) -> FloatArray:
 def build(
     points: FloatArray,
     interpolator: Interpolation = "delaunay",
-    space: InputSpace = ANISOTROPIC,
+    space: InputSpace | None = None,
     scale: float = 1.0,
 ) -> TextureModel:
-    """Return a model with random filters and levels at normalised points (n, 3)."""
+    """Return a model with random filters of order 10 and random levels.
+
+    Parameters
+    ----------
+    points
+        Normalised points, (n, 2) of the plane or (n, 3) of the cylinder.
+    interpolator
+        Between the samples.
+    space
+        The input space, by default that of so many dimensions.
+    scale
+        Factor of all levels.
+    """
+    if space is None:
+        space = ISOTROPIC if points.shape[1] == 2 else ANISOTROPIC
     generator = np.random.default_rng(len(points))
     k = generator.uniform(-0.9, 0.9, (len(points), _ORDER))
     power = scale * generator.uniform(0.5, 2.0, len(points))
