@@ -13,8 +13,7 @@ from mmt.devices.protocols import InterfaceState, Vector
 from mmt.evaluation.document import Picture
 from mmt.evaluation.report_files import picture
 from mmt.leader.feedback import StreamedForce
-from mmt.scene import Simulated
-from mmt.scene.hand_table import Hand
+from mmt.scene import Hand, Simulated
 from mmt.testing.simulation import PERIOD_S
 from mmt.testing.simulation.hand import SimulatedHand
 from mmt.testing.simulation.robot import SimulatedRobot, tip_drive
