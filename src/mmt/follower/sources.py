@@ -4,8 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 from mmt.core.errors import InputError
 from mmt.devices.protocols import FollowerSource
-from mmt.scene import Replay, Scene, Simulated
-from mmt.scene.device_tables import Devices, Driver
+from mmt.scene import Devices, Driver, Replay, Scene, Simulated
 
 if TYPE_CHECKING:
     from mmt.devices.table import Role

@@ -14,10 +14,7 @@ from mmt.leader.feedback_choice import build_feedback
 from mmt.leader.playout import PlayoutBuffer
 from mmt.leader.rendering import VibrationSwitch
 from mmt.leader.stream import StreamedMotion, StreamedVibration
-from mmt.scene import Rendering, Scene, Simulated
-from mmt.scene.device_tables import Actuator, Handle
-from mmt.scene.link_table import Link
-from mmt.scene.texture_table import Texture
+from mmt.scene import Actuator, Handle, Link, Rendering, Scene, Simulated, Texture
 
 if TYPE_CHECKING:
     from mmt.devices.mending import LossCallback, Mended, MendedActuator

@@ -16,7 +16,7 @@ from mmt.cli.reporting import scene_of
 from mmt.core.errors import InputError, MmtError
 from mmt.evaluation.document import Table
 from mmt.evaluation.texts import number, share
-from mmt.scene.texture_table import Texture
+from mmt.scene import Texture
 from mmt.session import RecordedSession, read_session
 from mmt_lab.harness.experiment import Experiment, Seed, Workers
 from mmt_lab.harness.findings import Findings

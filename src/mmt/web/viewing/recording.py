@@ -4,9 +4,8 @@ from pathlib import Path
 from typing import Any, Final, Self
 
 from mmt.core.errors import InputError
-from mmt.scene import Scene
+from mmt.scene import Scene, Texture
 from mmt.scene.files import scene_from_tables
-from mmt.scene.texture_table import Texture
 from mmt.session.windows import SessionWindows, Window, open_windows
 from mmt.texture.model.texture_model import TextureModel
 from mmt.web.binary_messages import pack

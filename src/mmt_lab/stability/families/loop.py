@@ -10,8 +10,7 @@ from mmt.contact.normal import Drive
 from mmt.core.frames import empty_frames
 from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.feedback import StreamedForce
-from mmt.scene import Simulated
-from mmt.scene.hand_table import Hand
+from mmt.scene import Hand, Simulated
 from mmt.testing.simulation import PERIOD_S
 from mmt.testing.simulation.hand import SimulatedHand
 from mmt.testing.simulation.robot import SimulatedRobot, tip_drive

@@ -8,7 +8,7 @@ from mmt.core.arrays import RecordArray
 from mmt.core.logs import RepeatLimit
 from mmt.core.vectors import difference, towards
 from mmt.devices.protocols import Vector
-from mmt.scene.link_table import Link
+from mmt.scene import Link
 
 _COMMAND: Final = struct.Struct("<Iqqq3f")
 """The layout of `mmt.core.frames.COMMAND_DTYPE`; NumPy takes over twice as long to read it."""

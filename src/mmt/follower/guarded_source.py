@@ -7,16 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from mmt.core.arrays import RecordArray
 from mmt.devices.protocols import DeviceBackedSource, FollowerSource, Vector
-from mmt.follower.guarding import CommandGuard
-from mmt.scene import Scene
-from mmt.scene.link_table import Link
-from mmt.scene.texture_table import Texture
+from mmt.follower.command_guard import CommandGuard
+from mmt.scene import Link, Scene, Texture
 
 if TYPE_CHECKING:
     from mmt.follower.feedback import FollowerFeedback
 
 
-class DrivenSource:
+class GuardedSource:
     """A source whose commands are guarded, and bounded by what force feedback allows.
 
     Parameters
