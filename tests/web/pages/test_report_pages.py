@@ -16,9 +16,9 @@ from mmt.scene import Scene
 from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt_lab.cli.benching import write_bench_report
-from mmt_lab.harness.cases import Row
 from mmt_lab.harness.findings import Axis, Curves, Findings, Panel, Spread
-from mmt_lab.stability.report import write_stability_report
+from mmt_lab.stability.cases import Row
+from mmt_lab.stability.running import write_stability_report
 
 api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 CHROMIUM = shutil.which("chromium")

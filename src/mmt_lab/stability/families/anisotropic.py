@@ -19,8 +19,8 @@ from mmt.texture.model.inputs import ANISOTROPIC, InputSpace
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import Interpolation
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt_lab.harness.cases import Case, Outcome
-from mmt_lab.stability.degenerate import anywhere, arrangements, build
+from mmt_lab.stability.cases import Case, Family, Outcome
+from mmt_lab.stability.degenerate import anywhere, build, of_space
 
 MANY: Final = 2000
 INTERPOLATORS: Final[tuple[Interpolation, ...]] = ("delaunay", "nearest", "rbf")
@@ -43,7 +43,7 @@ def cases(*, many: int = MANY, queries: int = 2000) -> list[Case]:
     return [
         *(
             Case(what, _EXPECTED, partial(_space, points, queries))
-            for what, points in arrangements(many)
+            for what, points in of_space(many)
         ),
         *(
             Case(
@@ -247,3 +247,6 @@ def _on_faces() -> Outcome:
         held=off < 1e-8,
         figures={"lsf_differ_rad": off},
     )
+
+
+FAMILY: Final = Family("Models of velocity and force", cases)

@@ -1,7 +1,7 @@
 """Stiff contact: what is offered as safe keeps its energy, and where the others break."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from itertools import product
 from typing import Final
@@ -12,9 +12,11 @@ from mmt.contact.friction import SMOOTHING_M_S, friction_slope_n_s_m, step_tange
 from mmt.contact.integrators import INTEGRATORS, Integrator, total_energy_j
 from mmt.contact.normal import ContactLaw, Drive
 from mmt.core.arrays import FloatArray
+from mmt.evaluation.document import Picture
+from mmt.evaluation.report_files import picture
 from mmt.scene import Simulated
 from mmt.testing.simulation.robot import SimulatedRobot, tip_drive
-from mmt_lab.harness.cases import Case, Outcome
+from mmt_lab.stability.cases import Case, Family, Figures, Outcome
 
 STIFFNESSES_N_M: Final = (1e2, 1e3, 1e4, 1e5, 1e6, 1e7)
 MASSES_KG: Final = (0.001, 0.01, 0.1, 1.0)
@@ -288,3 +290,19 @@ def _growths(way: Integrator, stiffness: FloatArray, steps_s: FloatArray) -> Flo
             for k in stiffness.tolist()
         ]
     )
+
+
+def _pictures(figures: Sequence[Figures]) -> list[Picture]:
+    """Draw the energy map, where it ran."""
+    from mmt_lab.stability.maps import contact_map
+
+    caption = (
+        f"Impacts of {1e3 * MAP_MASS_KG:g} g at 0.5 m/s on walls with {MAP_RATIO:g} of critical "
+        "damping: by how much the energy grows above what was there before. Dashed: where "
+        "sustained contact becomes unstable."
+    )
+    maps = [row for row in figures if {"growth", "limit_s"} <= set(row)]
+    return [picture("contact", caption, contact_map(row)) for row in maps]
+
+
+FAMILY: Final = Family("Stiff contact", cases, _pictures)

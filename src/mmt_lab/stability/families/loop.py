@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from functools import partial
 from typing import Final
 
@@ -9,15 +10,16 @@ from mmt.contact.friction import step_tangential
 from mmt.contact.normal import Drive
 from mmt.core.frames import empty_frames
 from mmt.devices.protocols import InterfaceState, Vector
+from mmt.evaluation.document import Picture
+from mmt.evaluation.report_files import picture
 from mmt.leader.feedback import StreamedForce
 from mmt.scene import Hand, Simulated
 from mmt.testing.simulation import PERIOD_S
 from mmt.testing.simulation.hand import SimulatedHand
 from mmt.testing.simulation.robot import SimulatedRobot, tip_drive
-from mmt_lab.feedback.simulated import DELAYS_MS as METHOD_DELAYS_MS
-from mmt_lab.feedback.simulated import WALLS_N_MM as METHOD_WALLS_N_MM
-from mmt_lab.harness.cases import Case, Outcome
-from mmt_lab.stability.feedback_methods import method_cases
+from mmt_lab.feedback import simulated
+from mmt_lab.feedback.sides import PASSIVITY, Method
+from mmt_lab.stability.cases import Case, Family, Figures, Outcome
 from mmt_lab.stability.loop_theory import LIGHT_GRIP, Loop
 
 WALLS_N_MM: Final = (0.1, 0.2, 0.3, 0.4, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
@@ -31,6 +33,7 @@ _LONGEST_MS: Final = 400
 _KICK_M_S: Final = 2e-3
 _GONE_N: Final = 0.5
 _LIMIT_N: Final = 3.3
+_METHODS: Final[tuple[Method, ...]] = ("passive", "model")
 
 
 def cases(
@@ -38,8 +41,8 @@ def cases(
     walls_n_mm: tuple[float, ...] = WALLS_N_MM,
     delays_ms: tuple[int, ...] = DELAYS_MS,
     hand_s: float = 15.0,
-    method_walls_n_mm: tuple[float, ...] = METHOD_WALLS_N_MM,
-    method_delays_ms: tuple[int, ...] = METHOD_DELAYS_MS,
+    method_walls_n_mm: tuple[float, ...] = simulated.WALLS_N_MM,
+    method_delays_ms: tuple[int, ...] = simulated.DELAYS_MS,
 ) -> list[Case]:
     """Return the family's cases.
 
@@ -72,7 +75,7 @@ def cases(
             for wall in (walls_n_mm[0], walls_n_mm[-1])
             for delay in (0, 200)
         ),
-        *method_cases(method_walls_n_mm, method_delays_ms),
+        *_method_cases(method_walls_n_mm, method_delays_ms),
         Case(
             "map of delays against walls",
             "every point as theory says, those within 1 ms of its line left aside",
@@ -238,3 +241,54 @@ def _map(walls_n_mm: tuple[float, ...], delays_ms: tuple[int, ...]) -> Outcome:
             "critical_ms": critical_ms,
         },
     )
+
+
+def _method_cases(walls_n_mm: tuple[float, ...], delays_ms: tuple[int, ...]) -> list[Case]:
+    """Return a case for each method and mean one-way delay, over all walls."""
+    reserve_mj = 1e3 * PASSIVITY.reserve_j
+    return [
+        Case(
+            f"{method}, {delay} ms each way with jitter, on {walls_n_mm[0]:g} to "
+            f"{walls_n_mm[-1]:g} N/mm",
+            f"hand at rest at the end, no more than {reserve_mj:g} mJ given to it",
+            partial(_over_walls, method, walls_n_mm, delay),
+        )
+        for method in _METHODS
+        for delay in delays_ms
+    ]
+
+
+def _over_walls(method: Method, walls_n_mm: tuple[float, ...], delay_ms: int) -> Outcome:
+    cells = [simulated.run_cell(method, wall, delay_ms) for wall in walls_n_mm]
+    rest_mm_s = max(cell.rest_speed_mm_s for cell in cells)
+    injected_mj = max(cell.injected_mj for cell in cells)
+    return Outcome(
+        f"{rest_mm_s:.2g} mm/s and {injected_mj:.2f} mJ at most",
+        held=all(cell.stable and cell.passive for cell in cells),
+        figures={
+            "method": method,
+            "delay_ms": delay_ms,
+            "wall": list(walls_n_mm),
+            "rest_speed_mm_s": [cell.rest_speed_mm_s for cell in cells],
+            "injected_mj": [cell.injected_mj for cell in cells],
+            "force_error_n": [cell.force_error_n for cell in cells],
+            "position_error_mm": [cell.position_error_mm for cell in cells],
+        },
+    )
+
+
+def _pictures(figures: Sequence[Figures]) -> list[Picture]:
+    """Draw the map of delays against walls, where it ran, with the boundaries that were found."""
+    from mmt_lab.stability.maps import loop_map
+
+    boundaries = [row for row in figures if {"wall_n_mm", "measured_ms"} <= set(row)]
+    caption = (
+        "Force feedback over a delay, a light grip on the handle: where a small disturbance of "
+        "steady contact dies out and where it grows, beside linear theory (shaded)."
+    )
+    return [
+        picture("loop", caption, loop_map(row, boundaries)) for row in figures if "grows" in row
+    ]
+
+
+FAMILY: Final = Family("Force feedback over a delay", cases, _pictures)

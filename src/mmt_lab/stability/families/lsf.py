@@ -19,8 +19,8 @@ from mmt.texture.autoregression.forms import (
 from mmt.texture.autoregression.lsf import lsf_inverse_gain
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt_lab.harness.cases import Case, Outcome
-from mmt_lab.stability import autoregression
+from mmt_lab.stability.cases import Case, Family, Outcome
+from mmt_lab.stability.families import ar
 
 GAPS_RAD: Final = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 HOUR_SAMPLES: Final = 3_600_000
@@ -234,7 +234,7 @@ def _pauses(samples: int) -> Outcome:
 
 def _stiff_power(radius: float, order: int, renders: int) -> Outcome:
     """Render many realisations of one fit, each of two seconds."""
-    segment = autoregression.poles(radius, autoregression.CLUSTERED_RAD)
+    segment = ar.poles(radius, ar.CLUSTERED_RAD)
     fit = burg(segment / np.sqrt(np.mean(segment**2)), order)
     model = TextureModel(
         TextureSamples.isotropic(
@@ -262,3 +262,6 @@ def _stiff_power(radius: float, order: int, renders: int) -> Outcome:
         held=abs(off) <= 5.0 * error and error < 0.2,
         figures={"power_error": off, "standard_error": error},
     )
+
+
+FAMILY: Final = Family("Line spectral frequencies and rendering", cases)

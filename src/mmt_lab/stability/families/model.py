@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from typing import Final
 
@@ -11,15 +11,15 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.frames import empty_frames
-from mmt.texture.autoregression.forms import lsf_to_reflection, output_power, reflection_to_lsf
-from mmt.texture.model.texture_model import TextureModel, TextureSamples
+from mmt.texture.autoregression.forms import lsf_to_reflection, output_power
+from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt_lab.harness.cases import Case, Outcome
+from mmt_lab.stability.cases import Case, Family, Outcome
+from mmt_lab.stability.degenerate import build, of_plane
 
 MANY: Final = 5000
 
-_ORDER: Final = 10
 _EXPECTED: Final = "one whole plane; filters ordered, power in the samples' range"
 _SPEED_MM_S, _FORCE_N = 300.0, 3.0
 
@@ -38,7 +38,7 @@ def cases(*, many: int = MANY, queries: int = 10_000) -> list[Case]:
         Case("no sample", "refused with a sentence, silence", _no_sample),
         *(
             Case(what, _EXPECTED, partial(_plane, points, queries))
-            for what, points in _arrangements(many)
+            for what, points in of_plane(many)
         ),
         Case(
             f"from {many // 10} to {many} samples",
@@ -53,55 +53,6 @@ def cases(*, many: int = MANY, queries: int = 10_000) -> list[Case]:
         Case("queries on every vertex", "the sample itself to 1e-9", _on_vertices),
         Case("queries on every edge", "both triangles agree to 1e-8", _on_edges),
     ]
-
-
-def _arrangements(many: int) -> Iterator[tuple[str, FloatArray]]:
-    """Yield named points (n, 2) of the unit square, some of them outside."""
-    generator = np.random.default_rng(3)
-    along = np.linspace(0.05, 0.95, 30)
-    for count in (1, 2, 3):
-        yield f"{count} sample{'s' if count > 1 else ''}", generator.uniform(0.1, 0.9, (count, 2))
-    yield "50 samples, all equal", np.tile((0.4, 0.6), (50, 1))
-    yield "30 on a diagonal", np.column_stack([along, along])
-    yield "30 of one force", np.column_stack([along, np.full(30, 0.5)])
-    yield "30 of one speed", np.column_stack([np.full(30, 1.0 / 3.0), along])
-    edge = np.linspace(0.0, 1.0, 31)
-    yield "31 on the edge of largest force", np.column_stack([edge, np.ones(31)])
-    yield "31 on the edge of zero speed", np.column_stack([np.zeros(31), edge])
-    yield "4 on the corners", np.array([(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)])
-    for inside in (1e-7, 1e-12, 1e-16):
-        beside = np.column_stack([generator.uniform(0.0, 1.0, 30), np.full(30, 1.0 - inside)])
-        yield f"30 at {inside:g} inside an edge", beside
-    yield "3 beyond the maxima", np.array([(5.0, 0.5), (10.0, 7.0), (0.5, 30.0)])
-    for apart in (1e-6, 1e-9, 1e-12, 1e-15):
-        # Half a cell off the grid by which coincident samples are found.
-        centres = (np.round(generator.uniform(0.1, 0.9, (20, 2)) * 1e6) + 0.5) / 1e6
-        cross = 0.5 * apart * np.array([(-1.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
-        yield f"20 times 4 samples {apart:g} apart", (centres[:, None] + cross).reshape(-1, 2)
-    turn = np.linspace(0.0, 2.0 * np.pi, 500, endpoint=False)
-    yield "500 on a circle", 0.5 + 0.4 * np.column_stack([np.cos(turn), np.sin(turn)])
-    side = round(math.sqrt(many))
-    ticks = np.linspace(0.0, 1.0, side)
-    lattice = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
-    yield f"{side} x {side} on a grid", lattice
-    yield f"{many} samples", generator.uniform(0.0, 1.0, (many, 2))
-    yield f"{many} within 1e-3 of the plane", 0.3 + 1e-3 * generator.uniform(0.0, 1.0, (many, 2))
-
-
-def build(points: FloatArray) -> TextureModel:
-    """Return a model with random filters and levels at normalised points (n, 2)."""
-    generator = np.random.default_rng(len(points))
-    k = generator.uniform(-0.9, 0.9, (len(points), _ORDER))
-    power = generator.uniform(0.5, 2.0, len(points))
-    return TextureModel(
-        TextureSamples.isotropic(
-            points[:, 0] * _SPEED_MM_S,
-            points[:, 1] * _FORCE_N,
-            reflection_to_lsf(k),
-            power / output_power(1.0, k),
-            power,
-        )
-    )
 
 
 def _plane(points: FloatArray, queries: int) -> Outcome:
@@ -237,3 +188,6 @@ def _on_edges() -> Outcome:
 def _lsf_at(model: TextureModel, points: FloatArray) -> FloatArray:
     lsf, _ = model.at(points[:, 0] * _SPEED_MM_S, points[:, 1] * _FORCE_N)
     return lsf
+
+
+FAMILY: Final = Family("Texture models of any samples", cases)

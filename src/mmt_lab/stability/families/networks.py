@@ -22,7 +22,7 @@ from mmt.texture.interpolation.radial_basis.functions import (
 from mmt.texture.interpolation.radial_basis.network import RadialBasisNetwork, RadialBasisSettings
 from mmt.texture.interpolation.radial_basis.online import RadialBasisSystem
 from mmt.texture.interpolation.radial_basis.outputs import nearest_valid_lsf
-from mmt_lab.harness.cases import Case, Outcome
+from mmt_lab.stability.cases import Case, Family, Outcome
 
 FLAT: Final = (0.001, 0.1, 1.0, 1000.0)
 """Shape parameters: 0.001 is all but constant over the space, 1000 a needle at each sample."""
@@ -266,3 +266,6 @@ def _made_valid(order: int, noise: float) -> Outcome:
         held=least >= gap * (1.0 - 1e-9) and largest_k < 1.0 and within,
         figures={"least_gap_rad": least, "largest_k": largest_k},
     )
+
+
+FAMILY: Final = Family("Radial basis networks", cases)

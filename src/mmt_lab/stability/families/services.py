@@ -10,8 +10,8 @@ from mmt.core.arrays import RecordArray
 from mmt.leader.frame_queue import FrameQueue
 from mmt.leader.stream import StreamedMotion
 from mmt.texture.signals.filtering import StreamFilter
-from mmt_lab.harness.cases import Case, Outcome
 from mmt_lab.stability import uptime
+from mmt_lab.stability.cases import Case, Family, Outcome
 from mmt_lab.stability.clocks import clock_cases
 from mmt_lab.stability.uptime import PERIOD_NS, stroke_pattern
 
@@ -118,3 +118,6 @@ def _queue_in_bursts() -> Outcome:
         f"{'the newest' if newest else 'not the newest'}",
         held=short == 0 and kept_short == 2000 and long + len(kept) == 20_000 and newest,
     )
+
+
+FAMILY: Final = Family("Clocks, bursts and uptime", cases)
