@@ -19,8 +19,8 @@ from mmt_lab.experiments.stability import (
     summary,
     verdict,
 )
-from mmt_lab.harness.cases import Case, Family, Outcome, Row, broken, run_case
 from mmt_lab.harness.report import write_report
+from mmt_lab.stability.cases import Case, Family, Outcome, Row, broken, run_case
 from mmt_lab.stability.families import contact, family_names, model
 
 

@@ -8,7 +8,7 @@ from spectrum import arburg
 
 from mmt.texture.autoregression.burg import ReflectionFit, burg
 from mmt.texture.model.texture_model import TextureModel
-from mmt_lab.harness.cases import Case, run_case
+from mmt_lab.stability.cases import Case, run_case
 from mmt_lab.stability.families import anisotropic, ar, lsf, model, networks
 from mmt_lab.stability.families.ar import exact_burg, exact_residual
 

@@ -12,10 +12,10 @@ import typer
 from mmt.core.errors import InputError
 from mmt.evaluation.document import Block, Heading, Table
 from mmt.evaluation.report import environment
-from mmt_lab.harness.cases import Family, Row, broken, run_case
 from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import counting
+from mmt_lab.stability.cases import Family, Row, broken, run_case
 from mmt_lab.stability.families import family_names, load_family
 
 COLUMNS: Final = ("case", "expected", "got", "held")

@@ -23,7 +23,7 @@ from mmt.testing.simulation.actuator import SimulatedActuator
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt_lab.harness.cases import Outcome
+from mmt_lab.stability.cases import Outcome
 from mmt_lab.stability.fake_time import FakeClock, run_in_fake_time
 
 PERIOD_NS: Final = 1_000_000

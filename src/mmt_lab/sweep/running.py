@@ -7,10 +7,9 @@ numbers.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Final, TypeVar
 
-from mmt.session.recorded import RecordedSession
-
 import mmt
 from mmt.core.errors import InputError, MmtError
+from mmt.session.data import RecordedSession
 from mmt_lab.harness.processes import in_processes
 from mmt_lab.sweep.combinations import Job, Outcome, evaluate_job
 

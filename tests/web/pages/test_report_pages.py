@@ -17,9 +17,9 @@ from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt_lab.bench.command import write_bench_report
 from mmt_lab.experiments.stability import findings_of
-from mmt_lab.harness.cases import Row
 from mmt_lab.harness.findings import Axis, Curves, Findings, Panel, Spread
 from mmt_lab.harness.report import write_report as write_findings
+from mmt_lab.stability.cases import Row
 
 api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 CHROMIUM = shutil.which("chromium")

@@ -5,7 +5,7 @@ import pkgutil
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from mmt_lab.harness.cases import Family
+    from mmt_lab.stability.cases import Family
 
 
 def family_names() -> list[str]:

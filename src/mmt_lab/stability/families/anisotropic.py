@@ -18,7 +18,7 @@ from mmt.texture.interpolation.radial_basis.model import LEVEL_ROOM
 from mmt.texture.model.inputs import ANISOTROPIC, InputSpace
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt_lab.harness.cases import Case, Family, Outcome
+from mmt_lab.stability.cases import Case, Family, Outcome
 from mmt_lab.stability.degenerate import anywhere, build, of_space
 
 MANY: Final = 2000

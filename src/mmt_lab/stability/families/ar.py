@@ -11,7 +11,7 @@ from scipy.signal import sosfilt
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import burg, reflection_to_lsf
-from mmt_lab.harness.cases import Case, Family, Outcome
+from mmt_lab.stability.cases import Case, Family, Outcome
 
 CLUSTERED_RAD: Final = (0.05, 0.0525, 0.055, 0.0575, 0.06)
 SPREAD_RAD: Final = (0.3, 0.8, 1.4, 2.0, 2.7)

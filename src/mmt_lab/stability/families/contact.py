@@ -16,7 +16,7 @@ from mmt.evaluation.document import Picture
 from mmt.evaluation.report_files import picture
 from mmt.scene import Simulated
 from mmt.testing.simulation.robot import SimulatedRobot, tip_drive
-from mmt_lab.harness.cases import Case, Family, Figures, Outcome
+from mmt_lab.stability.cases import Case, Family, Figures, Outcome
 
 STIFFNESSES_N_M: Final = (1e2, 1e3, 1e4, 1e5, 1e6, 1e7)
 MASSES_KG: Final = (0.001, 0.01, 0.1, 1.0)

@@ -19,7 +19,7 @@ from mmt.testing.simulation.hand import SimulatedHand
 from mmt.testing.simulation.robot import SimulatedRobot, tip_drive
 from mmt_lab.feedback import simulated
 from mmt_lab.feedback.sides import PASSIVITY, Method
-from mmt_lab.harness.cases import Case, Family, Figures, Outcome
+from mmt_lab.stability.cases import Case, Family, Figures, Outcome
 from mmt_lab.stability.loop_theory import LIGHT_GRIP, Loop
 
 WALLS_N_MM: Final = (0.1, 0.2, 0.3, 0.4, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)

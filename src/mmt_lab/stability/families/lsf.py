@@ -19,7 +19,7 @@ from mmt.texture.autoregression.forms import (
 from mmt.texture.autoregression.lsf import lsf_inverse_gain
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt_lab.harness.cases import Case, Family, Outcome
+from mmt_lab.stability.cases import Case, Family, Outcome
 from mmt_lab.stability.families import ar
 
 GAPS_RAD: Final = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)

@@ -15,7 +15,7 @@ from mmt.texture.autoregression.forms import lsf_to_reflection, output_power
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt_lab.harness.cases import Case, Family, Outcome
+from mmt_lab.stability.cases import Case, Family, Outcome
 from mmt_lab.stability.degenerate import build, of_plane
 
 MANY: Final = 5000

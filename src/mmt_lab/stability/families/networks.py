@@ -22,7 +22,7 @@ from mmt.texture.interpolation.radial_basis.functions import (
 from mmt.texture.interpolation.radial_basis.network import RadialBasisNetwork, RadialBasisSettings
 from mmt.texture.interpolation.radial_basis.online import RadialBasisSystem
 from mmt.texture.interpolation.radial_basis.outputs import nearest_valid_lsf
-from mmt_lab.harness.cases import Case, Family, Outcome
+from mmt_lab.stability.cases import Case, Family, Outcome
 
 FLAT: Final = (0.001, 0.1, 1.0, 1000.0)
 """Shape parameters: 0.001 is all but constant over the space, 1000 a needle at each sample."""

@@ -10,8 +10,8 @@ from mmt.core.arrays import RecordArray
 from mmt.leader.frame_queue import FrameQueue
 from mmt.leader.stream import StreamedMotion
 from mmt.texture.signals.filtering import StreamFilter
-from mmt_lab.harness.cases import Case, Family, Outcome
 from mmt_lab.stability import uptime
+from mmt_lab.stability.cases import Case, Family, Outcome
 from mmt_lab.stability.clocks import clock_cases
 from mmt_lab.stability.uptime import PERIOD_NS, stroke_pattern
 
