@@ -114,7 +114,7 @@ def test_where_all_was_held_up_there_is_no_figure_without() -> None:
 def test_a_child_that_fails_is_quoted() -> None:
     child = Child("mmt_lab.bench.device_path.emulated", "no_such_sensor", "adxl335", "ordinary")
     try:
-        with pytest.raises(MmtError, match=r"lab has ended: KeyError.*no_such_sensor"):
+        with pytest.raises(MmtError, match=r"emulated has ended: KeyError.*no_such_sensor"):
             child.hear(30.0)
     finally:
         child.close()
@@ -122,7 +122,7 @@ def test_a_child_that_fails_is_quoted() -> None:
 
 def test_a_run_on_emulated_devices_finds_what_holds_on_any_machine() -> None:
     plan = devices.Plan(set_ups=(SetUp("both", "net_ft", "adxl335"),), duration_s=1.0, stops=1)
-    result = devices.run(plan)
+    result = devices.measure(plan)
     assert result.left_out == ()
     (cost,), (times,), (frames,), (clocks,) = (records.rows for records in result.records)
     assert 0.0 < cost["share of a core"] < 1.0  # type: ignore[operator]
