@@ -10,7 +10,6 @@ from typing import Final
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from mmt.contact.integrators import INTEGRATORS, Step
 from mmt.contact.normal import ContactLaw, Drive
 from mmt.core.arrays import FloatArray
 from mmt.testing.simulation.robot import tip_drive
@@ -24,6 +23,7 @@ from mmt_lab.bench.results import (
     Records,
     StageResult,
 )
+from mmt_lab.contact.integrators import INTEGRATORS, Step
 
 TIME: Final = Axis("time of a simulated millisecond (µs)", "µs")
 ERROR: Final = Axis("largest error of the height over the depth", "error")

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mmt.core.arrays import FloatArray, RecordArray
-from mmt.texture.completion.criteria import criterion_of
+from mmt.texture.completion.criteria import make_criterion
 from mmt.texture.completion.criterion import Criterion, Progress
 from mmt.texture.completion.distance import distance_sum
 from mmt.texture.interpolation.interpolators import load
@@ -26,11 +26,11 @@ from mmt.texture.model.fits import Fit, automatic_order, fit_segments, samples_o
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.stopwatch import Stopwatch
-from mmt.texture.segmentation.segmenter import OnlineSegmenter, segmentation_of
+from mmt.texture.segmentation.low_band import LowBand
+from mmt.texture.segmentation.segmenter import OnlineSegmenter, segmentation_settings
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
-from mmt.texture.signals.low_band import LowBand
 from mmt.texture.signals.noise_floor import NoiseFloor
 
 if TYPE_CHECKING:
@@ -100,9 +100,9 @@ class OnlineModeller:
             rate_hz=self.settings.rate_hz,
         )
         self._segmenter = OnlineSegmenter(
-            segmentation_of(self.settings), overlap_samples=self.settings.overlap_samples
+            segmentation_settings(self.settings), overlap_samples=self.settings.overlap_samples
         )
-        self.completion: Criterion = criterion_of(self.settings)
+        self.completion: Criterion = make_criterion(self.settings)
         self.order: int | None = None if self.settings.order == "auto" else self.settings.order
         self.fits: dict[SegmentRange, Fit] = {}
         self._numbers = itertools.count()
@@ -194,7 +194,7 @@ class OnlineModeller:
             self._rebuild()
             since_s = (from_sample - (self._first_sequence or 0)) / self.settings.rate_hz
             self.completion.update(self.model, self._time_s)
-            self.completion.take_back(since_s)
+            self.completion.revoke_since(since_s)
         return self._state(0, removed, {})
 
     def _state(self, added: int, removed: int, durations_s: dict[str, float]) -> ModelUpdate:
