@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 
 from mmt.cli.main import app
 from mmt.core.errors import InputError
-from mmt.session.recorded import RecordedSession
-from mmt.session.window_files import MemoryWindows
+from mmt.session.data import RecordedSession
+from mmt.session.windows import MemoryWindows
 from mmt.web.viewing.recording import ViewedRecording
 from mmt.web.viewing.serving import RecordingServer
 

@@ -12,8 +12,7 @@ from mmt.core.frames import empty_frames
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.held_out import choose_held_out, outside
 from mmt.evaluation.results import evaluations_as_dict
-from mmt.scene import Scene
-from mmt.scene.hand_table import Hand
+from mmt.scene import Hand, Scene
 from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.completion.distance import FARTHEST

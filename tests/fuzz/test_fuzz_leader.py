@@ -20,11 +20,11 @@ from mmt.core.frames import Channel, frame_dtype
 from mmt.leader.service import LeaderService
 from mmt.leader.summary import LeaderSummary
 from mmt.link.access import Access
-from mmt.link.admission import admit
 from mmt.link.client import FollowerClient, FollowerEvents
+from mmt.link.handshake import admit
 from mmt.link.protocol import FollowerHello
-from mmt.link.reading import BlockReader
-from mmt.link.receiving import binary_event
+from mmt.link.reader import BlockReader
+from mmt.link.websocket import binary_event
 from mmt.scene.files import scene_from_tables
 
 LIMIT_M_S2 = 20.0

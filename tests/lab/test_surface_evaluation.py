@@ -16,8 +16,8 @@ from mmt.evaluation.recorded_surfaces import part_by_surface
 from mmt.evaluation.surface_blocks import account, stay_table
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
-from mmt.session.recorded import RecordedSession
-from mmt.session.writing import export_session, write_session
+from mmt.session.data import RecordedSession
+from mmt.session.files import export_session, write_session
 from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces import surface_from_annotations

@@ -2,10 +2,10 @@ from typing import Any
 
 from mmt.core.frames import frame_dtype
 from mmt.leader.clock_notes import ClockNotes
-from mmt.link.clock_exchange import ClockAnswerer
+from mmt.link.clock_exchange import ClockResponder
 from mmt.link.clock_offset import ClockJump
-from mmt.link.outbox import Outbox
-from mmt.link.reading import BlockReader
+from mmt.link.queue import SendQueue
+from mmt.link.reader import BlockReader
 
 MS = 1_000_000
 PERIOD_NS = 50 * MS
@@ -15,7 +15,9 @@ class Known:
     """A follower's clock that is ahead, and the notes of it."""
 
     def __init__(self, other: str = "elsewhere") -> None:
-        self.clock = ClockAnswerer(BlockReader(frame_dtype(), "frames"), Outbox(1), lambda _: None)
+        self.clock = ClockResponder(
+            BlockReader(frame_dtype(), "frames"), SendQueue(1), lambda _: None
+        )
         self.clock.meet(other)
         self.noted: list[dict[str, Any]] = []
         self.notes = ClockNotes(self.clock, self.noted.append)

@@ -21,6 +21,7 @@ from mmt.texture.completion.distance import CompletionMonitor, cell_distances, d
 from mmt.texture.interpolation.boundary import RIM
 from mmt.texture.model.inputs import ANISOTROPIC
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
+from mmt.web.binary_messages import pack
 from mmt.web.monitor.live import MOST_SAMPLES, LiveMessages
 from mmt.web.monitor.states import (
     completion_header,
@@ -32,7 +33,6 @@ from mmt.web.monitor.states import (
 )
 from mmt.web.monitor.tap import MonitorTap
 from mmt.web.monitor.viewers import MOST_VIEWERS, Viewers
-from mmt.web.pages.packing import pack
 
 SCENE = scene_from_tables(
     {"link": {}, "simulated": {}, "hand": {}, "texture": {}, "playout": {}, "actuator": {}}

@@ -12,11 +12,10 @@ from link_samples import CHANNELS, FollowerNotes, LeaderNotes, follower, frames,
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import frame_dtype
 from mmt.core.ranges import Range
-from mmt.link.backfilling import FRAMES_PER_MESSAGE, Backfiller
-from mmt.link.events import LeaderEvents
-from mmt.link.keeping import KeptFrames
-from mmt.link.outbox import Outbox
+from mmt.link.backfill import FRAMES_PER_MESSAGE, BackfillSender, FrameBuffer
+from mmt.link.endpoint import LeaderEvents
 from mmt.link.protocol import BACKFILL, GONE, MAX_RANGES, encode_event, ranges_of_payload
+from mmt.link.queue import SendQueue
 
 DTYPE = frame_dtype(CHANNELS)
 
@@ -30,7 +29,7 @@ DTYPE = frame_dtype(CHANNELS)
 def test_the_newest_frames_are_kept(
     capacity: int, blocks: list[tuple[int, int]], asked: list[tuple[int, int]]
 ) -> None:
-    kept = KeptFrames(DTYPE, capacity)
+    kept = FrameBuffer(DTYPE, capacity)
     sent: list[int] = []
     firsts = accumulate((count + skipped for count, skipped in blocks), initial=0)
     for (count, _), first in zip(blocks, firsts, strict=False):
@@ -47,7 +46,7 @@ def test_the_newest_frames_are_kept(
 
 
 def test_what_is_kept_out_of_order_is_found_in_order() -> None:
-    kept = KeptFrames(DTYPE, 10)
+    kept = FrameBuffer(DTYPE, 10)
     for number in (4, 2, 4, 3):
         kept.put(frames(number).tobytes())
     assert kept.select([(3, 9), (0, 4)])["sequence"].tolist() == [2, 3, 4]
@@ -91,9 +90,9 @@ class Sent:
 
 
 async def test_back_fill_goes_out_in_pieces_and_lets_live_frames_pass() -> None:
-    kept, outbox, link = KeptFrames(DTYPE, 1000), Outbox(50), Sent()
+    kept, outbox, link = FrameBuffer(DTYPE, 1000), SendQueue(50), Sent()
     kept.put(frames(0, 1000).tobytes())
-    backfiller = Backfiller(kept, outbox)
+    backfiller = BackfillSender(kept, outbox)
     outbox.open(link)
     backfiller.open()
     link.takes.clear()
@@ -117,9 +116,9 @@ async def test_back_fill_goes_out_in_pieces_and_lets_live_frames_pass() -> None:
 
 
 async def test_what_is_promised_is_not_sent_twice_and_a_flood_of_requests_is_refused() -> None:
-    kept, outbox, link = KeptFrames(DTYPE, 1000), Outbox(50), Sent()
+    kept, outbox, link = FrameBuffer(DTYPE, 1000), SendQueue(50), Sent()
     kept.put(frames(0, 1000).tobytes())
-    backfiller = Backfiller(kept, outbox)
+    backfiller = BackfillSender(kept, outbox)
     outbox.open(link)
     backfiller.open()
     link.takes.clear()

@@ -5,9 +5,8 @@ import asyncio
 import pytest
 from aiohttp import ClientSession, ClientWSTimeout, web
 
-from mmt.link import backlog
-from mmt.link.backlog import UnbufferedSend
-from mmt.link.outbox import Outbox
+from mmt.link import queue
+from mmt.link.queue import SendQueue, UnbufferedSend
 
 SOON = ClientWSTimeout(ws_close=0.1)
 """The other side reads nothing, the closing neither."""
@@ -38,7 +37,7 @@ async def stalled() -> object:
 
 async def test_what_a_stalled_network_does_not_take_waits_in_the_outbox(stalled: str) -> None:
     async with ClientSession() as session, session.ws_connect(stalled, timeout=SOON) as websocket:
-        outbox = Outbox(5)
+        outbox = SendQueue(5)
         outbox.open(UnbufferedSend(websocket))
         for _ in range(100_000):
             outbox.put(1, bytes(1000))
@@ -46,7 +45,7 @@ async def test_what_a_stalled_network_does_not_take_waits_in_the_outbox(stalled:
                 break
             await asyncio.sleep(0)
         assert outbox.dropped > 100
-        transport = backlog._transport_of(websocket)
+        transport = queue._transport_of(websocket)
         assert transport is not None
         assert transport.get_write_buffer_size() < 10_000
         outbox.close()
@@ -55,6 +54,6 @@ async def test_what_a_stalled_network_does_not_take_waits_in_the_outbox(stalled:
 async def test_a_websocket_that_hides_what_it_writes_to_is_used_as_it_is(
     stalled: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(backlog, "_transport_of", lambda _: None)
+    monkeypatch.setattr(queue, "_transport_of", lambda _: None)
     async with ClientSession() as session, session.ws_connect(stalled, timeout=SOON) as websocket:
         await UnbufferedSend(websocket)(b"message")

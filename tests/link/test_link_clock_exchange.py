@@ -15,17 +15,16 @@ from link_samples import CHANNELS, FollowerNotes, LeaderNotes, commands, frames,
 
 import mmt.link.clock_exchange
 from mmt.core.frames import COMMAND_DTYPE
+from mmt.core.process import clock_id
 from mmt.link.client import FollowerClient
-from mmt.link.clock import clock_id
-from mmt.link.clock_exchange import ClockAnswerer, ClockAsker
+from mmt.link.clock_exchange import ClockRequester, ClockResponder
 from mmt.link.clock_offset import ClockJump
-from mmt.link.network import EmulatedNetwork
-from mmt.link.outbox import Outbox
+from mmt.link.emulation import EmulatedNetwork
 from mmt.link.protocol import encode_event
-from mmt.link.reading import BlockReader
+from mmt.link.queue import SendQueue
+from mmt.link.reader import BlockReader
 from mmt.link.server import LeaderServer
-from mmt.scene.link_table import Link
-from mmt.scene.network_table import Network
+from mmt.scene import Link, Network
 
 QUESTION = struct.Struct("<IqIq")
 ANSWER = struct.Struct("<Iqqq")
@@ -96,16 +95,16 @@ def follower_ahead(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
     ahead = {"ns": 0}
     shifted = ShiftedTime(lambda: ahead["ns"])
     for method in ("take_answer", "_ask"):
-        original = getattr(ClockAsker, method)
+        original = getattr(ClockRequester, method)
 
-        def with_shift(self: ClockAsker, *arguments: Any, original: Any = original) -> Any:
+        def with_shift(self: ClockRequester, *arguments: Any, original: Any = original) -> Any:
             mmt.link.clock_exchange.time = shifted
             try:
                 return original(self, *arguments)
             finally:
                 mmt.link.clock_exchange.time = time
 
-        monkeypatch.setattr(ClockAsker, method, with_shift)
+        monkeypatch.setattr(ClockRequester, method, with_shift)
     return ahead
 
 
@@ -187,9 +186,9 @@ async def test_without_the_exchange_nothing_of_it_is_on_the_wire() -> None:
 # --- a peer that lies
 
 
-def answerer() -> tuple[ClockAnswerer, BlockReader]:
+def answerer() -> tuple[ClockResponder, BlockReader]:
     reader = BlockReader(COMMAND_DTYPE, "frames")
-    return ClockAnswerer(reader, Outbox(1000), lambda _: None), reader
+    return ClockResponder(reader, SendQueue(1000), lambda _: None), reader
 
 
 STAMPS = st.integers(-(2**63), 2**63 - 1)
@@ -213,7 +212,7 @@ def test_no_question_kills_the_leader(questions: list[object]) -> None:
 @given(st.lists(ODD | st.builds(ANSWER.pack, NUMBERS, STAMPS, STAMPS, STAMPS), max_size=40))
 def test_no_answer_kills_the_follower(answers: list[object]) -> None:
     reader = BlockReader(COMMAND_DTYPE, "commands")
-    clock = ClockAsker(reader, Outbox(1000), lambda _: None)
+    clock = ClockRequester(reader, SendQueue(1000), lambda _: None)
     clock._under_way.update(dict.fromkeys(range(4), (0,)))
     for answer in answers:
         clock.take_answer(answer)
@@ -223,7 +222,7 @@ def test_no_answer_kills_the_follower(answers: list[object]) -> None:
 
 
 def test_an_answer_to_no_question_is_passed_over() -> None:
-    clock = ClockAsker(BlockReader(COMMAND_DTYPE, "commands"), Outbox(10), lambda _: None)
+    clock = ClockRequester(BlockReader(COMMAND_DTYPE, "commands"), SendQueue(10), lambda _: None)
     clock._under_way[7] = (1000,)
     clock.take_answer(ANSWER.pack(7, 999, 5, 6))
     clock.take_answer(ANSWER.pack(8, 1000, 5, 6))

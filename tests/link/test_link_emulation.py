@@ -19,11 +19,9 @@ from link_samples import (
 
 import mmt.link.emulation
 from mmt.link.client import FollowerClient
-from mmt.link.emulation import EmulatedOutbox
-from mmt.link.network import EmulatedNetwork
+from mmt.link.emulation import EmulatedNetwork, EmulatedSendQueue
 from mmt.link.server import LeaderServer
-from mmt.scene.link_table import Link
-from mmt.scene.network_table import Network
+from mmt.scene import Link, Network
 
 
 class Sent:
@@ -39,8 +37,8 @@ class Sent:
 
 
 @asynccontextmanager
-async def outbox(capacity: int = 50, **table: Any) -> AsyncIterator[tuple[EmulatedOutbox, Sent]]:
-    box, sent = EmulatedOutbox(capacity, Network(**table), seed=1), Sent()
+async def outbox(capacity: int = 50, **table: Any) -> AsyncIterator[tuple[EmulatedSendQueue, Sent]]:
+    box, sent = EmulatedSendQueue(capacity, Network(**table), seed=1), Sent()
     box.open(sent)
     try:
         yield box, sent

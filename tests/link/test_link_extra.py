@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mmt.core.feedback_records import ENERGY, ENERGY_DTYPE
-from mmt.link.extra import ExtraEvent
+from mmt.link.endpoint import ExtraEvent
 
 
 class Side:

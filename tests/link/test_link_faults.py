@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
+from types import SimpleNamespace
 
 import pytest
 import socketio
@@ -19,12 +20,13 @@ from link_samples import (
 )
 
 import mmt.link.client
-import mmt.link.direct
-import mmt.link.hosting
+import mmt.link.connection
+import mmt.link.http
+import mmt.link.websocket
 from mmt.core.errors import MmtError
 from mmt.link.client import FollowerClient
-from mmt.link.dialling import Line
-from mmt.link.gate import Gate
+from mmt.link.connection import SocketClient
+from mmt.link.websocket import RateLimit, client_send
 
 
 class Wire:
@@ -178,7 +180,7 @@ async def test_a_follower_may_give_up_on_a_leader_that_does_not_come_back() -> N
 async def test_a_wire_that_falls_silent_is_noticed_on_both_sides(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(mmt.link.hosting, "PING_TIMEOUT_S", 1)
+    monkeypatch.setattr(mmt.link.http, "PING_TIMEOUT_S", 1)
     up, down = LeaderNotes(), FollowerNotes()
     async with (
         leader(up) as server,
@@ -229,13 +231,17 @@ async def test_where_the_library_hides_its_websocket_its_queue_is_used(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def hidden(
-        self: mmt.link.direct.ServerSockets, sid: str, environ: Mapping[str, object]
-    ) -> mmt.link.direct.Send:
+        self: mmt.link.websocket.ServerSockets, sid: str, environ: Mapping[str, object]
+    ) -> mmt.link.websocket.Send:
         return usual(self, sid, {})
 
-    usual = mmt.link.direct.ServerSockets.send
-    monkeypatch.setattr(mmt.link.direct.ServerSockets, "send", hidden)
-    monkeypatch.setattr(mmt.link.direct, "ClientWebSocketResponse", type(None))
+    usual = mmt.link.websocket.ServerSockets.send
+    monkeypatch.setattr(mmt.link.websocket.ServerSockets, "send", hidden)
+    monkeypatch.setattr(
+        mmt.link.connection,
+        "client_send",
+        lambda client: client_send(SimpleNamespace(eio=SimpleNamespace(send=client.eio.send))),
+    )
     up, down = LeaderNotes(), FollowerNotes()
     async with leader(up) as server, follower(server.port, down) as client:
         await until(lambda: server._traffic.outbox.is_open)
@@ -248,7 +254,7 @@ async def test_where_the_library_hides_its_websocket_its_queue_is_used(
 
 
 async def test_a_link_that_breaks_in_the_moment_it_is_closed_is_closed() -> None:
-    line = Line.make({}, {}, Gate(1000, pytest.fail, pytest.fail))
+    line = SocketClient.make({}, {}, RateLimit(1000, pytest.fail, pytest.fail))
     reconnecting = line.client.start_background_task(line.client._handle_reconnect)
     line.client._reconnect_task = reconnecting  # as the library does when it loses a connection
     await line.close()

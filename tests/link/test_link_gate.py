@@ -19,11 +19,10 @@ from link_samples import (
     until,
 )
 
-import mmt.link.direct
-import mmt.link.gate
+import mmt.link.websocket
 from mmt.core.errors import MmtError
-from mmt.link.gate import Gate
 from mmt.link.protocol import encode_event
+from mmt.link.websocket import RateLimit
 
 SECOND = 1_000_000_000
 
@@ -32,7 +31,7 @@ class Notes:
     def __init__(self, rate_hz: float = 1000) -> None:
         self.excess = 0
         self.shut: list[MmtError] = []
-        self.gate = Gate(rate_hz, self.count, self.shut.append)
+        self.gate = RateLimit(rate_hz, self.count, self.shut.append)
 
     def count(self) -> None:
         self.excess += 1
@@ -100,9 +99,9 @@ def test_the_gate_costs_little() -> None:
 async def test_a_follower_that_floods_is_cut_off_and_the_next_is_served(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(mmt.link.gate, "MESSAGES_PER_PERIOD", 1)
-    monkeypatch.setattr(mmt.link.gate, "BURST_S", 0.5)
-    monkeypatch.setattr(mmt.link.gate, "PATIENCE_S", 0.05)
+    monkeypatch.setattr(mmt.link.websocket, "MESSAGES_PER_PERIOD", 1)
+    monkeypatch.setattr(mmt.link.websocket, "BURST_S", 0.5)
+    monkeypatch.setattr(mmt.link.websocket, "PATIENCE_S", 0.05)
     notes = LeaderNotes()
     async with leader(notes) as server:
         client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False, reconnection=False)
@@ -131,9 +130,9 @@ async def test_a_follower_that_floods_is_cut_off_and_the_next_is_served(
 async def test_a_leader_that_floods_ends_the_follower_with_a_reason(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(mmt.link.gate, "MESSAGES_PER_PERIOD", 1)
-    monkeypatch.setattr(mmt.link.gate, "BURST_S", 0.5)
-    monkeypatch.setattr(mmt.link.gate, "PATIENCE_S", 0.05)
+    monkeypatch.setattr(mmt.link.websocket, "MESSAGES_PER_PERIOD", 1)
+    monkeypatch.setattr(mmt.link.websocket, "BURST_S", 0.5)
+    monkeypatch.setattr(mmt.link.websocket, "PATIENCE_S", 0.05)
     notes = FollowerNotes()
     async with leader() as server, follower(server.port, notes) as client:
         await until(lambda: server._traffic.outbox.is_open)
@@ -149,7 +148,7 @@ async def test_a_leader_that_floods_ends_the_follower_with_a_reason(
 async def test_who_is_not_let_in_may_neither_stay_nor_talk(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(mmt.link.direct, "STRANGERS_S", 0.3)
+    monkeypatch.setattr(mmt.link.websocket, "STRANGERS_S", 0.3)
     async with leader() as server, aiohttp.ClientSession() as session:
         url = f"http://127.0.0.1:{server.port}/socket.io/?EIO=4&transport=websocket"
         async with follower(server.port) as good, session.ws_connect(url) as silent:

@@ -14,7 +14,7 @@ from link_samples import CHANNELS, LeaderNotes, commands, leader
 from socketio.msgpack_packet import MsgPackPacket
 
 from mmt.core.arrays import RecordArray
-from mmt.link.events import LeaderEvents
+from mmt.link.endpoint import LeaderEvents
 from mmt.link.protocol import PROTOCOL_VERSION
 from mmt.link.server import LeaderServer
 

@@ -3,7 +3,7 @@ import asyncio
 import pytest
 from link_samples import until
 
-from mmt.link.outbox import Outbox
+from mmt.link.queue import SendQueue
 
 
 class Link:
@@ -27,7 +27,7 @@ async def spin() -> None:
 
 
 async def test_messages_go_out_in_their_order() -> None:
-    outbox, link = Outbox(100), Link()
+    outbox, link = SendQueue(100), Link()
     outbox.open(link)
     for number in range(50):
         outbox.put(2, bytes([number]))
@@ -40,7 +40,7 @@ async def test_messages_go_out_in_their_order() -> None:
 
 
 async def test_a_full_queue_gives_up_the_oldest() -> None:
-    outbox, link = Outbox(3), Link(permits=1)
+    outbox, link = SendQueue(3), Link(permits=1)
     outbox.open(link)
     await spin()
     for number in range(10):
@@ -57,7 +57,7 @@ async def test_a_full_queue_gives_up_the_oldest() -> None:
 
 
 async def test_everything_put_is_either_sent_or_dropped() -> None:
-    outbox, link = Outbox(4), Link(permits=6)
+    outbox, link = SendQueue(4), Link(permits=6)
     outbox.put(1, b"too early")
     outbox.open(link)
     for _ in range(20):
@@ -71,7 +71,7 @@ async def test_everything_put_is_either_sent_or_dropped() -> None:
 
 
 async def test_a_broken_link_ends_the_sending() -> None:
-    outbox, link = Outbox(4), Link()
+    outbox, link = SendQueue(4), Link()
     outbox.open(link)
     link.broken = True
     outbox.put(1, b"x")
@@ -87,7 +87,7 @@ async def test_a_broken_link_ends_the_sending() -> None:
 
 
 async def test_finish_does_not_wait_for_ever() -> None:
-    outbox = Outbox(4)
+    outbox = SendQueue(4)
     outbox.open(Link(permits=0))
     outbox.put(3, b"x")
     outbox.put(3, b"y")
@@ -98,7 +98,7 @@ async def test_finish_does_not_wait_for_ever() -> None:
 
 
 async def test_a_fault_that_is_not_the_links_comes_to_light() -> None:
-    outbox = Outbox(4)
+    outbox = SendQueue(4)
 
     async def fail(message: bytes) -> None:
         raise ZeroDivisionError
@@ -113,7 +113,7 @@ async def test_a_fault_that_is_not_the_links_comes_to_light() -> None:
 
 
 async def test_what_the_link_takes_at_once_is_sent_as_it_is_put() -> None:
-    outbox, link = Outbox(1), Link(permits=3)
+    outbox, link = SendQueue(1), Link(permits=3)
     outbox.open(link)
     for number in range(5):
         outbox.put(1, bytes([number]))
@@ -129,7 +129,7 @@ async def test_what_the_link_takes_at_once_is_sent_as_it_is_put() -> None:
 
 
 async def test_a_message_under_way_is_not_given_up_for_a_newer_one() -> None:
-    outbox, link = Outbox(2), Link(permits=0)
+    outbox, link = SendQueue(2), Link(permits=0)
     outbox.open(link)
     for number in range(6):
         outbox.put(1, bytes([number]))
@@ -152,7 +152,7 @@ async def test_closing_gives_up_the_message_under_way() -> None:
             given_up += 1
 
     for turns in (0, 20):
-        outbox = Outbox(4)
+        outbox = SendQueue(4)
         outbox.open(never)
         outbox.put(2, b"x")
         outbox.put(2, b"y")
@@ -176,7 +176,7 @@ async def test_a_link_may_wait_several_times_and_handle_what_it_waits_for() -> N
             await asyncio.sleep(0.001)
         sent.append(message)
 
-    outbox = Outbox(4)
+    outbox = SendQueue(4)
     outbox.open(send)
     outbox.put(1, b"x")
     outbox.put(1, b"y")
@@ -189,7 +189,7 @@ async def test_a_link_may_wait_several_times_and_handle_what_it_waits_for() -> N
 
 
 async def test_a_link_that_breaks_while_it_waits_ends_the_sending() -> None:
-    outbox, link = Outbox(4), Link(permits=0)
+    outbox, link = SendQueue(4), Link(permits=0)
     outbox.open(link)
     outbox.put(1, b"x")
     outbox.put(1, b"y")

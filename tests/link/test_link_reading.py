@@ -12,7 +12,7 @@ from link_samples import commands, frames
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import COMMAND_DTYPE
 from mmt.core.pacing import shortest_period_ns
-from mmt.link.reading import BlockReader
+from mmt.link.reader import BlockReader
 
 
 def reader() -> BlockReader:

@@ -23,11 +23,17 @@ from link_samples import (
 )
 from socketio.msgpack_packet import MsgPackPacket
 
-import mmt.link.dialling
-import mmt.link.direct
-from mmt.link.gate import STRANGERS_MESSAGES, Gate, StrangersGate
+import mmt.link.connection
+import mmt.link.websocket
 from mmt.link.protocol import MAX_MESSAGE_BYTES, encode_event
-from mmt.link.receiving import _rest, binary_event, take_directly
+from mmt.link.websocket import (
+    STRANGERS_MESSAGES,
+    HandshakeLimit,
+    RateLimit,
+    _rest,
+    binary_event,
+    receive_directly,
+)
 
 
 @pytest.fixture
@@ -44,8 +50,8 @@ def decoded(monkeypatch: pytest.MonkeyPatch) -> Counter[int]:
     return counted
 
 
-def open_gate() -> Gate:
-    return Gate(1000, on_excess=pytest.fail, on_shut=pytest.fail)
+def open_gate() -> RateLimit:
+    return RateLimit(1000, on_excess=pytest.fail, on_shut=pytest.fail)
 
 
 async def stays_open(**_: object) -> None:
@@ -80,9 +86,9 @@ async def test_frames_and_commands_do_not_pass_through_the_library(
 async def test_where_the_websocket_cannot_be_asked_the_library_hands_over_the_same(
     monkeypatch: pytest.MonkeyPatch, decoded: Counter[int]
 ) -> None:
-    monkeypatch.setattr(mmt.link.direct, "take_directly", lambda *_: None)
+    monkeypatch.setattr(mmt.link.websocket, "receive_directly", lambda *_: None)
     monkeypatch.setattr(
-        mmt.link.dialling, "client_websocket", lambda *_: aiohttp.ClientWebSocketResponse
+        mmt.link.connection, "client_websocket", lambda *_: aiohttp.ClientWebSocketResponse
     )
     up, down = await exchange(40)
     assert decoded[socketio.packet.EVENT] == 82
@@ -165,7 +171,7 @@ async def test_what_does_not_pass_the_gate_is_thrown_away_until_it_shuts() -> No
     async def close(**reason: object) -> None:
         closed.append(reason["code"])
 
-    last = await _rest(receive, close, StrangersGate(), {"frames": taken.append})
+    last = await _rest(receive, close, HandshakeLimit(), {"frames": taken.append})
     assert last.type is WSMsgType.CLOSED
     assert closed == [WSCloseCode.POLICY_VIOLATION]
     assert taken == [b"x"] * STRANGERS_MESSAGES
@@ -179,7 +185,7 @@ def test_a_websocket_that_cannot_be_changed_is_left_as_it_is() -> None:
             super().__setattr__(name, value)
 
     websocket = Closed()
-    take_directly(websocket, {"frames": pytest.fail}, StrangersGate())
+    receive_directly(websocket, {"frames": pytest.fail}, HandshakeLimit())
     assert websocket.receive.__func__ is web.WebSocketResponse.receive
 
 

@@ -13,7 +13,7 @@ from frame_samples import made_frames
 from mmt.cli import follower, leader, main
 from mmt.cli.common import run_app
 from mmt.session import export_session, write_session
-from mmt.session.recorded import RecordedSession
+from mmt.session.data import RecordedSession
 
 APPS = {"mmt": main.app, "mmt-leader": leader.app, "mmt-follower": follower.app}
 
@@ -68,7 +68,7 @@ CASES = [
     ("mmt-follower demo --replay none.mcap", "session none.mcap: No such file"),
     ("mmt-follower demo --replay folder.mcap", "session folder.mcap: Is a directory"),
     ("mmt-follower demo --replay empty.mcap", "session empty.mcap: the file is empty"),
-    ("mmt-follower demo --replay text.mcap", "session text.mcap: this is no MCAP file"),
+    ("mmt-follower demo --replay text.mcap", "session text.mcap: this is not an MCAP file"),
     ("mmt-follower demo --replay cut.mcap", CUT_OFF),
     ("mmt-follower demo --replay half.toml", ".toml cannot be read; the suffix must be one of"),
     ("mmt-follower demo --replay text.csv", "import text.csv: no column time_s"),
@@ -91,18 +91,18 @@ CASES = [
     ("mmt session simulate x.mcap --scene wrong-key.toml", "session.nmae is not a key"),
     ("mmt session import none.csv x.mcap", "import none.csv: No such file"),
     ("mmt session import text.csv x.mcap", "import text.csv: no column time_s"),
-    ("mmt session import text.npz x.mcap", "import text.npz: this is no .npz archive"),
+    ("mmt session import text.npz x.mcap", "import text.npz: this is not a .npz archive"),
     ("mmt session import whole.mcap x.mcap", ".mcap cannot be imported; the suffix must be"),
     ("mmt session import whole.csv x.pdf", "session x.pdf: .pdf cannot be written"),
     ("mmt session info none.mcap", "session none.mcap: No such file"),
     ("mmt session info empty.mcap", "session empty.mcap: the file is empty"),
-    ("mmt session info text.mcap", "session text.mcap: this is no MCAP file"),
+    ("mmt session info text.mcap", "session text.mcap: this is not an MCAP file"),
     ("mmt session info whole.mcap --json text.csv/x.json", "--json text.csv/x.json: "),
     ("mmt session export cut.mcap x.csv", CUT_OFF),
     ("mmt session export whole.mcap x.pdf", "session x.pdf: .pdf cannot be written"),
     ("mmt session export whole.mcap none/x.csv", "cannot write none/x.csv"),
     ("mmt session recover none.mcap x.mcap", "session none.mcap: No such file"),
-    ("mmt session recover text.mcap x.mcap", "session text.mcap: this is no MCAP file"),
+    ("mmt session recover text.mcap x.mcap", "session text.mcap: this is not an MCAP file"),
     ("mmt session recover whole.mcap whole.mcap", "name another file to write to"),
     ("mmt session", "Usage: mmt session"),
     ("mmt session burn x", "No such command 'burn'"),

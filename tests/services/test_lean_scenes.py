@@ -23,7 +23,8 @@ from mmt.scene.files import load_scene
 
 async def main():
     module = importlib.import_module(f"mmt.{service}.service")
-    make = getattr(module, f"{service.capitalize()}Service")
+    name = service.capitalize()
+    make = getattr(module, name, None) or getattr(module, f"{name}Service")
     running = make(load_scene(scene, changes))
     await running.run(running.stop)
 
@@ -78,7 +79,7 @@ WARM = {"mmt.leader.warming", "mmt.texture.library.warm_start"}
 LEVEL = {"mmt.texture.field.level_process", "mmt.texture.completion.uncertainty"}
 HAND = "mmt.testing.simulation.hand"
 ACTUATOR = "mmt.testing.simulation.actuator"
-RECORDER = "mmt.session.recording"
+RECORDER = "mmt.session.recorder"
 SIMULATED, REPLAY, DEVICE_SOURCE = SOURCES = (
     "mmt.testing.simulation.follower",
     "mmt.session.replay",
@@ -130,7 +131,7 @@ WATCHED = {*NETWORK, *MODEL, *FILES, *SOURCES, *FEEDBACK, *SURFACES, *WARM, *LEV
 WATCHED |= {RECORDER, HAND, ACTUATOR}
 NEVER = {
     "mmt.web.monitor",
-    "mmt.web.pages",
+    "mmt.web.page_server",
     "prometheus_client",
     "mmt.core.exposition",
     "matplotlib",
@@ -235,7 +236,7 @@ def test_neither_service_imports_the_other(modules: dict[str, set[str]]) -> None
 
 
 def test_without_the_table_no_network_is_emulated(modules: dict[str, set[str]]) -> None:
-    emulation = {"mmt.link.emulation", "mmt.link.network", "mmt.link.impairments"}
+    emulation = {"mmt.link.emulation", "mmt.link.impairments"}
     assert all(among(found, emulation) == set() for found in modules.values())
 
 

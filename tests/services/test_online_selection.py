@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 from service_runs import Together, small_scene
 
-from mmt.scene import Scene
-from mmt.scene.texture_table import Selection
+from mmt.scene import Scene, Selection
 from mmt.session import write_session
 from mmt.testing.simulation.offline import simulate_session
 

@@ -8,7 +8,7 @@ import pytest
 from service_runs import Together, small_scene
 
 from mmt.session import read_session
-from mmt.session.recorded import missing_frames
+from mmt.session.data import missing_frames
 
 
 @pytest.mark.parametrize("way", ["model", "repetition"])

@@ -10,7 +10,7 @@ from session_samples import made_frames
 
 from mmt.core.errors import InputError, MmtError
 from mmt.session import export_session
-from mmt.session.recorded import RecordedSession
+from mmt.session.data import RecordedSession
 
 SCENE = {"session": {"name": "wood"}}
 EVENTS = [{"time_s": 0.5, "event": "mark", "value": float("nan")}]

@@ -235,8 +235,8 @@ def test_an_existing_file_stays_when_writing_fails(tmp_path, monkeypatch):
     ("content", "reason"),
     [
         (b"", "the file is empty"),
-        (b"time_s,position_x_mm\n0,1\n", "no MCAP file"),
-        (b"\x89MCAP", "no MCAP file"),
+        (b"time_s,position_x_mm\n0,1\n", "not an MCAP file"),
+        (b"\x89MCAP", "not an MCAP file"),
         (b"\x89MCAP0\r\n", "nothing in it can be read"),
     ],
 )
@@ -329,7 +329,7 @@ def test_a_demo_session_is_read_fast(tmp_path):
 
 def test_neither_scipy_nor_numba_is_imported():
     program = (
-        "import sys, mmt.session, mmt.session.recording, mmt.session.replay, mmt.session.recover,"
+        "import sys, mmt.session, mmt.session.recorder, mmt.session.replay, mmt.session.recover,"
         " mmt.session.info, mmt.session.npz_file, mmt.session.csv_file, mmt.session.samples\n"
         "heavy = {'scipy', 'numba', 'pandas', 'pyarrow', 'h5py', 'matplotlib'}\n"
         "sys.exit(', '.join(heavy & set(sys.modules)) or None)"

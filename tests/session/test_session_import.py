@@ -10,7 +10,7 @@ from session_samples import made_frames
 
 from mmt.core.errors import InputError
 from mmt.session import export_session, import_session, read_session, write_session
-from mmt.session.recorded import RecordedSession
+from mmt.session.data import RecordedSession
 
 SHARED = Path(__file__).parents[2] / ".." / "shared" / "data" / "bilateral_1dof"
 

@@ -16,7 +16,7 @@ from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.session import read_session
 from mmt.session.mcap_writer import SessionWriter
-from mmt.session.recording import McapRecorder
+from mmt.session.recorder import McapRecorder
 from mmt.session.recover import recover
 
 
@@ -180,7 +180,7 @@ def test_a_disk_that_fills_up_leaves_a_file_to_recover(tmp_path):
         "resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))\n"
         "sys.path.insert(0, sys.argv[2])\n"
         "from session_samples import made_frames\n"
-        "from mmt.session.recording import McapRecorder\n"
+        "from mmt.session.recorder import McapRecorder\n"
         "frames = made_frames(6000)\n"
         "recorder = McapRecorder(pathlib.Path(sys.argv[1]), channels=frames_channels)\n"
         "for first in range(0, 6000, 500):\n"
@@ -248,7 +248,7 @@ def test_a_recorder_that_was_killed_leaves_its_file_free(tmp_path):
     path = tmp_path / "run.mcap"
     program = (
         "import os, pathlib, sys\n"
-        "from mmt.session.recording import McapRecorder\n"
+        "from mmt.session.recorder import McapRecorder\n"
         "McapRecorder(pathlib.Path(sys.argv[1]), channels=('force',))\n"
         "os.kill(os.getpid(), 9)\n"
     )
@@ -259,7 +259,7 @@ def test_a_recorder_that_was_killed_leaves_its_file_free(tmp_path):
 
 
 def test_where_the_system_has_no_locks_recording_goes_on(tmp_path, monkeypatch):
-    monkeypatch.setattr("mmt.session.locking.fcntl", None)
+    monkeypatch.setattr("mmt.session.recorder.fcntl", None)
     with McapRecorder(tmp_path / "run.mcap", channels=CHANNELS) as recorder:
         recorder.record_frames(made_frames(20))
     assert len(read_session(tmp_path / "run.mcap").frames) == 20

@@ -167,7 +167,7 @@ import sys, time, pathlib
 sys.path.insert(0, sys.argv[2])
 from session_samples import made_frames
 from mmt.core.frames import CHANNELS
-from mmt.session.recording import McapRecorder
+from mmt.session.recorder import McapRecorder
 frames = made_frames(60_000)
 recorder = McapRecorder(pathlib.Path(sys.argv[1]), channels=CHANNELS)
 start = time.monotonic()

@@ -14,7 +14,7 @@ from session_samples import made_frames
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS, frame_dtype
 from mmt.session import write_session
-from mmt.session.recorded import RecordedSession
+from mmt.session.data import RecordedSession
 from mmt.session.replay import ReplaySource
 
 if TYPE_CHECKING:
@@ -226,7 +226,7 @@ def test_replaying_imports_neither_scipy_nor_numba(tmp_path):
     write_session(path, even_frames(10))
     program = (
         "import sys, pathlib\n"
-        "from mmt.session.reading import read_session\n"
+        "from mmt.session.files import read_session\n"
         "from mmt.session.replay import ReplaySource\n"
         "source = ReplaySource(read_session(pathlib.Path(sys.argv[1])), ('force',))\n"
         "source.start(0)\n"

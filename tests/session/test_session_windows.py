@@ -13,13 +13,12 @@ from session_samples import made_frames
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.session import read_session, write_session
+from mmt.session.data import OutputBlock, RecordedSession
+from mmt.session.files import export_session
 from mmt.session.mcap_writer import FRAMES_TOPIC, open_writer
 from mmt.session.messages import FRAME_BLOCK, FrameCodec, frame_schema
-from mmt.session.recorded import OutputBlock, RecordedSession
-from mmt.session.recording import McapRecorder
-from mmt.session.window_files import open_windows
-from mmt.session.windows import SessionWindows
-from mmt.session.writing import export_session
+from mmt.session.recorder import McapRecorder
+from mmt.session.windows import SessionWindows, open_windows
 
 COUNT = 3000
 FRAMES = made_frames(COUNT, steps=np.where(np.arange(COUNT - 1) == 1200, 500, 1))
@@ -119,7 +118,7 @@ def test_blocks_that_another_writer_has_numbered_otherwise_are_read(tmp_path: Pa
 
 
 def test_another_view_is_independent(windows: SessionWindows) -> None:
-    other = windows.again()
+    other = windows.reopen()
     other.window(0.0, 1.0)
     other.close()
     assert len(windows.window(2.9, 3.0).frames) > 0
@@ -132,7 +131,7 @@ def test_other_kinds_are_held_in_memory(tmp_path: Path, suffix: str) -> None:
     windows = open_windows(path)
     assert windows.in_memory
     assert len(windows.window(0.0, 0.1).frames) == pytest.approx(100, abs=2)
-    assert windows.again() is windows
+    assert windows.reopen() is windows
 
 
 def test_a_file_that_was_cut_off_shows_what_it_holds(tmp_path: Path, recorded: Path) -> None:
@@ -158,7 +157,7 @@ def test_what_cannot_be_shown_is_said(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="No such file"):
         open_windows(tmp_path / "none.mcap")
     (tmp_path / "text.mcap").write_text("no recording")
-    with pytest.raises(InputError, match="no MCAP file"):
+    with pytest.raises(InputError, match="not an MCAP file"):
         open_windows(tmp_path / "text.mcap")
     with pytest.raises(InputError, match="suffix must be one of"):
         open_windows(tmp_path / "film.mp4")

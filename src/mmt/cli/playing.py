@@ -10,8 +10,8 @@ from mmt.core.errors import InputError, MmtError
 from mmt.core.kernel_cache import kernels_are_compiled
 from mmt.link.access import Access
 from mmt.models import find_model, shipped_models
+from mmt.scene import Link
 from mmt.scene.files import table_from
-from mmt.scene.link_table import Link
 
 if TYPE_CHECKING:
     from mmt.web.player.player import Player

@@ -11,9 +11,8 @@ from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.report import write_report
 from mmt.evaluation.results import Evaluation, evaluations_as_dict
 from mmt.evaluation.table import evaluation_table
-from mmt.scene import Scene
+from mmt.scene import Scene, Texture
 from mmt.scene.files import load_scene, scene_from_tables
-from mmt.scene.texture_table import Texture
 from mmt.session import RecordedSession, read_session
 
 

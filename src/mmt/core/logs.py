@@ -8,6 +8,8 @@ import json
 import logging
 import queue
 import sys
+import time
+from collections.abc import Hashable
 from contextlib import suppress
 from datetime import UTC, datetime
 from logging.handlers import QueueHandler, QueueListener
@@ -19,6 +21,10 @@ from mmt.core.errors import InputError, MmtError
 
 LEVELS: Final = ("debug", "info", "warning", "error")
 
+REPEAT_PERIOD_S: Final = 1.0
+"""Least time between two log lines of one kind."""
+
+_MAX_KINDS: Final = 64
 _MOST_WAITING: Final = 10_000
 _LONGEST_EVENT: Final = 4000
 
@@ -112,6 +118,26 @@ class Logs:
         self._listener = QueueListener(waiting, writer)
         self._listener.start()
         self._handlers.append(handler)
+
+
+class RepeatLimit:
+    """Allow one log line of each kind a second, and count those suppressed in between."""
+
+    def __init__(self) -> None:
+        self._next_s: dict[Hashable, float] = {}
+        self._suppressed: dict[Hashable, int] = {}
+
+    def allow(self, kind: Hashable) -> int:
+        """Return 0 to suppress a line, else 1 plus the number suppressed since the last one."""
+        now_s = time.monotonic()
+        if now_s < self._next_s.get(kind, 0.0):
+            self._suppressed[kind] = self._suppressed.get(kind, 0) + 1
+            return 0
+        if len(self._next_s) >= _MAX_KINDS:
+            self._next_s.clear()
+            self._suppressed.clear()
+        self._next_s[kind] = now_s + REPEAT_PERIOD_S
+        return 1 + self._suppressed.pop(kind, 0)
 
 
 class _JsonLines(logging.Formatter):

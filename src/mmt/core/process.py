@@ -1,13 +1,17 @@
-"""What this process costs: processor time, memory, and the settings that keep ticks even."""
+"""The running process: its clock, its cost, and the settings that keep its ticks even."""
 
 import ctypes
+import functools
 import gc
 import os
 import platform
 import struct
 import sys
 import time
+import uuid
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
 
 import psutil
 
@@ -18,9 +22,39 @@ SWITCH_INTERVAL_S = 1e-4
 SLICE_NS = 100_000
 """Turn of the processor that the ticking thread asks for; the kernel's own is 3 ms or so."""
 
+_BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
+_OFFSETS: Final = Path("/proc/self/timens_offsets")
+
 _PR_SET_TIMERSLACK = 29
 _SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}
 _ATTRIBUTES = "<IIQiIQQQ"  # struct sched_attr: size, policy, flags, nice, priority, runtime, ...
+
+
+@functools.lru_cache(maxsize=1)
+def clock_id() -> str:
+    """Return a name for the clock that `time.monotonic_ns` reads here.
+
+    Processes with equal names read the same clock, so that their times can be compared. On
+    Linux that is the boot, the host, and the offset of a time namespace, as containers may
+    have; elsewhere, a random name per process, which equals no other.
+    """
+    try:
+        boot = _BOOT_ID.read_text(encoding="ascii").strip()
+    except OSError:
+        return f"process-{uuid.uuid4()}"
+    return f"{boot}@{platform.node()}{_namespace_offset()}"
+
+
+def _namespace_offset() -> str:
+    """Return what a time namespace adds to the monotonic clock, nothing where there is none."""
+    try:
+        lines = _OFFSETS.read_text(encoding="ascii").splitlines()
+    except OSError:
+        return ""
+    for words in (line.split() for line in lines):
+        if len(words) == 3 and words[0] == "monotonic" and words[1:] != ["0", "0"]:
+            return f"+{words[1]}.{words[2]}"
+    return ""
 
 
 def ask_for_short_turns(slice_ns: int = SLICE_NS) -> bool:

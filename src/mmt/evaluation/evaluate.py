@@ -20,7 +20,7 @@ from mmt.evaluation.held_out import choose_held_out, outside
 from mmt.evaluation.results import Evaluation
 from mmt.evaluation.scoring import Scorer
 from mmt.evaluation.truth import KnownTexture, known_texture
-from mmt.session.recorded import RecordedSession, missing_frames
+from mmt.session.data import RecordedSession, missing_frames
 from mmt.texture.online.history import ModelHistory, build, update_blocks
 from mmt.texture.settings import AUTOMATIC, Inputs, ModellingSettings
 

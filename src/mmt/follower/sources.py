@@ -4,8 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 from mmt.core.errors import InputError
 from mmt.devices.protocols import FollowerSource
-from mmt.scene import Replay, Scene, Simulated
-from mmt.scene.device_tables import Devices, Driver
+from mmt.scene import Devices, Driver, Replay, Scene, Simulated
 
 if TYPE_CHECKING:
     from mmt.devices.table import Role
@@ -40,7 +39,7 @@ def _simulated(scene: Scene, table: Simulated) -> FollowerSource:
 def _replay(scene: Scene, table: Replay) -> FollowerSource:
     if table.file is None:
         raise InputError("[replay] names no file: set its key 'file' or give --replay FILE")
-    from mmt.session.reading import read_session
+    from mmt.session.files import read_session
     from mmt.session.replay import ReplaySource
 
     return ReplaySource(

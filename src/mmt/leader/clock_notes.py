@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
-    from mmt.link.clock_exchange import OtherClock
+    from mmt.link.clock_exchange import RemoteClock
     from mmt.link.clock_offset import ClockJump
 
 _PERIOD_NS: Final = 10_000_000_000
@@ -21,7 +21,7 @@ class ClockNotes:
         Takes what is to be noted.
     """
 
-    def __init__(self, clock: "OtherClock", note: Callable[[dict[str, Any]], None]) -> None:
+    def __init__(self, clock: "RemoteClock", note: Callable[[dict[str, Any]], None]) -> None:
         self._clock = clock
         self._note = note
         self._noted_ns: int | None = None

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
     from mmt.leader.service import LeaderService
-    from mmt.link.pages import Page
+    from mmt.link.http import Page
 
 _MODES: Final[tuple[str, ...]] = get_args(Mode)
 
@@ -23,7 +23,7 @@ def pages(service: "LeaderService") -> "list[Page]":
     InputError
         The scene wants metrics and prometheus-client is not installed.
     """
-    from mmt.link.pages import health_page, metrics_page
+    from mmt.link.http import health_page, metrics_page
 
     served = [health_page(lambda: health(service))]
     if service.scene.metrics is not None:

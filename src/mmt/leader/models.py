@@ -9,7 +9,7 @@ from mmt.leader.parts import LeaderParts
 from mmt.leader.summary import RunLog
 
 if TYPE_CHECKING:
-    from mmt.session.recording import McapRecorder
+    from mmt.session.recorder import McapRecorder
     from mmt.texture.library.identification import Choice
     from mmt.texture.model.texture_model import TextureModel
     from mmt.texture.online.modeller import ModelUpdate

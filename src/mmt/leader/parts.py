@@ -14,10 +14,7 @@ from mmt.leader.feedback_choice import build_feedback
 from mmt.leader.playout import PlayoutBuffer
 from mmt.leader.rendering import VibrationSwitch
 from mmt.leader.stream import StreamedMotion, StreamedVibration
-from mmt.scene import Rendering, Scene, Simulated
-from mmt.scene.device_tables import Actuator, Handle
-from mmt.scene.link_table import Link
-from mmt.scene.texture_table import Texture
+from mmt.scene import Actuator, Handle, Link, Rendering, Scene, Simulated, Texture
 
 if TYPE_CHECKING:
     from mmt.devices.mending import LossCallback, Mended, MendedActuator
@@ -25,7 +22,7 @@ if TYPE_CHECKING:
     from mmt.leader.model_crossfade import ModelCrossfade
     from mmt.leader.modelling import ModellingTask
     from mmt.leader.warming import WarmingTask
-    from mmt.session.recording import McapRecorder
+    from mmt.session.recorder import McapRecorder
     from mmt.texture.online.modeller import ModelUpdate
     from mmt.texture.synthesis.synthesizer import Synthesizer
     from mmt.web.monitor.tap import MonitorTap
@@ -189,7 +186,7 @@ def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None])
     if scene.actuator is not None:
         _build_vibration(scene, parts)
     if scene.recording is not None:
-        from mmt.session.recording import McapRecorder
+        from mmt.session.recorder import McapRecorder
 
         parts.make_recorder = partial(
             McapRecorder, scene.recording.file, channels=scene.channels(), scene=scene.dump()

@@ -20,7 +20,7 @@ from mmt.scene import LARGEST_SPEED, Scene
 
 if TYPE_CHECKING:
     from mmt.link.clock_offset import ClockJump
-    from mmt.link.pages import Page
+    from mmt.link.http import Page
     from mmt.link.protocol import FollowerHello, LinkStatistics
     from mmt.link.server import LeaderServer
 
@@ -93,7 +93,7 @@ class RemoteFollower:
         MmtError
             The port cannot be had, or the token or a certificate cannot be used.
         """
-        from mmt.link.from_scene import emulated_network, extra_event
+        from mmt.link.endpoint import emulated_network, extra_event
         from mmt.link.server import LeaderEvents, LeaderServer
 
         assert self._scene.link is not None  # noqa: S101 - the caller has looked

@@ -1,5 +1,6 @@
 """The follower's side of the link: it connects, streams, and comes back after a break."""
 
+import logging
 import struct
 import time
 from collections.abc import Mapping
@@ -10,13 +11,10 @@ from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import COMMAND_DTYPE
 from mmt.core.ticking import TimeHistogram
 from mmt.link.access import Access
-from mmt.link.clock_exchange import ClockAsker
-from mmt.link.connection import Connection
-from mmt.link.dialling import ACKNOWLEDGE_S, CLOSE_TIMEOUT_S
-from mmt.link.direct import Send
-from mmt.link.events import FollowerEvents
-from mmt.link.extra import ExtraEvent
-from mmt.link.log import LOG
+from mmt.link.clock_exchange import ClockRequester
+from mmt.link.connection import ACKNOWLEDGE_S, CLOSE_TIMEOUT_S, Connection
+from mmt.link.endpoint import Endpoint, ExtraEvent, FollowerEvents
+from mmt.link.frame_sender import FrameSender
 from mmt.link.protocol import (
     CLOCK,
     COMMANDS,
@@ -32,12 +30,14 @@ from mmt.link.protocol import (
     printable,
     reason_of,
 )
-from mmt.link.reading import BlockReader
-from mmt.link.sending import FrameSender
-from mmt.link.traffic import Traffic
+from mmt.link.reader import BlockReader
+from mmt.link.websocket import Send
 
 if TYPE_CHECKING:
-    from mmt.link.network import EmulatedNetwork
+    from mmt.link.emulation import EmulatedNetwork
+
+LOG: Final = logging.getLogger("mmt.link")
+
 
 __all__ = ["FollowerClient", "FollowerEvents"]
 
@@ -92,7 +92,7 @@ class FollowerClient:
     ) -> None:
         self._events = events
         self._network = network
-        self._traffic = traffic = Traffic(
+        self._traffic = traffic = Endpoint(
             BlockReader(COMMAND_DTYPE, "commands"),
             _LIVE_MESSAGES_WAITING if hello.keep_frames else _MESSAGES_WAITING,
             hello.rate_hz,
@@ -103,7 +103,7 @@ class FollowerClient:
         )
         self._frames = FrameSender(hello, traffic)
         self._clock_hz = clock_hz
-        self._clock = ClockAsker(traffic.reader, traffic.outbox, traffic.tell_jump)
+        self._clock = ClockRequester(traffic.reader, traffic.outbox, traffic.tell_jump)
         self._round_trip = TimeHistogram()
         self._connection = Connection(
             url,

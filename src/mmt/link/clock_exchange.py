@@ -12,11 +12,11 @@ from collections import OrderedDict
 from collections.abc import Callable
 from typing import Final
 
-from mmt.link.clock import clock_id
+from mmt.core.process import clock_id
 from mmt.link.clock_offset import ClockEstimate, ClockJump, ClockOffset
-from mmt.link.outbox import Outbox
 from mmt.link.protocol import CLOCK, argument_of, encode_event
-from mmt.link.reading import BlockReader
+from mmt.link.queue import SendQueue
+from mmt.link.reader import BlockReader
 
 _QUESTION: Final = struct.Struct("<IqIq")
 _ANSWER: Final = struct.Struct("<Iqqq")
@@ -28,7 +28,7 @@ _MOST_PER_S: Final = 400
 """Questions that are answered in a second: four times what a follower of ours asks."""
 
 
-class OtherClock:
+class RemoteClock:
     """The other side's clock, from the leader's or the follower's exchanges.
 
     Parameters
@@ -42,7 +42,7 @@ class OtherClock:
     """
 
     def __init__(
-        self, reader: BlockReader, outbox: Outbox, on_jump: Callable[[ClockJump], None]
+        self, reader: BlockReader, outbox: SendQueue, on_jump: Callable[[ClockJump], None]
     ) -> None:
         self._reader = reader
         self._outbox = outbox
@@ -104,7 +104,7 @@ class OtherClock:
             self._on_jump(jump)
 
 
-class ClockAsker(OtherClock):
+class ClockRequester(RemoteClock):
     """The follower's side."""
 
     _number = 0
@@ -148,7 +148,7 @@ class ClockAsker(OtherClock):
         self._outbox.put(0, encode_event(CLOCK, question))
 
 
-class ClockAnswerer(OtherClock):
+class ClockResponder(RemoteClock):
     """The leader's side."""
 
     _second = 0

@@ -11,8 +11,8 @@ import msgpack
 
 from mmt.core.errors import InputError
 from mmt.core.frames import Channel, ordered_channels
+from mmt.core.process import clock_id
 from mmt.core.ranges import Range
-from mmt.link.clock import clock_id
 
 PROTOCOL_VERSION: Final = 1
 
@@ -99,7 +99,7 @@ class FollowerHello:
     extra
         The further event that the scene has on the wire, empty for none.
     clock_id
-        Names the clock of the frames' times; see `mmt.link.clock.clock_id`.
+        Names the clock of the frames' times; see `mmt.core.process.clock_id`.
     keep_frames
         How many of its newest frames the follower can send again, 0 for none.
     run_id

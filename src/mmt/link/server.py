@@ -1,5 +1,6 @@
 """The leader's side of the link: it listens, and serves one follower at a time."""
 
+import logging
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -12,16 +13,11 @@ from mmt.core.pacing import shortest_period_ns
 from mmt.core.ranges import Range
 from mmt.core.ticking import TimeHistogram
 from mmt.link.access import Access
-from mmt.link.admission import admit
-from mmt.link.clock_exchange import ClockAnswerer
-from mmt.link.events import LeaderEvents
-from mmt.link.extra import ExtraEvent
-from mmt.link.filling import BackfillPort
-from mmt.link.hosting import LinkHost
-from mmt.link.listening import CLOSE_TIMEOUT_S
-from mmt.link.log import LOG
-from mmt.link.pages import Page
-from mmt.link.place import FollowerPlace
+from mmt.link.backfill import BackfillReceiver
+from mmt.link.clock_exchange import ClockResponder
+from mmt.link.endpoint import Endpoint, ExtraEvent, LeaderEvents
+from mmt.link.handshake import FollowerSlot, Handshake, admit
+from mmt.link.http import CLOSE_TIMEOUT_S, LinkServer, Page
 from mmt.link.protocol import (
     CLOCK,
     COMMANDS,
@@ -33,13 +29,14 @@ from mmt.link.protocol import (
     argument_of,
     reason_of,
 )
-from mmt.link.reading import BlockReader
-from mmt.link.reception import Reception
-from mmt.link.traffic import Traffic
-from mmt.scene.link_table import Link
+from mmt.link.reader import BlockReader
+from mmt.scene import Link
 
 if TYPE_CHECKING:
-    from mmt.link.network import EmulatedNetwork
+    from mmt.link.emulation import EmulatedNetwork
+
+LOG: Final = logging.getLogger("mmt.link")
+
 
 __all__ = ["LeaderEvents", "LeaderServer"]
 
@@ -92,11 +89,11 @@ class LeaderServer:
         extra: ExtraEvent | None = None,
     ) -> None:
         self._events = events
-        self._place = FollowerPlace()
+        self._place = FollowerSlot()
         access = Access.of(settings)
         channels = ordered_channels(channels)
         dtype = frame_dtype(channels)
-        self._traffic = traffic = Traffic(
+        self._traffic = traffic = Endpoint(
             BlockReader(dtype, "frames", shortest_period_ns(rate_hz, fastest)),
             math.ceil(_COMMANDS_WAIT_S * rate_hz),
             rate_hz,
@@ -105,12 +102,12 @@ class LeaderServer:
             network=network,
             extra=extra,
         )
-        self.clock = ClockAnswerer(traffic.reader, traffic.outbox, traffic.tell_jump)
-        self._host = LinkHost(settings, access, pages)
-        self._filling = BackfillPort(
+        self.clock = ClockResponder(traffic.reader, traffic.outbox, traffic.tell_jump)
+        self._host = LinkServer(settings, access, pages)
+        self._filling = BackfillReceiver(
             self._host.server, dtype, events, self._place.expects, traffic.reader
         )
-        self._reception = Reception(
+        self._reception = Handshake(
             self._host,
             self._place,
             traffic,
@@ -154,7 +151,7 @@ class LeaderServer:
         )
 
     async def start(self) -> None:
-        """Listen; see `LinkHost.start` for the errors."""
+        """Listen; see `LinkServer.start` for the errors."""
         await self._host.start()
 
     async def request_stop(self, reason: str) -> None:

@@ -2,8 +2,9 @@
 
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
+from mmt.scene.table import PartTable, Table
 from mmt.texture.settings import (
     AUTOMATIC,
     START_SHARE,
@@ -22,28 +23,22 @@ from mmt.texture.settings import (
 _Distance = Annotated[float, Field(gt=0)] | Literal["auto"]
 
 
-class Selection(BaseModel):
+class Selection(Table):
     """``[texture.selection]``: keep knocks out of the model, and its size below a limit."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     limit: float = Field(14.5, gt=0, le=1000)
     largest: int = Field(200, ge=10, le=1000)
 
 
-class Surfaces(BaseModel):
+class Surfaces(Table):
     """``[texture.surfaces]``: a model for each of several surfaces."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     false_alarms_per_hour: float = Field(1.0, ge=0.001, le=1000)
     most: int = Field(20, ge=2, le=100)
 
 
-class Texture(BaseModel):
+class Texture(PartTable):
     """``[texture]``: segment the stream, fit, and build the model."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     axis: Literal["x", "y", "z", "dft321"] = "z"
     normal: Literal["x", "y", "z"] = "z"

@@ -1,4 +1,4 @@
-"""Sessions as text with a column for each axis of each channel."""
+"""Sessions as CSV, with a column for each axis of each channel."""
 
 import csv
 from array import array
@@ -11,11 +11,9 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.frames import FIELD_OF_CHANNEL, Channel
-from mmt.session.flat import axis_columns, flat_columns
-from mmt.session.framing import frames_of
-from mmt.session.recorded import RecordedSession
-from mmt.session.replacing import replacing
-from mmt.session.samples import Samples
+from mmt.session.data import RecordedSession, axis_columns
+from mmt.session.files import replacing
+from mmt.session.samples import Samples, to_frames
 
 _FIRST_ROW = 2
 """The line of the first row, as editors count: line 1 is the header."""
@@ -25,13 +23,13 @@ def read_csv(path: Path, longest_gap_s: float | None = None) -> RecordedSession:
     """Read a recording; see `mmt.session.import_session`.
 
     The first line names the columns, separated by commas; columns of other names are
-    ignored. A column may end before the others (empty cells), which is how acceleration of
-    another rate stands beside position and force.
+    ignored. A column may end before the others (empty cells): so acceleration of another
+    rate can stand beside position and force.
 
     Raises
     ------
     InputError
-        The file is missing or empty, a column is missing, or a cell holds no number.
+        The file is missing or empty, a column is missing, or a cell does not hold a number.
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
@@ -39,7 +37,7 @@ def read_csv(path: Path, longest_gap_s: float | None = None) -> RecordedSession:
     except OSError as error:
         raise InputError(f"import {path}: {error.strerror or error}") from error
     except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"import {path}: this is no text of columns: {error}") from error
+        raise InputError(f"import {path}: this is not text in columns: {error}") from error
     samples = Samples(
         origin=f"import {path}",
         time_s=columns["time_s"],
@@ -48,7 +46,7 @@ def read_csv(path: Path, longest_gap_s: float | None = None) -> RecordedSession:
         sequence=columns.get("sequence"),
         row_name=lambda row: f"line {row + _FIRST_ROW}",
     )
-    return RecordedSession(frames=frames_of(samples, longest_gap_s), path=path)
+    return RecordedSession(frames=to_frames(samples, longest_gap_s), path=path)
 
 
 def write_csv(path: Path, session: RecordedSession) -> None:
@@ -59,7 +57,7 @@ def write_csv(path: Path, session: RecordedSession) -> None:
     InputError, MmtError
         See `mmt.session.export_session`.
     """
-    columns = flat_columns(session)
+    columns = session.columns()
     formats = [
         "%d" if values.dtype.kind in "iu" else "%.9f" if name == "time_s" else "%.9g"
         for name, values in columns.items()
@@ -81,15 +79,16 @@ def _columns(path: Path, stream: TextIO) -> dict[str, FloatArray]:
     wanted = {name: header.index(name) for name in header if name in known}
     numbers = {name: array("d") for name in wanted}
     for line, row in enumerate(rows, start=_FIRST_ROW):
-        _take(path, line, row, ((name, place, numbers[name]) for name, place in wanted.items()))
+        cells = ((name, column, numbers[name]) for name, column in wanted.items())
+        _append_row(path, line, row, cells)
     return {name: np.array(values) for name, values in numbers.items()}
 
 
-def _take(
+def _append_row(
     path: Path, line: int, row: list[str], columns: Iterable[tuple[str, int, "array[float]"]]
 ) -> None:
-    for name, place, numbers in columns:
-        cell = row[place].strip() if place < len(row) else ""
+    for name, column, numbers in columns:
+        cell = row[column].strip() if column < len(row) else ""
         if not cell:
             continue
         if len(numbers) != line - _FIRST_ROW:

@@ -1,17 +1,17 @@
-"""Say what a session file holds."""
+"""Describe what a session file holds."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
 from mmt.core.frames import Channel
-from mmt.session.mcap_reader import scan_mcap, session_of
-from mmt.session.reading import read_session
-from mmt.session.recorded import RecordedSession, duration_s, missing_frames
+from mmt.session.data import RecordedSession, duration_s, missing_frames
+from mmt.session.files import read_session
+from mmt.session.mcap_reader import scan_mcap, scanned_session
 
 
 @dataclass(frozen=True)
 class SessionInfo:
-    """What a session file holds."""
+    """A summary of a session file."""
 
     path: Path
     size_bytes: int
@@ -32,19 +32,20 @@ class SessionInfo:
     outputs: int
     """Samples of the leader's output."""
     complete: bool
-    """False for a file that was cut off, mended or not."""
+    """False for a file that was cut off, recovered or not."""
 
 
-def info(path: Path) -> SessionInfo:
-    """Return what a session file of any readable kind holds, a cut-off MCAP file included.
+def info(path: str | Path) -> SessionInfo:
+    """Return what a session file of any readable format holds, a cut-off MCAP file included.
 
     Raises
     ------
     InputError
-        The file is missing, of another kind or not valid.
+        The file is missing, of another format or not valid.
     """
+    path = Path(path)
     is_mcap = path.suffix.lower() == ".mcap"
-    session = session_of(scan_mcap(path)) if is_mcap else read_session(path)
+    session = scanned_session(scan_mcap(path)) if is_mcap else read_session(path)
     frames = session.frames
     return SessionInfo(
         path=path,

@@ -4,13 +4,16 @@ Reading does not need the index at the end of the file, so a file that lacks it 
 far as it goes: `scan_mcap` says how far that is, and what is wrong.
 """
 
+import json
 import os
 import struct
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, BinaryIO
+from typing import IO, Any, BinaryIO, Final
 
 import numpy as np
+import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError, UnsupportedCompressionError
 from mcap.records import (
@@ -26,11 +29,12 @@ from mcap.stream_reader import StreamReader, breakup_chunk, read_magic
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.session.mcap_checks import DAMAGE, frame_schema, parse_json
+from mmt.session.data import JsonObject, OutputBlock, RecordedSession
 from mmt.session.mcap_writer import (
     ANNOTATIONS_ATTACHMENT,
     BACKFILL_TOPIC,
     EVENTS_TOPIC,
+    FORMAT_VERSION,
     FRAMES_TOPIC,
     MODEL_MEDIA_TYPE,
     OUTPUT_TOPIC,
@@ -38,8 +42,10 @@ from mmt.session.mcap_writer import (
     SCENE_METADATA,
     SESSION_METADATA,
 )
-from mmt.session.messages import FrameCodec, OutputCodec
-from mmt.session.recorded import JsonObject, OutputBlock, RecordedSession
+from mmt.session.messages import FRAME_BLOCK, FrameCodec, OutputCodec
+
+DAMAGE: Final = (McapError, struct.error, ValueError, zstandard.ZstdError)
+"""What the MCAP library raises on damaged bytes; its CRC and Unicode errors are ValueErrors."""
 
 
 @dataclass
@@ -105,12 +111,12 @@ class _WholeReads:
 
 
 def scan_mcap(path: Path) -> Scan:
-    """Read whatever is readable in an MCAP file.
+    """Read everything that is readable in an MCAP file.
 
     Raises
     ------
     InputError
-        The file is missing, empty, or no MCAP file at all.
+        The file is missing, empty, or not an MCAP file.
     """
     try:
         with path.open("rb") as stream:
@@ -126,7 +132,7 @@ def _check_start(path: Path, stream: BinaryIO) -> None:
     try:
         read_magic(ReadDataStream(stream))
     except (McapError, struct.error) as error:
-        raise InputError(f"session {path}: this is no MCAP file") from error
+        raise InputError(f"session {path}: this is not an MCAP file") from error
     stream.seek(0)
 
 
@@ -137,7 +143,7 @@ def _scan(scan: Scan, stream: BinaryIO) -> Scan:
             if isinstance(record, Chunk):
                 _scan_chunk(scan, record)
             else:
-                _keep(scan, record)
+                _add_record(scan, record)
     except EndOfFile:
         scan.problem = "it ends before it was finished"
     except DAMAGE as error:
@@ -157,10 +163,10 @@ def _scan_chunk(scan: Scan, chunk: Chunk) -> None:
         return
     scan.chunks += 1
     for record in records:
-        _keep(scan, record)
+        _add_record(scan, record)
 
 
-def _keep(scan: Scan, record: McapRecord) -> None:
+def _add_record(scan: Scan, record: McapRecord) -> None:
     # Schemas and channels stand in a chunk, under its checksum, and again in the index at the
     # end, under none: the first counts.
     if isinstance(record, Message):
@@ -192,16 +198,16 @@ def read_mcap(path: Path) -> RecordedSession:
         raise InputError(
             f"session {path}: {damage}; save what is readable with: mmt session recover {path}"
         )
-    return session_of(scan)
+    return scanned_session(scan)
 
 
-def session_of(scan: Scan) -> RecordedSession:
+def scanned_session(scan: Scan) -> RecordedSession:
     """Return the session that a scan holds, whether the file was whole or not.
 
     Raises
     ------
     InputError
-        The file is no session, or of a newer version.
+        The file is not a session, or of a newer version.
     """
     blocks = scan.on_topic(FRAMES_TOPIC)
     start_ns = blocks[0].log_time if blocks else 0
@@ -209,7 +215,7 @@ def session_of(scan: Scan) -> RecordedSession:
     models = [a for a in scan.attachments if a.media_type == MODEL_MEDIA_TYPE]
     scene = scan.metadata_of(SCENE_METADATA).get("json")
     return RecordedSession(
-        frames=frames_of(scan),
+        frames=scanned_frames(scan),
         scene=None if scene is None else parse_json(scan.path, scene, "the scene"),
         annotations=annotations[-1] if annotations else b"",
         models=[((model.log_time - start_ns) / 1e9, model.data) for model in models],
@@ -221,13 +227,13 @@ def session_of(scan: Scan) -> RecordedSession:
     )
 
 
-def frames_of(scan: Scan) -> RecordArray:
-    """Return the frames (n,) that a scan holds, those that came late at their places.
+def scanned_frames(scan: Scan) -> RecordArray:
+    """Return the frames (n,) that a scan holds, back-filled ones included, by sequence.
 
     Raises
     ------
     InputError
-        The file is no session, or of a newer version.
+        The file is not a session, or of a newer version.
     """
     _check_kind(scan)
     schema = scan.schema_of(FRAMES_TOPIC)
@@ -246,7 +252,7 @@ def _check_kind(scan: Scan) -> None:
             f"session {scan.path}: nothing in it can be read: {scan.problem or 'it is damaged'}"
         )
     schemas = {c.topic: scan.schemas.get(c.schema_id) for c in scan.channels.values()}
-    frame_schema(scan.path, schemas, scan.metadata_of(SESSION_METADATA))
+    checked_frame_schema(scan.path, schemas, scan.metadata_of(SESSION_METADATA))
 
 
 def _event(scan: Scan, message: Message, start_ns: int) -> JsonObject:
@@ -261,3 +267,45 @@ def _outputs(scan: Scan, start_ns: int) -> list[OutputBlock]:
         return []
     codec = OutputCodec(schema.data)
     return [OutputBlock((m.log_time - start_ns) / 1e9, *codec.decode(m.data)) for m in messages]
+
+
+def checked_frame_schema(
+    path: Path, schemas: Mapping[str, Schema | None], metadata: Mapping[str, str]
+) -> bytes:
+    """Return the schema of a file's frames, from its schemas by topic and the session's metadata.
+
+    Raises
+    ------
+    InputError
+        The file is not a session, or of a newer version.
+    """
+    schema = schemas.get(FRAMES_TOPIC)
+    if schema is None or schema.name != FRAME_BLOCK:
+        raise InputError(
+            f"session {path}: an MCAP file without the topic {FRAMES_TOPIC} of "
+            f"{FRAME_BLOCK}; its topics: {', '.join(sorted(schemas)) or 'none'}"
+        )
+    version = metadata.get("format_version", "1")
+    if not version.isdecimal() or int(version) > FORMAT_VERSION:
+        raise InputError(
+            f"session {path}: format version {version}, this program reads up to "
+            f"{FORMAT_VERSION}; update mmt-haptics"
+        )
+    return bytes(schema.data)
+
+
+def parse_json(path: Path, text: str | bytes, what: str) -> dict[str, Any]:
+    """Return a JSON object out of a file.
+
+    Raises
+    ------
+    InputError
+        The text is not a JSON object.
+    """
+    try:
+        value = json.loads(text)
+    except ValueError as error:
+        raise InputError(f"session {path}: {what} is not valid JSON: {error}") from error
+    if not isinstance(value, dict):
+        raise InputError(f"session {path}: {what} is not a JSON object")
+    return value

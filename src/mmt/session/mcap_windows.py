@@ -1,4 +1,4 @@
-"""Windows of a session file by its index: chunks are read when somebody looks at them."""
+"""Windows of a session file by its index: a chunk is read when a window needs it."""
 
 from collections import OrderedDict
 from collections.abc import Sequence
@@ -17,7 +17,8 @@ from mcap.stream_reader import breakup_chunk
 from mmt.core.arrays import FloatArray, IntArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import Channel
-from mmt.session.mcap_checks import DAMAGE, frame_schema, parse_json
+from mmt.session.data import JsonObject, OutputBlock
+from mmt.session.mcap_reader import DAMAGE, checked_frame_schema, parse_json
 from mmt.session.mcap_writer import (
     BACKFILL_TOPIC,
     EVENTS_TOPIC,
@@ -27,11 +28,10 @@ from mmt.session.mcap_writer import (
     SESSION_METADATA,
 )
 from mmt.session.messages import FrameCodec, OutputCodec
-from mmt.session.recorded import JsonObject, OutputBlock
 from mmt.session.windows import Window, overlapping
 
 _CHUNKS_KEPT: Final = 64
-"""Decoded, some 100 KB each: half a minute or more, so that playing reads each once."""
+"""Decoded chunks kept, some 100 KB each: half a minute or more, so playing reads each once."""
 _RECORD_HEAD: Final = 9
 """Bytes of an MCAP record's opcode and length."""
 
@@ -68,7 +68,7 @@ class McapWindows:
         about = metadata.get(SESSION_METADATA, {})
         self.session_id: str | None = about.get("session_id")
         schemas = {c.topic: summary.schemas.get(c.schema_id) for c in summary.channels.values()}
-        self._codec = FrameCodec(frame_schema(path, schemas, about))
+        self._codec = FrameCodec(checked_frame_schema(path, schemas, about))
         self.channels: tuple[Channel, ...] = self._codec.channels
         output_schema = schemas.get(OUTPUT_TOPIC)
         self._output_codec = OutputCodec(output_schema.data) if output_schema else None
@@ -93,7 +93,7 @@ class McapWindows:
         Raises
         ------
         InputError
-            The file is missing, no session, or holds no frames.
+            The file is missing, not a session, or holds no frames.
         """
         try:
             stream = path.open("rb")
@@ -136,12 +136,14 @@ class McapWindows:
             order = np.argsort(frames["sequence"], kind="stable")
             frames, time_s = frames[order], np.maximum.accumulate(time_s[order])
         arrivals = np.concatenate([part.arrivals for part in parts])
-        came_s = (arrivals[:, 0] - self._start_ns) / 1e9
+        arrived_s = (arrivals[:, 0] - self._start_ns) / 1e9
         outputs = overlapping([o for part in parts for o in part.outputs], begin_s, end_s)
-        return Window(time_s, frames, outputs, arrivals[(came_s >= begin_s) & (came_s < end_s)])
+        return Window(
+            time_s, frames, outputs, arrivals[(arrived_s >= begin_s) & (arrived_s < end_s)]
+        )
 
-    def again(self) -> Self:
-        """See `mmt.session.windows.SessionWindows.again`."""
+    def reopen(self) -> Self:
+        """See `mmt.session.windows.SessionWindows.reopen`."""
         other = copy(self)
         other._stream, other._parts = self.path.open("rb"), OrderedDict()
         return other
@@ -153,13 +155,13 @@ class McapWindows:
     # ---
 
     def _first_frame_ns(self) -> int:
-        for index in self._holding(FRAMES_TOPIC):
+        for index in self._chunks_with(FRAMES_TOPIC):
             for message in self._messages(index):
                 if self._topics.get(message.channel_id) == FRAMES_TOPIC:
                     return int(message.log_time)
-        raise InputError(f"session {self.path}: it holds no frames, there is nothing to see")
+        raise InputError(f"session {self.path}: it holds no frames")
 
-    def _holding(self, topic: str) -> list[ChunkIndex]:
+    def _chunks_with(self, topic: str) -> list[ChunkIndex]:
         """Return the chunks that hold a topic, in the order of the file."""
         ids = {number for number, name in self._topics.items() if name == topic}
         return [index for index in self._chunks if ids & index.message_index_offsets.keys()]
@@ -180,7 +182,7 @@ class McapWindows:
 
     def _read_events(self) -> list[JsonObject]:
         events: list[JsonObject] = []
-        for index in self._holding(EVENTS_TOPIC):
+        for index in self._chunks_with(EVENTS_TOPIC):
             for message in self._messages(index):
                 if self._topics.get(message.channel_id) == EVENTS_TOPIC:
                     event = parse_json(self.path, message.data, "an event")
@@ -189,7 +191,7 @@ class McapWindows:
         return sorted(events, key=lambda event: float(event["at_s"]))
 
     def _part(self, number: int) -> _Part:
-        """Return what a chunk holds, from the memory of the newest ones where it is there."""
+        """Return the content of a chunk, cached for those used last."""
         part = self._parts.get(number)
         if part is None:
             part = self._decode(self._messages(self._chunks[number]))
@@ -218,8 +220,8 @@ class McapWindows:
     def _frames(self, messages: list[Message]) -> tuple[RecordArray, FloatArray]:
         """Return the frames (n,) of blocks, and the recording time (n,) of each.
 
-        All blocks are parsed in one call, a fiftieth of the time that one after the other
-        takes; the number of its first frame tells where each begins.
+        All blocks are parsed in one call, 50 times faster than one by one; the sequence of
+        its first frame tells where each begins.
         """
         frames = self._codec.decode([message.data for message in messages])
         firsts = np.array([message.sequence for message in messages], dtype=np.int64)
@@ -229,12 +231,12 @@ class McapWindows:
             pieces = [self._frames([message]) for message in messages]
             frames, time_s = (np.concatenate(columns) for columns in zip(*pieces, strict=True))
             return frames, time_s
-        came_ns = np.array([message.log_time for message in messages], dtype=np.int64)
-        # whoever wrote a single block may have numbered it otherwise
+        arrived_ns = np.array([message.log_time for message in messages], dtype=np.int64)
+        # a single block of another program may be numbered otherwise
         begins = np.searchsorted(numbers, firsts) if len(messages) > 1 else np.array([0])
         block = np.searchsorted(begins, np.arange(len(frames)), side="right") - 1
         since_ns = frames["time_ns"] - frames["time_ns"][begins[block]]
-        return frames, np.asarray((came_ns[block] - self._start_ns + since_ns) / 1e9)
+        return frames, np.asarray((arrived_ns[block] - self._start_ns + since_ns) / 1e9)
 
     def _output(self, message: Message) -> OutputBlock:
         assert self._output_codec is not None  # noqa: S101 - the topic has a schema

@@ -1,21 +1,23 @@
 """Write a session file: MCAP, zstd, 64 KiB chunks; no thread, no clock.
 
-`mmt.session.recording` calls it while a session runs, `write_mcap` for a whole session.
+`mmt.session.recorder` uses it while a session runs, `write_mcap` for a whole session.
 The layout is in ``docs/reference/session-file.md``.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import Any, BinaryIO, Final
 
+import numpy as np
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
 from mmt import __version__
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.frames import Channel, channels_of
-from mmt.session.jsontext import to_json
+from mmt.session.data import JsonObject, RecordedSession, to_json
+from mmt.session.files import replacing
 from mmt.session.messages import (
     EVENT_SCHEMA,
     FRAME_BLOCK,
@@ -28,8 +30,6 @@ from mmt.session.messages import (
     output_schema,
     plot_schema,
 )
-from mmt.session.recorded import JsonObject, RecordedSession
-from mmt.session.replacing import replacing
 
 FORMAT_VERSION: Final = 1
 FRAMES_PER_BLOCK: Final = 20
@@ -51,12 +51,14 @@ ANNOTATIONS_ATTACHMENT: Final = "annotations"
 MODEL_ATTACHMENT: Final = "model"
 MODEL_MEDIA_TYPE: Final = "application/x-npz"
 
+_SAMPLE_BYTES = 4
+
 
 class SessionWriter:
     """Write one session file to an open stream, in the order of the calls.
 
-    Times are ``log_time_ns``: the clock of the machine that records. What is not finished
-    by `finish` is still readable up to the last `flush` by ``mmt session recover``.
+    Times are ``log_time_ns``: the clock of the machine that records. A file that lacks
+    `finish` is readable up to its last `flush` by ``mmt session recover``.
     """
 
     def __init__(
@@ -201,3 +203,60 @@ def _write_all(stream: BinaryIO, session: RecordedSession) -> None:
     for event in session.events:
         writer.write_event(to_json(dict(event)), log_time_ns(float(event.get("time_s", 0.0))))
     writer.finish()
+
+
+class FrameAssembler:
+    """Join frames into blocks of 20; `write` gets each with its first frame's log time."""
+
+    def __init__(self, dtype: np.dtype[Any], write: Callable[[RecordArray, int], None]) -> None:
+        self._dtype = dtype
+        self._write = write
+        self._block_bytes = FRAMES_PER_BLOCK * dtype.itemsize
+        self._waiting = bytearray()
+        self._log_time_ns = 0
+
+    def add(self, log_time_ns: int, data: bytes) -> None:
+        """Append frames as bytes and write every block that is full."""
+        if not self._waiting:
+            self._log_time_ns = log_time_ns
+        self._waiting += data
+        while len(self._waiting) >= self._block_bytes:
+            self._write_block(self._block_bytes)
+            self._log_time_ns = log_time_ns
+
+    def flush(self) -> None:
+        """Write the rest as a block that is not full."""
+        if self._waiting:
+            self._write_block(len(self._waiting))
+
+    def _write_block(self, size: int) -> None:
+        block = bytes(self._waiting[:size])
+        del self._waiting[:size]
+        self._write(np.frombuffer(block, dtype=self._dtype), self._log_time_ns)
+
+
+class OutputAssembler:
+    """Join output samples of one mode into blocks of 20 or a little more."""
+
+    def __init__(self, write: Callable[[int, str, FloatArray], None]) -> None:
+        self._write = write
+        self._waiting = bytearray()
+        self._mode = ""
+        self._time_ns = 0
+
+    def add(self, time_ns: int, mode: str, data: bytes) -> None:
+        """Append little-endian float32 samples; a new mode begins a new block."""
+        if mode != self._mode:
+            self.flush()
+        if not self._waiting:
+            self._mode, self._time_ns = mode, time_ns
+        self._waiting += data
+        if len(self._waiting) >= FRAMES_PER_BLOCK * _SAMPLE_BYTES:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write the rest."""
+        if self._waiting:
+            samples = np.frombuffer(bytes(self._waiting), dtype="<f4").astype(np.float64)
+            self._waiting.clear()
+            self._write(self._time_ns, self._mode, samples)

@@ -1,4 +1,4 @@
-"""What stands in a session file's messages: Protobuf schemas, encoding and decoding.
+"""Messages of a session file: Protobuf schemas, encoding and decoding.
 
 The schemas travel inside the file, so that any MCAP tool decodes it; they are built here
 from the channels of the session. The layout is in ``docs/reference/session-file.md``.
@@ -28,7 +28,7 @@ _MISFITS = (DecodeError, AttributeError, TypeError, ValueError)
 """What decoding raises on fields that are absent, of another type or of another length."""
 
 _MERGED_MESSAGES = 4096
-"""Messages parsed in one call; bounds the bytes that are joined at a time (4 MB)."""
+"""Messages parsed in one call; limits the bytes that are joined at a time (4 MB)."""
 
 
 def _schema(message: str, fields: Sequence[tuple[str, int, bool]]) -> bytes:
@@ -45,14 +45,14 @@ def _schema(message: str, fields: Sequence[tuple[str, int, bool]]) -> bytes:
 
 
 def frame_schema(channels: Sequence[Channel]) -> bytes:
-    """Return the schema of ``mmt.FrameBlock`` with the fields of these channels alone."""
+    """Return the schema of ``mmt.FrameBlock`` with the fields of these channels."""
     fields = [("sequence", _Field.TYPE_UINT32, True), ("time_ns", _Field.TYPE_SFIXED64, True)]
     fields += [(FIELD_OF_CHANNEL[channel], _Field.TYPE_FLOAT, True) for channel in channels]
     return _schema(FRAME_BLOCK, fields)
 
 
 def plot_schema(channels: Sequence[Channel]) -> bytes:
-    """Return the schema of ``mmt.PlotSample``: scalars, which every plotting tool takes."""
+    """Return the schema of ``mmt.PlotSample``: scalars, which every plotting tool reads."""
     names = []
     for channel, quantity, unit in (("position", "position", "mm"), ("force", "force", "n")):
         if channel in channels:

@@ -12,11 +12,9 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL
-from mmt.session.framing import frames_of
-from mmt.session.jsontext import to_json
-from mmt.session.recorded import RecordedSession
-from mmt.session.replacing import replacing
-from mmt.session.samples import Samples
+from mmt.session.data import RecordedSession, to_json
+from mmt.session.files import replacing
+from mmt.session.samples import Samples, to_frames
 
 
 def read_npz(path: Path, longest_gap_s: float | None = None) -> RecordedSession:
@@ -28,7 +26,7 @@ def read_npz(path: Path, longest_gap_s: float | None = None) -> RecordedSession:
     Raises
     ------
     InputError
-        The file is missing or no archive, or an array is missing or not valid.
+        The file is missing or not an archive, or an array is missing or not valid.
     """
     arrays = _load(path)
     origin = f"import {path}"
@@ -40,7 +38,7 @@ def read_npz(path: Path, longest_gap_s: float | None = None) -> RecordedSession:
         sequence=_optional(arrays, "sequence", origin),
     )
     return RecordedSession(
-        frames=frames_of(samples, longest_gap_s),
+        frames=to_frames(samples, longest_gap_s),
         scene=_json(arrays, "scene_json", origin),
         annotations=arrays["annotations"].tobytes() if "annotations" in arrays else b"",
         events=_json(arrays, "events_json", origin) or (),
@@ -75,13 +73,15 @@ def _load(path: Path) -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
     try:
         loaded = np.load(path, allow_pickle=False)
         if isinstance(loaded, np.ndarray):
-            raise InputError(f"import {path}: this is a single array, no .npz archive")
+            raise InputError(f"import {path}: this is a single array, not a .npz archive")
         with loaded as archive:
             return {name: archive[name] for name in archive.files}
     except OSError as error:
         raise InputError(f"import {path}: {error.strerror or error}") from error
     except (ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise InputError(f"import {path}: this is no .npz archive of numbers: {error}") from error
+        raise InputError(
+            f"import {path}: this is not a .npz archive of numbers: {error}"
+        ) from error
 
 
 def _numbers(arrays: Mapping[str, Any], name: str, origin: str) -> FloatArray:

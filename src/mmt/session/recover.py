@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import BinaryIO
 
 from mmt.core.errors import InputError
-from mmt.session.mcap_reader import Scan, frames_of, scan_mcap
+from mmt.session.data import duration_s, missing_frames
+from mmt.session.files import replacing
+from mmt.session.mcap_reader import Scan, scan_mcap, scanned_frames
 from mmt.session.mcap_writer import RECOVERY_METADATA, SCENE_METADATA, open_writer
-from mmt.session.recorded import duration_s, missing_frames
-from mmt.session.replacing import replacing
 
 
 @dataclass(frozen=True)
@@ -28,25 +28,26 @@ class Recovery:
     """What was wrong with the file; empty where nothing was."""
 
 
-def recover(path: Path, out: Path) -> Recovery:
+def recover(path: str | Path, out: str | Path) -> Recovery:
     """Write every readable record of a session file into a whole one.
 
-    All chunks that are complete are saved; of a chunk that was cut off nothing is, since a
-    chunk is compressed as one block. A recorder ends its chunk every 0.5 s or less, so that is
-    what a crash can cost. The file that was cut off is not touched.
+    Complete chunks are saved; a chunk that was cut off is lost, since it is compressed as one
+    block. A recorder ends its chunk every 0.5 s or less, so a crash costs at most that
+    much. The file that was cut off is not changed.
 
     Raises
     ------
     InputError
-        The file is missing, of another kind, or holds nothing to save, or `out` is the
+        The file is missing, of another format, or holds nothing to save, or `out` is the
         same file or cannot be made.
     MmtError
         Writing failed.
     """
+    path, out = Path(path), Path(out)
     if out.exists() and path.exists() and out.samefile(path):
         raise InputError(f"recover {path}: name another file to write to, this one is kept")
     scan = scan_mcap(path)
-    frames = frames_of(scan)
+    frames = scanned_frames(scan)
     problem = scan.problem or (f"{scan.damaged} damaged chunks" if scan.damaged else "")
     recovery = Recovery(
         path=out,
@@ -66,7 +67,7 @@ def _copy(scan: Scan, recovery: Recovery, stream: BinaryIO) -> None:
     writer = open_writer(stream)
     for record in scan.metadata:
         if record.name == SCENE_METADATA and not _is_json(record.metadata.get("json", "")):
-            continue  # metadata has no checksum; the frames are worth more than the scene
+            continue  # metadata has no checksum; a damaged scene must not cost the frames
         writer.add_metadata(record.name, record.metadata)
     if recovery.problem:
         writer.add_metadata(

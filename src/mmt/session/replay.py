@@ -8,12 +8,11 @@ import numpy as np
 from mmt.core.arrays import IntArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import FIELD_OF_CHANNEL, Channel, frame_dtype, ordered_channels
-from mmt.session.recorded import FRAME_PERIOD_NS, RecordedSession, duration_s, missing_frames
+from mmt.session.data import FRAME_PERIOD_NS, RecordedSession, duration_s, missing_frames
 
 JOINT_STEP: Final = 2
-"""Step of the sequence across a joint, where frames that were not neighbours come to stand
-side by side. One frame is missing there, so that no receiver takes the two sides for one
-stroke."""
+"""Step of the sequence across a joint of frames that were not neighbours. One frame is
+missing there, so that a receiver does not read the two sides as one stroke."""
 
 
 class ReplaySource:
@@ -30,7 +29,7 @@ class ReplaySource:
     No sample is invented. Where the recording lacks frames, the sequence and the time jump
     as they were recorded ("keep", silence while the gap lasts) or by one missing frame and
     2 ms ("skip", the gap is closed up). Loops join in the latter way, and so does a
-    recording in which sequence or time falls back because its follower started anew.
+    recording in which sequence or time falls back because its follower started again.
 
     Parameters
     ----------
@@ -41,7 +40,7 @@ class ReplaySource:
     speed
         Session time passes this many times faster.
     loop
-        Begin again at the end, for ever.
+        Start again at the end, endlessly.
     gaps
         "keep" or "skip", see above.
 
@@ -112,7 +111,7 @@ class ReplaySource:
         block = self._frames[begin:end].copy()
         sequence_base = self._loops * (int(self._sequence[-1]) + JOINT_STEP)
         time_base_ns = self._start_ns + self._loops * self._loop_ns
-        # An endless loop outlives 32 bits of sequence after 49 days and wraps.
+        # An endless loop exceeds 32 bits of sequence after 49 days and wraps.
         block["sequence"] = (self._sequence[begin:end] + sequence_base) % 2**32
         block["time_ns"] = self._time_ns[begin:end] + time_base_ns
         return block

@@ -1,4 +1,4 @@
-"""Look into a recorded session at any moment, without reading the rest of it.
+"""Read windows of a recorded session, without reading the rest of it.
 
 *Recording time* counts seconds from the first frame; in a recording that began in mid-session
 it is less than the session time that its events carry.
@@ -12,8 +12,9 @@ from typing import Protocol, Self
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray, RecordArray
+from mmt.core.errors import InputError
 from mmt.core.frames import Channel
-from mmt.session.recorded import JsonObject, OutputBlock
+from mmt.session.data import JsonObject, OutputBlock, RecordedSession, duration_s
 
 
 def _no_arrivals() -> IntArray:
@@ -22,12 +23,12 @@ def _no_arrivals() -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """What a recording holds between two moments.
+    """The content of a recording between two times.
 
-    ``frames`` (n,) are in the order of their numbers, ``time_s`` (n,) is the recording time
-    of each. ``outputs`` are the leader's blocks that overlap the window, with their recording
-    time. ``arrivals`` (m, 2) are the leader's and the follower's clock (ns) when a block of
-    frames came and was measured; without rows where that was not recorded.
+    ``frames`` (n,) are in order of sequence, ``time_s`` (n,) is the recording time of each.
+    ``outputs`` are the leader's blocks that overlap the window, with their recording time.
+    ``arrivals`` (m, 2) are, for each block of frames, the leader's clock (ns) when it arrived
+    and the follower's when it was measured; without rows where that was not recorded.
     """
 
     time_s: FloatArray
@@ -37,7 +38,7 @@ class Window:
 
 
 class SessionWindows(Protocol):
-    """A recording that is looked into window by window; not for two threads at a time."""
+    """A recording that is read window by window; not thread-safe, see `reopen`."""
 
     path: Path
     scene: JsonObject | None
@@ -54,7 +55,7 @@ class SessionWindows(Protocol):
     def window(self, begin_s: float, end_s: float) -> Window:
         """Return what lies from `begin_s` up to before `end_s`, in recording time."""
 
-    def again(self) -> Self:
+    def reopen(self) -> Self:
         """Return another view of the same recording, for another thread."""
 
     def close(self) -> None:
@@ -68,3 +69,68 @@ def overlapping(outputs: Sequence[OutputBlock], begin_s: float, end_s: float) ->
         for output in outputs
         if output.time_s < end_s and output.time_s + len(output.vibration_m_s2) / 1e3 > begin_s
     ]
+
+
+def open_windows(path: str | Path) -> SessionWindows:
+    """Open a session file of any readable format.
+
+    A whole ``.mcap`` file is read by its index, a few chunks for a window. One that was cut
+    off has no index, nor have other formats: they are read whole.
+
+    Raises
+    ------
+    InputError
+        The file is missing, of another format, not valid, or holds no frames.
+    """
+    from mmt.session.files import read_session
+
+    path = Path(path)
+    if path.suffix.lower() != ".mcap":
+        return MemoryWindows(read_session(path))
+    from mmt.session.mcap_reader import scan_mcap, scanned_session
+    from mmt.session.mcap_windows import McapWindows
+
+    indexed = McapWindows.open(path)
+    return indexed if indexed is not None else MemoryWindows(scanned_session(scan_mcap(path)))
+
+
+class MemoryWindows:
+    """Windows of a session that is held in memory.
+
+    Raises
+    ------
+    InputError
+        It holds no frames.
+    """
+
+    in_memory = True
+
+    def __init__(self, session: RecordedSession) -> None:
+        if len(session.frames) == 0:
+            raise InputError(f"session {session.path}: it holds no frames")
+        self.path = session.path
+        self.scene: JsonObject | None = session.scene
+        self.session_id: str | None = session.session_id
+        self.channels: tuple[Channel, ...] = session.channels
+        self.has_output = bool(session.outputs)
+        self._frames = session.frames
+        self._time_s = np.maximum.accumulate(session.time_s)
+        self._outputs = list(session.outputs)
+        ends_s = [o.time_s + len(o.vibration_m_s2) / 1e3 for o in self._outputs[-1:]]
+        self.duration_s = max([duration_s(session.frames), float(self._time_s[-1]), *ends_s])
+        self.events: Sequence[JsonObject] = [
+            {**event, "at_s": float(event.get("time_s", 0.0))} for event in session.events
+        ]
+
+    def window(self, begin_s: float, end_s: float) -> Window:
+        """See `SessionWindows.window`."""
+        first, stop = np.searchsorted(self._time_s, [begin_s, end_s]).tolist()
+        outputs = overlapping(self._outputs, begin_s, end_s)
+        return Window(self._time_s[first:stop], self._frames[first:stop], outputs)
+
+    def reopen(self) -> Self:
+        """Return itself: it does not change."""
+        return self
+
+    def close(self) -> None:
+        """Do nothing: no file is open."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.truth import KnownTexture, known_texture
-from mmt.session.recorded import RecordedSession
+from mmt.session.data import RecordedSession
 from mmt.texture.online.history import ModelHistory, build, update_blocks
 from mmt.texture.settings import ModellingSettings
 from mmt_lab.bench.measuring import spread

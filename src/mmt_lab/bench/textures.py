@@ -9,7 +9,7 @@ from mmt.core.arrays import FloatArray
 from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.strokes import GRID_FORCE_N, GRID_SPEED_MM_S
 from mmt.scene import Scene
-from mmt.session.recorded import RecordedSession
+from mmt.session.data import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces import Surface
 from mmt.testing.simulation.textures import get_surface

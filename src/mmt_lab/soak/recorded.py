@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
-from mmt.session.mcap_reader import frames_of, scan_mcap
+from mmt.session.mcap_reader import scan_mcap, scanned_frames
 from mmt.session.mcap_writer import FRAMES_TOPIC
 
 
@@ -52,7 +52,7 @@ def read_back(path: Path) -> Readback:
     blocks = scan.on_topic(FRAMES_TOPIC)
     arrival_ns = np.array([block.log_time for block in blocks], dtype=np.int64)
     time_ns = np.array([block.publish_time for block in blocks], dtype=np.int64)
-    frames = frames_of(scan)
+    frames = scanned_frames(scan)
     gaps, disordered = find_gaps(frames)
     return Readback(
         whole=scan.whole,

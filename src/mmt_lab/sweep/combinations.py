@@ -18,8 +18,8 @@ from pydantic import ValidationError
 import mmt
 from mmt.core.errors import InputError
 from mmt.evaluation.evaluate import evaluate_session
-from mmt.scene.texture_table import Texture
-from mmt.session.recorded import RecordedSession
+from mmt.scene import Texture
+from mmt.session.data import RecordedSession
 
 RESULTS: Final = "results.jsonl"
 TABLE: Final = "texture"

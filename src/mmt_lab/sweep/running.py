@@ -13,7 +13,7 @@ from typing import Any, Final, TypeVar
 
 import mmt
 from mmt.core.errors import InputError, MmtError
-from mmt.session.recorded import RecordedSession
+from mmt.session.data import RecordedSession
 from mmt_lab.sweep.combinations import Job, Outcome, evaluate_job
 
 CONNECT_S: Final = 10

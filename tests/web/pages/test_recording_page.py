@@ -11,8 +11,8 @@ from recording_server import serving
 
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
-from mmt.session.recorded import OutputBlock, RecordedSession
-from mmt.session.writing import export_session
+from mmt.session.data import OutputBlock, RecordedSession
+from mmt.session.files import export_session
 from mmt.testing.simulation.offline import simulate_session
 from mmt.web.viewing.recording import ViewedRecording
 

@@ -12,8 +12,8 @@ from player_samples import NAMES, RATE_HZ, RMS_M_S2, address, playing, visiting
 from mmt.core.errors import InputError
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.session import read_session
+from mmt.session.data import missing_frames
 from mmt.session.info import info
-from mmt.session.recorded import missing_frames
 from mmt.texture.model.texture_model import TextureModel
 from mmt.web.player.player import TAKEN_OVER
 

@@ -9,9 +9,9 @@ from monitor_messages import unpack
 
 from mmt.core.errors import InputError
 from mmt.scene import Scene
-from mmt.session.recorded import OutputBlock, RecordedSession
-from mmt.session.window_files import MemoryWindows, Window
-from mmt.session.writing import export_session
+from mmt.session.data import OutputBlock, RecordedSession
+from mmt.session.files import export_session
+from mmt.session.windows import MemoryWindows, Window
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import ModellingSettings

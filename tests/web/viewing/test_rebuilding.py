@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from mmt.scene import Scene
-from mmt.session.recorded import JsonObject, RecordedSession
-from mmt.session.window_files import MemoryWindows
+from mmt.session.data import JsonObject, RecordedSession
+from mmt.session.windows import MemoryWindows
 from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface

@@ -13,7 +13,7 @@ from mmt.devices.ati.sensor import AtiSensor, Stamped
 from mmt.devices.ati.wrench import WrenchConverter
 from mmt.devices.loading import load_device, read_options
 from mmt.devices.voltages import VoltageBoard
-from mmt.scene.device_tables import Driver
+from mmt.scene import Driver
 
 DRIVER: Final = "ati-gauges"
 

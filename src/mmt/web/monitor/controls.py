@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.errors import InputError, MmtError
 from mmt.leader.journal import Journal
+from mmt.web.binary_messages import pack
 from mmt.web.monitor.states import model_of
-from mmt.web.pages.packing import pack
 
 if TYPE_CHECKING:
     from mmt.leader.service import LeaderService
-    from mmt.session.recording import McapRecorder
+    from mmt.session.recorder import McapRecorder
 
 _LONGEST_MARK: Final = 200
 _FOLDER: Final = Path("mmt-monitor")
@@ -178,7 +178,7 @@ class Controls:
 
 
 def _recorder(service: "LeaderService", path: Path, begins_s: float) -> "McapRecorder":
-    from mmt.session.recording import McapRecorder
+    from mmt.session.recorder import McapRecorder
 
     scene = service.scene
     return McapRecorder(

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mmt.leader.journal import Journal
 from mmt.scene import Monitor
+from mmt.web.binary_messages import pack
 from mmt.web.monitor import states
 from mmt.web.monitor.controls import Controls
 from mmt.web.monitor.live import LiveMessages
 from mmt.web.monitor.tap import MonitorTap
 from mmt.web.monitor.viewers import Viewers
-from mmt.web.pages.packing import pack
 
 if TYPE_CHECKING:
     from mmt.leader.service import LeaderService
-    from mmt.link.pages import Page
+    from mmt.link.http import Page
     from mmt.texture.model.texture_model import TextureModel
     from mmt.texture.online.modeller import ModelUpdate
 

@@ -7,19 +7,24 @@ from typing import TYPE_CHECKING
 from aiohttp import WSMsgType, web
 
 from mmt.link.access import Access
-from mmt.link.browsers import GOING_AWAY, add_page, open_socket, refuse_strangers
 from mmt.scene import Scene
-from mmt.web import pages
 from mmt.web.monitor.controls import Controls
 from mmt.web.monitor.viewers import Viewer, Viewers
+from mmt.web.page_server import (
+    GOING_AWAY,
+    add_page,
+    monitor_files,
+    open_socket,
+    refuse_strangers,
+)
 
 if TYPE_CHECKING:
-    from mmt.link.pages import Page
+    from mmt.link.http import Page
 
 
 def monitor_page(viewers: Viewers, controls: Controls, scene: Scene) -> "Page":
     """Return the page ``/monitor/`` and its socket ``/monitor/socket``."""
-    files = pages.monitor_files()
+    files = monitor_files()
     host = scene.link.host if scene.link is not None else ""
 
     def add(application: web.Application, access: Access) -> None:

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy.typing as npt
 
 import mmt
-from mmt.scene import Scene
-from mmt.scene.texture_table import Texture
+from mmt.scene import Scene, Texture
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
-from mmt.web.pages.packing import pack
+from mmt.web.binary_messages import pack
 
 if TYPE_CHECKING:
     from mmt.core.ticking import TimeHistogram

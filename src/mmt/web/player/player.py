@@ -10,11 +10,10 @@ from aiohttp import web
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.link.access import TOKEN_VARIABLE, Access, check_listening
-from mmt.link.browsers import add_page, open_socket, refuse_strangers
-from mmt.link.listening import Listener
+from mmt.link.http import Listener
 from mmt.texture.model.texture_model import TextureModel
-from mmt.web import pages
-from mmt.web.pages.packing import pack
+from mmt.web.binary_messages import pack
+from mmt.web.page_server import add_page, open_socket, player_files, refuse_strangers
 from mmt.web.player.motion import PointerMotion
 from mmt.web.player.pictures import picture
 from mmt.web.player.recording import TouchRecorder
@@ -80,7 +79,7 @@ class Player:
         application = web.Application()
         application.router.add_get("/", self._redirect)
         application.router.add_get("/player/socket", self._receive)
-        add_page(application, "/player", pages.player_files())
+        add_page(application, "/player", player_files())
         self._listener = Listener(application, "--host and --port")
 
     @property

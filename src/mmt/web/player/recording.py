@@ -14,8 +14,8 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS, empty_frames
 from mmt.rendering.rate import RateConverter
-from mmt.session.recorded import FRAME_PERIOD_NS
-from mmt.session.recording import McapRecorder
+from mmt.session.data import FRAME_PERIOD_NS
+from mmt.session.recorder import McapRecorder
 from mmt.texture.model.texture_model import TextureModel
 from mmt.web.player.motion import PointerMotion
 

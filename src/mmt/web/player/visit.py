@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 from aiohttp import WSMsgType, web
 
 from mmt.core.errors import InputError, MmtError
-from mmt.web.pages.packing import pack
+from mmt.web.binary_messages import pack
 from mmt.web.player.motion import PointerMotion
 from mmt.web.player.requests import PlayRequest, line, parse, play_request, whole
 from mmt.web.player.stream import FASTEST_HZ, Stream

@@ -7,7 +7,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
-from mmt.session.recorded import JsonObject
+from mmt.session.data import JsonObject
 from mmt.web.monitor.states import LATENCY_MS
 
 Kind = Literal["mark", "gap", "criterion", "other"]

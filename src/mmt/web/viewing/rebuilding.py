@@ -15,7 +15,7 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, RecordArray
 from mmt.core.errors import MmtError
-from mmt.session.recorded import JsonObject
+from mmt.session.data import JsonObject
 from mmt.session.windows import SessionWindows
 from mmt.texture.completion.criteria import make_criterion
 from mmt.texture.completion.criterion import Progress

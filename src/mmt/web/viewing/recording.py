@@ -4,14 +4,12 @@ from pathlib import Path
 from typing import Any, Final, Self
 
 from mmt.core.errors import InputError
-from mmt.scene import Scene
+from mmt.scene import Scene, Texture
 from mmt.scene.files import scene_from_tables
-from mmt.scene.texture_table import Texture
-from mmt.session.window_files import open_windows
-from mmt.session.windows import SessionWindows, Window
+from mmt.session.windows import SessionWindows, Window, open_windows
 from mmt.texture.model.texture_model import TextureModel
+from mmt.web.binary_messages import pack
 from mmt.web.monitor import states
-from mmt.web.pages.packing import pack
 from mmt.web.viewing import traces
 from mmt.web.viewing.happenings import LinkRecord, happenings
 from mmt.web.viewing.rebuilding import ModelState, Rebuilding
@@ -180,7 +178,7 @@ class ViewedRecording:
             self._remarks = [f"No model: the recording has no {' and no '.join(lacking)} channel."]
             return None
         period_s = self._texture.update_period_s
-        return Rebuilding(self.windows.again(), self.settings, period_s)
+        return Rebuilding(self.windows.reopen(), self.settings, period_s)
 
 
 def _completion(state: ModelState | None) -> dict[str, Any] | None:

@@ -14,8 +14,7 @@ from aiohttp import web
 
 from mmt.core.errors import InputError
 from mmt.link.access import Access
-from mmt.link.browsers import add_page, refuse_strangers
-from mmt.web import pages
+from mmt.web.page_server import add_page, monitor_files, refuse_strangers
 from mmt.web.viewing.recording import ViewedRecording
 
 HOST: Final = "127.0.0.1"
@@ -52,7 +51,7 @@ def recording_application(recording: ViewedRecording) -> web.Application:
 
     for handler in (opening, growth, model, moment):
         application.router.add_get(f"{PATH}/{handler.__name__}", handler)
-    add_page(application, PATH, pages.monitor_files("recording.js"))
+    add_page(application, PATH, monitor_files("recording.js"))
     return application
 
 

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray, RecordArray
-from mmt.session.recorded import OutputBlock
+from mmt.session.data import OutputBlock
 from mmt.session.windows import Window
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings

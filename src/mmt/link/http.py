@@ -1,0 +1,230 @@
+"""The leader's HTTP server: Socket.IO and pages on one port, guarded by the token."""
+
+import asyncio
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+import socketio
+from aiohttp import web
+from aiohttp.typedefs import Handler
+
+from mmt.core.errors import MmtError
+from mmt.link.access import Access, check_listening
+from mmt.link.protocol import MAX_MESSAGE_BYTES, PING_INTERVAL_S, PING_TIMEOUT_S
+from mmt.link.websocket import LINK_PATH, ServerSockets, wire_logger
+from mmt.scene import Link
+
+if TYPE_CHECKING:
+    from prometheus_client import CollectorRegistry
+
+Page = Callable[[web.Application, Access], None]
+"""Adds itself to an application; what it shows to whom is by the access."""
+
+CLOSE_TIMEOUT_S: Final = 1.0
+"""How long open connections may take to end."""
+
+
+MOST_SOCKETS: Final = 16
+"""Connections that may be open at once, of followers and of who wants to be one."""
+
+_HEALTH_PATH: Final = "/health"
+"""Says nothing more than whether all is well without the token."""
+_MONITOR_PATH: Final = "/monitor"
+"""Its files are no secret, and its socket asks for the token by itself."""
+
+
+def guarded_application(access: Access) -> web.Application:
+    """Return an application whose every page asks for the token, as ``Bearer``.
+
+    It has room for a bounded number of WebSockets.
+    """
+    sockets = asyncio.Semaphore(MOST_SOCKETS)
+
+    @web.middleware
+    async def guard(request: web.Request, handler: Handler) -> web.StreamResponse:
+        if request.path == LINK_PATH:
+            if sockets.locked():
+                return web.Response(status=503, text="too many connections\n")
+            async with sockets:
+                return await handler(request)
+        if not _asks_itself(request.path) and not access.admits_header(
+            request.headers.get("Authorization")
+        ):
+            return web.Response(
+                status=401,
+                headers={"WWW-Authenticate": "Bearer"},
+                text="give the leader's token: Authorization: Bearer TOKEN\n",
+            )
+        return await handler(request)
+
+    return web.Application(middlewares=[guard])
+
+
+def _asks_itself(path: str) -> bool:
+    return path in {_HEALTH_PATH, _MONITOR_PATH} or path.startswith(f"{_MONITOR_PATH}/")
+
+
+def make_server(ping_timeout_s: float) -> socketio.AsyncServer:
+    """Return a Socket.IO server with the link's transport, serializer and bounds."""
+    return socketio.AsyncServer(
+        async_mode="aiohttp",
+        serializer="msgpack",
+        transports=["websocket"],
+        async_handlers=False,
+        max_http_buffer_size=MAX_MESSAGE_BYTES,
+        ping_interval=PING_INTERVAL_S,
+        ping_timeout=ping_timeout_s,
+        logger=wire_logger(),
+        engineio_logger=wire_logger(),
+    )
+
+
+class Listener:
+    """A web application on one address and port.
+
+    Parameters
+    ----------
+    application
+        What is served.
+    keys
+        What to set where the address cannot be had.
+    """
+
+    def __init__(self, application: web.Application, keys: str = "host and port of [link]") -> None:
+        self._application = application
+        self._keys = keys
+        self._runner: web.AppRunner | None = None
+
+    @property
+    def port(self) -> int:
+        """The port that is listened on, 0 before `start`."""
+        addresses = self._runner.addresses if self._runner is not None else []
+        return int(addresses[0][1]) if addresses else 0
+
+    async def start(self, host: str, port: int, access: Access, *, allowed: bool) -> None:
+        """Listen.
+
+        Parameters
+        ----------
+        host, port
+            Where; port 0 takes any free one.
+        access
+            What is asked of who connects.
+        allowed
+            Whether strangers may.
+
+        Raises
+        ------
+        InputError
+            Strangers could connect although they may not, or a certificate cannot be used.
+        MmtError
+            The host or the port cannot be had.
+        """
+        check_listening(host, port, access, allowed=allowed)
+        context = access.server_context()
+        runner = web.AppRunner(self._application, access_log=None, shutdown_timeout=CLOSE_TIMEOUT_S)
+        await runner.setup()
+        try:
+            await web.TCPSite(runner, host, port, ssl_context=context).start()
+        except OSError as error:
+            await runner.cleanup()
+            raise MmtError(
+                f"cannot listen on {host} port {port} ({error.strerror or error}): "
+                f"set {self._keys} to an address of this machine and a free port"
+            ) from error
+        self._runner = runner
+
+    async def stop(self) -> None:
+        """Stop listening; nothing happens where nothing is listened on."""
+        runner, self._runner = self._runner, None
+        if runner is not None:
+            await runner.cleanup()
+
+
+class LinkServer:
+    """A Socket.IO server and pages for who may see them.
+
+    Parameters
+    ----------
+    settings
+        Where to listen; port 0 takes any free one.
+    access
+        What is asked of who connects.
+    pages
+        What is served beside Socket.IO.
+    """
+
+    def __init__(self, settings: Link, access: Access, pages: Iterable[Page]) -> None:
+        self._settings = settings
+        self._access = access
+        self.server = make_server(PING_TIMEOUT_S)
+        self.application = guarded_application(access)
+        self.server.attach(self.application)
+        for add_page in pages:
+            add_page(self.application, access)
+        self.sockets = ServerSockets(self.server, self.application)
+        self._listener = Listener(self.application)
+
+    @property
+    def port(self) -> int:
+        """The port that is listened on, 0 before `start`."""
+        return self._listener.port
+
+    async def start(self) -> None:
+        """Listen.
+
+        Raises
+        ------
+        InputError
+            Strangers could connect and the scene does not allow it, or a certificate cannot
+            be used.
+        MmtError
+            The host or the port cannot be had.
+        """
+        settings = self._settings
+        await self._listener.start(
+            settings.host, settings.port, self._access, allowed=settings.open
+        )
+
+    async def stop(self) -> None:
+        """Close all connections and stop listening; nothing happens where nothing is open."""
+        if self.port:
+            await self.sockets.close(CLOSE_TIMEOUT_S)
+            await self.server.shutdown()
+            await self._listener.stop()
+
+
+def health_page(read: Callable[[], Mapping[str, Any]]) -> Page:
+    """Return the page ``/health``: 200 where the key ``faults`` is empty, else 503.
+
+    Who has not the token, where there is one, learns but whether all is well.
+    """
+
+    def add(application: web.Application, access: Access) -> None:
+        async def health(request: web.Request) -> web.Response:
+            table = read()
+            good = not table["faults"]
+            trusted = access.admits_header(request.headers.get("Authorization"))
+            content = {"ok": good, **(table if trusted else {})}
+            return web.json_response(content, status=200 if good else 503)
+
+        application.router.add_get("/health", health)
+
+    return add
+
+
+def metrics_page(registry: "CollectorRegistry") -> Page:
+    """Return the page ``/metrics`` for Prometheus, made in a thread, one at a time."""
+    from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
+
+    def add(application: web.Application, _: Access) -> None:
+        one = asyncio.Lock()
+
+        async def metrics(_: web.Request) -> web.Response:
+            async with one:
+                text = await asyncio.to_thread(generate_latest, registry)
+            return web.Response(body=text, headers={"Content-Type": CONTENT_TYPE_LATEST})
+
+        application.router.add_get("/metrics", metrics)
+
+    return add

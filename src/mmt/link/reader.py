@@ -1,0 +1,198 @@
+"""Check, count and time the blocks of records that arrive from the other side."""
+
+import logging
+import math
+import struct
+from typing import Any, Final
+
+import numpy as np
+
+from mmt.core.arrays import RecordArray
+from mmt.core.logs import RepeatLimit
+from mmt.core.pacing import JumpBound, shortest_period_ns
+from mmt.core.ticking import TimeHistogram
+from mmt.link.protocol import MAX_RECORDS_PER_MESSAGE, argument_of
+
+LOG: Final = logging.getLogger("mmt.link")
+
+_CODES: Final = {"<u4": "I", "<i8": "q", "<f4": "f", "<f8": "d"}
+_WINDOW: Final = 256
+"""How many sequence numbers back a repeated one is told from a late one."""
+_MASK: Final = (1 << _WINDOW) - 1
+LARGEST_QUANTITY: Final = 1e6
+"""Of a record's quantities, root of their squares' sum: a kilometre, or a hundred tons' weight;
+beyond is a fault, no measurement."""
+_HIGHEST_FIRST: Final = 2**31
+"""First number of a sender, 24 days of frames; counting on from there, numbers never wrap."""
+LATEST_NS: Final = 2**62
+"""Of a sender's clock: 146 years; sums of such times still fit."""
+
+
+class BlockReader:
+    """Turn a message's bytes into a block whose numbers can be trusted.
+
+    What is malformed, not finite, out of all range, repeated or out of order is thrown away and
+    counted; what was lost shows as a jump in ``sequence``, which is believed as far as the time
+    that passed allows. About 2 us a message and 1.5 us a record.
+
+    Parameters
+    ----------
+    dtype
+        Packed little-endian dtype whose first fields are ``sequence`` (u4) and ``time_ns``
+        (i8), all others numbers.
+    kind
+        What one record is called in the log.
+    shortest_ns
+        Least time that a record may take on average; see `mmt.core.pacing`.
+    """
+
+    def __init__(
+        self,
+        dtype: np.dtype[np.void],
+        kind: str,
+        shortest_ns: int = shortest_period_ns(1000, 100),
+    ) -> None:
+        self._dtype = dtype
+        self._layout = _layout(dtype)
+        self._kind = kind
+        self._limit = RepeatLimit()
+        self._bound = JumpBound(shortest_ns)
+        integers = sum(code in "Iq" for code in self._layout.format)
+        self._quantities = slice(integers, None)
+        self._started = False
+        self._fresh = True
+        self._newest = -1
+        self._seen = 0
+        self._offset_ns: int | None = None
+        self.latency = TimeHistogram()
+        self.messages = self.bytes = self.records = 0
+        self.lost = self.repeated = self.out_of_order = 0
+        self.rejected: dict[str, int] = {}
+
+    def restart(self) -> None:
+        """Expect a new connection: of the same sender, which goes on counting, or of another.
+
+        A sequence number at or below those seen, or too far ahead, then means that the sender is
+        a new one.
+        """
+        self._fresh = True
+        self._offset_ns = None
+
+    def use_clock_offset(self, offset_ns: int | None) -> None:
+        """Say what the sender's clock shows beyond the one here; None while it is not known."""
+        self._offset_ns = offset_ns
+
+    def read(self, arguments: tuple[object, ...], arrival_ns: int) -> RecordArray | None:
+        """Return the good records of an event, shape (n,), read-only, or None.
+
+        Parameters
+        ----------
+        arguments
+            The event's arguments, as anybody may have sent them.
+        arrival_ns
+            Monotonic time of the arrival.
+        """
+        data = argument_of(arguments)
+        if not isinstance(data, bytes):
+            self.reject("not bytes")
+            return None
+        count, rest = divmod(len(data), self._dtype.itemsize)
+        if rest or not count:
+            self.reject("size")
+            return None
+        if count > MAX_RECORDS_PER_MESSAGE:
+            self.reject("too many")
+            return None
+        self.messages += 1
+        self.bytes += len(data)
+        block: RecordArray = np.frombuffer(data, dtype=self._dtype)
+        if count == 1:  # as usual: spare it the lists
+            accepted = self._accept(self._layout.unpack(data), arrival_ns)
+            self.records += accepted
+            return block if accepted else None
+        good = [self._accept(record, arrival_ns) for record in self._layout.iter_unpack(data)]
+        self.records += sum(good)
+        if all(good):
+            return block
+        return block[np.array(good)] if any(good) else None
+
+    def reject(self, reason: str) -> None:
+        """Count something that cannot be used, and log it at a bounded rate."""
+        self.rejected[reason] = self.rejected.get(reason, 0) + 1
+        times = self._limit.allow(reason)
+        if times:
+            LOG.warning("%s rejected: %s (%d times)", self._kind, reason, times)
+
+    def believes(self, sent: int, arrival_ns: int) -> bool:
+        """Whether the sender can have come so far; see `end`."""
+        ahead = sent - self._newest - 1
+        return ahead <= 0 or self._bound.permits(ahead, arrival_ns)
+
+    def end(self, sent: int, arrival_ns: int) -> None:
+        """Count as lost what the sender sent after the last record that came.
+
+        Parameters
+        ----------
+        sent
+            One more than the sequence number of the last record that the sender had.
+        arrival_ns
+            Monotonic time of the arrival.
+        """
+        lost = sent - self._newest - 1
+        if lost <= 0:
+            return
+        if self._bound.allows(lost, arrival_ns):
+            self.lost += lost
+        else:
+            self.reject("implausible count")
+
+    def _accept(self, record: tuple[Any, ...], arrival_ns: int) -> bool:
+        if not self._in_order(record[0], arrival_ns):
+            return False
+        size = math.hypot(*record[self._quantities])  # one call finds all that is wrong
+        if not size <= LARGEST_QUANTITY:
+            self.reject("out of range" if math.isfinite(size) else "not finite")
+            return False
+        if not 0 <= record[1] < LATEST_NS:
+            self.reject("time out of range")
+            return False
+        if self._offset_ns is not None:
+            self.latency.add(arrival_ns + self._offset_ns - record[1])
+        return True
+
+    def _in_order(self, sequence: int, arrival_ns: int) -> bool:
+        ahead = sequence - self._newest
+        if self._fresh:
+            if sequence >= _HIGHEST_FIRST:
+                self.reject("implausible number")
+                return False
+            if self._started and ahead > 0 and self._bound.allows(ahead, arrival_ns):
+                self.lost += ahead - 1
+            self._started, self._fresh = True, False
+            self._newest, self._seen = sequence, 1
+            self._bound.restart(arrival_ns)
+            return True
+        if ahead > 0:
+            if not self._bound.allows(ahead, arrival_ns):
+                self.reject("implausible jump")
+                return False
+            self.lost += ahead - 1
+            self._newest = sequence
+            self._seen = (self._seen << ahead | 1) & _MASK if ahead < _WINDOW else 1
+            return True
+        if self._seen >> -ahead & 1:
+            self.repeated += 1
+        else:
+            self.out_of_order += 1
+            if -ahead < _WINDOW:
+                self._seen |= 1 << -ahead
+        return False
+
+
+def _layout(dtype: np.dtype[np.void]) -> struct.Struct:
+    """Return the struct layout of a packed record dtype."""
+    codes = []
+    for name in dtype.names or ():
+        field = dtype[name]
+        codes.append(f"{math.prod(field.shape)}{_CODES[field.base.str]}")
+    return struct.Struct("<" + "".join(codes))

@@ -1,0 +1,313 @@
+"""Send and receive messages on the WebSocket itself, rate-limited, past Socket.IO's own queues.
+
+Sending: python-socketio sends by way of an unbounded queue and two or three tasks, which costs
+about 0.1 ms and hides a link that is stalled. The messages here are whole WebSocket messages, so
+that they may go between those of the library. Where a version of the library does not show its
+WebSocket, they go through the library's queue.
+
+Receiving: python-engineio and python-socketio spend one to three tasks, a timer and several turns
+of the event loop on every message. Both ask their WebSocket for the next message by its public
+``receive``; here that method hands frequent events to their handlers and returns only the rest,
+so that connecting, pings, acknowledgements and all other events stay with the library. Pings come
+every second, well within the time that the library waits for a message. Where a version asks its
+WebSocket in another way, every event goes through the library, which has the same handlers.
+"""
+
+import asyncio
+import logging
+import time
+import weakref
+from collections.abc import Awaitable, Callable, Mapping
+from functools import partial
+from typing import Final
+
+import msgpack
+import socketio
+from aiohttp import ClientWebSocketResponse, WSCloseCode, WSMessage, WSMsgType, web
+
+from mmt.core.errors import MmtError
+from mmt.core.logs import RepeatLimit
+from mmt.link.protocol import EVENT_NAMESPACE, MAX_MESSAGE_BYTES, MSGPACK_EVENT
+from mmt.link.queue import Sending, UnbufferedSend
+
+LOG: Final = logging.getLogger("mmt.link")
+
+LINK_PATH: Final = "/socket.io/"
+"""Where Socket.IO connections are opened; a follower shows its token in its hello."""
+
+MESSAGES_PER_PERIOD: Final = 10
+"""Messages that a peer may send for each record that the session's rate expects of it."""
+BYTES_PER_PERIOD: Final = 20_000
+"""Likewise bytes: four times what a replay at a hundred times real time sends."""
+BURST_S: Final = 10.0
+"""A network that held messages back may deliver so much time's worth of the bound at once."""
+PATIENCE_S: Final = 2.0
+"""A peer that is over its bound for so long is cut off."""
+STRANGERS_MESSAGES: Final = 50
+"""Who has not been let in needs two or three."""
+
+
+class RateLimit:
+    """Let messages pass at a bounded rate; a few integer operations a message.
+
+    A bucket of time: each message takes out what it costs, the clock fills it up. Messages
+    that find it empty are thrown away and counted.
+
+    Parameters
+    ----------
+    rate_hz
+        Records a second that the session expects of the peer.
+    on_excess
+        Called for each message that is thrown away.
+    on_shut
+        Called with a fault once, when the peer goes on all the same and is cut off.
+    """
+
+    def __init__(
+        self,
+        rate_hz: float,
+        on_excess: Callable[[], None],
+        on_shut: Callable[[MmtError], None],
+    ) -> None:
+        self._message_ns = max(1, round(1e9 / (rate_hz * MESSAGES_PER_PERIOD)))
+        self._byte_ps = max(1, round(1e12 / (rate_hz * BYTES_PER_PERIOD)))
+        self._burst_ns = round(BURST_S * 1e9)
+        self._due_ns = 0
+        self._over_since_ns: int | None = None
+        self._on_excess = on_excess
+        self._on_shut = on_shut
+        self._messages_hz = round(rate_hz * MESSAGES_PER_PERIOD)
+        self.shut = False
+        """Whether the peer was over its bound for too long, and is to be cut off."""
+
+    def open(self) -> None:
+        """Give a peer that connects anew another chance; what it owes stays."""
+        self.shut = False
+        self._over_since_ns = None
+
+    def passes(self, size: int, now_ns: int) -> bool:
+        """Whether a message of so many bytes that arrives now may pass."""
+        due_ns = max(self._due_ns, now_ns) + self._message_ns + size * self._byte_ps // 1000
+        if due_ns - now_ns <= self._burst_ns:
+            self._due_ns = due_ns
+            if self._over_since_ns is not None and due_ns - now_ns < self._burst_ns // 2:
+                self._over_since_ns = None
+            return True
+        self._on_excess()
+        if self._over_since_ns is None:
+            self._over_since_ns = now_ns
+        elif not self.shut and now_ns - self._over_since_ns > PATIENCE_S * 1e9:
+            self.shut = True
+            self._on_shut(
+                MmtError(
+                    f"it sent more than {self._messages_hz} messages, or "
+                    f"{self._messages_hz // MESSAGES_PER_PERIOD * BYTES_PER_PERIOD / 1e6:g} MB, a "
+                    f"second for {PATIENCE_S:g} s"
+                )
+            )
+        return False
+
+
+class HandshakeLimit:
+    """Let the few messages pass that somebody needs who has not been let in yet."""
+
+    def __init__(self) -> None:
+        self._left = STRANGERS_MESSAGES
+        self.shut = False
+
+    def passes(self, size: int, now_ns: int) -> bool:  # noqa: ARG002 - as of a RateLimit
+        """Whether one more may pass."""
+        self._left -= 1
+        self.shut = self._left < 0
+        return not self.shut
+
+
+Handlers = Mapping[str, Callable[[bytes], None]]
+"""By event; called on the loop with the event's one argument, must return soon and not raise."""
+
+Receive = Callable[[], Awaitable[WSMessage]]
+Close = Callable[..., Awaitable[object]]
+AnyLimit = RateLimit | HandshakeLimit
+
+_BURST: Final = 64
+"""Messages that may be taken or thrown away before the rest of the loop has its turn."""
+_CLOSED: Final = WSMessage(WSMsgType.CLOSED, None, None)
+
+
+def binary_event(message: bytes) -> tuple[str, bytes] | None:
+    """Return name and argument of an event that may be taken past the library.
+
+    Parameters
+    ----------
+    message
+        Any binary WebSocket message, as anybody may have sent it.
+
+    Returns
+    -------
+    name, argument
+        None unless it is an event of our namespace with one binary argument that asks for no
+        acknowledgement.
+    """
+    try:
+        packet = msgpack.unpackb(message)
+    except (ValueError, TypeError, OverflowError, RecursionError):
+        return None
+    if (
+        not isinstance(packet, dict)
+        or packet.get("type") != MSGPACK_EVENT
+        or packet.get("nsp") != EVENT_NAMESPACE
+        or packet.get("id") is not None
+    ):
+        return None
+    data = packet.get("data")
+    if not isinstance(data, list) or len(data) != 2:  # a match statement takes three times as long
+        return None
+    name, argument = data
+    return (name, argument) if isinstance(name, str) and isinstance(argument, bytes) else None
+
+
+def client_websocket(handlers: Handlers, gate: RateLimit) -> type[ClientWebSocketResponse]:
+    """Return the class of a client's WebSocket that takes these events itself, through a gate."""
+
+    class DirectWebSocket(ClientWebSocketResponse):
+        async def receive(self, timeout: float | None = None) -> WSMessage:
+            return await _rest(partial(super().receive, timeout), self.close, gate, handlers)
+
+    return DirectWebSocket
+
+
+def receive_directly(websocket: web.WebSocketResponse, handlers: Handlers, gate: AnyLimit) -> None:
+    """Let a server's WebSocket take these events itself, through a gate, from now on."""
+    receive = partial(type(websocket).receive, websocket)
+    rest = partial(_rest, receive, websocket.close, gate, handlers)
+    try:
+        websocket.receive = rest  # type: ignore[method-assign]
+    except AttributeError:
+        LOG.info("this version of aiohttp keeps its WebSocket closed: the library's way is taken")
+
+
+async def _rest(receive: Receive, close: Close, gate: AnyLimit, handlers: Handlers) -> WSMessage:
+    """Return the next message that passes the gate and is not for one of the handlers.
+
+    All in one coroutine: each further one costs the usual message a few microseconds.
+    """
+    turn = 0
+    while True:
+        message = await receive()
+        kind = message.type
+        if kind is not WSMsgType.BINARY and kind is not WSMsgType.TEXT:
+            return message
+        if gate.passes(len(message.data), time.monotonic_ns()):
+            # what is too long older libraries find out for themselves
+            if kind is WSMsgType.TEXT or len(message.data) > MAX_MESSAGE_BYTES:
+                return message
+            event = binary_event(message.data)
+            handler = handlers.get(event[0]) if event is not None else None
+            if event is None or handler is None:
+                return message
+            handler(event[1])
+        elif gate.shut:
+            await close(code=WSCloseCode.POLICY_VIOLATION, message=b"too many messages")
+            return _CLOSED
+        turn += 1
+        if turn % _BURST == 0:
+            await asyncio.sleep(0)
+
+
+Send = Callable[[bytes], Sending]
+
+_NAMESPACE: Final = "/"
+
+STRANGERS_S: Final = 10.0
+"""How long a connection may stay open without a hello that is accepted."""
+
+
+class ServerSockets:
+    """The WebSockets of a Socket.IO server's clients."""
+
+    def __init__(self, server: socketio.AsyncServer, application: web.Application) -> None:
+        self._server = server
+        # by the request's id, which lives as long as the response that refers to it
+        self._of_request: weakref.WeakValueDictionary[int, web.WebSocketResponse] = (
+            weakref.WeakValueDictionary()
+        )
+        self._let_in: weakref.WeakSet[web.WebSocketResponse] = weakref.WeakSet()
+        self._closing: set[asyncio.Task[bool]] = set()
+        application.on_response_prepare.append(self._remember)
+
+    async def _remember(self, request: web.Request, response: web.StreamResponse) -> None:
+        if isinstance(response, web.WebSocketResponse) and request.path == LINK_PATH:
+            self._of_request[id(request)] = response
+            receive_directly(response, {}, HandshakeLimit())
+            loop = asyncio.get_running_loop()
+            loop.call_later(STRANGERS_S, self._expire, loop, weakref.ref(response))
+
+    def _expire(
+        self, loop: asyncio.AbstractEventLoop, of: "weakref.ref[web.WebSocketResponse]"
+    ) -> None:
+        """Close the connection of somebody who was not let in for too long."""
+        websocket = of()
+        if websocket is None or websocket in self._let_in or websocket.closed:
+            return
+        closing = loop.create_task(websocket.close(code=WSCloseCode.POLICY_VIOLATION))
+        self._closing.add(closing)
+        closing.add_done_callback(self._closing.discard)
+
+    async def close(self, timeout_s: float) -> None:
+        """Close all that are open, for at most this long."""
+        closing = [
+            asyncio.ensure_future(websocket.close(code=WSCloseCode.GOING_AWAY))
+            for websocket in self._of_request.values()
+        ]
+        if closing:
+            _, waiting = await asyncio.wait(closing, timeout=timeout_s)
+            for task in waiting:
+                task.cancel()
+
+    def send(self, sid: str, environ: Mapping[str, object]) -> Send:
+        """Return what sends an encoded message to the client that connects so."""
+        websocket = self._websocket(environ)
+        if websocket is not None:
+            return UnbufferedSend(websocket)
+        return partial(
+            self._server.eio.send, self._server.manager.eio_sid_from_sid(sid, _NAMESPACE)
+        )
+
+    def let_in(self, environ: Mapping[str, object], handlers: Handlers, gate: RateLimit) -> None:
+        """Take these events of the client that connects so past the library, through a gate."""
+        websocket = self._websocket(environ)
+        if websocket is not None:
+            self._let_in.add(websocket)
+            receive_directly(websocket, handlers, gate)
+
+    def _websocket(self, environ: Mapping[str, object]) -> web.WebSocketResponse | None:
+        return self._of_request.get(id(environ.get("aiohttp.request")))
+
+
+def client_send(client: socketio.AsyncClient) -> Send:
+    """Return what sends an encoded message to the server."""
+    websocket = getattr(client.eio, "ws", None)
+    if isinstance(websocket, ClientWebSocketResponse):
+        return UnbufferedSend(websocket)
+    send: Send = client.eio.send
+    return send
+
+
+class _RepeatFilter(logging.Filter):
+    """Suppress repeated lines: the library logs a traceback for each malformed packet."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._limit = RepeatLimit()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        return self._limit.allow(record.msg) > 0
+
+
+def wire_logger() -> logging.Logger:
+    """Return the logger handed to python-socketio: errors alone, one of a kind a second."""
+    logger = logging.getLogger("mmt.link.wire")
+    if not logger.filters:
+        logger.addFilter(_RepeatFilter())
+        logger.setLevel(logging.ERROR)
+    return logger

@@ -1,0 +1,311 @@
+"""Record a session while it runs, from a thread of its own.
+
+The caller, an event loop at 1 kHz, only puts bytes into a queue (under a microsecond a
+frame) and is neither blocked by a slow disk nor stopped by a full one.
+"""
+
+import errno
+import importlib
+import math
+import os
+import stat
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, BinaryIO, Final, Literal, NamedTuple, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from mmt.core.arrays import RecordArray
+from mmt.core.errors import InputError
+from mmt.core.frames import Channel, frame_dtype, ordered_channels
+from mmt.session.data import JsonObject, to_json
+from mmt.session.mcap_writer import FrameAssembler, OutputAssembler, SessionWriter
+
+fcntl: Final[Any] = importlib.import_module("fcntl") if find_spec("fcntl") else None
+"""None on Windows, which locks open files by itself."""
+
+QUEUE_LIMIT: Final = 10_000
+"""Records that may wait for the disk: 10 s at one frame a message."""
+
+_POLL_S = 0.1
+_POLLS_PER_FLUSH = 4
+"""A frame waits at most one poll in the queue and four for the flush: 0.5 s."""
+
+
+class _Record(NamedTuple):
+    kind: Literal["frames", "backfill", "output", "event", "model", "annotations"]
+    log_time_ns: int
+    data: bytes
+    frames: int = 0
+    mode: str = ""
+
+
+class McapRecorder:
+    """Write a running session to an MCAP file.
+
+    All calls come from one thread. After a clean `close` everything recorded is in the
+    file; after a crash all but the last 0.5 s is, by ``mmt session recover``. Times in the
+    file are those of `clock` at the call: this machine's, also for frames from another.
+
+    Parameters
+    ----------
+    path
+        Missing folders are made; an existing file is replaced, unless it is being recorded into.
+    channels
+        What the frames carry.
+    scene
+        The resolved scene.
+    session_id
+        Names the session in the logs and summaries of both services.
+    on_error
+        Called once, from the recorder's thread, with the reason why recording stopped.
+    queue_limit
+        Records that may wait; when there are more, the oldest are dropped and counted.
+    clock
+        The monotonic clock (ns).
+    begins_s
+        Session time of the first frame, where the session has begun before its recording.
+
+    Raises
+    ------
+    InputError
+        The file cannot be made, or another recorder writes it.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        channels: Sequence[Channel],
+        scene: JsonObject | None = None,
+        session_id: str | None = None,
+        on_error: Callable[[str], None] | None = None,
+        queue_limit: int = QUEUE_LIMIT,
+        clock: Callable[[], int] = time.monotonic_ns,
+        begins_s: float = 0.0,
+    ) -> None:
+        self.path = path
+        self.frames = 0
+        """Frames that are in the file, up to the last flush."""
+        self.error: str | None = None
+        """Why recording stopped, None while it runs."""
+        self._dtype = frame_dtype(ordered_channels(channels))
+        self._on_error = on_error
+        self._clock = clock
+        self._limit = queue_limit
+        self._begins_s = begins_s
+        self._stream_queue: deque[_Record] = deque()
+        self._rare_queue: deque[_Record] = deque(maxlen=queue_limit)
+        self._recorded_frames = 0
+        self._overflowed_frames = 0
+        self._written_frames = 0
+        self._start_ns: int | None = None
+        self._closing = threading.Event()
+        self._stream = _create(path)
+        self._writer = SessionWriter(self._stream, ordered_channels(channels), scene, session_id)
+        self._frame_assembler = FrameAssembler(self._dtype, self._write_frames)
+        self._backfill_assembler = FrameAssembler(self._dtype, self._write_backfill)
+        self._output_assembler = OutputAssembler(self._writer.write_output)
+        # A daemon, so that a program that dies without `close` is not held back.
+        self._thread = threading.Thread(target=self._run, name="mmt-recorder", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def dropped(self) -> int:
+        """Frames that are not in the file: dropped from a full queue, or lost to an error."""
+        if self._thread.is_alive():
+            return self._overflowed_frames
+        return self._recorded_frames - self.frames
+
+    def record_frames(self, frames: RecordArray) -> None:
+        """Record frames (n,) of the recorder's channels.
+
+        Raises
+        ------
+        InputError
+            The frames carry other channels.
+        """
+        if len(frames) == 0:
+            return
+        now_ns = self._clock()
+        if self._start_ns is None:
+            self._start_ns = now_ns
+        self._record("frames", frames, now_ns)
+
+    def record_backfill(self, frames: RecordArray, log_time_ns: int) -> None:
+        """Record frames (n,) that came late, ascending, at the time at which they were due.
+
+        Raises
+        ------
+        InputError
+            The frames carry other channels.
+        """
+        if len(frames):
+            self._record("backfill", frames, log_time_ns)
+
+    def _record(
+        self, kind: Literal["frames", "backfill"], frames: RecordArray, log_time_ns: int
+    ) -> None:
+        if frames.dtype is not self._dtype and frames.dtype != self._dtype:
+            raise InputError(
+                f"recording {self.path}: frames have {frames.dtype.names}, "
+                f"expected {self._dtype.names}"
+            )
+        self._recorded_frames += len(frames)
+        self._put(_Record(kind, log_time_ns, frames.tobytes(), len(frames)))
+
+    def record_output(
+        self, time_ns: int, mode: str, vibration_m_s2: npt.ArrayLike | Sequence[float]
+    ) -> None:
+        """Record samples (n,) written to the actuator, the first at `time_ns` of this clock."""
+        data = np.asarray(vibration_m_s2, dtype="<f4").tobytes()
+        if data:
+            self._put(_Record("output", time_ns, data, mode=mode))
+
+    def record_event(self, event: JsonObject) -> None:
+        """Record an event at its ``time_s`` (session time), or now if it has none."""
+        time_s = event.get("time_s")
+        timed = isinstance(time_s, int | float) and math.isfinite(time_s)
+        log_time_ns = self._log_time_ns(time_s if timed else None)
+        self._rare_queue.append(_Record("event", log_time_ns, to_json(dict(event)).encode()))
+
+    def attach_model(self, data: bytes, time_s: float) -> None:
+        """Attach the bytes of a texture model's ``.npz`` at a session time."""
+        self._rare_queue.append(_Record("model", self._log_time_ns(time_s), data))
+
+    def attach_annotations(self, data: bytes) -> None:
+        """Attach the follower's annotations of the session; the last call counts."""
+        self._rare_queue.append(_Record("annotations", self._clock(), data))
+
+    def close(self, timeout_s: float = 10.0) -> None:
+        """Write everything that waits, end the file and wait for that.
+
+        `error` says afterwards whether it went well. Calling it twice is harmless.
+        """
+        self._closing.set()
+        self._thread.join(timeout_s)
+        if self._thread.is_alive():
+            self._fail(f"the rest was not written within {timeout_s:g} s")
+
+    def _log_time_ns(self, time_s: float | None) -> int:
+        if time_s is None or self._start_ns is None:
+            return self._clock()
+        return max(0, self._start_ns + round((time_s - self._begins_s) * 1e9))
+
+    def _put(self, record: _Record) -> None:
+        if self.error is not None:
+            return
+        if len(self._stream_queue) >= self._limit:
+            with suppress(IndexError):  # the writer may have emptied it just now
+                oldest = self._stream_queue.popleft()
+                self._overflowed_frames += oldest.frames
+        self._stream_queue.append(record)
+
+    def _run(self) -> None:
+        try:
+            polls = 0
+            while not self._closing.wait(_POLL_S):
+                self._write_waiting()
+                polls += 1
+                if polls % _POLLS_PER_FLUSH == 0:
+                    self._write_partial()
+                    self._writer.flush()
+                    self.frames = self._written_frames
+            self._write_waiting()
+            self._write_partial()
+            self._writer.finish()
+            self._stream.close()
+            self.frames = self._written_frames
+        except Exception as error:  # noqa: BLE001 - whatever stops a recording is reported
+            reason = error.strerror if isinstance(error, OSError) else None
+            self._fail(reason or f"{type(error).__name__}: {error}")
+        finally:
+            with suppress(OSError):  # what is left in the buffer of a full disk
+                self._stream.close()
+
+    def _write_waiting(self) -> None:
+        for queue in (self._rare_queue, self._stream_queue):
+            for _ in range(len(queue)):
+                try:
+                    record = queue.popleft()
+                except IndexError:  # the caller dropped the rest to make room
+                    break
+                self._write(record)
+
+    def _write(self, record: _Record) -> None:
+        match record.kind:
+            case "frames":
+                self._frame_assembler.add(record.log_time_ns, record.data)
+            case "backfill":
+                self._backfill_assembler.add(record.log_time_ns, record.data)
+            case "output":
+                self._output_assembler.add(record.log_time_ns, record.mode, record.data)
+            case "event":
+                self._writer.write_event(record.data.decode(), record.log_time_ns)
+            case "model":
+                self._writer.write_model(record.data, record.log_time_ns)
+            case "annotations":
+                self._writer.write_annotations(record.data, record.log_time_ns)
+
+    def _write_partial(self) -> None:
+        self._frame_assembler.flush()
+        self._backfill_assembler.flush()
+        self._output_assembler.flush()
+
+    def _write_frames(self, frames: RecordArray, log_time_ns: int) -> None:
+        self._writer.write_frames(frames, log_time_ns)
+        self._written_frames += len(frames)
+
+    def _write_backfill(self, frames: RecordArray, log_time_ns: int) -> None:
+        self._writer.write_backfill(frames, log_time_ns)
+        self._written_frames += len(frames)
+
+    def _fail(self, reason: str) -> None:
+        if self.error is not None:
+            return
+        self.error = reason
+        if self._on_error is not None:
+            self._on_error(reason)
+
+
+def _create(path: Path) -> BinaryIO:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        stream = path.open("ab")  # truncated only once it is locked
+        if not _lock(stream):
+            stream.close()
+            raise InputError(
+                f"recording {path}: another leader records into it: end that one, "
+                "or record into another file"
+            )
+        if stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+            stream.truncate(0)
+    except OSError as error:
+        raise InputError(f"recording {path}: {error.strerror or error}") from error
+    return stream
+
+
+def _lock(stream: BinaryIO) -> bool:
+    """Lock an open file until it is closed; False where another process has locked it.
+
+    On a file system without locks, as some on a network, this always succeeds.
+    """
+    if fcntl is None:
+        return True
+    try:
+        fcntl.flock(stream.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        return error.errno not in {errno.EWOULDBLOCK, errno.EACCES}
+    return True

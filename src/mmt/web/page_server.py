@@ -1,0 +1,166 @@
+"""Pages for a browser and their sockets, for who may have them.
+
+The files hold nothing secret and are served to everyone who reaches the port. A socket is as
+closed as the link: with a token it opens for who shows it in the first message, since a browser
+cannot set a header there. A page of another site that runs in the person's own browser reaches
+the port too; so the socket asks for an origin of its own, and without a token for an address in
+the place of a name, which another site could have pointed here.
+"""
+
+import ipaddress
+import json
+import socket as system
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import urlsplit
+
+from aiohttp import web
+
+from mmt.link.access import Access
+
+_FOLDER: Final = Path(__file__).parent / "pages"
+
+_TYPES: Final = {
+    ".html": "text/html",
+    ".css": "text/css",
+    ".js": "text/javascript",
+    ".svg": "image/svg+xml",
+}
+
+_VENDORED: Final = {
+    "uPlot.js": "vendor/uplot/uPlot.esm.js",
+    "uPlot.css": "vendor/uplot/uPlot.min.css",
+}
+
+
+@dataclass(frozen=True)
+class PageFile:
+    """A file as it is served."""
+
+    body: bytes
+    content_type: str
+
+
+MAIN: Final = "main.js"
+"""The module that the monitor's page starts with, which differs for a run and a recording."""
+
+
+def monitor_files(main: str = "monitor.js") -> dict[str, PageFile]:
+    """Return the monitor's files by their names in its page; some 200 KB.
+
+    Parameters
+    ----------
+    main
+        The module to start with: ``monitor.js`` for a run, ``recording.js`` for a recording.
+    """
+    files = _files("monitor", _VENDORED)
+    return {**files, MAIN: files[main]}
+
+
+def player_files() -> dict[str, PageFile]:
+    """Return the texture player's files by their names in its page."""
+    return _files("player", {})
+
+
+def _files(page: str, vendored: Mapping[str, str]) -> dict[str, PageFile]:
+    """Return a page's own files, those that pages share, and libraries by the names given."""
+    paths = {
+        path.name: path
+        for folder in ("shared", page)
+        for path in sorted((_FOLDER / folder).iterdir())
+        if path.suffix in _TYPES
+    }
+    paths |= {name: _FOLDER / path for name, path in vendored.items()}
+    return {name: PageFile(path.read_bytes(), _TYPES[path.suffix]) for name, path in paths.items()}
+
+
+REFUSED: Final = 4401
+"""Close code: the token is missing or wrong."""
+GOING_AWAY: Final = 1001
+
+_TOKEN_WAIT_S: Final = 10.0
+_MOST_BYTES: Final = 4096
+_HEARTBEAT_S: Final = 10.0
+
+_HEADERS: Final = {
+    "Cache-Control": "no-cache",
+    "Content-Security-Policy": "default-src 'self'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+}
+
+
+def add_page(application: web.Application, path: str, files: Mapping[str, PageFile]) -> None:
+    """Serve a page's files below a path such as ``/monitor``."""
+
+    async def redirect(_: web.Request) -> web.StreamResponse:
+        raise web.HTTPFound(f"{path}/")
+
+    async def file(request: web.Request) -> web.StreamResponse:
+        found = files.get(request.match_info["name"] or "index.html")
+        if found is None:
+            raise web.HTTPNotFound
+        return web.Response(body=found.body, content_type=found.content_type, headers=_HEADERS)
+
+    application.router.add_get(path, redirect)
+    application.router.add_get(f"{path}/{{name:[^/]*}}", file)
+
+
+def refuse_strangers(request: web.Request, access: Access, host: str) -> None:
+    """Refuse a request that is none of the server's own page.
+
+    Parameters
+    ----------
+    request
+        That wants to open a socket.
+    access
+        What is asked of who connects.
+    host
+        What is listened on.
+
+    Raises
+    ------
+    web.HTTPForbidden
+        It comes from another site's page, or may do so.
+    """
+    origin = request.headers.get("Origin")
+    if origin is not None and urlsplit(origin).netloc.lower() != request.host.lower():
+        raise web.HTTPForbidden(text="another site's page cannot look on\n")
+    name = (urlsplit(f"//{request.host}").hostname or "").lower()
+    own = {"localhost", host.lower(), system.gethostname().lower()}
+    if access.token is None and name not in own and not _is_address(name):
+        raise web.HTTPForbidden(text="open the page by the server's address, or give it a token\n")
+
+
+async def open_socket(
+    request: web.Request, access: Access, most_bytes: int = _MOST_BYTES
+) -> tuple[web.WebSocketResponse, bool]:
+    """Open a socket and hear its first message; return it, and whether it has the token.
+
+    One that has not is closed. `most_bytes` bounds what the browser may send at once.
+    """
+    socket = web.WebSocketResponse(
+        timeout=1.0, heartbeat=_HEARTBEAT_S, compress=False, max_msg_size=most_bytes
+    )
+    await socket.prepare(request)
+    admitted = access.admits(await _token(socket))
+    if not admitted:
+        await socket.close(code=REFUSED, message=b"the token is missing or wrong")
+    return socket, admitted
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+async def _token(socket: web.WebSocketResponse) -> Any:
+    """Return the token of the first message, None where it has none."""
+    with suppress(TimeoutError, ValueError, TypeError, AttributeError):
+        return json.loads(await socket.receive_str(timeout=_TOKEN_WAIT_S)).get("token")
+    return None
