@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from mmt.devices.reconnection import LossCallback, ReconnectingActuator, ReconnectingDevice
     from mmt.leader.handle import OperatorHandle
     from mmt.leader.model_crossfade import ModelCrossfade
-    from mmt.leader.modelling import ModellingTask
+    from mmt.leader.modelling import Modelling
     from mmt.leader.warming import WarmingTask
     from mmt.session.recorder import McapRecorder
-    from mmt.texture.online.modeller import ModelUpdate
+    from mmt.texture.online.work import ModelUpdate
     from mmt.texture.synthesis.synthesizer import Synthesizer
     from mmt.web.monitor.tap import MonitorTap
 
@@ -44,7 +44,7 @@ class LeaderParts:
     tangential: tuple[int, int] = (0, 1)
     """The axes of the surface: those other than its normal."""
     feedback: Feedback | None = None
-    modelling: "ModellingTask | None" = None
+    modelling: "Modelling | None" = None
     warming: "WarmingTask | None" = None
     synthesizer: "Synthesizer | ModelCrossfade | None" = None
     crossfade: "ModelCrossfade | None" = None
@@ -101,7 +101,7 @@ class LeaderParts:
         if self.feedback is not None:
             self.feedback.take(frames)
         if self.modelling is not None:
-            self.modelling.take(frames)
+            self.modelling.put(frames)
         if self.warming is not None:
             self.warming.take(frames)
         if self.tap is not None:
@@ -122,6 +122,8 @@ class LeaderParts:
                     device.close()
             except Exception as error:  # noqa: BLE001 - the rest must still be closed
                 problems.append(f"closing {self._name(device)}: {error}")
+        if self.modelling is not None:
+            self.modelling.close()
         if self.recorder is not None:
             self.recorder.close()
         return problems
@@ -170,9 +172,9 @@ def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None])
     elif scene.handle is not None:
         _build_handle(scene, scene.handle, parts)
     if scene.texture is not None:
-        from mmt.leader.modelling import ModellingTask
+        from mmt.leader.modelling import Modelling
 
-        parts.modelling = ModellingTask(
+        parts.modelling = Modelling(
             scene.texture.settings(rate_hz),
             scene.texture.update_period_s,
             on_update,
