@@ -44,7 +44,7 @@ class CompletionStage:
             self.criterion.update(work.model, work.time_s)
         elif work.removed_count:
             self.criterion.update(work.model, work.time_s)
-            self.criterion.take_back((work.forget_from - first_sequence) / self._rate_hz)
+            self.criterion.revoke_since((work.forget_from - first_sequence) / self._rate_hz)
         clock.lap("completion")
         points = np.empty((0, self._space.dimensions))
         if work.chosen:
