@@ -18,7 +18,7 @@ _MOST: Final = 2000
 
 
 @dataclass(frozen=True)
-class Happening:
+class SessionEvent:
     """One event for a person."""
 
     at_s: float
@@ -26,29 +26,29 @@ class Happening:
     sentence: str
 
 
-def happenings(events: Sequence[JsonObject]) -> list[Happening]:
+def session_events(events: Sequence[JsonObject]) -> list[SessionEvent]:
     """Return what a person wants to know, in order.
 
     Clocks are compared every ten seconds, and gaps are filled in: that is left out. Of more
     than 2000, gaps give way to the rest.
     """
-    found = [h for event in events if (h := _happening(event)) is not None]
+    found = [h for event in events if (h := _session_event(event)) is not None]
     if len(found) > _MOST:
         found = [h for h in found if h.kind != "gap"]
     return found[:_MOST]
 
 
-def _happening(event: JsonObject) -> Happening | None:
+def _session_event(event: JsonObject) -> SessionEvent | None:
     sentence, at_s = str(event.get("event", "")), max(0.0, float(event["at_s"]))
     if event.get("kind") == "gap":
-        return Happening(at_s, "gap", f"{event.get('frames', 'some')} frames did not arrive")
+        return SessionEvent(at_s, "gap", f"{event.get('frames', 'some')} frames did not arrive")
     if event.get("kind") == "filled" or "clock_uncertainty_ns" in event or not sentence:
         return None
     if "mark" in event:
-        return Happening(at_s, "mark", sentence)
+        return SessionEvent(at_s, "mark", sentence)
     criterion = sentence.startswith(("start criterion", "stop criterion"))
     criterion |= event.get("kind") in _SURFACE_CHANGES
-    return Happening(at_s, "criterion" if criterion else "other", sentence)
+    return SessionEvent(at_s, "criterion" if criterion else "other", sentence)
 
 
 class LinkRecord:
