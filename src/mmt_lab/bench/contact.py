@@ -14,6 +14,7 @@ from mmt.contact.normal import ContactLaw, Drive
 from mmt.core.arrays import FloatArray
 from mmt.testing.simulation.robot import tip_drive
 from mmt_lab.bench.measuring import interleave
+from mmt_lab.contact.integrators import INTEGRATORS, Step
 from mmt_lab.harness.findings import (
     MICROSECONDS,
     Axis,
@@ -23,7 +24,6 @@ from mmt_lab.harness.findings import (
     Panel,
     Records,
 )
-from mmt_lab.contact.integrators import INTEGRATORS, Step
 
 TIME: Final = Axis("time of a simulated millisecond (µs)", "µs")
 ERROR: Final = Axis("largest error of the height over the depth", "error")
