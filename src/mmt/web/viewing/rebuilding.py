@@ -18,8 +18,7 @@ from mmt.texture.completion.criteria import criterion_of
 from mmt.texture.completion.criterion import Progress
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import update_blocks
-from mmt.texture.online.modeller import ModelUpdate
-from mmt.texture.online.modellers import Modellers
+from mmt.texture.online.modeller import ModellerFactory, ModelUpdate
 from mmt.texture.settings import ModellingSettings
 
 _MODELS_KEPT: Final = 8
@@ -107,7 +106,7 @@ class ModelRebuild:
     ) -> None:
         self._windows = windows
         self._settings = settings
-        self._modellers = Modellers(settings, period_s)
+        self._modellers = ModellerFactory(settings, period_s)
         self._frozen = frozen_spans(windows.events, windows.duration_s)
         self._snapshots = ModelSnapshots()
         self._leave = threading.Event()

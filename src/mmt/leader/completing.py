@@ -1,22 +1,41 @@
-"""What becomes of each new model: it is rendered, recorded and announced."""
+"""The task that judges how complete each new model is, and the switch of the output to it."""
 
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 from mmt.core.errors import InputError
 from mmt.leader.parts import LeaderParts
+from mmt.leader.stage import Activity, Item, ItemQueue, StageTask
 from mmt.leader.summary import RunLog
 
 if TYPE_CHECKING:
     from mmt.session.recorder import McapRecorder
     from mmt.texture.library.identification import Choice
     from mmt.texture.model.texture_model import TextureModel
-    from mmt.texture.online.modeller import ModelUpdate
+    from mmt.texture.online.work import ModelUpdate, Work
 
 
-class ModelUse:
-    """Put the models of a session to use.
+def _judge(work: "Work") -> None:
+    work.modeller.judge(work)
+
+
+class CompletingTask(StageTask):
+    """Judge the model of one update after the other; parameters as of `StageTask`."""
+
+    def __init__(
+        self,
+        worker: Executor,
+        queue: ItemQueue,
+        activity: Activity,
+        deliver: Callable[[Item], None],
+    ) -> None:
+        super().__init__((_judge,), worker, queue, activity, deliver)
+
+
+class ModelOutput:
+    """Render from each new model, record and announce it; switch the output by the criteria.
 
     Parameters
     ----------
@@ -41,10 +60,10 @@ class ModelUse:
         self.forced: Literal["streamed", "synthesized"] | None = None
         """Which vibration a person holds on to, None where the criterion decides."""
         if parts.warming is not None:
-            parts.warming.on_model = self.take_warm
+            parts.warming.on_model = self.use_known
 
-    def take(self, update: "ModelUpdate", seconds: float) -> None:
-        """Take an update of the model, which took so many seconds.
+    def update(self, update: "ModelUpdate", seconds: float) -> None:
+        """Put an update of the model to use, which took some seconds.
 
         Vibration is rendered from it as soon as the start criterion is met; until then from
         the saved model that the scene names or a known texture, if it has them.
@@ -112,7 +131,7 @@ class ModelUse:
             parts.synthesizer.model = model
         self._rendered = surface
 
-    def take_warm(self, model: "TextureModel", choice: "Choice") -> None:
+    def use_known(self, model: "TextureModel", choice: "Choice") -> None:
         """Render from a known texture, blended with what is known of the one at hand."""
         log = self._log
         if log.start_s is not None or self._parts.synthesizer is None:
