@@ -13,7 +13,6 @@ from mmt.cli.common import messages, output
 from mmt.core.errors import InputError, MmtError
 from mmt.evaluation.document import Table
 from mmt.evaluation.table import as_rich
-from mmt.scene import Scene
 from mmt.scene.files import example_scenes, load_scene
 from mmt_lab.bench import STAGES, run_stage
 from mmt_lab.bench.measuring import machine
@@ -191,15 +190,15 @@ def _devices(realtime: bool) -> StageResult:
 
 def _evaluate() -> StageResult:
     """Evaluate a simulated session several times."""
-    from mmt.cli.reporting import evaluate
+    from mmt.evaluation.evaluate import evaluate_session
     from mmt_lab.bench.textures import session
 
-    recorded, scene = session("wood", 18.0), Scene()
-    evaluate(recorded, scene)
+    recorded = session("wood", 18.0)
+    evaluate_session(recorded)
     times_s = []
     for _round in range(EVALUATIONS):
         started = time.perf_counter()
-        evaluate(recorded, scene)
+        evaluate_session(recorded)
         times_s.append(time.perf_counter() - started)
     median_s = statistics.median(times_s)
     rows: dict[str, Row] = {
