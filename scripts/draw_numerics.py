@@ -14,9 +14,8 @@ from mmt_lab.bench import run_stage
 from mmt_lab.bench.plotting import stage_figure
 from mmt_lab.felt.presenting import felt_figure
 from mmt_lab.felt.summary import cases, feel_all
-from mmt_lab.stability.cases import run_case
-from mmt_lab.stability.families import load_cases
-from mmt_lab.stability.figures import contact_map, loop_map
+from mmt_lab.stability.maps import contact_map, loop_map
+from mmt_lab.stability.running import load_families, run_families
 
 PANELS: Final = {
     "burg": ("batch", "offset"),
@@ -38,12 +37,7 @@ def main() -> None:
         result = run_stage(name)
         panels = tuple(p for p in result.panels if chosen is None or p.name in chosen)
         write(f"bench-{name}", stage_figure(replace(result, panels=panels)))
-    rows = [
-        run_case(name, case)
-        for name, cases in load_cases(["contact", "loop"]).items()
-        for case in cases
-    ]
-    found = [row.figures for row in rows]
+    found = [row.figures for row in run_families(load_families(["contact", "loop"]))]
     (contact,) = [figures for figures in found if {"growth", "limit_s"} <= set(figures)]
     (loop,) = [figures for figures in found if "grows" in figures]
     boundaries = [figures for figures in found if {"wall_n_mm", "measured_ms"} <= set(figures)]

@@ -17,6 +17,7 @@ from mmt.texture.autoregression.forms import lsf_to_reflection, output_power
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.web.player.player import Player
 from mmt.web.player.results import ResultsFile
+from mmt.web.player.server import PlayerServer
 
 NAMES = ("cork", "linen", "slate")
 RMS_M_S2 = (1.0, 2.0, 4.0)
@@ -48,24 +49,24 @@ async def playing(
     token: str | None = None,
     count: int = 3,
     port: int = 0,
-) -> AsyncIterator[Player]:
+) -> AsyncIterator[PlayerServer]:
     player = Player(
         NAMES[:count],
         textures()[:count],
         results=ResultsFile(directory / "results.csv"),
         record=record,
         seed=3,
-        access=Access(token),
     )
-    await player.start("127.0.0.1", port)
+    server = PlayerServer(player, Access(token))
+    await server.start("127.0.0.1", port)
     try:
-        yield player
+        yield server
     finally:
-        await player.stop()
+        await server.stop()
 
 
-def address(player: Player, path: str = "/player/") -> str:
-    return f"http://127.0.0.1:{player.port}{path}"
+def address(server: PlayerServer, path: str = "/player/") -> str:
+    return f"http://127.0.0.1:{server.port}{path}"
 
 
 class Browserless:
@@ -140,10 +141,10 @@ class Browserless:
 
 
 @asynccontextmanager
-async def visiting(player: Player, token: str | None = None) -> AsyncIterator[Browserless]:
+async def visiting(server: PlayerServer, token: str | None = None) -> AsyncIterator[Browserless]:
     async with (
         aiohttp.ClientSession() as http,
-        http.ws_connect(address(player, "/player/socket")) as socket,
+        http.ws_connect(address(server, "/player/socket")) as socket,
     ):
         page = Browserless(socket)
         await page.say(token=token)

@@ -5,7 +5,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 from mmt.web.viewing.recording import ViewedRecording
-from mmt.web.viewing.serving import RecordingServer
+from mmt.web.viewing.server import RecordingServer
 
 
 @asynccontextmanager

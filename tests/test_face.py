@@ -146,7 +146,7 @@ def test_a_period_that_is_not_positive_is_refused(
 def test_surfaces_are_followed_by_session_time() -> None:
     pieces = [
         mmt.simulate_session(mmt.Scene(), surface=name, duration_s=8.0)[0]
-        for name in ("plastic", "sandpaper-coarse")
+        for name in ("plastic", "sandpaper")
     ]
     pieces[1]["sequence"] += 8000
     pieces[1]["time_ns"] += 8_000_000_000
@@ -173,7 +173,7 @@ def test_models_are_loaded_by_name_and_by_path_as_text(tmp_path: Path) -> None:
     Path(file).write_bytes(shipped.to_bytes())
     assert np.array_equal(mmt.load_model(file).samples.lsf, shipped.samples.lsf)
     assert mmt.load_model(Path(file)).order == shipped.order
-    with pytest.raises(mmt.InputError, match="shipped are .*oak"):
+    with pytest.raises(mmt.InputError, match="shipped are "):
         mmt.load_model("no-such-texture")
     vibration = mmt.Synthesizer(shipped, seed=1).render(np.full(300, 100.0), np.ones(300))
     assert vibration.shape == (300,)

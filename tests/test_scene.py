@@ -4,9 +4,8 @@ from typing import Any
 import pytest
 
 from mmt.core.errors import InputError
-from mmt.scene import Scene
+from mmt.scene import PART_TABLES, Scene
 from mmt.scene.files import environment_overrides, load_scene, scene_from_tables
-from mmt.scene.parts import SERVICES_OF_PART
 
 CONFIGS = sorted((Path(__file__).parents[1] / "configs").glob("*.toml"))
 SIMULATED: dict[str, Any] = {"link": {}, "simulated": {}, "hand": {}, "recording": {}}
@@ -19,11 +18,16 @@ def test_every_example_scene_is_valid(path: Path) -> None:
 
 
 def test_every_part_concerns_a_service() -> None:
-    assert set(SERVICES_OF_PART) == set(Scene().parts())
-    assert {service for services in SERVICES_OF_PART.values() for service in services} == {
-        "leader",
-        "follower",
-    }
+    scene = Scene()
+    assert set(PART_TABLES) == {*scene.parts("leader"), *scene.parts("follower")}
+    assert set(scene.parts()) == set(PART_TABLES) == set(Scene.model_fields) - {"session"}
+
+
+def test_a_part_runs_in_the_services_that_its_values_ask_for() -> None:
+    tables = {**SIMULATED, "force_feedback": {"method": "streamed"}}
+    assert "force_feedback" not in scene_from_tables(tables).parts("follower")
+    tables["force_feedback"] = {"method": "passive"}
+    assert scene_from_tables(tables).parts("follower")["force_feedback"]
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from mmt.core.errors import InputError, MmtError
     from mmt.evaluation.evaluate import evaluate_session, evaluate_surfaces
     from mmt.evaluation.results import Evaluation
-    from mmt.follower.service import FollowerService as Follower
+    from mmt.follower.service import Follower
     from mmt.leader.service import LeaderService as Leader
     from mmt.scene import Scene
     from mmt.scene.files import load_scene
@@ -71,7 +71,7 @@ __all__ = [
 
 _HOMES = {
     "Evaluation": "mmt.evaluation.results",
-    "Follower": "mmt.follower.service:FollowerService",
+    "Follower": "mmt.follower.service",
     "InputError": "mmt.core.errors",
     "Leader": "mmt.leader.service:LeaderService",
     "MmtError": "mmt.core.errors",

@@ -21,7 +21,7 @@ from mmt.core.realtime import be_real_time
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.link.server import LeaderEvents, LeaderServer
-from mmt.scene.link_table import Link
+from mmt.scene import Link
 from mmt_lab.link_traffic import Kind, Measured, Send, Side, Turn, take_turns
 
 PATIENCE_S: Final = 60.0

@@ -8,8 +8,7 @@ from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.evaluation.grid_errors import SectorErrors, overall
 from mmt.evaluation.truth import KnownTexture
-from mmt.scene import Scene
-from mmt.scene.hand_table import Hand
+from mmt.scene import Hand, Scene
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces import Surface
 from mmt.testing.simulation.textures import get_surface

@@ -10,8 +10,7 @@ from typer.testing import CliRunner, Result
 from mmt.cli.main import app
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import empty_frames
-from mmt.scene import Scene
-from mmt.scene.texture_table import Texture
+from mmt.scene import Scene, Texture
 from mmt.session import write_session
 from mmt.testing.simulation.course import CourseChange, SurfaceCourse
 from mmt.testing.simulation.offline import simulate_session

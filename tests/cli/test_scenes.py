@@ -178,7 +178,7 @@ def test_real_services_tell_what_they_run_and_cost(tmp_path: Path) -> None:
         assert 0.0 < service["core_share"]["mean"] < 2.0
         assert 20 < service["memory_mb"]["mean"] < 1000
         assert "mmt: Ticker.wait" in service["tasks"]
-        assert "mmt: Outbox._run" in service["tasks"]
+        assert "mmt: SendQueue._run" in service["tasks"]
         assert not {"numba", "scipy"} & set(service["packages"])
         assert 0.0 < service["import_s"] < 60
     assert "mmt: LeaderService._report_status" in leader["tasks"]

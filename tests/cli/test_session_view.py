@@ -14,7 +14,7 @@ from mmt.core.errors import InputError
 from mmt.session.data import RecordedSession
 from mmt.session.windows import MemoryWindows
 from mmt.web.viewing.recording import ViewedRecording
-from mmt.web.viewing.serving import RecordingServer
+from mmt.web.viewing.server import RecordingServer
 
 
 def recording() -> ViewedRecording:

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from mmt.scene import Simulated
-from mmt.scene.hand_table import Hand
+from mmt.scene import Hand, Simulated
 from mmt.testing.simulation.hand import SimulatedHand
 from mmt.testing.simulation.robot import SimulatedRobot, nominal_compliance_mm_n
 

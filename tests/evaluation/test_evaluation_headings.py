@@ -11,8 +11,7 @@ from mmt.evaluation.report import write_report
 from mmt.evaluation.strokes import Strokes, all_headings
 from mmt.evaluation.table import heading_tables
 from mmt.evaluation.truth import KnownTexture
-from mmt.scene import Scene
-from mmt.scene.hand_table import Hand
+from mmt.scene import Hand, Scene
 from mmt.session import RecordedSession
 from mmt.testing.simulation.grain import Grain
 from mmt.testing.simulation.modes import Resonance

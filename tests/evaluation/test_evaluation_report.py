@@ -28,8 +28,7 @@ from mmt.evaluation.document import (
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.report import environment, write_report
 from mmt.evaluation.table import evaluation_table, step_table
-from mmt.scene import Scene
-from mmt.scene.hand_table import Hand
+from mmt.scene import Hand, Scene
 from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.settings import ModellingSettings

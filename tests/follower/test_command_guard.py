@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import COMMAND_DTYPE
 from mmt.devices.protocols import Vector
-from mmt.follower.guarding import CommandGuard
-from mmt.scene.link_table import Link
+from mmt.follower.command_guard import CommandGuard
+from mmt.scene import Link
 
 HOME = (0.0, 0.0, 5.0)
 SECOND_NS = 1_000_000_000

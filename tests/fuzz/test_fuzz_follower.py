@@ -10,7 +10,7 @@ import pytest
 from hypothesis import strategies as st
 
 from mmt.devices.protocols import Vector
-from mmt.follower.service import FollowerService
+from mmt.follower.service import Follower
 from mmt.scene.files import scene_from_tables
 
 LIMIT_MM_S = 200.0
@@ -28,7 +28,7 @@ class Watched:
             "network": {},
         }
         self.told: list[Vector] = []
-        self.service = FollowerService(scene_from_tables(tables))
+        self.service = Follower(scene_from_tables(tables))
         self.service.source.start(0)
         self.client = self.service.client
         self.client._traffic.restart()

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from mmt.cli.main import app
 from mmt.core.errors import InputError
-from mmt.scene.network_table import Network
+from mmt.scene import Network
 from mmt.testing.simulation.textures import SURFACES
 from mmt_lab.felt.judging import Reference
 from mmt_lab.felt.leading import (

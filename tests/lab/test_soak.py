@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
 from mmt.core.frames import frame_dtype
-from mmt.scene.network_table import Network
+from mmt.scene import Network
 from mmt.session import write_session
 from mmt_lab.cli import soaking
 from mmt_lab.soak.drift import by_window, drift, outside

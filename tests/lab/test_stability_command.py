@@ -10,12 +10,14 @@ from typer.testing import CliRunner
 
 from mmt.cli import main
 from mmt.core.errors import InputError
-from mmt_lab.stability import contact, families, models
-from mmt_lab.stability.cases import Case, Outcome, Row, broken, run_case
-from mmt_lab.stability.families import FAMILIES, load_cases
-from mmt_lab.stability.report import (
+from mmt_lab.stability import running
+from mmt_lab.stability.cases import Case, Family, Outcome, Row, broken, run_case
+from mmt_lab.stability.families import contact, model
+from mmt_lab.stability.running import (
     by_family,
+    family_names,
     family_table,
+    load_families,
     summary,
     verdict,
     write_stability_report,
@@ -46,18 +48,19 @@ def test_a_row_can_be_read_by_a_program() -> None:
     assert found["figures"] == {"none": None, "some": 2.5, "many": [3, None]}
 
 
-@pytest.mark.parametrize("name", FAMILIES)
+@pytest.mark.parametrize("name", family_names())
 def test_every_family_has_cases_that_say_what_they_expect(name: str) -> None:
-    cases = load_cases([name])[name]
+    cases = load_families([name])[name].cases()
     assert len(cases) >= 10
     assert all(case.what and case.expected for case in cases)
     assert len({case.what for case in cases}) == len(cases)
 
 
-def test_families_come_in_their_order_and_unknown_ones_are_refused() -> None:
-    assert list(load_cases(["model", "ar"])) == ["ar", "model"]
-    with pytest.raises(InputError, match="allowed are ar, lsf, model"):
-        load_cases(["ar", "texture"])
+def test_families_are_found_by_name_and_unknown_ones_are_refused() -> None:
+    assert list(load_families(["model", "ar"])) == ["ar", "model"]
+    assert list(load_families()) == family_names()
+    with pytest.raises(InputError, match="allowed are anisotropic, ar, contact"):
+        load_families(["ar", "texture"])
 
 
 def test_a_report_holds_every_row_and_both_pictures(tmp_path: Path) -> None:
@@ -75,7 +78,7 @@ def test_a_report_holds_every_row_and_both_pictures(tmp_path: Path) -> None:
     assert found["held"] is False
     assert found["not_held"] == ["bad"]
     assert "1 did not hold" in verdict(rows)
-    assert list(by_family(rows)) == ["model", "contact"]
+    assert list(by_family(rows)) == ["contact", "model"]
     assert family_table(rows[:1]).rows[0][-1] == "yes"
     assert summary(rows[:1])["held"] is True
 
@@ -90,8 +93,8 @@ def test_the_command_prints_rows_and_says_by_its_code_whether_all_held(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     runner = CliRunner()
-    few = models.cases(many=50, queries=10)[:3]
-    monkeypatch.setattr(families, "_module_cases", lambda _: few)
+    few = model.cases(many=50, queries=10)[:3]
+    monkeypatch.setattr(running, "_load", lambda _: Family("Few models", lambda: few))
     file = tmp_path / "rows.json"
     result = runner.invoke(main.app, ["stability", "model", "--json", str(file)])
     assert result.exit_code == 0

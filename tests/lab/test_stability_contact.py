@@ -9,11 +9,11 @@ import pytest
 from mmt.contact.integrators import INTEGRATORS
 from mmt.contact.normal import Drive
 from mmt.testing.simulation.robot import DISSIPATION_S_M, tip_drive
-from mmt_lab.stability import closed_loop, contact
 from mmt_lab.stability.cases import Case, run_case
-from mmt_lab.stability.closed_loop import loop_on, run_loop
-from mmt_lab.stability.contact import impact_growth, wall
-from mmt_lab.stability.delay import LIGHT_GRIP, Loop
+from mmt_lab.stability.families import contact, loop
+from mmt_lab.stability.families.contact import impact_growth, wall
+from mmt_lab.stability.families.loop import loop_on, run_loop
+from mmt_lab.stability.loop_theory import LIGHT_GRIP, Loop
 
 LIGHT = Drive(0.01, 0.0, 0.0)
 
@@ -97,7 +97,7 @@ def test_a_loop_without_any_delay_may_be_unstable() -> None:
 
 
 def test_the_loop_holds() -> None:
-    cases = closed_loop.cases(
+    cases = loop.cases(
         walls_n_mm=(0.2, 1.0, 10.0),
         delays_ms=(0, 5, 50),
         hand_s=2.0,
@@ -109,9 +109,7 @@ def test_the_loop_holds() -> None:
 
 def test_another_theory_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
     firm = dataclasses.replace(LIGHT_GRIP, stiffness_n_m=450.0)
-    monkeypatch.setattr(
-        closed_loop, "loop_on", lambda wall: dataclasses.replace(loop_on(wall), hand=firm)
-    )
-    cases = closed_loop.cases(walls_n_mm=(1.0,), delays_ms=(13, 50))
+    monkeypatch.setattr(loop, "loop_on", lambda wall: dataclasses.replace(loop_on(wall), hand=firm))
+    cases = loop.cases(walls_n_mm=(1.0,), delays_ms=(13, 50))
     assert not cases[0].run().held
     assert not cases[-1].run().held

@@ -8,9 +8,9 @@ from spectrum import arburg
 
 from mmt.texture.autoregression.burg import ReflectionFit, burg
 from mmt.texture.model.texture_model import TextureModel
-from mmt_lab.stability import anisotropic, autoregression, lines, models, networks
 from mmt_lab.stability.cases import Case, run_case
-from mmt_lab.stability.exact import exact_burg, exact_residual
+from mmt_lab.stability.families import anisotropic, ar, lsf, model, networks
+from mmt_lab.stability.families.ar import exact_burg, exact_residual
 
 
 def those_that_do_not_hold(family: str, cases: list[Case]) -> list[str]:
@@ -42,7 +42,7 @@ def test_the_reference_has_the_digits_that_the_stiff_cases_need() -> None:
 
 
 def test_every_fit_holds() -> None:
-    assert those_that_do_not_hold("ar", autoregression.cases()) == []
+    assert those_that_do_not_hold("ar", ar.cases()) == []
 
 
 def test_a_fit_that_loses_digits_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -50,9 +50,9 @@ def test_a_fit_that_loses_digits_does_not_hold(monkeypatch: pytest.MonkeyPatch) 
         fit = burg(x, order)
         return ReflectionFit(fit.reflection.astype(np.float16).astype(np.float64), fit.variances)
 
-    cases = autoregression.cases()
+    cases = ar.cases()
     stiff = case_of(cases, "radius 0.99, clustered")
-    monkeypatch.setattr(autoregression, "burg", rounded)
+    monkeypatch.setattr(ar, "burg", rounded)
     assert not stiff.run().held
     assert case_of(cases, "white noise, order 8").run().held
 
@@ -62,14 +62,14 @@ def test_a_fit_that_is_not_stable_does_not_hold(monkeypatch: pytest.MonkeyPatch)
         fit = burg(x, order)
         return ReflectionFit(1.5 * np.sign(fit.reflection), fit.variances)
 
-    monkeypatch.setattr(autoregression, "burg", unstable)
-    outcome = case_of(autoregression.cases(), "order 8").run()
+    monkeypatch.setattr(ar, "burg", unstable)
+    outcome = case_of(ar.cases(), "order 8").run()
     assert not outcome.held
     assert "not stable" in outcome.got
 
 
 def test_line_spectral_frequencies_hold() -> None:
-    cases = lines.cases(filters=30, swaps=400_000, renders=60)
+    cases = lsf.cases(filters=30, swaps=400_000, renders=60)
     timed = [case for case in cases if "strokes and pauses" in case.what or "swapped" in case.what]
     assert those_that_do_not_hold("lsf", [case for case in cases if case not in timed]) == []
     for case in timed:
@@ -91,35 +91,35 @@ class GrowingVibration:
 
 
 def test_a_filter_that_rings_up_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
-    cases = lines.cases(filters=3, swaps=200_000, renders=20)
-    monkeypatch.setattr(lines, "Synthesizer", GrowingVibration)
+    cases = lsf.cases(filters=3, swaps=200_000, renders=20)
+    monkeypatch.setattr(lsf, "Synthesizer", GrowingVibration)
     for words in ("ordinary filters", "pauses", "radius 0.999,"):
         assert not case_of(cases, words).run().held
 
 
 def test_frequencies_that_come_back_elsewhere_do_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
-    back = lines.reflection_to_lsf
-    monkeypatch.setattr(lines, "reflection_to_lsf", lambda k: back(k) + 1e-12)
-    assert not case_of(lines.cases(filters=3), "gaps of 1e-06").run().held
+    back = lsf.reflection_to_lsf
+    monkeypatch.setattr(lsf, "reflection_to_lsf", lambda k: back(k) + 1e-12)
+    assert not case_of(lsf.cases(filters=3), "gaps of 1e-06").run().held
 
 
 def test_models_of_any_samples_hold() -> None:
-    cases = models.cases(many=600, queries=500)
+    cases = model.cases(many=600, queries=500)
     growth = case_of(cases, "from 60 to 600")
     assert those_that_do_not_hold("model", [case for case in cases if case is not growth]) == []
     assert growth.run().figures["building_ratio"] > 0.0
 
 
 def test_a_plane_with_a_hole_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
-    build = models.build
+    build = model.build
 
     def with_a_hole(points: np.ndarray) -> object:
         model = build(points)
         model.triangulation.triangles[0] = model.triangulation.triangles[1]
         return model
 
-    cases = models.cases(many=100, queries=100)
-    monkeypatch.setattr(models, "build", with_a_hole)
+    cases = model.cases(many=100, queries=100)
+    monkeypatch.setattr(model, "build", with_a_hole)
     assert not case_of(cases, "3 samples").run().held
 
 

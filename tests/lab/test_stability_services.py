@@ -7,9 +7,10 @@ import pytest
 
 import mmt.leader.playout
 import mmt.texture.online.modeller
-from mmt_lab.stability import clocks, services, uptime
+from mmt_lab.stability import clocks, uptime
 from mmt_lab.stability.cases import Case, run_case
 from mmt_lab.stability.fake_time import FakeClock, run_in_fake_time
+from mmt_lab.stability.families import services
 from mmt_lab.stability.uptime import MemoryWatch, run_endless_modelling, run_hour
 
 

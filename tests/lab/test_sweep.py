@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from mmt.cli import main
 from mmt.core.errors import InputError, MmtError
-from mmt.scene.texture_table import Texture
+from mmt.scene import Texture
 from mmt.session import RecordedSession, write_session
 from mmt_lab.cli import sweeping
 from mmt_lab.sweep.combinations import (

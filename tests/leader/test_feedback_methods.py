@@ -15,7 +15,7 @@ from mmt.leader.feedback import StreamedForce
 from mmt.leader.feedback_choice import build_feedback
 from mmt.leader.feedback_model import ModelForce
 from mmt.leader.feedback_passive import PassiveForce
-from mmt.scene.feedback_table import ForceFeedback
+from mmt.scene import ForceFeedback
 
 SETTINGS = PassivitySettings()
 

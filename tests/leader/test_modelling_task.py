@@ -1,24 +1,34 @@
-"""The modelling task: what it gives to a modeller, when, and what it drops."""
+"""The modelling's tasks: what they give to a modeller, when, and what they drop."""
 
 import asyncio
 import threading
 from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager, suppress
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import asynccontextmanager
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from frame_samples import made_frames
 
 from mmt.core.arrays import RecordArray
-from mmt.leader.modelling import ModellingTask
+from mmt.leader.modelling import Modelling
+from mmt.leader.stage import Activity, Item, ItemQueue, StageTask
+from mmt.scene.files import scene_from_tables
+from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.completion.distance import CompletionMonitor
-from mmt.texture.online import modellers
-from mmt.texture.online.modeller import ModelUpdate
+from mmt.texture.online import modeller as online
+from mmt.texture.online.modeller import ModellerFactory
+from mmt.texture.online.work import ModelUpdate, Work
 from mmt.texture.settings import ModellingSettings
 
 
 class SlowModeller:
     """Notes what it is given; waits for leave to end an update."""
+
+    in_step = False
+    fits_by_verdict = True
 
     def __init__(self) -> None:
         self.updates: list[RecordArray] = []
@@ -27,13 +37,23 @@ class SlowModeller:
         self.leave.set()
         self.stops = False
 
-    def stages(self, frames: RecordArray) -> Iterator[ModelUpdate | None]:
+    def segment(self, frames: RecordArray) -> Iterator[Work | None]:
         self.updates.append(frames)
         self.started.set()
         yield None
         assert self.leave.wait(10)
-        yield ModelUpdate(
-            time_s=float(frames["sequence"][-1]),
+        me: Any = self
+        yield Work(me, float(frames["sequence"][-1]), [], [], [], 0.0)
+
+    def fit(self, work: Work) -> None: ...
+
+    def choose(self, work: Work) -> None: ...
+
+    def build(self, work: Work) -> None: ...
+
+    def judge(self, work: Work) -> None:
+        work.update = ModelUpdate(
+            time_s=work.time_s,
             samples=len(self.updates),
             added=0,
             removed=0,
@@ -48,14 +68,14 @@ class SlowModeller:
 
 
 class Modelled:
-    """A modelling task with modellers that a test controls."""
+    """The modelling's tasks with modellers that a test controls."""
 
     def __init__(self, period_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
         self._modellers: list[SlowModeller] = []
-        monkeypatch.setattr(modellers, "OnlineModeller", self._make)
+        monkeypatch.setattr(online, "OnlineModeller", self._make)
         self.updates: list[ModelUpdate] = []
         self.seconds: list[float] = []
-        self.task = ModellingTask(ModellingSettings(), period_s, self._note)
+        self.task = Modelling(ModellingSettings(), period_s, self._note)
 
     @property
     def modeller(self) -> SlowModeller:
@@ -77,18 +97,27 @@ class Modelled:
 
 
 @asynccontextmanager
+async def running(task: Modelling) -> AsyncIterator[None]:
+    tasks = [asyncio.create_task(run, name=name) for name, run in task.tasks().items()]
+    try:
+        yield
+    finally:
+        for run in tasks:
+            run.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        task.close()
+
+
+@asynccontextmanager
 async def modelled(
     monkeypatch: pytest.MonkeyPatch, period_s: float = 0.1
 ) -> AsyncIterator[Modelled]:
     made = Modelled(period_s, monkeypatch)
-    running = asyncio.create_task(made.task.run())
-    try:
-        yield made
-    finally:
-        made.modeller.leave.set()
-        running.cancel()
-        with suppress(asyncio.CancelledError):
-            await running
+    async with running(made.task):
+        try:
+            yield made
+        finally:
+            made.modeller.leave.set()
 
 
 async def test_an_update_comes_once_a_period_with_every_frame(
@@ -96,7 +125,7 @@ async def test_an_update_comes_once_a_period_with_every_frame(
 ) -> None:
     async with modelled(monkeypatch) as made:
         for first in range(0, 300, 5):
-            made.task.take(made_frames(first, 5))
+            made.task.put(made_frames(first, 5))
             if first % 100 == 95:
                 await made.settle(first // 100 + 1)
         sizes = [len(update) for update in made.modeller.updates]
@@ -111,8 +140,8 @@ async def test_a_period_is_counted_over_frames_that_are_missing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async with modelled(monkeypatch) as made:
-        made.task.take(made_frames(0, 2))
-        made.task.take(made_frames(99, 1))
+        made.task.put(made_frames(0, 2))
+        made.task.put(made_frames(99, 1))
         await made.settle(1)
         assert made.modeller.updates[0]["sequence"].tolist() == [0, 1, 99]
 
@@ -122,11 +151,11 @@ async def test_what_waits_is_bounded_and_the_oldest_is_dropped(
 ) -> None:
     async with modelled(monkeypatch) as made:
         made.modeller.leave.clear()
-        made.task.take(made_frames(0, 100))
+        made.task.put(made_frames(0, 100))
         assert await asyncio.to_thread(made.modeller.started.wait, 10)
         assert made.task.working
         for first in range(100, 12_100, 100):
-            made.task.take(made_frames(first, 100))
+            made.task.put(made_frames(first, 100))
         assert made.task.dropped_frames == 2000
         made.modeller.leave.set()
         await made.settle(2)
@@ -138,7 +167,7 @@ async def test_of_a_block_longer_than_the_queue_the_newest_frames_are_kept(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async with modelled(monkeypatch) as made:
-        made.task.take(made_frames(0, 10_001))
+        made.task.put(made_frames(0, 10_001))
         await made.settle(1)
         np.testing.assert_array_equal(made.modeller.updates[0]["sequence"], np.arange(1, 10_001))
         assert made.task.dropped_frames == 1
@@ -150,12 +179,12 @@ async def test_a_reset_throws_away_what_is_under_way_and_what_waits(
     async with modelled(monkeypatch) as made:
         old = made.modeller
         old.leave.clear()
-        made.task.take(made_frames(0, 100))
+        made.task.put(made_frames(0, 100))
         assert await asyncio.to_thread(old.started.wait, 10)
-        made.task.take(made_frames(100, 100))
+        made.task.put(made_frames(100, 100))
         made.task.reset()
         old.leave.set()
-        made.task.take(made_frames(200, 100))
+        made.task.put(made_frames(200, 100))
         await made.settle(1)
         assert made.modeller is not old
         assert len(old.updates) == 1
@@ -168,14 +197,14 @@ async def test_modelling_pauses_when_it_is_complete_until_it_is_reset(
 ) -> None:
     async with modelled(monkeypatch) as made:
         made.modeller.stops = True
-        made.task.take(made_frames(0, 100))
+        made.task.put(made_frames(0, 100))
         await made.settle(1)
         assert made.task.finished
-        made.task.take(made_frames(100, 100))
+        made.task.put(made_frames(100, 100))
         await asyncio.sleep(0.02)
         assert len(made.modeller.updates) == 1
         made.task.reset()
-        made.task.take(made_frames(200, 100))
+        made.task.put(made_frames(200, 100))
         await made.settle(2)
         assert not made.task.finished
 
@@ -185,13 +214,13 @@ async def test_updates_wait_for_frames_that_may_still_come_and_are_cut_by_number
 ) -> None:
     missing: list[int] = [40]
     async with modelled(monkeypatch) as made:
-        made.task.first_missing = lambda: missing[0] if missing else None
-        made.task.take(made_frames(0, 40))
-        made.task.take(made_frames(60, 240))
+        made.task.wait_for_missing(lambda: missing[0] if missing else None)
+        made.task.put(made_frames(0, 40))
+        made.task.put(made_frames(60, 240))
         await asyncio.sleep(0.02)
         assert made.updates == []
-        made.task.fill(made_frames(50, 10))
-        made.task.fill(made_frames(40, 10))
+        made.task.insert(made_frames(50, 10))
+        made.task.insert(made_frames(40, 10))
         missing.clear()
         made.task.look_again()
         await made.settle(3)
@@ -206,11 +235,11 @@ async def test_frames_that_come_after_their_update_are_left_out_and_counted(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async with modelled(monkeypatch) as made:
-        made.task.take(made_frames(0, 40))
-        made.task.take(made_frames(60, 40))
+        made.task.put(made_frames(0, 40))
+        made.task.put(made_frames(60, 40))
         await made.settle(1)
-        made.task.fill(made_frames(40, 20))
-        made.task.take(made_frames(100, 100))
+        made.task.insert(made_frames(40, 20))
+        made.task.put(made_frames(100, 100))
         await made.settle(2)
         assert made.task.late_frames == 20
         np.testing.assert_array_equal(made.modeller.updates[1]["sequence"], np.arange(100, 200))
@@ -220,9 +249,9 @@ async def test_a_gap_that_never_closes_cannot_hold_the_modelling_up_for_ever(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async with modelled(monkeypatch) as made:
-        made.task.first_missing = lambda: 0
+        made.task.wait_for_missing(lambda: 0)
         for first in range(1, 9001, 100):
-            made.task.take(made_frames(first, 100))
+            made.task.put(made_frames(first, 100))
             await asyncio.sleep(0)
         await made.settle(1)
         assert made.task.dropped_frames == 0
@@ -232,11 +261,11 @@ async def test_what_is_complete_at_the_end_is_still_modelled(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async with modelled(monkeypatch) as made:
-        made.task.take(made_frames(0, 350))
+        made.task.put(made_frames(0, 350))
         await made.task.finish(10.0)
         assert len(made.updates) == 3
         made.modeller.leave.clear()
-        made.task.take(made_frames(350, 100))
+        made.task.put(made_frames(350, 100))
         await made.task.finish(0.05)
         assert len(made.updates) == 3
 
@@ -245,24 +274,146 @@ async def test_an_update_that_fails_comes_out_of_the_task(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     made = Modelled(0.1, monkeypatch)
-    monkeypatch.setattr(made.modeller, "stages", lambda frames: 1 / 0)
-    made.task.take(made_frames(0, 100))
+    monkeypatch.setattr(made.modeller, "fit", lambda work: 1 / 0)
+    made.task.put(made_frames(0, 100))
+    segmenting = asyncio.create_task(made.task.segmenting.run())
     with pytest.raises(ZeroDivisionError):
-        await asyncio.wait_for(made.task.run(), 10)
+        await asyncio.wait_for(made.task.fitting.run(), 10)
+    segmenting.cancel()
+    await asyncio.gather(segmenting, return_exceptions=True)
+    made.task.close()
 
 
 async def test_a_frozen_model_takes_no_frames_until_it_may_grow(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async with modelled(monkeypatch) as made:
-        made.task.take(made_frames(0, 50))
+        made.task.put(made_frames(0, 50))
         made.task.freeze(True)
-        made.task.take(made_frames(50, 100))
-        made.task.fill(made_frames(150, 100))
+        made.task.put(made_frames(50, 100))
+        made.task.insert(made_frames(150, 100))
         made.task.freeze(False)
-        made.task.take(made_frames(500, 100))
+        made.task.put(made_frames(500, 100))
         await made.settle(1)
         np.testing.assert_array_equal(made.modeller.updates[0]["sequence"], np.arange(500, 600))
         made.task.freeze(True)
         made.task.reset()
         assert not made.task.frozen
+
+
+TEXTURES: dict[str, dict[str, Any]] = {
+    "demo": {},
+    "fixed order": {"order": 10},
+    "selection": {"selection": {}},
+    "uncertainty": {"level": "gaussian_process", "criterion": "uncertainty"},
+    "surfaces": {"surfaces": {}},
+}
+
+
+def described(update: ModelUpdate) -> tuple[Any, ...]:
+    """Everything that an update says but the time it took; the model by its file."""
+    model = None if update.model is None else update.model.to_bytes()
+    left = tuple(described(state) for state in update.left)
+    return (*vars(replace(update, durations_s={}, model=None, left=())).values(), model, left)
+
+
+@pytest.mark.parametrize("name", list(TEXTURES))
+async def test_the_tasks_make_the_model_of_an_offline_pass_to_the_bit(name: str) -> None:
+    scene = scene_from_tables({"link": {}, "simulated": {}, "hand": {}, "texture": TEXTURES[name]})
+    frames, _ = simulate_session(scene, "plastic", 3.0 if name == "surfaces" else 5.0)
+    if name == "surfaces":
+        frames = both_surfaces(frames, simulate_session(scene, "felt", 3.0)[0])
+    assert scene.texture is not None
+    settings = scene.texture.settings(1000.0)
+    factory = ModellerFactory(settings, 0.5)
+    offline = factory.make()
+    blocks = [
+        frames[k : k + factory.frames_at_once]
+        for k in range(0, len(frames), factory.frames_at_once)
+    ]
+    expected: list[ModelUpdate] = []
+    for block in blocks:
+        update = offline.update(block)
+        if update is not None and not (expected and factory.done(expected[-1])):
+            expected.append(update)
+    found: list[ModelUpdate] = []
+    live = Modelling(settings, 0.5, lambda update, _: found.append(update))
+    async with running(live):
+        for block in blocks:  # faster than real time: the tasks work on several updates at once
+            for part in np.array_split(block, 5):
+                live.put(part)
+            while live.figures["segmenting"].queue_now > 2000:
+                await asyncio.sleep(0.001)
+        await live.finish(60.0)
+        figures = {task: figure.as_dict() for task, figure in live.figures.items()}
+    assert [described(update) for update in found] == [described(u) for u in expected]
+    assert all(figure["drops"] == 0 for figure in figures.values())
+    assert all(figure["items"] >= len(expected) for figure in figures.values())
+    assert all(0 < figure["median_ms"] <= figure["longest_ms"] for figure in figures.values())
+
+
+def both_surfaces(first: RecordArray, second: RecordArray) -> RecordArray:
+    """One session on two surfaces."""
+    second = second.copy()
+    second["sequence"] += len(first)
+    second["time_ns"] += len(first) * 1_000_000
+    return np.concatenate([first, second])
+
+
+class Noted:
+    """A modeller of which only the works are looked at."""
+
+
+def work(number: int, removed: list[tuple[int, int]] | None = None) -> Work:
+    noted: Any = Noted()
+    made = Work(noted, float(number), [], [], removed or [], 0.0)
+    segment: Any = type("S", (), {"start": number, "stop": number + 1})()
+    made.added = [segment]
+    return made
+
+
+def starts(made: Work) -> list[int]:
+    return [segment.start for segment in made.added]
+
+
+def test_a_full_queue_drops_the_oldest_segments_but_still_removes_what_they_removed() -> None:
+    absorbed: list[int] = []
+    queue = ItemQueue(2, True, lambda: absorbed.append(1))
+    dropped = [queue.put(Item(work(k, [(k - 10, k - 9)]))) for k in range(4)]
+    assert dropped == [0, 0, 1, 1]
+    assert len(absorbed) == 2
+    first = queue.items[0].work
+    assert starts(first) == [2]
+    assert first.removed == [(-10, -9), (-9, -8), (-8, -7)]
+
+
+def test_a_task_that_cannot_keep_up_takes_all_as_one_update() -> None:
+    queue = ItemQueue(4, True, lambda: None)
+    for k in range(4):
+        queue.put(Item(work(k, [(k - 1, k)] if k == 3 else []), 0.25))
+    item = queue.get()
+    assert item is not None
+    assert starts(item.work) == [0, 1, 3]  # segment 2 no longer holds
+    assert item.seconds == 1.0
+    assert queue.get() is None
+
+
+async def test_a_task_counts_what_it_drops_and_how_long_its_queue_was() -> None:
+    done: list[float] = []
+    with ThreadPoolExecutor(1) as worker:
+        task = StageTask(
+            (lambda _: None,),
+            worker,
+            ItemQueue(3, True, lambda: None),
+            Activity(),
+            lambda item: done.append(item.work.time_s),
+        )
+        for k in range(5):
+            task.put(Item(work(k)))
+        assert (task.figures.drops, task.figures.queue_most) == (2, 3)
+        run = asyncio.create_task(task.run())
+        while not done:
+            await asyncio.sleep(0.001)
+        run.cancel()
+        await asyncio.gather(run, return_exceptions=True)
+    assert task.figures.as_dict()["queue"] == 0

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mmt.leader.models import ModelUse
+from mmt.leader.completing import ModelOutput
 from mmt.leader.parts import LeaderParts
 from mmt.leader.rendering import VibrationSwitch
 from mmt.leader.summary import RunLog
@@ -104,7 +104,7 @@ class Leader:
         self.log = RunLog()
         self.said: list[str] = []
         self.details: list[dict[str, Any]] = []
-        self.use = ModelUse(self.parts, self.log, self._say)
+        self.use = ModelOutput(self.parts, self.log, self._say)
 
     def _say(self, sentence: str, **details: Any) -> None:
         self.said.append(sentence)
@@ -129,7 +129,7 @@ class Leader:
         model = None if level is None else Model(level)
         if level is not None:
             self.known[surface] = model
-        self.use.take(
+        self.use.update(
             state(
                 time_s, surface, model, started=started, stopped=stopped, changes=changes, left=left
             ),
@@ -278,7 +278,7 @@ def test_a_warm_start_begins_anew_on_each_surface_without_a_model(leader: Leader
     assert leader.warming.done == ["learn 10", "finish", "reset 9000"]
     choice: Any = SimpleNamespace(name="felt", describe=lambda: "felt", as_dict=dict)
     warm: Any = Model(30.0)
-    leader.use.take_warm(warm, choice)
+    leader.use.use_known(warm, choice)
     assert leader.heard() == 30.0
     left = (state(12.0, 2, None),)
     leader.update(
@@ -286,7 +286,7 @@ def test_a_warm_start_begins_anew_on_each_surface_without_a_model(leader: Leader
     )
     assert leader.warming.done[3:] == ["reset 12000", "finish"]
     assert leader.sounding.crossed == [12.0]
-    leader.use.take_warm(warm, choice)  # made before the change was known
+    leader.use.use_known(warm, choice)  # made before the change was known
     assert leader.heard() == 12.0
 
 

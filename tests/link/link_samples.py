@@ -12,7 +12,7 @@ from mmt.core.frames import COMMAND_DTYPE, Channel, frame_dtype
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.link.server import LeaderEvents, LeaderServer
-from mmt.scene.link_table import Link
+from mmt.scene import Link
 
 CHANNELS: tuple[Channel, ...] = ("position", "force")
 

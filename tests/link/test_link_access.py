@@ -18,7 +18,7 @@ from mmt.core.errors import InputError, MmtError
 from mmt.link.access import TOKEN_VARIABLE, Access, check_listening
 from mmt.link.client import FollowerClient
 from mmt.link.server import LeaderServer
-from mmt.scene.link_table import Link
+from mmt.scene import Link
 
 TOKEN = "a token that nobody guesses"
 

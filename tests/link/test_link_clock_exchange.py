@@ -24,8 +24,7 @@ from mmt.link.protocol import encode_event
 from mmt.link.queue import SendQueue
 from mmt.link.reader import BlockReader
 from mmt.link.server import LeaderServer
-from mmt.scene.link_table import Link
-from mmt.scene.network_table import Network
+from mmt.scene import Link, Network
 
 QUESTION = struct.Struct("<IqIq")
 ANSWER = struct.Struct("<Iqqq")

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mmt.link.clock_offset import ClockEstimate, ClockJump, ClockOffset
 from mmt.link.impairments import MessageFates
-from mmt.scene.network_table import Network
+from mmt.scene import Network
 
 S = 1_000_000_000
 MS = 1_000_000

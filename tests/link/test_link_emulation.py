@@ -21,8 +21,7 @@ import mmt.link.emulation
 from mmt.link.client import FollowerClient
 from mmt.link.emulation import EmulatedNetwork, EmulatedSendQueue
 from mmt.link.server import LeaderServer
-from mmt.scene.link_table import Link
-from mmt.scene.network_table import Network
+from mmt.scene import Link, Network
 
 
 class Sent:

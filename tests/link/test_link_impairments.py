@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from mmt.link.impairments import MessageFates
-from mmt.scene.network_table import PROFILES, Network
+from mmt.scene import PROFILES, Network
 
 MS = 1_000_000
 START_NS = 7 * MS

@@ -26,7 +26,7 @@ from mmt.core.errors import InputError, MmtError
 from mmt.link.client import FollowerClient
 from mmt.link.protocol import FollowerHello, reason_of
 from mmt.link.server import LeaderServer
-from mmt.scene.link_table import Link
+from mmt.scene import Link
 
 GOOD = hello().to_auth()
 

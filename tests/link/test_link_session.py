@@ -21,7 +21,7 @@ from mmt.core.frames import frame_dtype
 from mmt.link.client import FollowerClient
 from mmt.link.protocol import FollowerHello
 from mmt.link.server import LeaderEvents, LeaderServer
-from mmt.scene.link_table import Link
+from mmt.scene import Link
 
 
 async def test_frames_go_up_and_commands_come_down_unchanged() -> None:

@@ -29,7 +29,7 @@ from mmt.core.frames import CHANNELS as ALL_CHANNELS
 from mmt.core.frames import COMMAND_DTYPE, frame_dtype
 from mmt.link.protocol import encode_event
 from mmt.link.server import LeaderServer
-from mmt.scene.link_table import Link
+from mmt.scene import Link
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "wire.md"
 

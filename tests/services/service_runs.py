@@ -12,8 +12,7 @@ from mmt.core.arrays import RecordArray
 from mmt.core.frames import frame_dtype
 from mmt.devices.protocols import Vector
 from mmt.follower import service as follower_service
-from mmt.follower.service import FollowerService
-from mmt.follower.summary import FollowerSummary
+from mmt.follower.service import Follower, FollowerSummary
 from mmt.leader.service import LeaderService
 from mmt.leader.summary import LeaderSummary
 from mmt.link.server import LeaderServer
@@ -103,15 +102,13 @@ class Together:
         """Run a follower to its end; it streams the scene's own source if none is given."""
         return await self.follower(source, scene).run()
 
-    def follower(
-        self, source: MadeSource | None = None, scene: Scene | None = None
-    ) -> FollowerService:
+    def follower(self, source: MadeSource | None = None, scene: Scene | None = None) -> Follower:
         """Make a follower that will connect to the leader."""
         build = follower_service.build_source
         if source is not None:
             follower_service.build_source = lambda _: source
         try:
-            return FollowerService(
+            return Follower(
                 scene or self.leader.scene,
                 f"http://127.0.0.1:{self.leader.port}",
                 on_event=lambda sentence: self.said.append(f"follower: {sentence}"),

@@ -12,8 +12,7 @@ from service_runs import Together, small_scene
 from wire_relay import relay
 
 from mmt.core.frames import CHANNELS
-from mmt.follower.service import FollowerService
-from mmt.follower.summary import FollowerSummary
+from mmt.follower.service import Follower, FollowerSummary
 from mmt.leader.summary import LeaderSummary
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
@@ -73,7 +72,7 @@ async def run(
     together = Together.of(scene)
     await together.listen()
     async with relay(together.leader.port or 0) as wire:
-        follower = FollowerService(scene, f"http://127.0.0.1:{wire.port}")
+        follower = Follower(scene, f"http://127.0.0.1:{wire.port}")
         following = asyncio.create_task(follower.run())
         if outage is not None:
             await together.until(lambda: together.leader.time_s > 2.2)

@@ -11,10 +11,10 @@ from service_runs import small_scene
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import CHANNELS
-from mmt.devices.loading import load_device
+from mmt.devices.drivers import load_device
 from mmt.devices.protocols import DeviceBackedSource, FrameTaker
 from mmt.devices.source import DeviceSource
-from mmt.follower.driving import DrivenSource
+from mmt.follower.guarded_source import GuardedSource
 from mmt.follower.sources import build_source
 
 
@@ -69,7 +69,7 @@ def test_a_frame_that_comes_between_two_ticks_is_sent_at_once(tmp_path: Path) ->
         sent.append((frames, news))
 
     for feedback in (None, News()):
-        driven = DrivenSource(small_scene(tmp_path), source, feedback, print, send)
+        driven = GuardedSource(small_scene(tmp_path), source, feedback, print, send)
         source.start(0)
         frames = source.step(1, 1000, None)
         source.taker(frames)

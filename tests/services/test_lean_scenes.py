@@ -23,7 +23,8 @@ from mmt.scene.files import load_scene
 
 async def main():
     module = importlib.import_module(f"mmt.{service}.service")
-    make = getattr(module, f"{service.capitalize()}Service")
+    name = service.capitalize()
+    make = getattr(module, name, None) or getattr(module, f"{name}Service")
     running = make(load_scene(scene, changes))
     await running.run(running.stop)
 

@@ -23,7 +23,8 @@ from mmt.scene.files import scene_from_tables
 from mmt.session import read_session, write_session
 from mmt.session.mcap_writer import SessionWriter
 from mmt.testing.simulation.offline import simulate_session
-from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
+from mmt.texture.online.modeller import OnlineModeller
+from mmt.texture.online.work import Work
 
 
 def bad_blocks() -> list[RecordArray]:
@@ -48,13 +49,13 @@ async def test_bad_frames_are_counted_and_the_model_never_sees_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[RecordArray] = []
-    stages = OnlineModeller.stages
+    segment = OnlineModeller.segment
 
-    def watched(self: OnlineModeller, frames: RecordArray) -> Iterator[ModelUpdate | None]:
+    def watched(self: OnlineModeller, frames: RecordArray) -> Iterator[Work | None]:
         seen.append(frames)
-        return stages(self, frames)
+        return segment(self, frames)
 
-    monkeypatch.setattr(OnlineModeller, "stages", watched)
+    monkeypatch.setattr(OnlineModeller, "segment", watched)
     scene = small_scene(tmp_path, texture={"update_period_s": 0.1}, rendering={})
     leader, follower = await run_session(scene, MadeSource(bad_blocks()))
     assert (leader.outcome, leader.problem) == ("source ended", None)

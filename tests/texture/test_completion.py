@@ -89,8 +89,8 @@ def test_the_settings_hold_the_derived_thresholds() -> None:
         expected = pytest.approx((cells.start_distance, cells.stop_distance), abs=0.005)
         assert DISTANCES[inputs] == expected
         settings = ModellingSettings(inputs=inputs)
-        assert (settings.start_distance, settings.stop_distance) == DISTANCES[inputs]
-    assert ModellingSettings(start_distance=9.0).start_distance == 9.0
+        assert settings.distances == DISTANCES[inputs]
+    assert ModellingSettings(start_distance=9.0).distances == (9.0, 4.243)
     assert pytest.approx(7.5) == PLANE_CELLS.start_distance
 
 

@@ -6,8 +6,7 @@ import pytest
 import mmt.texture.online.modeller
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import empty_frames
-from mmt.scene import Scene
-from mmt.scene.hand_table import Hand
+from mmt.scene import Hand, Scene
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power

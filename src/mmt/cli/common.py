@@ -15,8 +15,7 @@ from rich.text import Text
 from mmt.core.errors import InputError, MmtError
 from mmt.core.inventory import Inventory
 from mmt.core.version import __version__
-from mmt.scene import Scene
-from mmt.scene.parts import parts_of
+from mmt.scene import Scene, Service
 
 Result = TypeVar("Result")
 
@@ -92,9 +91,9 @@ async def with_inventory(running: Coroutine[Any, Any, Result]) -> Result:
         write_line("inventory", **inventory.as_dict())
 
 
-def print_parts(scene: Scene, service: str) -> None:
+def print_parts(scene: Scene, service: Service) -> None:
     """Say which of the parts that concern a service run, and which are left out."""
-    parts = parts_of(scene, service)
+    parts = scene.parts(service)
     running = [name for name, runs in parts.items() if runs]
     left_out = [name for name, runs in parts.items() if not runs]
     messages.print(f"runs:     {', '.join(running) or 'nothing'}", highlight=False)

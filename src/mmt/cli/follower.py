@@ -22,8 +22,7 @@ from mmt.core.errors import InputError, MmtError
 from mmt.core.logs import Logs, details
 from mmt.core.realtime import be_real_time, require_real_time
 from mmt.core.version import __version__
-from mmt.follower.service import FollowerService
-from mmt.follower.summary import FollowerSummary
+from mmt.follower.service import Follower, FollowerSummary
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
 
@@ -100,7 +99,7 @@ async def _stream(
     def note(session_id: str) -> None:
         logs.session_id = session_id
 
-    service = FollowerService(scene, url, on_event=say, on_session=note)
+    service = Follower(scene, url, on_event=say, on_session=note)
     stop_on_signals(service.stop)
     say(f"{service.source.describe()}; leader {service.url}")
 

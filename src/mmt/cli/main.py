@@ -220,7 +220,7 @@ def stability(
     report: Annotated[Path | None, typer.Option(help="Write a report there.")] = None,
 ) -> None:
     """Run the stiff and extreme cases, a row each, and say whether it held."""
-    from mmt_lab.cli.stability import run_stability
+    from mmt_lab.stability.running import run_stability
 
     if not run_stability(families or [], json_file=json_file, report_to=report):
         raise typer.Exit(1)

@@ -134,7 +134,7 @@ def _constant(
 def _recorded(path: Path) -> "tuple[FloatArray, FloatArray, float]":
     """Return velocity and force as the model of that session would be asked with."""
     from mmt.cli.reporting import scene_of
-    from mmt.scene.texture_table import Texture
+    from mmt.scene import Texture
     from mmt.session import read_session
     from mmt.texture.signals.filtering import StreamFilter
 

@@ -9,7 +9,7 @@ from mmt.cli.common import messages, output, write_json
 from mmt.cli.tables import summary_table
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError, MmtError
-from mmt.scene.texture_table import Texture
+from mmt.scene import Texture
 from mmt.session import RecordedSession, read_session
 
 if TYPE_CHECKING:

@@ -10,11 +10,11 @@ from mmt.core.errors import InputError, MmtError
 from mmt.core.kernel_cache import kernels_are_compiled
 from mmt.link.access import Access
 from mmt.models import find_model, shipped_models
+from mmt.scene import Link
 from mmt.scene.files import table_from
-from mmt.scene.link_table import Link
 
 if TYPE_CHECKING:
-    from mmt.web.player.player import Player
+    from mmt.web.player.server import PlayerServer
 
 _MCAP: Final = ".mcap"
 _ALL_ADDRESSES: Final = {"", "0.0.0.0", "::"}  # noqa: S104 - compared with, not listened on
@@ -48,6 +48,7 @@ def play(
     from mmt.texture.model.texture_model import TextureModel
     from mmt.web.player.player import Player
     from mmt.web.player.results import ResultsFile
+    from mmt.web.player.server import PlayerServer
 
     files = [find_model(source) for source in sources] or list(shipped_models().values())
     names = [file.stem for file in files]
@@ -60,22 +61,21 @@ def play(
         results=ResultsFile(results),
         record=record,
         seed=seed,
-        access=Access.of(link),
     )
-    asyncio.run(_serve(player, link, everyone))
+    asyncio.run(_serve(PlayerServer(player, Access.of(link)), link, everyone))
 
 
-async def _serve(player: "Player", link: Link, everyone: bool) -> None:
-    ended = asyncio.Event()
-    await player.start(link.host, link.port, everyone=everyone)
+async def _serve(server: "PlayerServer", link: Link, everyone: bool) -> None:
+    ended, player = asyncio.Event(), server.player
+    await server.start(link.host, link.port, everyone=everyone)
     stop_on_signals(ended.set)
     named = link.model_copy(update={"host": socket.gethostname()})
     shown = named if link.host in _ALL_ADDRESSES else link
-    messages.print(f"player:   {shown.url(player.port)}/player/", highlight=False)
+    messages.print(f"player:   {shown.url(server.port)}/player/", highlight=False)
     try:
         await ended.wait()
     finally:
-        for path, seconds in await player.stop():
+        for path, seconds in await server.stop():
             messages.print(f"recorded: {path}, {seconds:.1f} s", highlight=False)
         if player.results.rows:
             messages.print(

@@ -8,7 +8,7 @@ import typer
 from mmt.cli.common import messages, output, write_json
 from mmt.cli.models import SUFFIX, save
 from mmt.core.errors import InputError
-from mmt.scene.texture_table import Texture
+from mmt.scene import Texture
 
 if TYPE_CHECKING:
     from mmt.evaluation.pooling import Pool

@@ -13,7 +13,7 @@ def view_file(path: Path, *, port: int, show: bool) -> None:
     if not kernels_are_compiled():
         messages.print("compiling the numerics, at the first start only (15 to 60 s)")
     from mmt.web.viewing.recording import ViewedRecording
-    from mmt.web.viewing.serving import RecordingServer
+    from mmt.web.viewing.server import RecordingServer
 
     recording = ViewedRecording.open(path)
     if recording.windows.in_memory:

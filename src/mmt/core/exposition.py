@@ -55,12 +55,17 @@ def gauge(name: str, text: str, value: float) -> Metric:
     return GaugeMetricFamily(f"mmt_{name}", text, value=value)
 
 
-def labelled(name: str, text: str, label: str, values: Mapping[str, float]) -> Metric:
-    """Return a counter for each value of a label."""
-    family = CounterMetricFamily(f"mmt_{name}", text, labels=[label])
+def labelled(
+    name: str, text: str, label: str, values: Mapping[str, float], *, grows: bool = True
+) -> Metric:
+    """Return a counter for each value of a label, or a gauge where it does not only grow."""
+    family: Any = (CounterMetricFamily if grows else GaugeMetricFamily)(
+        f"mmt_{name}", text, labels=[label]
+    )
     for key, value in values.items():
         family.add_metric([key], value)
-    return family
+    labelled_metric: Metric = family
+    return labelled_metric
 
 
 def state(name: str, text: str, label: str, now: str, all_of: Iterable[str]) -> Metric:

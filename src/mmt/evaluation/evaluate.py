@@ -21,12 +21,11 @@ from mmt.evaluation.recorded_surfaces import SurfaceParts, part_by_surface
 from mmt.evaluation.results import Evaluation
 from mmt.evaluation.scoring import Scorer
 from mmt.evaluation.truth import KnownTexture, known_texture
-from mmt.scene import Scene
+from mmt.scene import Scene, Texture
 from mmt.scene.files import scene_from_tables
-from mmt.scene.texture_table import Texture
 from mmt.session.data import RecordedSession, missing_frames
 from mmt.texture.online.history import ModelHistory, build, update_blocks
-from mmt.texture.settings import AUTOMATIC, Inputs, ModellingSettings
+from mmt.texture.settings import Inputs, ModellingSettings
 
 
 def evaluate_session(
@@ -218,7 +217,7 @@ def _of_other_inputs(
     if truth is None or truth.surface.isotropic:
         return None
     inputs: Inputs = "isotropic" if settings.inputs == "anisotropic" else "anisotropic"
-    others = replace(settings, inputs=inputs, start_distance=AUTOMATIC, stop_distance=AUTOMATIC)
+    others = replace(settings, inputs=inputs, start_distance="auto", stop_distance="auto")
     return build(blocks, others)
 
 

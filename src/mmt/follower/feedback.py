@@ -16,7 +16,7 @@ from mmt.core.feedback_records import (
     ENERGY_DTYPE,
 )
 from mmt.devices.protocols import Vector
-from mmt.scene.feedback_table import ForceFeedback
+from mmt.scene import ForceFeedback
 
 _M: Final = 1e-3
 

@@ -5,23 +5,21 @@ import logging
 import time
 import uuid
 from collections.abc import Callable
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Final
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.ending import Ending
 from mmt.core.errors import FAILED, MmtError
 from mmt.core.process import ProcessCost, ProcessMeter, prefer_even_ticks
 from mmt.core.ticking import Ticker
 from mmt.devices.protocols import DeviceBackedSource
-from mmt.follower.driving import DrivenSource
+from mmt.follower.guarded_source import GuardedSource
 from mmt.follower.sources import build_source
-from mmt.follower.summary import FollowerSummary
 from mmt.link.access import Access
 from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.endpoint import emulated_network, extra_event
 from mmt.link.protocol import FollowerHello
-from mmt.scene import Scene
-from mmt.scene.link_table import Link
+from mmt.scene import Link, Scene
 
 if TYPE_CHECKING:
     from mmt.core.arrays import RecordArray
@@ -30,9 +28,42 @@ if TYPE_CHECKING:
 
 LOG: Final = logging.getLogger("mmt.follower")
 
+_FAILURES: Final = (FAILED, f"leader {FAILED}", "leader lost")
+"""Beginnings of outcomes with which a run has failed."""
 
-class FollowerService:
-    """Stream one scene's source to the leader.
+
+@dataclass(frozen=True)
+class FollowerSummary:
+    """What the follower did.
+
+    ``outcome`` is "source ended", "leader stopped (...)", "stopped" (by the person),
+    "leader lost", "leader failed: ..." or "failed: ...", each with what failed.
+    """
+
+    outcome: str
+    session: dict[str, Any]
+    link: dict[str, Any]
+    ticks: dict[str, Any]
+    process: dict[str, Any]
+    commands: dict[str, Any] = field(default_factory=dict)
+    backfill: dict[str, Any] = field(default_factory=dict)
+    devices: dict[str, Any] = field(default_factory=dict)
+    feedback: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def problem(self) -> str | None:
+        """Why the run failed, None where it ended as it should."""
+        return self.outcome if self.outcome.startswith(_FAILURES) else None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the summary for a program."""
+        return asdict(self)
+
+
+class Follower:
+    """Streams one scene's source to the leader, on the running event loop.
+
+    ``await Follower(scene).run()`` is a whole session; `stop` ends it from elsewhere.
 
     Parameters
     ----------
@@ -63,7 +94,7 @@ class FollowerService:
         self._access = Access.of(self._link)
         self.source = build_source(scene)
         feedback = _build_feedback(scene)
-        self.driven = DrivenSource(scene, self.source, feedback, self._say, self._send)
+        self._guarded = GuardedSource(scene, self.source, feedback, self._say, self._send)
         self.ending = Ending("source ended")
         self.client = self._make_client(feedback)
         self.ticker = Ticker(round(1e9 / scene.session.rate_hz), self._tick)
@@ -100,6 +131,12 @@ class FollowerService:
             self._close_source()
         return self._summary(meter.read())
 
+    @property
+    def commands(self) -> dict[str, Any]:
+        """Counts of the command guard, empty where a recording is replayed."""
+        guard = self._guarded.guard
+        return guard.summary if guard is not None else {}
+
     def stop(self, outcome: str = "stopped") -> None:
         """End the session; `run` returns with the summary."""
         self.ending.stop(outcome)
@@ -119,7 +156,7 @@ class FollowerService:
                 extra="" if feedback is None else feedback.event,
             ),
             FollowerEvents(
-                on_commands=self.driven.take,
+                on_commands=self._guarded.take,
                 on_session=self._take_session,
                 on_stop=self._on_stop,
                 on_lost=self._on_lost,
@@ -197,7 +234,7 @@ class FollowerService:
             self._say(str(error))
 
     def _tick(self, elapsed: int) -> None:
-        self._send(*self.driven.step(elapsed))
+        self._send(*self._guarded.step(elapsed))
         if self.source.finished:
             self.ending.stop("source ended")
 
@@ -231,7 +268,7 @@ class FollowerService:
                 "memory_mb": round(cost.memory_mb, 1),
             },
             backfill=self.client.backfill,
-            **self.driven.summary,
+            **self._guarded.summary,
         )
 
 

@@ -4,11 +4,10 @@ from typing import TYPE_CHECKING, Any
 
 from mmt.core.errors import InputError
 from mmt.devices.protocols import FollowerSource
-from mmt.scene import Replay, Scene, Simulated
-from mmt.scene.device_tables import Devices, Driver
+from mmt.scene import Devices, Driver, Replay, Scene, Simulated
 
 if TYPE_CHECKING:
-    from mmt.devices.table import Role
+    from mmt.devices.drivers import Role
 
 
 def build_source(scene: Scene) -> FollowerSource:
@@ -53,7 +52,7 @@ def _replay(scene: Scene, table: Replay) -> FollowerSource:
 
 
 def _devices(scene: Scene, table: Devices) -> FollowerSource:
-    from mmt.devices.loading import load_device
+    from mmt.devices.drivers import load_device
     from mmt.devices.source import DeviceSource
 
     def made(device: Driver | None, role: "Role") -> Any:

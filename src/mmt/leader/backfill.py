@@ -47,7 +47,7 @@ class Backfill:
         self._request = request
         self.missing = MissingFrames(keep_frames, self._ask, note)
         if parts.modelling is not None:
-            parts.modelling.first_missing = lambda: self.missing.first
+            parts.modelling.wait_for_missing(lambda: self.missing.first)
         self.settled = False
         """Whether the follower is about to end, so that no frame is live any more."""
 
@@ -79,7 +79,7 @@ class Backfill:
                 self._numbering.expected_arrival_ns(int(frames["time_ns"][0]), time.monotonic_ns()),
             )
         if self._parts.modelling is not None:
-            self._parts.modelling.fill(frames)
+            self._parts.modelling.insert(frames)
 
     def gone(self, ranges: list[Range]) -> None:
         """Give up ranges of the follower's numbers."""

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Literal
 
 from mmt.leader.feedback import Feedback, ForceDisplay, StreamedForce
-from mmt.scene.feedback_table import ForceFeedback
+from mmt.scene import ForceFeedback
 
 if TYPE_CHECKING:
     from mmt.contact.passivity import PassivitySettings

@@ -1,36 +1,35 @@
-"""Model the texture beside the rendering: one update a period, in a worker thread.
+"""The modelling beside the rendering: four tasks joined by bounded queues.
 
-Frames wait in a bounded queue; a full one drops the oldest and counts it. An update takes the
-frames of one period, which the numbers of the frames delimit and not the moment at which they
-came: so the model is the same whether frames come in time or are filled in later. An update
-whose frames may still be filled in waits for them. The worker runs compiled code that releases
-the interpreter lock, so that the 1 kHz tick is not delayed.
+Frames go to `segmenting`, segments to `fitting`, fits to `synthesizing` and models to
+`completing`, which says what each update has come to. Each task hands its numerics to one worker
+thread, step by step: compiled code that releases the interpreter lock, so that the 1 kHz tick is
+not delayed. The model is the same to the bit as that of an offline pass over the same frames.
 """
 
 import asyncio
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.arrays import RecordArray
-from mmt.leader.frame_queue import FrameQueue
-from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
-from mmt.texture.online.modellers import Modellers
+from mmt.leader.completing import CompletingTask
+from mmt.leader.fitting import FittingTask
+from mmt.leader.segmenting import LONGEST_QUEUE_S, SegmentingTask
+from mmt.leader.stage import Activity, Figures, InFlight, Item, ItemQueue
+from mmt.leader.synthesizing import SynthesizingTask
+from mmt.texture.online.modeller import ModellerFactory, OnlineModeller
+from mmt.texture.online.work import ModelUpdate
 from mmt.texture.settings import ModellingSettings
 
 if TYPE_CHECKING:
     from mmt.texture.model.texture_model import TextureModel
 
-_LONGEST_QUEUE_S: Final = 10.0
 _POLL_S: Final = 0.005
-_NOT_DUE: Final = "not due"
-"""Ends the stages of a look at the stream after which no model is updated."""
 
 
-class ModellingTask:
-    """Collect frames and update the model once a period.
+class Modelling:
+    """Build the model of the stream, an update a period.
 
     Parameters
     ----------
@@ -39,7 +38,8 @@ class ModellingTask:
     period_s
         Time between updates.
     on_update
-        Called on the event loop after each update, with it and the seconds it took.
+        Called on the event loop after each update, with it and the seconds that the tasks have
+        worked on it.
     keep_frames
         How many frames the follower can send again: so many more may wait.
     """
@@ -51,105 +51,140 @@ class ModellingTask:
         on_update: Callable[[ModelUpdate, float], None],
         keep_frames: int = 0,
     ) -> None:
-        self._modellers = Modellers(settings, period_s)
-        self._period_frames = self._modellers.frames_at_once
+        self._factory = ModellerFactory(settings, period_s)
         self._on_update = on_update
-        self._modeller = self._modellers.make()
-        capacity = max(self._period_frames, round(_LONGEST_QUEUE_S * settings.rate_hz))
-        capacity += keep_frames
-        self._overloaded_frames = capacity - round(_LONGEST_QUEUE_S / 2 * settings.rate_hz)
-        self._queue = FrameQueue(capacity, least_drop=self._period_frames)
-        self._due = asyncio.Event()
-        self._generation = 0
-        self._newest = -1  # that an update has taken
-        self.first_missing: Callable[[], int | None] = lambda: None
-        """Gives the least number that may still be filled in, None where none may."""
-        self.dropped_frames = 0
-        self.late_frames = 0
-        """Frames that were filled in after an update had gone on without them."""
-        self.working = False
+        self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="modelling")
+        self._activity = Activity()
+        self._behind_segmenting, self._behind_fitting = InFlight(), InFlight()
+        frames = self._factory.frames_at_once
+        capacity = max(2, round(LONGEST_QUEUE_S * settings.rate_hz / frames))
+        self._make_tasks(settings.rate_hz, keep_frames, capacity)
+        self._modeller = self._factory.make()
+        self.segmenting.start_model(self._modeller)
         self.finished = False
         self.frozen = False
         """Whether frames are not modelled for now, because a person wants it."""
 
-    def take(self, frames: RecordArray) -> None:
-        """Queue frames; never blocks."""
-        if self.finished or self.frozen:
-            return
-        self.dropped_frames += self._queue.put(frames)
-        first = self._queue.first_sequence
-        if first is not None and int(frames["sequence"][-1]) - first >= self._period_frames - 1:
-            self._due.set()
+    def _make_tasks(self, rate_hz: float, keep_frames: int, capacity: int) -> None:
+        worker, activity = self._worker, self._activity
+        fitting_queue = ItemQueue(capacity, True, self._behind_segmenting.leave)
+        queues = [ItemQueue(capacity, False, self._leave_both) for _ in range(2)]
+        self.completing = CompletingTask(worker, queues[1], activity, self._judged)
+        self.synthesizing = SynthesizingTask(worker, queues[0], activity, self.completing.put)
+        self.fitting = FittingTask(
+            worker, fitting_queue, activity, self._behind_fitting, self.synthesizing.put
+        )
+        self.segmenting = SegmentingTask(
+            self._factory.frames_at_once,
+            rate_hz,
+            keep_frames,
+            worker,
+            activity,
+            self._behind_segmenting,
+            self.fitting.put,
+        )
 
-    def fill(self, frames: RecordArray) -> None:
-        """Queue frames that came late at their place; never blocks."""
-        if self.finished or self.frozen:
-            return
-        early = frames[frames["sequence"] > self._newest]
-        self.late_frames += len(frames) - len(early)
-        self.dropped_frames += self._queue.insert(early)
+    @property
+    def working(self) -> bool:
+        """Whether one of the tasks is at work."""
+        return self._activity.busy > 0
+
+    @property
+    def figures(self) -> dict[str, Figures]:
+        """The figures of each task, by its name."""
+        return {
+            "segmenting": self.segmenting.figures,
+            "fitting": self.fitting.figures,
+            "synthesizing": self.synthesizing.figures,
+            "completing": self.completing.figures,
+        }
+
+    @property
+    def dropped_frames(self) -> int:
+        """Frames that found no room."""
+        return self.segmenting.figures.drops
+
+    @property
+    def late_frames(self) -> int:
+        """Frames that were filled in after an update had gone on without them."""
+        return self.segmenting.late_frames
+
+    def wait_for_missing(self, first_missing: Callable[[], int | None]) -> None:
+        """Let updates wait for frames from this number on, None where none may be filled in."""
+        self.segmenting.first_missing = first_missing
+
+    def put(self, frames: RecordArray) -> None:
+        """Queue frames (n,); never blocks."""
+        if not (self.finished or self.frozen):
+            self.segmenting.put(frames)
+
+    def insert(self, frames: RecordArray) -> None:
+        """Queue frames (n,) that came late at their place; never blocks."""
+        if not (self.finished or self.frozen):
+            self.segmenting.insert(frames)
 
     def look_again(self) -> None:
         """Go on if that which was missing has come, or will not come."""
-        self._due.set()
+        self.segmenting.look_again()
 
     def freeze(self, frozen: bool) -> None:
         """Leave the model as it is, or let it grow again; an update under way still counts."""
         self.frozen = frozen
         if frozen:
-            self._queue.take_all()
+            self.segmenting.clear()
 
     def reset(self) -> None:
-        """Start a new model; an update that is under way is thrown away."""
-        self._generation += 1
-        self._modeller = self._modellers.make()
-        self._queue.take_all()
+        """Start a new model; updates that are under way are thrown away."""
+        self._modeller = self._factory.make()
+        self._clear()
         self.finished = self.frozen = False
 
     async def finish(self, timeout_s: float) -> None:
         """Wait until whole periods that wait are modelled, for at most this long."""
         with suppress(TimeoutError):
             async with asyncio.timeout(timeout_s):
-                while self.working or (self._due.is_set() and not self.finished):
+                while self.working or self._behind_segmenting or self._frames_due:
                     await asyncio.sleep(_POLL_S)
 
-    async def run(self) -> None:
-        """Update until cancelled; modelling pauses once the stop criterion is met."""
-        with ThreadPoolExecutor(max_workers=1, thread_name_prefix="modelling") as worker:
-            loop = asyncio.get_running_loop()
-            while True:
-                frames = self._next_period()
-                if frames is None:
-                    self._due.clear()
-                    await self._due.wait()
-                    continue
-                generation, modeller = self._generation, self._modeller
-                started = time.perf_counter()
-                self.working = True
-                try:
-                    stages = modeller.stages(frames)
-                    update: ModelUpdate | str | None = None
-                    while update is None:  # between two stages the tick has the lock to itself
-                        update = await loop.run_in_executor(worker, next, stages, _NOT_DUE)
-                finally:
-                    self.working = False
-                if generation != self._generation or isinstance(update, str):
-                    continue
-                if self._modellers.done(update):
-                    self.finished = True
-                    self._queue.take_all()
-                self._on_update(update, time.perf_counter() - started)
+    def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
+        """Return what the event loop is to run, by name."""
+        return {
+            "segmenting": self.segmenting.run(),
+            "fitting": self.fitting.run(),
+            "synthesizing": self.synthesizing.run(),
+            "completing": self.completing.run(),
+        }
+
+    def close(self) -> None:
+        """End the worker, after the step that it is at."""
+        self._worker.shutdown(cancel_futures=True)
 
     def models(self) -> "dict[int, TextureModel]":
         """Return the model of each surface by number; none where they are not told apart."""
         return {} if isinstance(self._modeller, OnlineModeller) else self._modeller.models()
 
-    def _next_period(self) -> RecordArray | None:
-        """Return the frames of the next update, None where it is not due."""
-        if len(self._queue) > self._overloaded_frames:  # updates cannot keep up: make fewer
-            frames: RecordArray | None = self._queue.take_all()
-        else:
-            frames = self._queue.take_period(self._period_frames, self.first_missing())
-        if frames is not None:
-            self._newest = int(frames["sequence"][-1])
-        return frames
+    @property
+    def _frames_due(self) -> bool:
+        return self.segmenting.due and not self.finished
+
+    def _leave_both(self) -> None:
+        self._behind_fitting.leave()
+        self._behind_segmenting.leave()
+
+    def _clear(self) -> None:
+        """Throw away everything that waits or is under way."""
+        for task in (self.fitting, self.synthesizing, self.completing):
+            task.clear()
+        self.segmenting.start_model(self._modeller)
+        self._behind_fitting.clear()
+        self._behind_segmenting.clear()
+
+    def _judged(self, item: Item) -> None:
+        """Tell of an update; after the last one throw away what came behind it."""
+        update = item.work.update
+        if item.work.announced and update is not None:
+            if self._factory.done(update):
+                self.finished = True
+                self._clear()
+            self._on_update(update, item.seconds)
+        self._leave_both()

@@ -14,19 +14,16 @@ from mmt.leader.feedback_choice import build_feedback
 from mmt.leader.playout import PlayoutBuffer
 from mmt.leader.rendering import VibrationSwitch
 from mmt.leader.stream import StreamedMotion, StreamedVibration
-from mmt.scene import Rendering, Scene, Simulated
-from mmt.scene.device_tables import Actuator, Handle
-from mmt.scene.link_table import Link
-from mmt.scene.texture_table import Texture
+from mmt.scene import Actuator, Handle, Link, Rendering, Scene, Simulated, Texture
 
 if TYPE_CHECKING:
-    from mmt.devices.mending import LossCallback, Mended, MendedActuator
+    from mmt.devices.reconnection import LossCallback, ReconnectingActuator, ReconnectingDevice
     from mmt.leader.handle import OperatorHandle
     from mmt.leader.model_crossfade import ModelCrossfade
-    from mmt.leader.modelling import ModellingTask
+    from mmt.leader.modelling import Modelling
     from mmt.leader.warming import WarmingTask
     from mmt.session.recorder import McapRecorder
-    from mmt.texture.online.modeller import ModelUpdate
+    from mmt.texture.online.work import ModelUpdate
     from mmt.texture.synthesis.synthesizer import Synthesizer
     from mmt.web.monitor.tap import MonitorTap
 
@@ -39,7 +36,7 @@ class LeaderParts:
     handle: "OperatorHandle | None" = None
     """The hand, where it is a driver's handle that may be lost and come back."""
     actuator: VibrationActuator | None = None
-    mended: "MendedActuator | None" = None
+    mended: "ReconnectingActuator | None" = None
     """The actuator, where it is a driver's, which may be lost and come back."""
     playout: PlayoutBuffer | None = None
     streamed_vibration: StreamedVibration | None = None
@@ -47,7 +44,7 @@ class LeaderParts:
     tangential: tuple[int, int] = (0, 1)
     """The axes of the surface: those other than its normal."""
     feedback: Feedback | None = None
-    modelling: "ModellingTask | None" = None
+    modelling: "Modelling | None" = None
     warming: "WarmingTask | None" = None
     synthesizer: "Synthesizer | ModelCrossfade | None" = None
     crossfade: "ModelCrossfade | None" = None
@@ -104,7 +101,7 @@ class LeaderParts:
         if self.feedback is not None:
             self.feedback.take(frames)
         if self.modelling is not None:
-            self.modelling.take(frames)
+            self.modelling.put(frames)
         if self.warming is not None:
             self.warming.take(frames)
         if self.tap is not None:
@@ -125,12 +122,14 @@ class LeaderParts:
                     device.close()
             except Exception as error:  # noqa: BLE001 - the rest must still be closed
                 problems.append(f"closing {self._name(device)}: {error}")
+        if self.modelling is not None:
+            self.modelling.close()
         if self.recorder is not None:
             self.recorder.close()
         return problems
 
     @property
-    def may_be_lost(self) -> "list[Mended[Any]]":
+    def may_be_lost(self) -> "list[ReconnectingDevice[Any]]":
         """The devices without which the session goes on."""
         return [device for device in (self.handle, self.mended) if device is not None]
 
@@ -173,9 +172,9 @@ def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None])
     elif scene.handle is not None:
         _build_handle(scene, scene.handle, parts)
     if scene.texture is not None:
-        from mmt.leader.modelling import ModellingTask
+        from mmt.leader.modelling import Modelling
 
-        parts.modelling = ModellingTask(
+        parts.modelling = Modelling(
             scene.texture.settings(rate_hz),
             scene.texture.update_period_s,
             on_update,
@@ -198,7 +197,7 @@ def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None])
 
 
 def _build_handle(scene: Scene, table: Handle, parts: LeaderParts) -> None:
-    from mmt.devices.loading import load_device
+    from mmt.devices.drivers import load_device
 
     device: LeaderInterface = load_device(table.driver, table.options, role="handle")
     if table.on_lost == "stop":
@@ -215,10 +214,10 @@ def _make_actuator(table: Actuator, parts: LeaderParts) -> VibrationActuator:
         from mmt.testing.simulation.actuator import SimulatedActuator
 
         return SimulatedActuator(limit_m_s2=table.limit_m_s2)
-    from mmt.devices.loading import load_device
-    from mmt.devices.mending import MendedActuator
+    from mmt.devices.drivers import load_device
+    from mmt.devices.reconnection import ReconnectingActuator
 
-    parts.mended = MendedActuator(load_device(table.driver, table.options, role="actuator"))
+    parts.mended = ReconnectingActuator(load_device(table.driver, table.options, role="actuator"))
     return parts.mended
 
 

@@ -10,8 +10,8 @@ from mmt.core.ending import Ending
 from mmt.core.errors import MmtError
 from mmt.core.process import prefer_even_ticks
 from mmt.core.ticking import Ticker
+from mmt.leader.completing import ModelOutput
 from mmt.leader.journal import LOG, Journal
-from mmt.leader.models import ModelUse
 from mmt.leader.parts import LeaderParts, build_parts
 from mmt.leader.remote import RemoteFollower
 from mmt.leader.summary import LeaderStatus, LeaderSummary, RunLog, summarise
@@ -19,7 +19,7 @@ from mmt.leader.tick import LeaderTick
 from mmt.scene import Scene
 
 if TYPE_CHECKING:
-    from mmt.texture.online.modeller import ModelUpdate
+    from mmt.texture.online.work import ModelUpdate
     from mmt.web.monitor.running import LeaderMonitor
 
 _STATUS_PERIOD_S: Final = 0.2
@@ -58,7 +58,7 @@ class LeaderService:
         self.log = RunLog()
         self._journal = Journal(self.parts, on_event or (lambda _: None), lambda: self.time_s)
         self.parts.watch(self._journal.event)
-        self.models = ModelUse(self.parts, self.log, self._journal.event)
+        self.models = ModelOutput(self.parts, self.log, self._journal.event)
         self.remote: RemoteFollower | None = None
         if scene.link is not None:
             self.remote = RemoteFollower(scene, self.parts, self.log, self._journal, self.ending)
@@ -98,7 +98,10 @@ class LeaderService:
             await self._open()
             tasks.append(asyncio.create_task(self._report_status()))
             if parts.modelling is not None:
-                tasks.append(asyncio.create_task(parts.modelling.run()))
+                tasks += [
+                    asyncio.create_task(coroutine, name=name)
+                    for name, coroutine in parts.modelling.tasks().items()
+                ]
             if parts.warming is not None:
                 tasks.append(asyncio.create_task(parts.warming.run()))
             self.ticker.start()
@@ -210,7 +213,7 @@ class LeaderService:
             self.ending.stop("completed")
 
     def _on_update(self, update: "ModelUpdate", seconds: float) -> None:
-        self.models.take(update, seconds)
+        self.models.update(update, seconds)
 
     async def _report_status(self) -> None:
         while True:

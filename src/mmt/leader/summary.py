@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from mmt.leader.surface_log import SurfaceLog
     from mmt.link.protocol import LinkStatistics
     from mmt.texture.library.identification import Choice
-    from mmt.texture.online.modeller import ModelUpdate
+    from mmt.texture.online.work import ModelUpdate
 
 _UNWANTED: Final = (FAILED, f"follower {FAILED}", "follower lost")
 
@@ -151,6 +151,7 @@ def _texture(log: RunLog, parts: LeaderParts, duration_s: float) -> dict[str, An
         "update_longest_ms": round(1e3 * max(seconds), 2) if seconds else None,
         "dropped_frames": parts.modelling.dropped_frames,
         "late_frames": parts.modelling.late_frames,
+        "tasks": {name: task.as_dict() for name, task in parts.modelling.figures.items()},
     }
 
 

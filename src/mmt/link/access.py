@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from mmt.core.errors import InputError
-from mmt.scene.link_table import Link
+from mmt.scene import Link
 
 TOKEN_VARIABLE: Final = "MMT_LINK_TOKEN"  # noqa: S105 - the variable's name
 SHORTEST_TOKEN: Final = 16

@@ -20,8 +20,8 @@ from mmt.core.errors import InputError
 from mmt.core.timer_file import TimerFile, open_timer
 from mmt.link.impairments import MessageFates
 from mmt.link.queue import SendQueue
+from mmt.scene import Network
 from mmt.scene.files import table_from
-from mmt.scene.network_table import Network
 
 _MOST_HELD: Final = 20_000
 """Messages that are held back at most."""

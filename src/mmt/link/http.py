@@ -12,7 +12,7 @@ from mmt.core.errors import MmtError
 from mmt.link.access import Access, check_listening
 from mmt.link.protocol import MAX_MESSAGE_BYTES, PING_INTERVAL_S, PING_TIMEOUT_S
 from mmt.link.websocket import LINK_PATH, ServerSockets, wire_logger
-from mmt.scene.link_table import Link
+from mmt.scene import Link
 
 if TYPE_CHECKING:
     from prometheus_client import CollectorRegistry

@@ -8,7 +8,7 @@ import math
 import random
 from typing import Final
 
-from mmt.scene.network_table import Network
+from mmt.scene import Network
 
 __all__ = ["MessageFates"]
 

@@ -30,7 +30,7 @@ from mmt.link.protocol import (
     reason_of,
 )
 from mmt.link.reader import BlockReader
-from mmt.scene.link_table import Link
+from mmt.scene import Link
 
 if TYPE_CHECKING:
     from mmt.link.emulation import EmulatedNetwork

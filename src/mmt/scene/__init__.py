@@ -2,45 +2,19 @@
 
 from mmt.scene.device_tables import Actuator, Devices, Driver, Handle
 from mmt.scene.feedback_table import ForceFeedback
-from mmt.scene.hand_table import Hand
 from mmt.scene.link_table import Link
-from mmt.scene.network_table import Network
-from mmt.scene.scene import (
-    LARGEST_SPEED,
-    Course,
-    Metrics,
-    Monitor,
-    Playout,
-    Recording,
-    Rendering,
-    Replay,
-    Scene,
-    Session,
-    Simulated,
-)
-from mmt.scene.texture_table import Selection, Surfaces, Texture
+from mmt.scene.monitoring_tables import Metrics, Monitor
+from mmt.scene.network_table import PROFILES, Network
+from mmt.scene.recording_tables import LARGEST_SPEED, Recording, Replay
+from mmt.scene.rendering_tables import Playout, Rendering
+from mmt.scene.scene import PART_TABLES, Scene, Session
+from mmt.scene.simulated_tables import Course, Hand, Simulated
+from mmt.scene.table import Part, PartTable, Service, Table
+from mmt.scene.texture_table import Texture
 
 __all__ = [
-    "LARGEST_SPEED",
-    "Actuator",
-    "Course",
-    "Devices",
-    "Driver",
-    "ForceFeedback",
-    "Hand",
-    "Handle",
-    "Link",
-    "Metrics",
-    "Monitor",
-    "Network",
-    "Playout",
-    "Recording",
-    "Rendering",
-    "Replay",
-    "Scene",
-    "Selection",
-    "Session",
-    "Simulated",
-    "Surfaces",
-    "Texture",
-]
+    "LARGEST_SPEED", "PART_TABLES", "PROFILES", "Actuator", "Course", "Devices", "Driver",
+    "ForceFeedback", "Hand", "Handle", "Link", "Metrics", "Monitor", "Network", "Part", "PartTable",
+    "Playout", "Recording", "Rendering", "Replay", "Scene", "Service", "Session",
+    "Simulated", "Table", "Texture",
+]  # fmt: skip

@@ -1,17 +1,19 @@
 """The scene's tables that name drivers."""
 
-from typing import Any, Final, Literal, Self
+from typing import Any, ClassVar, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
+
+from mmt.scene.table import PartTable, Service, Table
 
 DRIVER_PATTERN: Final = r"^([\w-]+|[\w.]+:\w+)$"
 """A driver's name, as in ``ati-net-ft``, or ``package.module:factory``."""
 
 
-class Driver(BaseModel):
+class Driver(Table):
     """A driver and its options, which the driver itself checks; a name alone is short for it."""
 
-    model_config = ConfigDict(extra="allow", frozen=True)
+    model_config = ConfigDict(extra="allow")
 
     driver: str = Field(pattern=DRIVER_PATTERN)
 
@@ -26,16 +28,18 @@ class Driver(BaseModel):
         return dict(self.model_extra or {})
 
 
-class Handle(Driver):
+class Handle(Driver, PartTable):
     """``[handle]``: the operator holds a real handle."""
+
+    model_config = ConfigDict(extra="allow")
 
     on_lost: Literal["hold", "stop"] = "hold"
 
 
-class Actuator(BaseModel):
+class Actuator(PartTable):
     """``[actuator]``: what the vibration is written to; without a driver a simulated one."""
 
-    model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="allow")
 
     driver: str | None = Field(None, pattern=DRIVER_PATTERN)
     limit_m_s2: float = Field(60.0, gt=0, le=1000)
@@ -55,10 +59,10 @@ class Actuator(BaseModel):
         return self
 
 
-class Devices(BaseModel):
+class Devices(PartTable):
     """``[devices]``: the follower reads real devices, each by its driver."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    runs_in: ClassVar[tuple[Service, ...]] = ("follower",)
 
     robot: Driver
     force_sensor: Driver | None = None

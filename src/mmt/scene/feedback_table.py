@@ -2,7 +2,9 @@
 
 from typing import Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
+
+from mmt.scene.table import PartTable, Service
 
 _PORT: Final = ("reserve_mj", "largest_damping_n_s_m")
 _KEYS: Final[dict[str, tuple[str, ...]]] = {
@@ -13,10 +15,8 @@ _KEYS: Final[dict[str, tuple[str, ...]]] = {
 """The keys that a method has beside ``method`` and ``limit_n``."""
 
 
-class ForceFeedback(BaseModel):
+class ForceFeedback(PartTable):
     """``[force_feedback]``: the remote force goes to the leader's interface."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     method: Literal["streamed", "passive", "model"] = "streamed"
     limit_n: float = Field(3.3, gt=0, le=40)
@@ -40,3 +40,8 @@ class ForceFeedback(BaseModel):
                 f"remove it, or set method = {methods}"
             )
         return self
+
+    @property
+    def services(self) -> tuple[Service, ...]:
+        """The services in which it runs: the follower has a part in every method but one."""
+        return self.runs_in if self.method == "streamed" else ("leader", "follower")

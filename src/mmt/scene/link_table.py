@@ -1,15 +1,17 @@
 """The scene's table ``[link]``: who listens, who may connect, and what silence means."""
 
 from pathlib import Path
-from typing import Literal, Self
+from typing import ClassVar, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
+
+from mmt.scene.table import PartTable, Service
 
 
-class Link(BaseModel):
+class Link(PartTable):
     """``[link]``: the leader listens, the follower connects."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    runs_in: ClassVar[tuple[Service, ...]] = ("leader", "follower")
 
     host: str = "127.0.0.1"
     port: int = Field(8765, ge=0, le=65_535)

@@ -1,8 +1,10 @@
 """The scene's table ``[network]``: the network that is emulated between the two services."""
 
-from typing import Any, Final, Literal, Self
+from typing import Any, ClassVar, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
+
+from mmt.scene.table import PartTable, Service
 
 PROFILES: Final[dict[str, dict[str, float]]] = {
     "lan": {"delay_ms": 0.3, "jitter_ms": 0.2},
@@ -20,10 +22,10 @@ PROFILES: Final[dict[str, dict[str, float]]] = {
 """What each profile sets; a key that is given beside the profile has its own value."""
 
 
-class Network(BaseModel):
+class Network(PartTable):
     """``[network]``: what the services do to each other's messages before they are sent."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    runs_in: ClassVar[tuple[Service, ...]] = ("leader", "follower")
 
     profile: Literal["lan", "wifi", "wan", "bad", "outage"] | None = None
     direction: Literal["both", "up", "down"] = "both"

@@ -4,28 +4,24 @@ A table that is absent is a part that does not exist in that run. Both services 
 same file. Every key is documented in ``docs/reference/scene.md``.
 """
 
-from pathlib import Path
-from typing import Annotated, Any, Final, Literal, Self
+from typing import Any, Final, Literal, Self, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from mmt.core.frames import Channel, ordered_channels
 from mmt.scene.device_tables import Actuator, Devices, Handle
 from mmt.scene.feedback_table import ForceFeedback
-from mmt.scene.hand_table import Hand
 from mmt.scene.link_table import Link
+from mmt.scene.monitoring_tables import Metrics, Monitor
 from mmt.scene.network_table import Network
+from mmt.scene.recording_tables import Recording, Replay
+from mmt.scene.rendering_tables import Playout, Rendering
+from mmt.scene.simulated_tables import Hand, Simulated
+from mmt.scene.table import Part, Service, Table
 from mmt.scene.texture_table import Texture
 
-LARGEST_SPEED: Final = 100.0
-"""Of a replay, over real time."""
 
-
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class Session(_Table):
+class Session(Table):
     """``[session]``: what every run has."""
 
     name: str = Field("session", min_length=1, max_length=64, pattern=r"^[\w.-]+$")
@@ -34,71 +30,7 @@ class Session(_Table):
     seed: int = Field(1, ge=0, lt=2**63)
 
 
-class Course(_Table):
-    """``[simulated.course]``: the tool goes over several known surfaces."""
-
-    surfaces: tuple[str, ...] = Field(min_length=1, max_length=5)
-    stay_s: float = Field(8.0, ge=0.5, le=3600)
-    change: Literal["lifted", "contact", "either"] = "lifted"
-
-
-class Simulated(_Table):
-    """``[simulated]``: a robot, a surface of known texture and noisy sensors."""
-
-    surface: str = "plastic"
-    robot_bandwidth_hz: float = Field(15.0, ge=1, le=60)
-    surface_stiffness_n_mm: float = Field(5.0, ge=0.05, le=50)
-    noise: bool = True
-    course: Course | None = None
-
-
-class Replay(_Table):
-    """``[replay]``: the follower sends a recorded session with its true timing."""
-
-    file: Path | None = None
-    speed: float = Field(1.0, gt=0, le=LARGEST_SPEED)
-    loop: bool = False
-    gaps: Literal["keep", "skip"] = "keep"
-
-
-class Rendering(_Table):
-    """``[rendering]``: synthesize vibration from the model."""
-
-    model: Path | None = None
-    before: Literal["stream", "warm", "silent"] = "stream"
-    library: list[Path] = Field(default=[])
-    renewal_samples: int = Field(1, ge=1, le=1000)
-    crossfade_ms: float = Field(50.0, ge=0, le=1000)
-
-
-class Playout(_Table):
-    """``[playout]``: streamed vibration through a buffer that bridges jitter."""
-
-    delay_ms: Annotated[float, Field(ge=0, le=1000)] | Literal["auto"] = "auto"
-    longest_delay_ms: float = Field(100.0, gt=0, le=1000)
-    conceal: Literal["auto", "model", "repetition", "silence"] = "auto"
-
-
-class Recording(_Table):
-    """``[recording]``: every frame received goes into an MCAP file."""
-
-    file: Path = Path("mmt-demo/session.mcap")
-    channels: Literal["all", "needed"] = "all"
-
-
-class Metrics(_Table):
-    """``[metrics]``: figures for Prometheus, at the leader's port and one of the follower's."""
-
-    follower_port: int | None = Field(None, ge=1, le=65_535)
-
-
-class Monitor(_Table):
-    """``[monitor]``: the leader serves a page that shows the run while it lasts."""
-
-    updates_hz: float = Field(25.0, ge=1, le=60)
-
-
-class Scene(_Table):
+class Scene(Table):
     """One run; a table that is absent (None) is a part that is left out."""
 
     session: Session = Session()
@@ -173,18 +105,27 @@ class Scene(_Table):
         """Return how many frames the follower keeps for a leader that lacks some."""
         return round(self.link.keep_s * self.session.rate_hz) if self.link is not None else 0
 
-    def parts(self) -> dict[str, bool]:
-        """Return every part by its table's name and whether it runs."""
-        return {
-            name: getattr(self, name) is not None
-            for name in type(self).model_fields
-            if name != "session"
-        }
+    def parts(self, service: Service | None = None) -> dict[str, bool]:
+        """Return every part, or those of one service, by its table's name and whether it runs."""
+        parts = {}
+        for name, kind in PART_TABLES.items():
+            table = getattr(self, name)
+            services = kind.runs_in if table is None else table.services
+            if service is None or service in services:
+                parts[name] = table is not None
+        return parts
 
     def dump(self) -> dict[str, Any]:
         """Return the resolved scene as JSON-ready tables, absent ones left out."""
         return self.model_dump(mode="json", exclude_none=True)
 
+
+PART_TABLES: Final[dict[str, type[Part]]] = {
+    name: get_args(field.annotation)[0]
+    for name, field in Scene.model_fields.items()
+    if name != "session"
+}
+"""The class of every part's table, by the table's name."""
 
 Rules = list[tuple[bool, str]]
 """Whether a combination is given, and what a person is told of it."""

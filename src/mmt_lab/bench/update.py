@@ -96,7 +96,8 @@ def _stages(blocks: Sequence[RecordArray], plan: Plan) -> Panel:
             if number >= plan.first_second:
                 for count in plan.counts:
                     grown = copy.deepcopy(modeller)
-                    grown.fits = extra[count].copy()
+                    grown.fits.clear()
+                    grown.fits.update(extra[count])
                     _note(durations[count], grown.update(block).durations_s)
             modeller.update(block)
     curves = Curves()

@@ -13,7 +13,7 @@ from mmt.core.errors import InputError, MmtError
 from mmt.evaluation.document import Table
 from mmt.evaluation.table import as_rich
 from mmt.evaluation.texts import number, share
-from mmt.scene.texture_table import Texture
+from mmt.scene import Texture
 from mmt.session import RecordedSession, read_session
 from mmt_lab.cli.counting import check_workers, counting, processes
 from mmt_lab.sweep.combinations import Job, Outcome, Settings, SweepResults, combinations, make_jobs

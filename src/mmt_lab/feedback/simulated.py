@@ -29,7 +29,7 @@ from mmt.testing.simulation import PERIOD_S
 from mmt.testing.simulation.robot import START_MM, SimulatedRobot
 from mmt_lab.feedback.delays import DelayLine
 from mmt_lab.feedback.sides import PASSIVITY, Display, Method, handle_state, make_sides
-from mmt_lab.stability.delay import LIGHT_GRIP
+from mmt_lab.stability.loop_theory import LIGHT_GRIP
 
 WALLS_N_MM: Final = (0.1, 0.5, 2.0, 10.0, 50.0)
 DELAYS_MS: Final = (0, 10, 50, 100, 200)

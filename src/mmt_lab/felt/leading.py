@@ -11,8 +11,7 @@ from mmt.leader.concealment import build_concealment
 from mmt.leader.playout import PlayoutBuffer
 from mmt.leader.rendering import VibrationSwitch
 from mmt.leader.stream import StreamedVibration
-from mmt.scene import Playout, Rendering
-from mmt.scene.device_tables import Actuator
+from mmt.scene import Actuator, Playout, Rendering
 from mmt.testing.simulation import PERIOD_NS, RATE_HZ
 from mmt.testing.simulation.vibration import Vibration
 from mmt.texture.model.texture_model import TextureModel

@@ -15,9 +15,7 @@ from mmt.core.arrays import FloatArray, IntArray, RecordArray
 from mmt.core.frames import CHANNELS
 from mmt.devices.protocols import Vector
 from mmt.link.impairments import MessageFates
-from mmt.scene import Simulated
-from mmt.scene.hand_table import Hand
-from mmt.scene.network_table import Network
+from mmt.scene import Hand, Network, Simulated
 from mmt.testing.simulation import PERIOD_NS
 from mmt.testing.simulation.follower import SimulatedFollower
 from mmt.testing.simulation.hand import SimulatedHand

@@ -11,7 +11,7 @@ from mmt.evaluation.document import Table
 from mmt.evaluation.figures import COLOURS
 from mmt.evaluation.report_files import picture
 from mmt.evaluation.texts import number
-from mmt.scene.network_table import PROFILES, Network
+from mmt.scene import PROFILES, Network
 from mmt_lab.felt.judging import HOP, LEAST_RMS_M_S2, WINDOW
 from mmt_lab.felt.summary import (
     AT_ONCE,

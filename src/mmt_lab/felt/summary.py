@@ -8,7 +8,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray
-from mmt.scene.network_table import Network
+from mmt.scene import Network
 from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.textures import SURFACES
 from mmt.texture.online.modeller import ModelUpdate

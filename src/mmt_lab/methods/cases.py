@@ -9,8 +9,7 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.scene import Scene
-from mmt.scene.hand_table import Hand
+from mmt.scene import Hand, Scene
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.recorded_path import LARGEST_SCALE, load_path
 from mmt.testing.simulation.textures import SURFACES

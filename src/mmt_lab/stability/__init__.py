@@ -1,1 +1,1 @@
-"""Numerical stability where it is stiff and extreme: cases that hold, or do not."""
+"""The stiff and extreme cases of ``mmt stability``, and what runs them."""

@@ -1,4 +1,4 @@
-"""A case of the stability table: what is done, what is expected of it, and what came out."""
+"""Cases of the stability table: what is done, what is expected, and what came out."""
 
 import math
 import time
@@ -8,27 +8,57 @@ from typing import Any
 
 import numpy as np
 
+from mmt.evaluation.document import Picture
+
+Figures = Mapping[str, Any]
+"""The numbers behind an outcome, by name, for programs and plots."""
+
 
 @dataclass(frozen=True)
 class Outcome:
     """What a case gave.
 
-    ``got`` says it in a few words; ``held`` whether that is what was expected; ``figures``
-    holds the numbers behind it, for programs and plots.
+    Attributes
+    ----------
+    got
+        What came out, in a few words.
+    held
+        Whether that is what was expected.
+    figures
+        The numbers behind it.
     """
 
     got: str
     held: bool
-    figures: Mapping[str, Any] = field(default_factory=dict)
+    figures: Figures = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Case:
-    """One row to be: ``what`` is done and what is ``expected``, each in a few words."""
+    """A case to run: ``what`` is done and what is ``expected``, each in a few words."""
 
     what: str
     expected: str
     run: Callable[[], Outcome]
+
+
+@dataclass(frozen=True)
+class Family:
+    """Cases of one kind.
+
+    Attributes
+    ----------
+    title
+        Heading of their table.
+    cases
+        Returns all cases.
+    pictures
+        Draws what a report shows above the table, from the figures of all rows; None for nothing.
+    """
+
+    title: str
+    cases: Callable[[], Sequence[Case]]
+    pictures: Callable[[Sequence[Figures]], Sequence[Picture]] | None = None
 
 
 @dataclass(frozen=True)
@@ -41,7 +71,7 @@ class Row:
     got: str
     held: bool
     seconds: float
-    figures: Mapping[str, Any]
+    figures: Figures
 
     def as_dict(self) -> dict[str, Any]:
         """Return the row for a program."""
@@ -57,7 +87,7 @@ class Row:
 
 
 def _for_json(value: Any) -> Any:
-    """Return a figure with null for what is no number, which JSON does not know."""
+    """Return a figure with None for what is not finite, which JSON cannot write."""
     if isinstance(value, Mapping):
         return {name: _for_json(item) for name, item in value.items()}
     if isinstance(value, Sequence) and not isinstance(value, str):
@@ -70,7 +100,7 @@ def _for_json(value: Any) -> Any:
 
 
 def run_case(family: str, case: Case) -> Row:
-    """Run one case of a family; one that raises has not held."""
+    """Run one case of a family; a case that raises did not hold."""
     started = time.perf_counter()
     try:
         outcome = case.run()

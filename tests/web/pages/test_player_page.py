@@ -12,7 +12,7 @@ import pytest_asyncio
 from page_browser import DESKTOP, LONGEST_MS, MARKS, TABLET, a_page, api, browser, shows
 from player_samples import NAMES, address, playing
 
-from mmt.web.player.player import Player
+from mmt.web.player.server import PlayerServer
 
 __all__ = ["browser"]
 pytestmark = MARKS
@@ -29,18 +29,18 @@ async def a_player(
     script: str = "",
     port: int = 0,
     **how: Any,
-) -> AsyncIterator[tuple[Any, Player]]:
+) -> AsyncIterator[tuple[Any, PlayerServer]]:
     """A page at a player, with its sound on."""
     async with (
-        playing(directory, port=port) as player,
+        playing(directory, port=port) as server,
         a_page(browser, size, **how) as (page, problems),
     ):
         await page.add_init_script(script)
-        await page.goto(address(player))
+        await page.goto(address(server))
         await shows(page, "#connection", "live")
         await api.expect(page.locator(".tile")).to_have_count(3)
         await page.click("#start")
-        yield page, player
+        yield page, server
         assert problems == []
 
 
@@ -48,8 +48,8 @@ async def a_player(
 async def silent(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Any]:
     """A page at a player, without sound, for what takes none."""
     directory = tmp_path_factory.mktemp("silent")
-    async with playing(directory) as player, a_page(browser) as (page, problems):
-        await page.goto(address(player))
+    async with playing(directory) as server, a_page(browser) as (page, problems):
+        await page.goto(address(server))
         await api.expect(page.locator(".tile")).to_have_count(3)
         yield page
         assert problems == []
@@ -126,9 +126,11 @@ async def test_a_mouse_is_heard_while_it_strokes_and_not_beyond_the_grid(
 
 
 async def test_a_pen_presses(browser: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    async with a_player(browser, tmp_path, TABLET, touch=True) as (page, player):
+    async with a_player(browser, tmp_path, TABLET, touch=True) as (page, server):
         felt: list[float] = []
-        monkeypatch.setattr(player, "record", lambda _, motion, __: felt.append(motion.force_n))
+        monkeypatch.setattr(
+            server.player, "record", lambda _, motion, __: felt.append(motion.force_n)
+        )
         cdp = await page.context.new_cdp_session(page)
         box = await page.locator(".tile").first.bounding_box()
 
@@ -148,14 +150,14 @@ async def test_a_pen_presses(browser: Any, tmp_path: Path, monkeypatch: pytest.M
 
 
 async def test_exploration_from_begin_to_the_last_rating(browser: Any, tmp_path: Path) -> None:
-    async with a_player(browser, tmp_path, TABLET, scheme="dark") as (page, player):
+    async with a_player(browser, tmp_path, TABLET, scheme="dark") as (page, server):
         dark = await page.evaluate("getComputedStyle(document.body).backgroundColor")
         assert dark == "rgb(20, 24, 27)"
         await page.fill("#participant", "P1")
         await page.click("#begin-form button")
         for trial in range(3):
             await shows(page, "#prompt", f"{trial + 1} of 3")
-            study = player.study
+            study = server.player.study
             assert study is not None
             asked = study.order[trial]
             await api.expect(page.locator(".tile.asked")).to_contain_text(NAMES[asked])
@@ -176,7 +178,7 @@ async def test_exploration_from_begin_to_the_last_rating(browser: Any, tmp_path:
 
 
 async def test_matching_from_begin_to_the_count(browser: Any, tmp_path: Path) -> None:
-    async with a_player(browser, tmp_path) as (page, player):
+    async with a_player(browser, tmp_path) as (page, server):
         await page.select_option("#scenario", "matching")
         await page.fill("#participant", "P2")
         await page.keyboard.press("Enter")
@@ -185,7 +187,7 @@ async def test_matching_from_begin_to_the_count(browser: Any, tmp_path: Path) ->
         assert await fits(page)
         grid = await page.locator("#grid").inner_text()
         assert not any(name in grid for name in NAMES)
-        study = player.study
+        study = server.player.study
         assert study is not None
         under = [study.texture(tile) for tile in range(3)]
         for sample in study.order:
@@ -228,13 +230,13 @@ async def test_a_hidden_page_is_silent_and_goes_on_when_it_is_back(
 async def test_a_lost_connection_falls_silent_and_is_found_again(
     browser: Any, tmp_path: Path, unused_tcp_port: int
 ) -> None:
-    async with a_player(browser, tmp_path, port=unused_tcp_port) as (page, player):
+    async with a_player(browser, tmp_path, port=unused_tcp_port) as (page, server):
         await stroke(page, 1)
         await hears(page, 1.4, 2.6)
-        await player.stop()
+        await server.stop()
         await shows(page, "#connection", "connection lost")
         await hears(page, 0.0, 0.0)
-        await player.start("127.0.0.1", unused_tcp_port)
+        await server.start("127.0.0.1", unused_tcp_port)
         await shows(page, "#connection", "live")
         await hears(page, 1.4, 2.6)
 

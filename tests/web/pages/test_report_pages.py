@@ -18,7 +18,7 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt_lab.bench.presenting import write_bench_report
 from mmt_lab.bench.results import Axis, Curves, Panel, Spread, StageResult
 from mmt_lab.stability.cases import Row
-from mmt_lab.stability.report import write_stability_report
+from mmt_lab.stability.running import write_stability_report
 
 api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 CHROMIUM = shutil.which("chromium")

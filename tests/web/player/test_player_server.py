@@ -15,11 +15,11 @@ from mmt.session import read_session
 from mmt.session.data import missing_frames
 from mmt.session.info import info
 from mmt.texture.model.texture_model import TextureModel
-from mmt.web.player.player import TAKEN_OVER
+from mmt.web.player.server import TAKEN_OVER
 
 
 async def test_a_page_hears_the_texture_that_it_strokes(tmp_path: Path) -> None:
-    async with playing(tmp_path) as player, visiting(player) as page:
+    async with playing(tmp_path) as server, visiting(server) as page:
         hello = await page.until("hello")
         assert hello["names"] == list(NAMES)
         assert hello["arrays"]["pictures"].shape[0] == 3
@@ -34,7 +34,7 @@ async def test_a_page_hears_the_texture_that_it_strokes(tmp_path: Path) -> None:
 
 
 async def test_what_makes_no_sense_is_counted_and_the_page_goes_on(tmp_path: Path) -> None:
-    async with playing(tmp_path) as player, visiting(player) as page:
+    async with playing(tmp_path) as server, visiting(server) as page:
         for text in ("", "[]", "null", '{"do": 3}', '{"do": "play"}', '{"do": "jump", "id": 4}'):
             await page.socket.send_str(text)
         assert (await page.until("answer"))["text"] == "begin a scenario first"
@@ -47,9 +47,9 @@ async def test_what_makes_no_sense_is_counted_and_the_page_goes_on(tmp_path: Pat
 
 
 async def test_the_newest_page_plays(tmp_path: Path) -> None:
-    async with playing(tmp_path) as player, visiting(player) as first:
+    async with playing(tmp_path) as server, visiting(server) as first:
         await first.open()
-        async with visiting(player) as second:
+        async with visiting(server) as second:
             await second.open()
             async with asyncio.timeout(60):
                 while (await first.socket.receive()).type is not aiohttp.WSMsgType.CLOSE:
@@ -60,36 +60,36 @@ async def test_the_newest_page_plays(tmp_path: Path) -> None:
 
 async def test_a_page_without_the_token_hears_nothing(tmp_path: Path) -> None:
     token = "a token that nobody guesses"
-    async with playing(tmp_path, token=token) as player:
-        async with visiting(player, "another one") as page:
+    async with playing(tmp_path, token=token) as server:
+        async with visiting(server, "another one") as page:
             async with asyncio.timeout(60):
                 assert (await page.socket.receive()).data == 4401
-        async with visiting(player, token) as page:
+        async with visiting(server, token) as page:
             assert (await page.open())["rate_hz"] == RATE_HZ
 
 
 async def test_pages_of_other_sites_are_refused(tmp_path: Path) -> None:
-    async with playing(tmp_path) as player, aiohttp.ClientSession() as http:
+    async with playing(tmp_path) as server, aiohttp.ClientSession() as http:
         for headers in ({"Origin": "http://elsewhere.example"}, {"Host": "elsewhere.example"}):
-            async with http.get(address(player, "/player/socket"), headers=headers) as answer:
+            async with http.get(address(server, "/player/socket"), headers=headers) as answer:
                 assert answer.status == 403
 
 
 async def test_nobody_else_reaches_the_player_unless_that_is_allowed(tmp_path: Path) -> None:
-    async with playing(tmp_path) as player:
+    async with playing(tmp_path) as server:
         with pytest.raises(InputError, match="--token-file"):
-            await player.start("0.0.0.0", 0)
+            await server.start("0.0.0.0", 0)
 
 
 async def test_a_scenario_outlasts_its_page(tmp_path: Path) -> None:
-    async with playing(tmp_path) as player:
-        async with visiting(player) as page:
+    async with playing(tmp_path) as server:
+        async with visiting(server) as page:
             await page.open()
             assert (await page.order(do="begin", scenario="exploration", participant="P7"))["ok"]
             assert not (await page.order(do="rate", rating=4))["ok"]
-            await page.stroke(player.study.order[0], 1.2)  # type: ignore[union-attr]
+            await page.stroke(server.player.study.order[0], 1.2)  # type: ignore[union-attr]
             assert (await page.order(do="rate", rating=4))["ok"]
-        async with visiting(player) as page:
+        async with visiting(server) as page:
             state = await page.until("study")
             assert (state["trial"], state["participant"]) == (2, "P7")
     with (tmp_path / "results.csv").open(newline="") as stream:
@@ -98,7 +98,7 @@ async def test_a_scenario_outlasts_its_page(tmp_path: Path) -> None:
 
 async def test_touches_are_recorded_as_sessions_that_can_be_evaluated(tmp_path: Path) -> None:
     record = tmp_path / "touch.mcap"
-    async with playing(tmp_path, record=record) as player, visiting(player) as page:
+    async with playing(tmp_path, record=record) as server, visiting(server) as page:
         await page.open()
         await page.stroke(1, 1.0, 60.0)
         await page.play(None)
@@ -126,7 +126,7 @@ async def test_touches_are_recorded_as_sessions_that_can_be_evaluated(tmp_path: 
 async def test_a_recording_that_cannot_be_made_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     record = tmp_path / "file" / "t.mcap"
-    async with playing(tmp_path, record=record, count=1) as player, visiting(player) as page:
+    async with playing(tmp_path, record=record, count=1) as server, visiting(server) as page:
         await page.open()
         await page.stroke(0, 0.1)
         while (problem := (await page.until("status"))["problem"]) is None:

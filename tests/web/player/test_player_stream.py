@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from player_samples import RATE_HZ, RMS_M_S2, flat_texture, textures
 
 from mmt.core.errors import InputError
+from mmt.web.player.messages import PlayRequest, parse, play_request
 from mmt.web.player.motion import PointerMotion
-from mmt.web.player.pictures import SIZE, picture
-from mmt.web.player.requests import PlayRequest, parse, play_request
+from mmt.web.player.player import SIZE, picture
 from mmt.web.player.stream import LONGEST_LEAD_S, Stream
 
 

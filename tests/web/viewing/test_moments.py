@@ -16,7 +16,7 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import ModellingSettings
 from mmt.web.viewing import traces
-from mmt.web.viewing.happenings import LinkRecord, happenings
+from mmt.web.viewing.events import LinkRecord, session_events
 from mmt.web.viewing.recording import ViewedRecording
 
 SETTINGS = ModellingSettings()
@@ -112,7 +112,7 @@ def test_of_events_a_person_gets_what_matters() -> None:
         {"at_s": 3.0, "event": "marked: wood", "mark": "wood"},
         {"at_s": 4.0, "event": "start criterion met at 4.0 s"},
     ]
-    found = [(h.at_s, h.kind) for h in happenings(events)]
+    found = [(h.at_s, h.kind) for h in session_events(events)]
     assert found == [(0.0, "other"), (2.0, "gap"), (3.0, "mark"), (4.0, "criterion")]
     assert LinkRecord(events).at(2.1, np.zeros((0, 2), np.int64))["missed"] == 30
     table = LinkRecord(events).at(9.0, np.zeros((0, 2), np.int64))

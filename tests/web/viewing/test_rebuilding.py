@@ -14,16 +14,16 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.online.history import build, update_blocks
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
-from mmt.web.viewing.rebuilding import Rebuilding, frozen_spans
+from mmt.web.viewing.rebuilding import ModelRebuild, frozen_spans
 
 FRAMES, _ = simulate_session(Scene(), "plastic", 14.0)
 NEVER = ModellingSettings(start_distance=12.0, stop_distance=1e-6)
 
 
-def rebuilt(settings: ModellingSettings, events: list[JsonObject] | None = None) -> Rebuilding:
+def rebuilt(settings: ModellingSettings, events: list[JsonObject] | None = None) -> ModelRebuild:
     """Return the finished building of a session's model."""
     windows = MemoryWindows(RecordedSession(FRAMES, events=events or []))
-    rebuilding = Rebuilding(windows, settings, 1.0)
+    rebuilding = ModelRebuild(windows, settings, 1.0)
     rebuilding.start()
     deadline = time.monotonic() + 120
     while not rebuilding.done and time.monotonic() < deadline:
@@ -110,7 +110,7 @@ def test_each_surface_has_its_own_model_and_criteria() -> None:
     settings = ModellingSettings(
         order=10, start_distance=20.0, stop_distance=9.0, surfaces=SurfaceSettings()
     )
-    rebuilding = Rebuilding(MemoryWindows(RecordedSession(frames)), settings, 1.0)
+    rebuilding = ModelRebuild(MemoryWindows(RecordedSession(frames)), settings, 1.0)
     rebuilding._run()
     states = rebuilding.states
     surfaces = [state.surface for state in states]
@@ -130,7 +130,7 @@ def test_each_surface_has_its_own_model_and_criteria() -> None:
 
 def test_building_can_be_left_at_any_time() -> None:
     windows = MemoryWindows(RecordedSession(FRAMES))
-    rebuilding = Rebuilding(windows, NEVER, 1.0)
+    rebuilding = ModelRebuild(windows, NEVER, 1.0)
     rebuilding.start()
     rebuilding.close()
     assert rebuilding.done

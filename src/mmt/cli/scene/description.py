@@ -7,8 +7,7 @@ from typing import Any, Final
 from mmt.core.feedback_records import CONTACT, CONTACT_DTYPE, CONTACT_GATHERED, ENERGY, ENERGY_DTYPE
 from mmt.core.frames import COMMAND_DTYPE, frame_dtype
 from mmt.link.protocol import COMMANDS, FRAMES, encode_event
-from mmt.scene import Scene
-from mmt.scene.parts import parts_of
+from mmt.scene import Scene, Service
 
 
 @dataclass(frozen=True)
@@ -54,8 +53,8 @@ class SceneDescription:
         return asdict(self)
 
 
-LEADER: Final = "leader"
-FOLLOWER: Final = "follower"
+LEADER: Final[Service] = "leader"
+FOLLOWER: Final[Service] = "follower"
 
 
 def describe_scene(scene: Scene) -> SceneDescription:
@@ -67,8 +66,8 @@ def describe_scene(scene: Scene) -> SceneDescription:
     )
 
 
-def _side(scene: Scene, service: str) -> SideParts:
-    concerned = parts_of(scene, service)
+def _side(scene: Scene, service: Service) -> SideParts:
+    concerned = scene.parts(service)
     return SideParts(
         runs=tuple(name for name, runs in concerned.items() if runs),
         left_out=tuple(name for name, runs in concerned.items() if not runs),

@@ -7,8 +7,7 @@ from typing import Final
 import numpy as np
 
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.scene import Simulated
-from mmt.scene.hand_table import Hand
+from mmt.scene import Hand, Simulated
 from mmt.testing.simulation import PERIOD_S, RATE_HZ
 from mmt.testing.simulation.noise import NoiseRows
 from mmt.testing.simulation.robot import START_MM, nominal_compliance_mm_n

@@ -10,8 +10,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
-from mmt.scene import Scene, Simulated
-from mmt.scene.hand_table import Hand
+from mmt.scene import Hand, Scene, Simulated
 from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.course import SurfaceCourse
 from mmt.testing.simulation.follower import SimulatedFollower

@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from mmt.scene.hand_table import Hand
+from mmt.scene import Hand
 
 REACH_MM: Final = 85.0
 """Strokes are aimed to end within this distance of the centre of the workspace."""

@@ -13,4 +13,4 @@ def criterion_of(settings: ModellingSettings) -> Criterion:
     from mmt.texture.completion.distance import CompletionMonitor
 
     dimensions = 3 if settings.inputs == "anisotropic" else 2
-    return CompletionMonitor(settings.start_distance, settings.stop_distance, dimensions)
+    return CompletionMonitor(*settings.distances, dimensions)

@@ -7,14 +7,14 @@ come to. Each model meets its criteria by itself; one that is complete stays as 
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
+from mmt.texture.online.modeller import OnlineModeller, carry_out
+from mmt.texture.online.work import ModelUpdate, Work
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.texture.surfaces.changes import SurfaceChange
 from mmt.texture.surfaces.tracking import SurfaceTracker
@@ -40,6 +40,9 @@ class SurfaceModeller:
         Frames between two updates of a model.
     """
 
+    in_step = True
+    """Whether `segment` must see what came of each update before it goes on."""
+
     def __init__(self, settings: ModellingSettings, period_frames: int) -> None:
         self._settings = settings
         self._period_frames = period_frames
@@ -61,16 +64,15 @@ class SurfaceModeller:
         return {number: model for number, model in found.items() if model is not None}
 
     def update(self, frames: RecordArray) -> ModelUpdate | None:
-        """Take the newest frames (n,); return an update where one is due."""
-        found = None
-        for found in self.stages(frames):  # noqa: B007 - the last one counts
-            pass
-        return found
+        """Add the newest frames (n,); return an update where one is due."""
+        return carry_out(self.segment(frames))
 
-    def stages(self, frames: RecordArray) -> Iterator[ModelUpdate | None]:
-        """Take the newest frames in stages; None after each, an update last where one is due.
+    def segment(self, frames: RecordArray) -> Iterator[Work | None]:
+        """Track the surface over the newest frames (n,), and yield the work of updating models.
 
-        An update is due once a period, and at every change; as in `OnlineModeller.stages`.
+        None comes after steps without work. An update is due once a period, and at every change.
+        Whatever is yielded must be carried out before this goes on: which frames a model is given
+        depends on whether it is complete.
         """
         if not len(frames):
             return
@@ -91,14 +93,12 @@ class SurfaceModeller:
         if not changes and newest - self._given < self._period_frames:
             return
         time_s = self._time_s(newest + 1)
-        for update in self._give(newest + 1):
-            yield update and replace(
-                update,
-                time_s=time_s,
-                surface=self.surface,
-                changes=tuple(changes),
-                left=tuple(left),
-            )
+        for work in self._give(newest + 1):
+            if work is not None:
+                work.announced = True
+                work.surface, work.session_time_s = self.surface, time_s
+                work.changes, work.left = tuple(changes), tuple(left)
+            yield work
 
     def _time_s(self, sample: int) -> float:
         return (sample - (self._first_sequence or 0)) / self._settings.rate_hz
@@ -109,7 +109,7 @@ class SurfaceModeller:
         while int(self._recent[0]["sequence"][-1]) < oldest:
             del self._recent[0]
 
-    def _give(self, until: int, surface: int | None = None) -> Iterator[ModelUpdate | None]:
+    def _give(self, until: int, surface: int | None = None) -> Iterator[Work | None]:
         """Give a surface's model, the current one's if none is named, its frames up to a sample."""
         modeller = self._modellers[surface or self.surface]
         waiting = [
@@ -120,18 +120,22 @@ class SurfaceModeller:
         ]
         self._given = max(self._given, until - 1)
         complete = modeller.completion.stopped or not waiting
-        yield from modeller.stages(self._recent[-1][:0] if complete else np.concatenate(waiting))
+        frames = self._recent[-1][:0] if complete else np.concatenate(waiting)
+        for work in modeller.segment(frames):
+            if work is not None:
+                work.announced = False
+            yield work
 
-    def _leave(self, change: SurfaceChange, left: list[ModelUpdate]) -> Iterator[None]:
+    def _leave(self, change: SurfaceChange, left: list[ModelUpdate]) -> Iterator[Work | None]:
         """Part the frames at the change point between the models of two surfaces."""
         if change.kind != "identified":  # else they were the same all along
-            for update in self._give(change.from_sample, change.before):
-                if update is None:
-                    yield None
-            state = self._modellers[change.before].forget(change.from_sample)
-            yield None
-            time_s = self._time_s(change.from_sample)
-            left.append(replace(state, time_s=time_s, surface=change.before))
+            yield from self._give(change.from_sample, change.before)
+            work = self._modellers[change.before].forget(change.from_sample)
+            work.announced, work.surface = False, change.before
+            work.session_time_s = self._time_s(change.from_sample)
+            yield work
+            if work.update is not None:
+                left.append(work.update)
         kept = {*self._tracker.detector.surfaces, change.surface}
         # Others may look at the models meanwhile: they get either all the old or all the new.
         modellers = {n: m for n, m in self._modellers.items() if n in kept}

@@ -5,8 +5,7 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
-from mmt.scene import Scene
-from mmt.scene.texture_table import Texture
+from mmt.scene import Scene, Texture
 from mmt.texture.signals.biquad import BiquadFilter, butterworth_high_pass
 from mmt.web.binary_messages import pack
 from mmt.web.monitor.tap import MonitorTap

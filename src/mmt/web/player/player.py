@@ -1,49 +1,45 @@
-"""The player: textures, the page, the scenario and the recording; one page at a time."""
+"""The texture player: its textures with their pictures, the scenario that runs, the recording."""
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-from aiohttp import web
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.link.access import TOKEN_VARIABLE, Access, check_listening
-from mmt.link.http import Listener
 from mmt.texture.model.texture_model import TextureModel
 from mmt.web.binary_messages import pack
-from mmt.web.page_server import add_page, open_socket, player_files, refuse_strangers
 from mmt.web.player.motion import PointerMotion
-from mmt.web.player.pictures import picture
 from mmt.web.player.recording import TouchRecorder
 from mmt.web.player.results import ResultsFile
 from mmt.web.player.study import BEST, MOST_TILES, SCENARIOS, Study
-from mmt.web.player.visit import Visit
 
-TAKEN_OVER: Final = 4409
-"""Close code: another page plays now."""
 FULL_SCALE_M_S2: Final = 30.0
-"""What the page turns into a sound card's full scale, at full volume."""
-_MOST_BYTES: Final = 32_768
-_REMEDY: Final = f"set a token ({TOKEN_VARIABLE} or --token-file), or allow everyone by --open"
+"""Acceleration that the page turns into a sound card's full scale, at full volume."""
+
+SIZE: Final = 96
+"""Pixels along each edge."""
+_WIDTH_MM: Final = 24.0
+_SPEED_MM_S: Final = 100.0
+_FORCE_N: Final = 1.0
+_HEADINGS: Final = 72
+_LONGEST_MM: Final = 8.0
 
 
 class Player:
-    """Serve the page ``/player/``.
+    """Textures that a page plays, one scenario at a time, and the recording of what is touched.
 
     Parameters
     ----------
     names, models
         The textures, 1 to 26.
     results
-        Where the scenarios' rows go.
+        Receives the scenarios' rows.
     record
-        File of the sessions, None records nothing.
+        File of the sessions; None records nothing.
     seed
-        Of orders and excitation.
-    access
-        What is asked of a page.
+        Seed of the scenarios' orders and of the excitation.
 
     Raises
     ------
@@ -57,9 +53,8 @@ class Player:
         models: Sequence[TextureModel],
         *,
         results: ResultsFile,
-        record: Path | None = None,
+        record: str | Path | None = None,
         seed: int = 0,
-        access: Access | None = None,
     ) -> None:
         if not 1 <= len(models) <= MOST_TILES:
             raise InputError(f"{len(models)} textures: allowed are 1 to {MOST_TILES}")
@@ -68,53 +63,14 @@ class Player:
         self.seed = seed
         self.study: Study | None = None
         self.results = results
-        self._access = access or Access()
         self._recorder = None
         if record is not None:
             rate_hz = max(model.rate_hz for model in models)
             self._recorder = TouchRecorder(record, names, models, rate_hz)
         self._pictures = np.stack([picture(model, number) for number, model in enumerate(models)])
-        self._visit: Visit | None = None
-        self._host = ""
-        application = web.Application()
-        application.router.add_get("/", self._redirect)
-        application.router.add_get("/player/socket", self._receive)
-        add_page(application, "/player", player_files())
-        self._listener = Listener(application, "--host and --port")
 
-    @property
-    def port(self) -> int:
-        """The port that is listened on, 0 before `start`."""
-        return self._listener.port
-
-    async def start(self, host: str, port: int, *, everyone: bool = False) -> None:
-        """Listen.
-
-        Parameters
-        ----------
-        host, port
-            Where; port 0 takes any free one.
-        everyone
-            Whether strangers may play.
-
-        Raises
-        ------
-        InputError
-            Strangers could play although they may not, or a certificate cannot be used.
-        MmtError
-            The host or the port cannot be had.
-        """
-        check_listening(
-            host, port, self._access, allowed=everyone, whom="the player", remedy=_REMEDY
-        )
-        self._host = host
-        await self._listener.start(host, port, self._access, allowed=True)
-
-    async def stop(self) -> list[tuple[Path, float]]:
-        """Stop listening, and end recordings; return each with its seconds."""
-        if self._visit is not None:
-            await self._visit.socket.close()
-        await self._listener.stop()
+    def close(self) -> list[tuple[Path, float]]:
+        """End the scenario and the recordings; return each recording with its seconds."""
         recorded = [] if self._recorder is None else self._recorder.close()
         self.leave()
         return recorded
@@ -175,21 +131,40 @@ class Player:
             study.leave()
         return "all textures may be felt"
 
-    async def _redirect(self, _: web.Request) -> web.StreamResponse:
-        raise web.HTTPFound("/player/")
 
-    async def _receive(self, request: web.Request) -> web.StreamResponse:
-        refuse_strangers(request, self._access, self._host)
-        socket, admitted = await open_socket(request, self._access, _MOST_BYTES)
-        if not admitted:
-            return socket
-        visit, earlier = Visit(self, socket), self._visit
-        self._visit = visit
-        if earlier is not None:
-            await earlier.socket.close(code=TAKEN_OVER, message=b"another page plays now")
-        try:
-            await visit.serve()
-        finally:
-            if self._visit is visit:
-                self._visit = None
-        return socket
+def picture(model: TextureModel, seed: int = 0) -> FloatArray:
+    """Return a relief of zero mean and unit variance, shape (96, 96), y downwards.
+
+    Parameters
+    ----------
+    model
+        Of the texture.
+    seed
+        Of the phases.
+    """
+    per_mm = np.fft.fftfreq(SIZE, _WIDTH_MM / SIZE)
+    across, down = np.meshgrid(per_mm, -per_mm)
+    radius = np.hypot(across, down)
+    powers = _powers(model, radius, np.arctan2(down, across))
+    powers[radius < 1.0 / _LONGEST_MM] = 0.0
+    noise = np.fft.fft2(np.random.default_rng(seed).standard_normal((SIZE, SIZE)))
+    relief = np.real(np.fft.ifft2(noise * np.sqrt(powers)))
+    spread = float(relief.std())
+    return np.asarray(relief / spread if spread > 0.0 else relief, dtype=np.float64)
+
+
+def _powers(model: TextureModel, per_mm: FloatArray, heading: FloatArray) -> FloatArray:
+    """Return the powers of spatial frequencies (n, n) along headings (n, n)."""
+    frequencies = np.linspace(0.0, model.rate_hz / 2.0, 257)
+    angles = np.arange(_HEADINGS) * (2.0 * np.pi / _HEADINGS)
+    motion = model.space.from_motion(
+        _SPEED_MM_S * np.cos(angles), _SPEED_MM_S * np.sin(angles), _FORCE_N
+    )
+    spectra = model.spectrum(*motion.T, frequencies_hz=frequencies)
+    # a relief looks the same from both sides, and a ring has more pixels the wider it is
+    spectra = spectra + np.roll(spectra, _HEADINGS // 2, axis=0)
+    row = np.round(heading / (2.0 * np.pi) * _HEADINGS).astype(int) % _HEADINGS
+    column = per_mm * _SPEED_MM_S / (frequencies[1] - frequencies[0])
+    inside = column < len(frequencies) - 1
+    powers = spectra[row, np.where(inside, np.round(column), 0).astype(int)]
+    return np.asarray(np.where(inside, powers, 0.0) / np.maximum(per_mm, 1e-9))

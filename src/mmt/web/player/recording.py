@@ -40,12 +40,12 @@ class TouchRecorder:
 
     def __init__(
         self,
-        path: Path,
+        path: str | Path,
         names: Sequence[str],
         models: Sequence[TextureModel],
         render_hz: float,
     ) -> None:
-        self._path = path
+        self._path = Path(path)
         self._names = tuple(names)
         self._models = tuple(models)
         self._files: dict[int, _TextureFile] = {}

@@ -49,8 +49,8 @@ class ResultsFile:
         There is such a file, and it has other columns.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
         self.rows = 0
         """Written by this object."""
         self._check()

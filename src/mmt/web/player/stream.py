@@ -17,8 +17,8 @@ from mmt.core.errors import InputError
 from mmt.rendering import close, open_textures, render, touch
 from mmt.rendering.rate import RateConverter
 from mmt.texture.model.texture_model import TextureModel
+from mmt.web.player.messages import PlayRequest
 from mmt.web.player.motion import PointerMotion
-from mmt.web.player.requests import PlayRequest
 
 LONGEST_LEAD_S: Final = 0.5
 SLOWEST_HZ, FASTEST_HZ = 8000, 192_000

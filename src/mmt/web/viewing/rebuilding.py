@@ -1,14 +1,11 @@
-"""Build a recorded session's model again, beside the page, from its beginning to its end.
+"""Every state that a model had, on disk, so that an hour of them fills no memory."""
 
-As the live leader does: an update a period, nothing while the model was frozen, a new model
-where a person has reset it, no more once the stop criterion is met; where surfaces are told
-apart, a model for each.
-"""
-
+import tempfile
 import threading
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -21,10 +18,50 @@ from mmt.texture.completion.criteria import criterion_of
 from mmt.texture.completion.criterion import Progress
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import update_blocks
-from mmt.texture.online.modeller import ModelUpdate
-from mmt.texture.online.modellers import Modellers
+from mmt.texture.online.modeller import ModellerFactory, ModelUpdate
 from mmt.texture.settings import ModellingSettings
-from mmt.web.viewing.snapshots import ModelSnapshots
+
+_MODELS_KEPT: Final = 8
+"""In memory, of those asked for last."""
+
+
+class ModelSnapshots:
+    """Models by number, in an anonymous file that is gone when it is closed.
+
+    One thread adds, another one asks.
+    """
+
+    def __init__(self) -> None:
+        self._file = tempfile.TemporaryFile(prefix="mmt-models-")  # noqa: SIM115 - see `close`
+        self._places: list[tuple[int, int]] = []
+        self._lock = threading.Lock()
+        self.model = lru_cache(_MODELS_KEPT)(self._read)
+        """Return the model of a number."""
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def add(self, model: TextureModel) -> int:
+        """Keep a model; return its number. Some kilobytes, 100 of the largest model."""
+        data = model.to_bytes()
+        with self._lock:
+            place = self._file.seek(0, 2)
+            self._file.write(data)
+            self._places.append((place, len(data)))
+            return len(self._places) - 1
+
+    def close(self) -> None:
+        """Forget them all."""
+        with self._lock:
+            self._file.close()
+
+    def _read(self, number: int) -> TextureModel:
+        with self._lock:
+            place, size = self._places[number]
+            self._file.seek(place)
+            data = self._file.read(size)
+        return TextureModel.from_bytes(data)
+
 
 _SPAN_S: Final = 5.0
 """Of the recording that are read at a time."""
@@ -51,7 +88,7 @@ class ModelState:
     surfaces: int = 0
 
 
-class Rebuilding:
+class ModelRebuild:
     """Every state that the model of a recording had; states appear while it works.
 
     Parameters
@@ -69,7 +106,7 @@ class Rebuilding:
     ) -> None:
         self._windows = windows
         self._settings = settings
-        self._modellers = Modellers(settings, period_s)
+        self._modellers = ModellerFactory(settings, period_s)
         self._frozen = frozen_spans(windows.events, windows.duration_s)
         self._snapshots = ModelSnapshots()
         self._leave = threading.Event()

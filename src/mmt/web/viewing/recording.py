@@ -4,16 +4,15 @@ from pathlib import Path
 from typing import Any, Final, Self
 
 from mmt.core.errors import InputError
-from mmt.scene import Scene
+from mmt.scene import Scene, Texture
 from mmt.scene.files import scene_from_tables
-from mmt.scene.texture_table import Texture
 from mmt.session.windows import SessionWindows, Window, open_windows
 from mmt.texture.model.texture_model import TextureModel
 from mmt.web.binary_messages import pack
 from mmt.web.monitor import states
 from mmt.web.viewing import traces
-from mmt.web.viewing.happenings import LinkRecord, happenings
-from mmt.web.viewing.rebuilding import ModelState, Rebuilding
+from mmt.web.viewing.events import LinkRecord, session_events
+from mmt.web.viewing.rebuilding import ModelRebuild, ModelState
 
 _CURVE_POINTS: Final = 1000
 _MODEL_NEEDS: Final = ("position", "force", "acceleration")
@@ -42,7 +41,7 @@ class ViewedRecording:
         self._rebuilding = self._rebuild()
 
     @classmethod
-    def open(cls, path: Path) -> Self:
+    def open(cls, path: str | Path) -> Self:
         """Open a session file.
 
         Raises
@@ -50,7 +49,7 @@ class ViewedRecording:
         InputError
             The file is missing, of another kind, not valid, or holds no frames.
         """
-        return cls(open_windows(path))
+        return cls(open_windows(Path(path)))
 
     def start(self) -> None:
         """Begin to build the model, in a thread."""
@@ -76,7 +75,7 @@ class ViewedRecording:
             "channels": list(windows.channels),
             "link": self._link.exists,
             "remarks": self._remarks,
-            "happenings": [[h.at_s, h.kind, h.sentence] for h in happenings(windows.events)],
+            "happenings": [[h.at_s, h.kind, h.sentence] for h in session_events(windows.events)],
         }
         return pack("opening", header, {})
 
@@ -173,13 +172,13 @@ class ViewedRecording:
             self._remarks.append("The scene built no model: this one is by the defaults.")
         return scene
 
-    def _rebuild(self) -> Rebuilding | None:
+    def _rebuild(self) -> ModelRebuild | None:
         lacking = [name for name in _MODEL_NEEDS if name not in self.windows.channels]
         if lacking:
             self._remarks = [f"No model: the recording has no {' and no '.join(lacking)} channel."]
             return None
         period_s = self._texture.update_period_s
-        return Rebuilding(self.windows.reopen(), self.settings, period_s)
+        return ModelRebuild(self.windows.reopen(), self.settings, period_s)
 
 
 def _completion(state: ModelState | None) -> dict[str, Any] | None:

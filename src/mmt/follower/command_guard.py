@@ -1,0 +1,196 @@
+"""Keep a robot safe from a leader that falls silent, speaks too late, or jumps."""
+
+import struct
+from collections.abc import Callable
+from typing import Any, Final, Literal
+
+from mmt.core.arrays import RecordArray
+from mmt.core.logs import RepeatLimit
+from mmt.core.vectors import difference, towards
+from mmt.devices.protocols import Vector
+from mmt.scene import Link
+
+_COMMAND: Final = struct.Struct("<Iqqq3f")
+"""The layout of `mmt.core.frames.COMMAND_DTYPE`; NumPy takes over twice as long to read it."""
+
+_NORMALS: Final[dict[str, Vector]] = {
+    "x": (1.0, 0.0, 0.0),
+    "y": (0.0, 1.0, 0.0),
+    "z": (0.0, 0.0, 1.0),
+}
+
+
+class CommandGuard:
+    """Turn the leader's commands into positions that a robot can take without harm.
+
+    - A command whose round trip was too long is thrown away: it is what the hand did then.
+    - Where no fresh command has come for `silence_ms` of the follower's own ticks, the robot
+      holds the last position, or retracts from the surface along its normal; so it does while a
+      device is lost (`halt`).
+    - It begins where it is: the difference to the first command, and to the first one after a
+      silence, is worked off at `recovery_mm_s`; the commands' own motion comes on top.
+    - Whatever is commanded, the position moves by no more than `limit_mm_s`.
+
+    About 1 us a tick.
+
+    Parameters
+    ----------
+    link
+        The scene's ``[link]``.
+    rate_hz
+        Ticks a second.
+    normal
+        The surface's normal axis; away from the surface it is positive.
+    measures_position
+        Whether `step` can be told where the robot is; else it begins at the first command.
+    say
+        Called with a sentence when the leader falls silent and when it is heard again.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        rate_hz: float,
+        normal: str,
+        *,
+        measures_position: bool,
+        say: Callable[[str], None],
+    ) -> None:
+        self._link = link
+        self._rate_hz = rate_hz
+        self._measures_position = measures_position
+        self._say = say
+        self._silence_ticks = max(1, round(link.silence_ms * rate_hz / 1000))
+        self._stale_ns = round(link.stale_ms * 1e6)
+        self._recovery_mm = link.recovery_mm_s / rate_hz
+        self._limit_mm = link.limit_mm_s / rate_hz
+        self._normal = _NORMALS[normal]
+        self._told = RepeatLimit()
+        self._command: Vector | None = None  # came since the last tick
+        self._target: Vector = (0.0, 0.0, 0.0)
+        self._offset: Vector | None = None  # from the target to where the robot is let be
+        self._position: Vector | None = None
+        self._age_ticks = 0
+        self._silent = False
+        self._halted = False
+        self._halts = self._halted_ticks = 0
+        self._silences = self._silent_ticks = self._stale = self._slowed = 0
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """What was counted, for a program."""
+        return {
+            "silences": self._silences,
+            "silent_s": self._silent_ticks / self._rate_hz,
+            "stale_commands": self._stale,
+            "slowed_ticks": self._slowed,
+            "halts": self._halts,
+            "halted_s": self._halted_ticks / self._rate_hz,
+        }
+
+    def halt(self, does: Literal["hold", "retract"]) -> None:
+        """Take no commands until `release`, since a device is lost: hold, or retract."""
+        if self._halted:
+            return  # it is where it is to be, or on its way
+        self._halts += 1
+        self._halted = True
+        if self._position is not None:
+            self._let_be(self._position, does)
+
+    def release(self) -> None:
+        """Take commands again, beginning where the robot is."""
+        self._halted = False
+        if self._measures_position:
+            self._position, self._silent = None, False
+
+    def take(self, commands: RecordArray, arrival_ns: int) -> None:
+        """Take commands (n,), n >= 1, the newest last, with their arrival by this clock.
+
+        The newest one counts, unless its round trip, which includes the frame that it
+        answers, was longer than `stale_ms`.
+        """
+        _, _, echo_time_ns, echo_age_ns, x, y, z = _COMMAND.unpack(commands[-1].tobytes())
+        round_trip_ns = arrival_ns - echo_time_ns - echo_age_ns
+        if echo_time_ns and round_trip_ns > self._stale_ns:
+            self._stale += len(commands)
+            return
+        self._command = (x, y, z)
+
+    def step(self, elapsed: int, measured: Callable[[], Vector | None]) -> Vector | None:
+        """Return the position (mm) to take now, None before the first command.
+
+        Parameters
+        ----------
+        elapsed
+            Ticks since the last call.
+        measured
+            Gives the robot's position (mm), None where it is not known yet; asked before the
+            first position is returned.
+        """
+        if self._halted:
+            self._command = None
+            self._age_ticks = 0
+            self._halted_ticks += elapsed
+        elif self._command is not None:
+            self._follow(self._command, measured)
+        elif self._position is not None:
+            self._age_ticks += elapsed
+            if self._age_ticks >= self._silence_ticks and not self._silent:
+                self._fall_silent()
+        if self._position is None:
+            return None
+        if self._silent:
+            self._silent_ticks += 0 if self._halted else elapsed
+            self._position = towards(self._position, self._target, self._recovery_mm * elapsed)
+        else:
+            self._advance(self._position, elapsed)
+        return self._position
+
+    def _follow(self, command: Vector, measured: Callable[[], Vector | None]) -> None:
+        if self._position is None:
+            self._position = measured() if self._measures_position else command
+            if self._position is None:
+                return
+            self._offset = difference(self._position, command)
+        elif self._silent:
+            self._offset = difference(self._position, command)
+            self._silent = False
+            if self._age_ticks and self._told.allow("heard"):
+                silent_s = self._age_ticks / self._rate_hz
+                self._say(
+                    f"leader heard again after {silent_s:.1f} s: taking up its commands "
+                    f"at {self._link.recovery_mm_s:g} mm/s"
+                )
+        self._target = command
+        self._command = None
+        self._age_ticks = 0
+
+    def _fall_silent(self) -> None:
+        assert self._position is not None  # noqa: S101 - there is none to hold before a command
+        self._silences += 1
+        self._let_be(self._position, self._link.on_silence)
+        does = "holding" if self._link.on_silence == "hold" else "retracting"
+        if self._told.allow("silent"):
+            self._say(f"leader silent for {self._silence_ticks / self._rate_hz:g} s: {does}")
+
+    def _let_be(self, position: Vector, does: Literal["hold", "retract"]) -> None:
+        """Go to where the robot is to be without commands."""
+        self._silent = True
+        away_mm = self._link.retract_mm if does == "retract" else 0.0
+        x, y, z = position
+        u, v, w = self._normal
+        self._target = (x + away_mm * u, y + away_mm * v, z + away_mm * w)
+
+    def _advance(self, position: Vector, elapsed: int) -> None:
+        """Move to the target and its offset, which shrinks."""
+        wanted = self._target
+        if self._offset is not None:
+            x, y, z = self._offset = towards(
+                self._offset, (0.0, 0.0, 0.0), self._recovery_mm * elapsed
+            )
+            if x == y == z == 0.0:
+                self._offset = None
+            wanted = (wanted[0] + x, wanted[1] + y, wanted[2] + z)
+        self._position = towards(position, wanted, self._limit_mm * elapsed)
+        if self._position is not wanted:
+            self._slowed += elapsed

@@ -1,0 +1,123 @@
+"""What the follower does every millisecond: drive its source as commanded, and measure."""
+
+import math
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from mmt.core.arrays import RecordArray
+from mmt.devices.protocols import DeviceBackedSource, FollowerSource, Vector
+from mmt.follower.command_guard import CommandGuard
+from mmt.scene import Link, Scene, Texture
+
+if TYPE_CHECKING:
+    from mmt.follower.feedback import FollowerFeedback
+
+
+class GuardedSource:
+    """A source whose commands are guarded, and bounded by what force feedback allows.
+
+    Parameters
+    ----------
+    scene
+        What to run.
+    source
+        Takes the commands and is measured.
+    feedback
+        The follower's side of force feedback, None where it has none.
+    say
+        Called with a sentence for the person.
+    send
+        Given what `step` returns where it comes between two ticks: frames that a tick came too
+        early for.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        source: FollowerSource,
+        feedback: "FollowerFeedback | None",
+        say: Callable[[str], None],
+        send: Callable[[RecordArray, RecordArray | None], None],
+    ) -> None:
+        self._source = source
+        self._send = send
+        self._feedback = feedback
+        self._say = say
+        self._devices = scene.devices
+        self._newest: RecordArray | None = None
+        self.guard = None if scene.replay is not None else _guard(scene, say)
+        """None where a recording is replayed, which follows no commands."""
+        self._of_devices = source if isinstance(source, DeviceBackedSource) else None
+        if self._of_devices is not None:
+            self._of_devices.watch(self._on_device)
+            self._of_devices.hand_on(self._take_late)
+
+    @property
+    def summary(self) -> dict[str, dict[str, Any]]:
+        """What was counted, a table for each part of the follower's summary."""
+        return {
+            "commands": self.guard.summary if self.guard is not None else {},
+            "devices": dict(self._of_devices.summary) if self._of_devices is not None else {},
+            "feedback": dict(self._feedback.summary) if self._feedback is not None else {},
+        }
+
+    def take(self, commands: RecordArray, arrival_ns: int) -> None:
+        """Take commands (n,), the newest last, with their arrival."""
+        if self.guard is not None:
+            self.guard.take(commands, arrival_ns)
+
+    def step(self, elapsed: int) -> tuple[RecordArray, RecordArray | None]:
+        """Do the work of so many ticks, all but the last of which were missed.
+
+        Returns
+        -------
+        frames
+            Shape (n,), the ticks' frames; n is 0 where the source has none.
+        news
+            Shape (k,), records of the further event for the leader, None for none.
+        """
+        guard, feedback = self.guard, self._feedback
+        command = guard.step(elapsed, self._measured) if guard is not None else None
+        if feedback is not None:
+            command = feedback.command(command)
+        frames = self._source.step(elapsed, time.monotonic_ns(), command)
+        return frames, self._measure(frames) if len(frames) else None
+
+    def _take_late(self, frames: RecordArray) -> None:
+        self._send(frames, self._measure(frames))
+
+    def _measure(self, frames: RecordArray) -> RecordArray | None:
+        """Note frames (n,), n >= 1, and return the feedback's news of them."""
+        self._newest = frames
+        return None if self._feedback is None else self._feedback.measured(frames)
+
+    def _measured(self) -> Vector | None:
+        """Return the robot's newest measured position, None before there is one."""
+        if self._newest is None:
+            return None
+        x, y, z = self._newest["position_mm"][-1].tolist()
+        return (x, y, z) if math.isfinite(x + y + z) else None
+
+    def _on_device(self, lost: bool, sentence: str) -> None:
+        """Do what the scene says while a device is lost."""
+        devices = self._devices
+        if self.guard is None or devices is None or devices.on_lost == "stop":
+            return
+        if lost:
+            self._newest = None
+            self.guard.halt(devices.on_lost)
+        else:
+            self.guard.release()
+        does = "holding" if devices.on_lost == "hold" else "retracting"
+        self._say(f"{sentence}{f': {does}' if lost else ': taking commands again'}")
+
+
+def _guard(scene: Scene, say: Callable[[str], None]) -> CommandGuard:
+    return CommandGuard(
+        scene.link or Link(),
+        scene.session.rate_hz,
+        (scene.texture or Texture()).normal,
+        measures_position="position" in scene.channels(),
+        say=say,
+    )

@@ -1,0 +1,228 @@
+"""The task that judges how complete each new model is, and the switch of the output to it."""
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import replace
+from typing import TYPE_CHECKING, Literal
+
+from mmt.core.errors import InputError
+from mmt.leader.parts import LeaderParts
+from mmt.leader.stage import Activity, Item, ItemQueue, StageTask
+from mmt.leader.summary import RunLog
+
+if TYPE_CHECKING:
+    from mmt.session.recorder import McapRecorder
+    from mmt.texture.library.identification import Choice
+    from mmt.texture.model.texture_model import TextureModel
+    from mmt.texture.online.work import ModelUpdate, Work
+
+
+def _judge(work: "Work") -> None:
+    work.modeller.judge(work)
+
+
+class CompletingTask(StageTask):
+    """Judge the model of one update after the other; parameters as of `StageTask`."""
+
+    def __init__(
+        self,
+        worker: Executor,
+        queue: ItemQueue,
+        activity: Activity,
+        deliver: Callable[[Item], None],
+    ) -> None:
+        super().__init__((_judge,), worker, queue, activity, deliver)
+
+
+class ModelOutput:
+    """Render from each new model, record and announce it; switch the output by the criteria.
+
+    Parameters
+    ----------
+    parts
+        The leader's parts.
+    log
+        Where the updates are noted.
+    event
+        Called with a sentence and details for what a person wants to know.
+    """
+
+    def __init__(self, parts: LeaderParts, log: RunLog, event: Callable[..., None]) -> None:
+        self._parts = parts
+        self._log = log
+        self._event = event
+        self._since_s = 0.0
+        self._rendered: int | None = None  # the surface whose model is rendered
+        self._recorded: dict[int, TextureModel] = {}  # by surface, into:
+        self._recorder: McapRecorder | None = None
+        synthesizer = parts.synthesizer
+        self._takes_over = synthesizer is not None and synthesizer.model is not None
+        self.forced: Literal["streamed", "synthesized"] | None = None
+        """Which vibration a person holds on to, None where the criterion decides."""
+        if parts.warming is not None:
+            parts.warming.on_model = self.use_known
+
+    def update(self, update: "ModelUpdate", seconds: float) -> None:
+        """Put an update of the model to use, which took some seconds.
+
+        Vibration is rendered from it as soon as the start criterion is met; until then from
+        the saved model that the scene names or a known texture, if it has them.
+        """
+        log, parts = self._log, self._parts
+        update = replace(update, time_s=self._since_s + update.time_s)
+        log.update = update
+        log.update_seconds.append(seconds)
+        usable = update.started and update.model is not None
+        if update.surface is not None:
+            self._follow_surface(update, usable=usable)
+        forced = self.forced == "synthesized" and log.warm is None
+        wanted = usable or (forced and update.model is not None)
+        if wanted and update.model is not None:
+            self._render(update.model, update.surface)
+        if parts.warming is not None and not parts.warming.finished:
+            if usable:
+                parts.warming.finish()
+            elif update.model is not None:
+                parts.warming.learn(update.model.samples)
+        if usable and log.start_s is None:
+            log.start_s = update.time_s
+            self._criterion_met("start", update)
+            self._record(update)
+            self._takes_over = True
+            self._choose()
+        if update.stopped and log.stop_s is None:
+            log.stop_s = update.time_s
+            self._criterion_met("stop", update)
+
+    def _criterion_met(self, which: str, update: "ModelUpdate") -> None:
+        details = {"distance": update.distance, **update.progress.as_dict()}
+        self._event(f"{which} criterion met at {update.time_s:.1f} s", **details)
+
+    def _follow_surface(self, update: "ModelUpdate", *, usable: bool) -> None:
+        """Go over to the model of another surface, where the tool has come onto one."""
+        from mmt.leader.surface_log import SurfaceLog
+
+        log, parts = self._log, self._parts
+        surfaces = log.surfaces = log.surfaces or SurfaceLog()
+        for sentence, details in surfaces.take(update, self._since_s):
+            self._event(sentence, **details)
+        for left in update.left:
+            self._record(replace(left, time_s=self._since_s + left.time_s))
+        if not update.changes:
+            return
+        entry, now_s = surfaces.entry, update.time_s
+        log.start_s = None if entry.start_s == now_s else entry.start_s
+        log.stop_s = None if entry.stop_s == now_s else entry.stop_s
+        log.warm = None
+        if parts.warming is not None:
+            parts.warming.reset(update.changes[-1].from_sample)
+        self._takes_over = usable
+        self._choose()
+
+    def _render(self, model: "TextureModel", surface: int | None) -> None:
+        """Render from a model; that of another surface than before is faded in."""
+        parts = self._parts
+        if parts.synthesizer is None:
+            return
+        heard = parts.switch is not None and parts.switch.mode in ("synthesized", "fading")
+        if parts.crossfade is not None and heard and surface != self._rendered:
+            parts.crossfade.cross_to(model)
+        else:
+            parts.synthesizer.model = model
+        self._rendered = surface
+
+    def use_known(self, model: "TextureModel", choice: "Choice") -> None:
+        """Render from a known texture, blended with what is known of the one at hand."""
+        log = self._log
+        if log.start_s is not None or self._parts.synthesizer is None:
+            return
+        self._render(model, log.update.surface if log.update is not None else None)
+        before = log.warm.name if log.warm is not None else None
+        log.warm = choice
+        self._takes_over = True
+        self._choose()
+        if choice.name != before:
+            self._event(f"nearest known texture: {choice.describe()}", **choice.as_dict())
+
+    def reset(self, time_s: float) -> None:
+        """Forget the model at a session time, and return to streamed vibration."""
+        if self._parts.modelling is None:
+            return
+        self.record_last()
+        self._parts.modelling.reset()
+        if self._parts.warming is not None:
+            self._parts.warming.reset()
+        self._log.warm = self._log.surfaces = None
+        self._recorded.clear()
+        self._since_s = time_s
+        self._log.update = self._log.start_s = self._log.stop_s = None
+        self._takes_over = False
+        self.forced = None
+        self._choose()
+        self._event("model reset")
+
+    def force(self, mode: Literal["streamed", "synthesized"] | None) -> None:
+        """Hold on to one vibration, or let the start criterion decide (None).
+
+        Raises
+        ------
+        InputError
+            The scene streams none, or there is no model to render from.
+        """
+        parts, update = self._parts, self._log.update
+        if parts.switch is None:
+            raise InputError("this scene plays no vibration: it has no [actuator]")
+        if mode == "streamed" and parts.playout is None:
+            raise InputError("this scene streams no vibration: it has no [playout]")
+        if mode == "synthesized":
+            if parts.synthesizer is None:
+                raise InputError("this scene renders from no model: it has no [rendering]")
+            warm = self._log.warm is not None and self._log.start_s is None
+            if update is not None and update.model is not None and not warm:
+                parts.synthesizer.model = update.model
+            if parts.synthesizer.model is None:
+                raise InputError("there is no model yet: stroke the surface first")
+        self.forced = mode
+        self._choose()
+
+    def _choose(self) -> None:
+        """Let the switch play what is forced, or else what the criterion says."""
+        if self._parts.switch is not None:
+            model = self._takes_over if self.forced is None else self.forced == "synthesized"
+            self._parts.switch.use_model(model)
+
+    def record_last(self) -> None:
+        """Attach the newest model to the recording, and those of other surfaces it lacks."""
+        update, modelling = self._log.update, self._parts.modelling
+        if update is None:
+            return
+        for number, model in (modelling.models() if modelling is not None else {}).items():
+            if number != update.surface:
+                self._record(replace(update, surface=number, model=model))
+        self._record(update)
+
+    def save_surfaces(self) -> list[str]:
+        """Write the model of each surface beside the recording; return what went wrong."""
+        modelling, recorder = self._parts.modelling, self._parts.recorder
+        if self._log.surfaces is None or modelling is None or recorder is None:
+            return []
+        from mmt.leader.surface_files import write_surface_models
+
+        return write_surface_models(recorder.path, modelling.models())
+
+    def _record(self, update: "ModelUpdate") -> None:
+        recorder, model, surface = self._parts.recorder, update.model, update.surface
+        if recorder is None or model is None:
+            return
+        if surface is not None:
+            if recorder is not self._recorder:
+                self._recorder = recorder
+                self._recorded.clear()
+            if self._recorded.get(surface) is model:
+                return
+            self._recorded[surface] = model
+            samples = len(model.samples)
+            recorder.record_event(
+                {"kind": "model", "surface": surface, "samples": samples, "time_s": update.time_s}
+            )
+        recorder.attach_model(model.to_bytes(), update.time_s)

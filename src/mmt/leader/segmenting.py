@@ -1,0 +1,159 @@
+"""The task that segments: frames in, one period at a time, segments out.
+
+Frames wait in a bounded queue; a full one drops the oldest and counts it. An update takes the
+frames of one period, which the numbers of the frames delimit and not the moment at which they
+came: so the model is the same whether frames come in time or are filled in later. An update
+whose frames may still be filled in waits for them.
+"""
+
+import asyncio
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from time import perf_counter
+from typing import TYPE_CHECKING, Final
+
+from mmt.core.arrays import RecordArray
+from mmt.leader.frame_queue import FrameQueue
+from mmt.leader.stage import Activity, Figures, InFlight, Item
+
+if TYPE_CHECKING:
+    from mmt.texture.online.modeller import OnlineModeller
+    from mmt.texture.online.work import Work
+    from mmt.texture.surfaces.modeller import SurfaceModeller
+
+LONGEST_QUEUE_S: Final = 10.0
+"""Frames of this time may wait, and work of as many updates."""
+
+_END: Final = "end"
+
+
+class SegmentingTask:
+    """Collect frames, and segment them once a period.
+
+    Parameters
+    ----------
+    period_frames
+        How many frames a modeller wants at a time.
+    rate_hz
+        Frames a second.
+    keep_frames
+        How many frames the follower can send again: so many more may wait.
+    worker
+        Where the numerics run.
+    activity
+        Shared by all tasks of the modelling.
+    behind
+        Counts the items from here to the end of the pipeline.
+    deliver
+        Called on the event loop with each item.
+    """
+
+    def __init__(
+        self,
+        period_frames: int,
+        rate_hz: float,
+        keep_frames: int,
+        worker: Executor,
+        activity: Activity,
+        behind: InFlight,
+        deliver: Callable[[Item], None],
+    ) -> None:
+        self._period_frames = period_frames
+        capacity = max(period_frames, round(LONGEST_QUEUE_S * rate_hz)) + keep_frames
+        self._overloaded_frames = capacity - round(LONGEST_QUEUE_S / 2 * rate_hz)
+        self._queue = FrameQueue(capacity, least_drop=period_frames)
+        self._worker = worker
+        self._activity = activity
+        self._behind = behind
+        self._deliver = deliver
+        self._due = asyncio.Event()
+        self._generation = 0
+        self._modeller: OnlineModeller | SurfaceModeller | None = None
+        self._newest = -1  # that an update has
+        self.figures = Figures(lambda: len(self._queue))
+        self.first_missing: Callable[[], int | None] = lambda: None
+        """Gives the least number that may still be filled in, None where none may."""
+        self.late_frames = 0
+        """Frames that were filled in after an update had gone on without them."""
+
+    @property
+    def due(self) -> bool:
+        """Whether frames wait that may be enough for an update."""
+        return self._due.is_set()
+
+    def put(self, frames: RecordArray) -> None:
+        """Queue frames (n,); never blocks."""
+        self.figures.drops += self._queue.put(frames)
+        self.figures.look()
+        first = self._queue.first_sequence
+        if first is not None and int(frames["sequence"][-1]) - first >= self._period_frames - 1:
+            self._due.set()
+
+    def insert(self, frames: RecordArray) -> None:
+        """Queue frames (n,) that came late at their place; never blocks."""
+        early = frames[frames["sequence"] > self._newest]
+        self.late_frames += len(frames) - len(early)
+        self.figures.drops += self._queue.insert(early)
+
+    def look_again(self) -> None:
+        """Go on if that which was missing has come, or will not come."""
+        self._due.set()
+
+    def clear(self) -> None:
+        """Throw away the frames that wait."""
+        self._queue.take_all()
+
+    def start_model(self, modeller: "OnlineModeller | SurfaceModeller") -> None:
+        """Segment for this modeller from now on; what is under way is thrown away."""
+        self._generation += 1
+        self._modeller = modeller
+        self.clear()
+
+    async def run(self) -> None:
+        """Segment until cancelled."""
+        while True:
+            frames = self._next_period()
+            if frames is None or self._modeller is None:
+                self._due.clear()
+                await self._due.wait()
+                continue
+            await self._segment(self._modeller, frames)
+
+    async def _segment(
+        self, modeller: "OnlineModeller | SurfaceModeller", frames: RecordArray
+    ) -> None:
+        """Run the steps of one period, and hand on the work that they give."""
+        generation, seconds, work = self._generation, 0.0, None
+        started, steps = perf_counter(), modeller.segment(frames)
+        while True:  # between two steps the tick has the interpreter lock to itself
+            work = await self._step(steps)
+            if work == _END or generation != self._generation:
+                break
+            if work is None or isinstance(work, str):
+                continue
+            now = perf_counter()
+            seconds += now - started
+            self._behind.enter()
+            self._deliver(Item(work, now - started))
+            if modeller.in_step:
+                await self._behind.until_none()
+            started = perf_counter()
+        self.figures.add(seconds + perf_counter() - started)
+
+    async def _step(self, steps: "Iterator[Work | None]") -> "Work | str | None":
+        self._activity.busy += 1
+        try:
+            loop = asyncio.get_running_loop()
+            return await loop.run_in_executor(self._worker, next, steps, _END)
+        finally:
+            self._activity.busy -= 1
+
+    def _next_period(self) -> RecordArray | None:
+        """Return the frames of the next update, None where it is not due."""
+        if len(self._queue) > self._overloaded_frames:  # updates cannot keep up: make fewer
+            frames: RecordArray | None = self._queue.take_all()
+        else:
+            frames = self._queue.take_period(self._period_frames, self.first_missing())
+        if frames is not None:
+            self._newest = int(frames["sequence"][-1])
+        return frames

@@ -1,0 +1,238 @@
+"""What the modelling's tasks share: a bounded queue between two of them, and their figures."""
+
+import asyncio
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, Final
+
+from mmt.core.ticking import TimeHistogram
+
+if TYPE_CHECKING:
+    from mmt.texture.online.work import Work
+
+_S: Final = 1e9
+
+
+class Figures:
+    """How long a task's queue is, how long each item took, and how many were dropped."""
+
+    def __init__(self, queue_length: Callable[[], int]) -> None:
+        self._queue_length = queue_length
+        self._times = TimeHistogram()
+        self.queue_most = 0
+        self.longest_s = 0.0
+        self.drops = 0
+
+    @property
+    def items(self) -> int:
+        """How many items were worked on."""
+        return self._times.count
+
+    @property
+    def queue_now(self) -> int:
+        """How many items wait."""
+        return self._queue_length()
+
+    @property
+    def median_s(self) -> float:
+        """The median time of an item, 0 before the first."""
+        return (self._times.quantile_ns(0.5) or 0.0) / _S
+
+    def look(self) -> None:
+        """Note the length of the queue after something was put into it."""
+        self.queue_most = max(self.queue_most, self._queue_length())
+
+    def add(self, seconds: float) -> None:
+        """Note how long an item took."""
+        self._times.add(round(seconds * _S))
+        self.longest_s = max(self.longest_s, seconds)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the figures for a program."""
+        return {
+            "items": self.items,
+            "queue": self.queue_now,
+            "queue_most": self.queue_most,
+            "median_ms": round(1e3 * self.median_s, 3) if self.items else None,
+            "longest_ms": round(1e3 * self.longest_s, 3) if self.items else None,
+            "drops": self.drops,
+        }
+
+
+@dataclass
+class Activity:
+    """How many of the tasks that share this are at work."""
+
+    busy: int = 0
+
+
+@dataclass
+class Item:
+    """Work on its way from task to task, with the seconds that it has taken so far."""
+
+    work: "Work"
+    seconds: float = 0.0
+
+
+class InFlight:
+    """Counts items between two places of the pipeline, so that a task can wait for none."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._none = asyncio.Event()
+        self._none.set()
+
+    def __bool__(self) -> bool:
+        return self._count > 0
+
+    def enter(self) -> None:
+        """Count one more."""
+        self._count += 1
+        self._none.clear()
+
+    def leave(self) -> None:
+        """Count one less."""
+        self._count -= 1
+        if self._count <= 0:
+            self.clear()
+
+    def clear(self) -> None:
+        """Count none: all were thrown away."""
+        self._count = 0
+        self._none.set()
+
+    async def until_none(self) -> None:
+        """Wait until there is none."""
+        await self._none.wait()
+
+
+@dataclass
+class ItemQueue:
+    """A bounded queue of work for one model, oldest first; a full one drops the oldest.
+
+    What dropped work removes from the model, and what it has observed of the stream, is left to
+    the work behind it. Where more than half of the queue waits, the task cannot keep up, and
+    takes everything as one update.
+
+    Attributes
+    ----------
+    capacity
+        Most items that may wait.
+    drops_segments
+        Whether the new segments of dropped work are lost; later in the pipeline they are among
+        the fits of the work behind it.
+    on_absorbed
+        Called for each item that another one took over.
+    """
+
+    capacity: int
+    drops_segments: bool
+    on_absorbed: Callable[[], None]
+    items: deque[Item] = field(default_factory=deque)
+    filled: asyncio.Event = field(default_factory=asyncio.Event)
+
+    def put(self, item: Item) -> int:
+        """Queue an item; return how many were dropped for it."""
+        dropped = 0
+        self.items.append(item)
+        self.filled.set()
+        while len(self.items) > self.capacity:
+            oldest = self.items.popleft()
+            self.items[0].work.absorb(oldest.work, segments=not self.drops_segments)
+            self.on_absorbed()
+            dropped += 1
+        return dropped
+
+    def get(self) -> Item | None:
+        """Return the oldest item, or all in one where too many wait; None where none does."""
+        if not self.items:
+            self.filled.clear()
+            return None
+        item = self.items.popleft()
+        if len(self.items) >= self.capacity / 2:
+            while self.items:
+                later = self.items.popleft()
+                later.work.absorb(item.work)
+                later.seconds += item.seconds
+                self.on_absorbed()
+                item = later
+        return item
+
+    def clear(self) -> None:
+        """Forget what waits."""
+        self.items.clear()
+
+
+class StageTask:
+    """Takes items from its queue, runs the steps of one stage in the worker, and hands them on.
+
+    Between two steps the event loop has the interpreter lock to itself, so that the ticks are
+    not delayed.
+
+    Parameters
+    ----------
+    steps
+        Called in the worker, one after the other, with the work.
+    worker
+        Where they run.
+    queue
+        Items that wait.
+    activity
+        Shared by all tasks of the modelling.
+    deliver
+        Called on the event loop with each item that is done.
+    """
+
+    def __init__(
+        self,
+        steps: "Sequence[Callable[[Work], None]]",
+        worker: Executor,
+        queue: ItemQueue,
+        activity: Activity,
+        deliver: Callable[[Item], None],
+    ) -> None:
+        self._steps = steps
+        self._worker = worker
+        self._activity = activity
+        self._deliver = deliver
+        self._generation = 0
+        self.queue = queue
+        self.figures = Figures(lambda: len(queue.items))
+
+    def put(self, item: Item) -> None:
+        """Queue an item; never blocks."""
+        self.figures.drops += self.queue.put(item)
+        self.figures.look()
+
+    def clear(self) -> None:
+        """Throw away what waits and what is under way."""
+        self._generation += 1
+        self.queue.clear()
+
+    async def run(self) -> None:
+        """Work until cancelled."""
+        loop = asyncio.get_running_loop()
+        while True:
+            await self.queue.filled.wait()
+            await self.wait_for_turn()
+            item = self.queue.get()
+            if item is None:
+                continue
+            generation, started = self._generation, perf_counter()
+            self._activity.busy += 1
+            try:
+                for step in self._steps:
+                    await loop.run_in_executor(self._worker, step, item.work)
+            finally:
+                self._activity.busy -= 1
+            seconds = perf_counter() - started
+            if generation == self._generation:
+                item.seconds += seconds
+                self.figures.add(seconds)
+                self._deliver(item)
+
+    async def wait_for_turn(self) -> None:
+        """Wait until the next item may be worked on."""

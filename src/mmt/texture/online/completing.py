@@ -1,0 +1,69 @@
+"""The last stage of an update: how far the model is, by the criterion in use."""
+
+import numpy as np
+
+from mmt.texture.completion.criteria import criterion_of
+from mmt.texture.completion.criterion import Criterion
+from mmt.texture.completion.distance import distance_sum
+from mmt.texture.model.fits import samples_of
+from mmt.texture.model.inputs import InputSpace
+from mmt.texture.online.work import ModelUpdate, Stopwatch, Work
+from mmt.texture.settings import ModellingSettings
+
+
+class CompletionStage:
+    """Judge each new model, and say what the update has done.
+
+    Parameters
+    ----------
+    settings
+        Of the modelling.
+    """
+
+    def __init__(self, settings: ModellingSettings) -> None:
+        self._space = InputSpace(settings.inputs)
+        self._rate_hz = settings.rate_hz
+        self.criterion: Criterion = criterion_of(settings)
+
+    def judge(self, work: Work, first_sequence: int) -> None:
+        """Judge the model of an update, and set what has come of the update.
+
+        A criterion that only samples of another surface have met is no longer met.
+
+        Parameters
+        ----------
+        work
+            With a model, or None where there is none.
+        first_sequence
+            Number of the stream's first frame.
+        """
+        clock = Stopwatch(work.durations_s)
+        for block in work.observed:
+            self.criterion.observe(block)
+        if work.forget_from is None:
+            self.criterion.update(work.model, work.time_s)
+        elif work.removed_count:
+            self.criterion.update(work.model, work.time_s)
+            self.criterion.take_back((work.forget_from - first_sequence) / self._rate_hz)
+        clock.lap("completion")
+        points = np.empty((0, self._space.dimensions))
+        if work.chosen:
+            points = samples_of(work.chosen, self._space).points
+        work.update = ModelUpdate(
+            time_s=work.time_s if work.session_time_s is None else work.session_time_s,
+            samples=len(work.chosen),
+            added=len(work.added),
+            removed=work.removed_count,
+            distance=distance_sum(points),
+            progress=self.criterion.progress,
+            order=work.order,
+            started=self.criterion.started,
+            stopped=self.criterion.stopped,
+            model=work.model,
+            durations_s=work.durations_s,
+            outliers=work.outliers,
+            redundant=work.redundant,
+            surface=work.surface,
+            changes=work.changes,
+            left=work.left,
+        )

@@ -1,0 +1,93 @@
+"""The first stage of an update: frames are filtered, and cut into segments."""
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+from mmt.core.arrays import RecordArray
+from mmt.texture.online.work import Stopwatch, Work
+from mmt.texture.segmentation.segmenter import OnlineSegmenter, segmentation_of
+from mmt.texture.segmentation.segments import Segment
+from mmt.texture.settings import ModellingSettings
+from mmt.texture.signals.filtering import StreamFilter
+from mmt.texture.signals.low_band import LowBand
+from mmt.texture.signals.noise_floor import NoiseFloor
+
+if TYPE_CHECKING:
+    from mmt.texture.online.modeller import OnlineModeller
+
+
+class SegmentingStage:
+    """Filter the stream and find its segments.
+
+    Cost: O(new samples).
+
+    Parameters
+    ----------
+    settings
+        Of the modelling.
+    accept
+        Asked for each segment whether it may enter the model; None accepts all.
+    """
+
+    def __init__(
+        self, settings: ModellingSettings, accept: Callable[[Segment], bool] | None
+    ) -> None:
+        self._rate_hz = settings.rate_hz
+        self._accept = accept
+        self._filter = StreamFilter(
+            normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz
+        )
+        self._segmenter = OnlineSegmenter(
+            segmentation_of(settings), overlap_samples=settings.overlap_samples
+        )
+        self._noise = NoiseFloor()
+        by_process = settings.level != "interpolated"
+        self._low_band = LowBand(settings.rate_hz) if by_process else None
+        self.first_sequence: int | None = None
+        """Number of the first frame, None before it."""
+        self.time_s = 0.0
+        """Session time of the newest frame."""
+
+    @property
+    def delay_samples(self) -> int:
+        """Samples by which segments lag behind the newest frame, from the filters."""
+        return self._filter.delay_samples
+
+    @property
+    def noise_power(self) -> float:
+        """The sensor's noise in (m/s2)^2, 0 as long as it is not known."""
+        return self._noise.power
+
+    def segment(self, modeller: "OnlineModeller", frames: RecordArray) -> Iterator[Work | None]:
+        """Filter and segment frames (n,); None after the filters, the work for an update last.
+
+        A service that must keep its ticks runs the steps one by one, so that the interpreter
+        lock is never contended for longer than one of them.
+        """
+        clock = Stopwatch()
+        if len(frames):
+            if self.first_sequence is None:
+                self.first_sequence = int(frames["sequence"][0])
+            elapsed = int(frames["sequence"][-1]) + 1 - self.first_sequence
+            self.time_s = elapsed / self._rate_hz
+        aligned = self._filter.process(frames)
+        self._noise.update(aligned)
+        if self._low_band is not None:
+            self._low_band.update(aligned)
+        clock.lap("filter")
+        yield None
+        clock.resume()
+        change = self._segmenter.update(aligned)
+        added = [s for s in change.added if self._accept is None or self._accept(s)]
+        if self._low_band is not None:
+            added = [self._low_band.restored(s) for s in added]
+        clock.lap("segment")
+        yield Work(
+            modeller=modeller,
+            time_s=self.time_s,
+            observed=[aligned],
+            added=added,
+            removed=[(s.start, s.stop) for s in change.removed],
+            noise_power=self._noise.power,
+            durations_s=clock.laps,
+        )

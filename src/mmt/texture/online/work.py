@@ -1,0 +1,145 @@
+"""One update of a model on its way through the stages, and what comes of it."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from mmt.texture.completion.criterion import Progress
+from mmt.texture.model.fits import Fit
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.segmentation.segments import Segment
+from mmt.texture.signals.aligned import AlignedBlock
+
+if TYPE_CHECKING:
+    from mmt.texture.online.modeller import OnlineModeller
+    from mmt.texture.surfaces.changes import SurfaceChange
+
+SegmentRange = tuple[int, int]
+"""Sequence numbers of a segment's first sample and of the one after its last."""
+
+
+@dataclass(frozen=True)
+class ModelUpdate:
+    """What one update did.
+
+    ``time_s`` is the session time of the newest frame, ``distance`` the completion sum,
+    ``progress`` what the criterion in use says, ``durations_s`` the seconds spent on each stage.
+    ``outliers`` counts fits that a selection keeps out, ``redundant`` those that left for good.
+    Where surfaces are told apart, ``surface`` is the number of the one that all this is of,
+    ``changes`` says which changes this update brings to light, in order, and ``left`` what
+    has become of the models of the surfaces that were left by them.
+    """
+
+    time_s: float
+    samples: int
+    added: int
+    removed: int
+    distance: float
+    progress: Progress
+    order: int | None
+    started: bool
+    stopped: bool
+    model: TextureModel | None
+    durations_s: dict[str, float]
+    outliers: int = 0
+    redundant: int = 0
+    surface: int | None = None
+    changes: "tuple[SurfaceChange, ...]" = ()
+    left: "tuple[ModelUpdate, ...]" = ()
+
+
+@dataclass
+class Work:
+    """What the stages hand on from one to the next for one update.
+
+    Each stage reads what the stages before it have set, and keeps its own state to itself, so
+    that segmenting may go on while an earlier update is still fitted.
+
+    Attributes
+    ----------
+    modeller
+        Whose model is updated.
+    time_s
+        Session time of the newest frame.
+    observed
+        Filtered frames, for the completion criterion.
+    added, removed
+        Segments that are new, and the ranges of those that no longer hold.
+    noise_power
+        Of the sensor, in (m/s2)^2.
+    forget_from
+        The first sequence number of another surface: what reaches beyond leaves the model; None
+        in a usual update.
+    fits, order
+        By the fitting: all fits of the model as they are now, and their order.
+    removed_count
+        By the fitting: how many fits have left.
+    chosen, outliers, redundant, model
+        By the building: the fits that the model is made of, how many a selection has kept out and
+        sent away, and the model.
+    announced
+        Whether the update is one that others hear of; where the tool leaves a surface, its model is
+        also updated in between.
+    surface, changes, left, session_time_s
+        As in `ModelUpdate`, where surfaces are told apart.
+    update
+        What has come of it, once it is judged.
+    """
+
+    modeller: "OnlineModeller"
+    time_s: float
+    observed: list[AlignedBlock]
+    added: list[Segment]
+    removed: list[SegmentRange]
+    noise_power: float
+    forget_from: int | None = None
+    durations_s: dict[str, float] = field(default_factory=dict)
+    fits: tuple[Fit, ...] = ()
+    order: int | None = None
+    removed_count: int = 0
+    chosen: Sequence[Fit] = ()
+    outliers: int = 0
+    redundant: int = 0
+    model: TextureModel | None = None
+    announced: bool = True
+    surface: int | None = None
+    changes: "tuple[SurfaceChange, ...]" = ()
+    left: tuple[ModelUpdate, ...] = ()
+    session_time_s: float | None = None
+    update: ModelUpdate | None = None
+
+    def absorb(self, earlier: "Work", *, segments: bool = True) -> None:
+        """Do also what an earlier update of the same model has left to do.
+
+        Parameters
+        ----------
+        earlier
+            The one that is not carried out.
+        segments
+            Whether its new segments count; what it removes always does.
+        """
+        gone = set(self.removed)
+        kept = [s for s in earlier.added if (s.start, s.stop) not in gone] if segments else []
+        self.added = kept + self.added
+        self.removed = earlier.removed + self.removed
+        self.removed_count += earlier.removed_count
+        self.observed = earlier.observed + self.observed
+
+
+class Stopwatch:
+    """Laps by name in ``laps``; `resume` after a pause that is not to count."""
+
+    def __init__(self, laps: dict[str, float] | None = None) -> None:
+        self.laps: dict[str, float] = {} if laps is None else laps
+        self.resume()
+
+    def resume(self) -> None:
+        """Begin to count here."""
+        self._last = time.perf_counter()
+
+    def lap(self, name: str) -> None:
+        """Note the seconds since the last lap or resumption."""
+        now = time.perf_counter()
+        self.laps[name] = now - self._last
+        self._last = now

@@ -1,0 +1,125 @@
+"""What happened in a recording, as the page shows it beside the slider."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray, IntArray
+from mmt.session.data import JsonObject
+from mmt.web.monitor.states import LATENCY_MS
+
+Kind = Literal["mark", "gap", "criterion", "other"]
+_CLOCK: Final = ("clock_time_ns", "clock_offset_ns", "clock_drift_ppm", "clock_uncertainty_ns")
+_SURFACE_CHANGES: Final = ("new", "recalled", "identified")
+_MOST: Final = 2000
+"""Events that a page gets."""
+
+
+@dataclass(frozen=True)
+class SessionEvent:
+    """One event for a person."""
+
+    at_s: float
+    kind: Kind
+    sentence: str
+
+
+def session_events(events: Sequence[JsonObject]) -> list[SessionEvent]:
+    """Return what a person wants to know, in order.
+
+    Clocks are compared every ten seconds, and gaps are filled in: that is left out. Of more
+    than 2000, gaps give way to the rest.
+    """
+    found = [h for event in events if (h := _session_event(event)) is not None]
+    if len(found) > _MOST:
+        found = [h for h in found if h.kind != "gap"]
+    return found[:_MOST]
+
+
+def _session_event(event: JsonObject) -> SessionEvent | None:
+    sentence, at_s = str(event.get("event", "")), max(0.0, float(event["at_s"]))
+    if event.get("kind") == "gap":
+        return SessionEvent(at_s, "gap", f"{event.get('frames', 'some')} frames did not arrive")
+    if event.get("kind") == "filled" or "clock_uncertainty_ns" in event or not sentence:
+        return None
+    if "mark" in event:
+        return SessionEvent(at_s, "mark", sentence)
+    criterion = sentence.startswith(("start criterion", "stop criterion"))
+    criterion |= event.get("kind") in _SURFACE_CHANGES
+    return SessionEvent(at_s, "criterion" if criterion else "other", sentence)
+
+
+class LinkRecord:
+    """The figures of the link that a recording holds.
+
+    Parameters
+    ----------
+    events
+        Of the recording, in order.
+    """
+
+    def __init__(self, events: Sequence[JsonObject]) -> None:
+        self._clocks = [
+            event for event in events if all(isinstance(event.get(k), int | float) for k in _CLOCK)
+        ]
+        self._gaps = [event for event in events if event.get("kind") in ("gap", "filled")]
+
+    @property
+    def exists(self) -> bool:
+        """Whether there is anything to show."""
+        return bool(self._clocks or self._gaps)
+
+    def at(self, time_s: float, arrivals: IntArray) -> dict[str, Any]:
+        """Return the figures at a recording time.
+
+        Parameters
+        ----------
+        time_s
+            What came later does not count.
+        arrivals
+            Shape (m, 2), of the blocks of the last seconds; see `mmt.session.windows.Window`.
+        """
+        past = [event for event in self._gaps if event["at_s"] <= time_s]
+        missed = sum(_count(event, "frames") for event in past if event["kind"] == "gap")
+        filled = [event for event in past if event["kind"] == "filled"]
+        lost = sum(_count(event, "lost") for event in filled)
+        table: dict[str, Any] = {
+            "missed": missed,
+            "filled": sum(_count(event, "frames") for event in filled) - lost,
+            "lost": lost,
+            "clock": None,
+        }
+        if not self._clocks:
+            return table
+        clock = min(self._clocks, key=lambda event: abs(float(event["at_s"]) - time_s))
+        latencies_ms = _latencies_ms(clock, arrivals)
+        edges = np.array([-np.inf, *LATENCY_MS, np.inf])
+        table["clock"] = {
+            "offset_ms": float(clock["clock_offset_ns"]) / 1e6,
+            "drift_ppm": float(clock["clock_drift_ppm"]),
+            "uncertainty_ms": float(clock["clock_uncertainty_ns"]) / 1e6,
+        }
+        if len(latencies_ms):
+            p50, p99 = np.percentile(latencies_ms, [50, 99]).tolist()
+            table |= {"latency_p50_ms": p50, "latency_p99_ms": p99}
+        table["bounds_ms"] = list(LATENCY_MS)
+        table["counts"] = np.histogram(latencies_ms, edges)[0].tolist()
+        return table
+
+
+def _latencies_ms(clock: Mapping[str, Any], arrivals: IntArray) -> FloatArray:
+    """Return how long blocks were under way, by a comparison of the two clocks.
+
+    See `docs/reference/session-file.md`: the follower's times on the leader's clock.
+    """
+    came_ns, sent_ns = arrivals.T
+    since_ns = came_ns - int(clock["clock_time_ns"])
+    offset_ns = int(clock["clock_offset_ns"]) + float(clock["clock_drift_ppm"]) / 1e6 * since_ns
+    return np.asarray((came_ns - sent_ns + offset_ns) / 1e6, dtype=np.float64)
+
+
+def _count(event: JsonObject, name: str) -> int:
+    value = event.get(name, 0)
+    return value if isinstance(value, int) else 0

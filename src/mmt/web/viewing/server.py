@@ -1,0 +1,125 @@
+"""The recording's page and what it asks for, over HTTP on loopback.
+
+``GET /session/`` is the page; ``opening``, ``growth``, ``model?number=N`` and
+``moment?time_s=T`` beside it answer with the monitor's binary messages. The server keeps
+nothing of who asks, so that a page may be reloaded, or opened twice, at any time.
+"""
+
+import asyncio
+import errno
+import math
+from collections.abc import Callable
+from typing import Final
+
+from aiohttp import web
+
+from mmt.core.errors import InputError
+from mmt.link.access import Access
+from mmt.web.page_server import add_page, monitor_files, refuse_strangers
+from mmt.web.viewing.recording import ViewedRecording
+
+HOST: Final = "127.0.0.1"
+PATH: Final = "/session"
+
+
+def recording_application(recording: ViewedRecording) -> web.Application:
+    """Return the application that shows a recording."""
+    application, access, one = web.Application(), Access(), asyncio.Lock()
+
+    async def answer(request: web.Request, make: Callable[[], bytes]) -> web.Response:
+        """Make a message in a thread, one at a time."""
+        refuse_strangers(request, access, HOST)
+        async with one:
+            try:
+                body = await asyncio.to_thread(make)
+            except InputError as error:
+                raise web.HTTPNotFound(text=f"{error}\n") from error
+        return web.Response(body=body, headers={"Cache-Control": "no-store"})
+
+    async def opening(request: web.Request) -> web.Response:
+        return await answer(request, recording.opening)
+
+    async def growth(request: web.Request) -> web.Response:
+        return await answer(request, recording.growth)
+
+    async def model(request: web.Request) -> web.Response:
+        number = int(_number(request, "number"))
+        return await answer(request, lambda: recording.model(number))
+
+    async def moment(request: web.Request) -> web.Response:
+        time_s = _number(request, "time_s")
+        return await answer(request, lambda: recording.moment(time_s))
+
+    for handler in (opening, growth, model, moment):
+        application.router.add_get(f"{PATH}/{handler.__name__}", handler)
+    add_page(application, PATH, monitor_files("recording.js"))
+    return application
+
+
+def _number(request: web.Request, name: str) -> float:
+    """Return a finite number that a request asks with.
+
+    Raises
+    ------
+    web.HTTPBadRequest
+        It is none.
+    """
+    try:
+        value = float(request.query.get(name, ""))
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise web.HTTPBadRequest(text=f"{name} must be a number\n")
+    return value
+
+
+class RecordingServer:
+    """A recording's page at a port of this machine.
+
+    Parameters
+    ----------
+    recording
+        What is shown; closed at the end.
+    port
+        Zero for any that is free.
+    """
+
+    def __init__(self, recording: ViewedRecording, port: int = 0) -> None:
+        self._recording = recording
+        self._port = port
+        self._ended = asyncio.Event()
+
+    def stop(self) -> None:
+        """Let `run` end."""
+        self._ended.set()
+
+    async def run(self, ready: Callable[[str], None]) -> None:
+        """Serve until `stop`; `ready` is called with the page's address.
+
+        Raises
+        ------
+        InputError
+            The port is taken, or not allowed.
+        """
+        runner = web.AppRunner(
+            recording_application(self._recording), access_log=None, shutdown_timeout=1.0
+        )
+        await runner.setup()
+        try:
+            site = web.TCPSite(runner, HOST, self._port)
+            try:
+                await site.start()
+            except OSError as error:
+                raise InputError(_port_problem(self._port, error)) from error
+            self._recording.start()
+            ready(f"http://{HOST}:{runner.addresses[0][1]}{PATH}/")
+            await self._ended.wait()
+        finally:
+            await runner.cleanup()
+            await asyncio.to_thread(self._recording.close)
+
+
+def _port_problem(port: int, error: OSError) -> str:
+    if error.errno == errno.EADDRINUSE:
+        return f"--port {port}: another program uses it; name another one, or none for any"
+    return f"--port {port}: {error.strerror or error}"

@@ -1,0 +1,251 @@
+"""Models of velocity and force: degenerate samples, odd units and queries, any interpolator.
+
+The plane's cases (`mmt_lab.stability.families.model`) in three dimensions, where samples lie on
+planes and lines of which the plane knows nothing: one force, one heading, a ring of one speed.
+"""
+
+from functools import partial
+from itertools import product
+from typing import Final
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from mmt.core.arrays import FloatArray
+from mmt.texture.autoregression.forms import lsf_to_reflection, output_power
+from mmt.texture.field.trend import trend_at
+from mmt.texture.interpolation.radial_basis.model import LEVEL_ROOM
+from mmt.texture.model.inputs import ANISOTROPIC, InputSpace
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.synthesis.synthesizer import Synthesizer
+from mmt_lab.stability.cases import Case, Family, Outcome
+from mmt_lab.stability.degenerate import anywhere, build, of_space
+
+MANY: Final = 2000
+INTERPOLATORS: Final[tuple[str, ...]] = ("delaunay", "nearest", "rbf")
+
+_LARGEST_NETWORK: Final = 200  # samples; a network costs their cube
+_EXPECTED: Final = "the whole space; filters ordered, level within bounds, silence at rest"
+
+
+def cases(*, many: int = MANY, queries: int = 2000) -> list[Case]:
+    """Return the family's cases.
+
+    Parameters
+    ----------
+    many
+        Samples of the largest model.
+    queries
+        Points at which each model is asked, besides its own.
+    """
+    scales = (1e-12, 1e-6, 1e12)
+    return [
+        *(
+            Case(what, _EXPECTED, partial(_space, points, queries))
+            for what, points in of_space(many)
+        ),
+        *(
+            Case(
+                f"speeds in units {speed:g} times smaller, forces {force:g}",
+                "the same model to 1e-9",
+                partial(_units, speed, force),
+            )
+            for speed, force in zip(scales, scales[::-1], strict=True)
+        ),
+        *(
+            Case(
+                f"levels times {scale:g}", "the level times as much to 1e-9", partial(_level, scale)
+            )
+            for scale in (1e-200, 1e-30, 1e100)
+        ),
+        Case("a network's samples turned by 30 degrees", "the model turned, to 1e-9", _turned),
+        Case(
+            "queries NaN, infinite, negative, far outside",
+            "as at the end of the space with the same heading, NaN as zero",
+            _any_query,
+        ),
+        Case("points outside of all tetrahedra", "weights that are an average", _outside),
+        Case(
+            "queries on every vertex, four to a cluster", "the sample: 1e-9 rad, 1e-7", _on_vertices
+        ),
+        Case("queries on every face", "both tetrahedra agree to 1e-8", _on_faces),
+    ]
+
+
+def _space(points: FloatArray, queries: int) -> Outcome:
+    """Build the model by every interpolator, and ask it everywhere and at its samples."""
+    asked = np.vstack([anywhere(queries, np.random.default_rng(4)), points])
+    least_gap, largest_k, highest, silent = np.inf, 0.0, 0.0, True
+    for interpolator in INTERPOLATORS:
+        if interpolator == "rbf" and len(points) > _LARGEST_NETWORK:
+            continue
+        model = build(points, interpolator)
+        lsf, variance = model.at(*(asked * ANISOTROPIC.scale).T)
+        least_gap = min(least_gap, float(np.diff(lsf, prepend=0.0, append=np.pi, axis=1).min()))
+        k = lsf_to_reflection(lsf)
+        largest_k = max(largest_k, float(np.abs(k).max()))
+        room = LEVEL_ROOM if interpolator == "rbf" else 1.0
+        highest = max(highest, _over_the_law(model, asked, output_power(variance, k)) / room)
+        silent &= bool(np.all(variance >= 0.0)) and _is_silent_at_rest(model)
+        rendered = Synthesizer(model, limit_m_s2=np.inf).render(*(asked * ANISOTROPIC.scale).T)
+        if not np.isfinite(rendered).all():
+            return Outcome(f"{interpolator}: what is rendered is not finite", held=False)
+    missing = _missing_volume(build(points))
+    return Outcome(
+        f"gaps from {least_gap:.0e} rad, level to {highest:.3f} of its bound, "
+        f"{missing:+.0e} of the space missing",
+        held=least_gap > 0.0
+        and largest_k < 1.0
+        and highest <= 1.0 + 1e-9
+        and silent
+        and abs(missing) < 1e-9,
+        figures={"least_gap_rad": least_gap, "highest_level": highest, "missing": missing},
+    )
+
+
+def _over_the_law(model: TextureModel, points: FloatArray, power: FloatArray) -> float:
+    """Return the largest power over its law, in units of the samples' own largest."""
+    normalised = np.ascontiguousarray(ANISOTROPIC.normalise(points * ANISOTROPIC.scale))
+    law = np.array([trend_at(*model.trend, point) for point in normalised])
+    heard = law > 0.0
+    own = model.vertices[:, 3].max()
+    return float((power[heard] / law[heard]).max(initial=0.0) / own)
+
+
+def _is_silent_at_rest(model: TextureModel) -> bool:
+    steps = np.linspace(0.0, 300.0, 50)
+    at_rest = model.at(0.0, 0.0, steps / 100.0)[1]
+    without_force = model.at(steps, -steps, 0.0)[1]
+    return not at_rest.any() and not without_force.any()
+
+
+def _missing_volume(model: TextureModel) -> float:
+    """Return the share of the convex hull that no tetrahedron covers."""
+    corners = model.triangulation.points[model.triangles[:, :4]]
+    volumes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6.0
+    return 1.0 - float(volumes.sum()) / float(ConvexHull(model.triangulation.points).volume)
+
+
+def _units(per_speed: float, per_force: float) -> Outcome:
+    space = InputSpace("anisotropic", 300.0 / per_speed, 3.0 / per_force)
+    points, asked = (anywhere(count, np.random.default_rng(5)) for count in (60, 500))
+    off = max(
+        _difference(
+            build(points, by).at(*(asked * ANISOTROPIC.scale).T),
+            build(points, by, space).at(*(asked * space.scale).T),
+        )
+        for by in INTERPOLATORS
+    )
+    return Outcome(f"off by {off:.0e}", held=off < 1e-9, figures={"off": off})
+
+
+def _level(scale: float) -> Outcome:
+    points, asked = (anywhere(count, np.random.default_rng(6)) for count in (60, 500))
+    off = 0.0
+    for by in INTERPOLATORS:
+        lsf, variance = build(points, by, scale=scale).at(*(asked * ANISOTROPIC.scale).T)
+        plain = build(points, by).at(*(asked * ANISOTROPIC.scale).T)
+        off = max(off, _difference(plain, (lsf, variance / scale)))
+    return Outcome(f"off by {off:.0e}", held=off < 1e-9, figures={"off": off})
+
+
+def _difference(one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]) -> float:
+    """Return how far filters are apart: LSF in rad, variances over the largest."""
+    lsf = np.abs(one[0] - other[0]).max()
+    return float(max(lsf, np.abs(one[1] - other[1]).max() / one[1].max()))
+
+
+def _turned() -> Outcome:
+    """Turn samples and queries together; the boundary is the same after 30 degrees."""
+    points, asked = (anywhere(count, np.random.default_rng(7)) for count in (60, 500))
+    turn = np.eye(3)
+    turn[:2, :2] = np.array([[3**0.5, -1.0], [1.0, 3**0.5]]) / 2.0
+    off = _difference(  # the boundary of the other interpolators has no symmetry
+        build(points, "rbf").at(*(asked * ANISOTROPIC.scale).T),
+        build(points @ turn.T, "rbf").at(*(asked @ turn.T * ANISOTROPIC.scale).T),
+    )
+    return Outcome(f"off by {off:.0e}", held=off < 1e-9, figures={"off": off})
+
+
+def _any_query() -> Outcome:
+    odd = np.array([np.nan, -np.inf, -1e308, -300.0, -1e-300, 0.0, 1e-300, 300.0, 1e308, np.inf])
+    asked = np.array(list(product(odd, odd, odd / 100.0)))
+    bounded = np.nan_to_num(asked, nan=0.0, posinf=1e300, neginf=-1e300)
+    bounded[:, :2] = np.clip(bounded[:, :2], -3e8, 3e8)  # a million times the largest speed
+    speed = np.hypot(bounded[:, 0], bounded[:, 1])
+    bounded[:, :2] *= np.minimum(300.0 / np.maximum(speed, 1e-300), 1.0)[:, None]
+    bounded[:, 2] = np.clip(bounded[:, 2], 0.0, 3.0)
+    off, finite = 0.0, True
+    for by in INTERPOLATORS:
+        model = build(anywhere(60, np.random.default_rng(9)), by)
+        off = max(off, _difference(model.at(*bounded.T), model.at(*asked.T)))
+        finite &= bool(np.isfinite(Synthesizer(model).render(*asked.T)).all())
+    return Outcome(
+        f"{len(asked)} moments, off by {off:.0e}, rendered {'' if finite else 'not '}finite",
+        held=off < 1e-9 and finite,
+        figures={"off": off},
+    )
+
+
+def _outside() -> Outcome:
+    mesh = build(anywhere(200, np.random.default_rng(10))).triangulation
+    generator = np.random.default_rng(11)
+    directions = generator.standard_normal((2000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    hull = ConvexHull(mesh.points)
+    worst_sum, least, outside = 0.0, 0.0, 0
+    for beyond in (1e-15, 1e-9, 1e-3, 1.0, 1e6):
+        faces = mesh.points[hull.simplices[generator.integers(0, len(hull.simplices), 2000)]]
+        points = faces.mean(axis=1) + beyond * directions
+        outside += int((points @ hull.equations[:, :3].T + hull.equations[:, 3] > 0).any(1).sum())
+        _, weights = mesh.weights(points)
+        worst_sum = max(worst_sum, float(np.abs(weights.sum(axis=1) - 1.0).max()))
+        least = min(least, float(weights.min()))
+    return Outcome(
+        f"{outside} outside, weights from {least:g}, their sum 1 to {worst_sum:.0e}",
+        held=outside > 0 and least >= 0.0 and worst_sum < 1e-14,
+        figures={"outside": outside, "least_weight": least, "sum_off": worst_sum},
+    )
+
+
+def _on_vertices() -> Outcome:
+    """Ask at samples that stand four together, 1e-4 to 1e-2 of the space apart."""
+    generator = np.random.default_rng(12)
+    centres = anywhere(100, generator) * 0.9
+    spread = 10.0 ** generator.uniform(-4.0, -2.0, (100, 1, 1))
+    points = (centres[:, None] + spread * generator.standard_normal((100, 4, 3))).reshape(-1, 3)
+    points[:, 2] = np.clip(points[:, 2], 0.02, 0.98)
+    off = level = 0.0
+    for by in ("delaunay", "nearest"):
+        model = build(points, by)
+        lsf, variance = model.at(*model.samples.inputs.T)
+        off = max(off, float(np.abs(lsf - model.samples.lsf).max()))
+        level = max(level, float(np.abs(variance / model.samples.variance - 1.0).max()))
+    return Outcome(
+        f"{len(points)} vertices, LSF off by {off:.0e} rad, variance by {level:.0e}",
+        held=off < 1e-9 and level < 1e-7,
+        figures={"lsf_off_rad": off, "variance_off": level},
+    )
+
+
+def _on_faces() -> Outcome:
+    model = build(anywhere(200, np.random.default_rng(13)))
+    corners = model.triangulation.points[model.triangles[:, :4]]
+    share = np.random.default_rng(14).dirichlet([1.0, 1.0, 1.0], len(corners))
+    on_face = np.einsum("tc,tck->tk", share, corners[:, 1:])
+    normal = np.cross(corners[:, 2] - corners[:, 1], corners[:, 3] - corners[:, 1])
+    normal *= 1e-12 / np.linalg.norm(normal, axis=1, keepdims=True)
+    inside = (np.hypot(on_face[:, 0], on_face[:, 1]) < 0.99) & (on_face[:, 2] > 0.01)
+    sides = [
+        model.at(*((on_face + side * normal)[inside] * ANISOTROPIC.scale).T)[0]
+        for side in (-1.0, 0.0, 1.0)
+    ]
+    off = float(np.ptp(np.stack(sides), axis=0).max())
+    return Outcome(
+        f"{int(inside.sum())} points, LSF differ by {off:.0e} rad across 2e-12 of the space",
+        held=off < 1e-8,
+        figures={"lsf_differ_rad": off},
+    )
+
+
+FAMILY: Final = Family("Models of velocity and force", cases)

@@ -1,0 +1,192 @@
+"""Burg's method on signals that break other implementations, against many digits."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from decimal import Decimal, localcontext
+from functools import partial
+from typing import Final
+
+import numpy as np
+from scipy.signal import sosfilt
+
+from mmt.core.arrays import FloatArray
+from mmt.texture.autoregression.forms import burg, reflection_to_lsf
+from mmt_lab.stability.cases import Case, Family, Outcome
+
+CLUSTERED_RAD: Final = (0.05, 0.0525, 0.055, 0.0575, 0.06)
+SPREAD_RAD: Final = (0.3, 0.8, 1.4, 2.0, 2.7)
+RADII: Final = (0.9, 0.99, 0.999, 0.9999, 0.99999, 0.999999)
+ORDERS: Final = (1, 2, 3, 8, 16, 32, 64)
+AMPLITUDES: Final = (1e-300, 1e-150, 1.0, 1e150)
+
+_DIGITS: Final = 120
+_HIGHEST_EXPONENT: Final = 999_999
+_SAMPLES: Final = 400
+_ORDER: Final = 16
+_RATE_HZ: Final = 1000.0
+_RELATIVE: Final = 1e-4
+_VANISHED: Final = 1e-28
+_EXPECTED: Final = "stable, residual as exact to 1e-4 or under 1e-28 of the power"
+
+
+def cases() -> list[Case]:
+    """Return the family's cases."""
+    rows = [
+        *(
+            (f"five pole pairs at radius {radius:g}, {name}", poles(radius, angles), 10)
+            for name, angles in (("clustered", CLUSTERED_RAD), ("spread", SPREAD_RAD))
+            for radius in RADII
+        ),
+        *((what, x, _ORDER) for what, x in signals().items()),
+        ("pure sinusoid, order 64", signals()["pure sinusoid"], 64),
+        *((f"white noise, order {order}", white(), order) for order in ORDERS),
+        *((f"{order + 1} samples, order {order}", white()[: order + 1], order) for order in ORDERS),
+    ]
+    fits = [Case(what, _EXPECTED, partial(_fit, x, order)) for what, x, order in rows]
+    return [*fits, *_amplitude_cases()]
+
+
+def white() -> FloatArray:
+    """Return white noise, shape (400,)."""
+    return np.random.default_rng(1).standard_normal(_SAMPLES)
+
+
+def poles(radius: float, angles_rad: tuple[float, ...]) -> FloatArray:
+    """Return noise through pole pairs at a radius, settled as far as it goes, shape (400,).
+
+    In second-order sections, since the coefficients of the whole filter would not hold them.
+    """
+    sections = [
+        (1.0, 0.0, 0.0, 1.0, -2.0 * radius * math.cos(angle), radius * radius)
+        for angle in angles_rad
+    ]
+    noise = np.random.default_rng(2).standard_normal(3000)
+    settled: FloatArray = sosfilt(np.array(sections), noise)[-_SAMPLES:]
+    return settled
+
+
+def signals() -> Mapping[str, FloatArray]:
+    """Return the signals that have no poles to speak of, by their names."""
+    n = np.arange(_SAMPLES)
+    time_s = np.arange(1000) / _RATE_HZ
+    vibration = poles(0.98, SPREAD_RAD)
+    pair = np.sin(2.0 * np.pi * 100.0 * time_s) + np.sin(2.0 * np.pi * 100.1 * time_s + 1.0)
+    steps = 127.0 / np.abs(vibration).max()
+    return {
+        "pure sinusoid": np.sin(0.3 * n),
+        "two sinusoids 0.1 Hz apart": pair,
+        "two sinusoids 0.1 Hz apart in noise": pair + 1e-3 * np.resize(white(), 1000),
+        "constant": np.ones(_SAMPLES),
+        "zero": np.zeros(_SAMPLES),
+        "impulse": np.where(n == _SAMPLES // 2, 1.0, 0.0),
+        "step": np.where(n >= _SAMPLES // 2, 1.0, 0.0),
+        "offset of 1e6 and white noise": 1e6 + white(),
+        "quantised to 8 bits": np.round(vibration * steps),
+        "slow sinusoid quantised to 8 bits": np.round(127.0 * np.sin(0.01 * n)),
+        "clipped at 0.3 of its deviation": np.clip(
+            vibration, -0.3 * vibration.std(), 0.3 * vibration.std()
+        ),
+    }
+
+
+def _fit(x: FloatArray, order: int) -> Outcome:
+    fit = burg(x, order)
+    problem = _unsound(fit.reflection, fit.variances)
+    if problem:
+        return Outcome(problem, held=False)
+    expected, best = exact_burg(x, order)
+    left, power = exact_residual(x, fit.reflection), exact_residual(x, [])
+    share = float(left / power) if power else 0.0
+    excess = float(abs(left - best) / best) if best else math.inf * share if share else 0.0
+    error = max(
+        abs(float(exact - Decimal(float(k))))
+        for exact, k in zip(expected, fit.reflection, strict=True)
+    )
+    if share < _VANISHED:
+        got = f"stable, residual {share:.0e} of the power"
+    else:
+        got = f"stable, residual off by {excess:.0e}, k by {error:.0e}"
+    return Outcome(
+        got,
+        held=share < _VANISHED or excess <= _RELATIVE,
+        figures={"residual_excess": excess, "residual_share": share, "largest_k_error": error},
+    )
+
+
+def _unsound(reflection: FloatArray, variances: FloatArray) -> str:
+    """Say in what way a fit is no usable filter; nothing where it is one."""
+    if not (np.abs(reflection) < 1.0).all():
+        return f"not stable: |k| = {np.abs(reflection).max()}"
+    if not (np.isfinite(variances).all() and (variances >= 0.0).all()):
+        return "a variance is negative or not finite"
+    lsf = reflection_to_lsf(reflection)
+    if not (np.diff(lsf, prepend=0.0, append=np.pi) > 0.0).all():
+        return "line spectral frequencies that do not ascend"
+    return ""
+
+
+def _amplitude_cases() -> Iterator[Case]:
+    for amplitude in AMPLITUDES:
+        yield Case(
+            f"white noise of amplitude {amplitude:g}",
+            "stable, k as at amplitude 1 to 1e-14",
+            partial(_scaled, amplitude),
+        )
+
+
+def _scaled(amplitude: float) -> Outcome:
+    fit, unit = burg(amplitude * white(), _ORDER), burg(white(), _ORDER)
+    problem = _unsound(fit.reflection, fit.variances)
+    if problem:
+        return Outcome(problem, held=False)
+    error = float(np.abs(fit.reflection - unit.reflection).max())
+    return Outcome(
+        f"stable, k off by {error:.0e}", held=error < 1e-14, figures={"largest_k_error": error}
+    )
+
+
+def exact_burg(x: FloatArray, order: int) -> tuple[list[Decimal], Decimal]:
+    """Return the reflection coefficients (m,) of a signal (n,) and their residual, in 120 digits.
+
+    The plain textbook recursion: the digits outweigh what it loses to cancellation. Takes about
+    1 us a sample and order.
+
+    A residual that is exactly zero ends the recursion with coefficients of zero. For the
+    residual see `exact_residual`.
+    """
+    with localcontext(prec=_DIGITS, Emax=_HIGHEST_EXPONENT, Emin=-_HIGHEST_EXPONENT):
+        forward = backward = [Decimal(value) for value in x.tolist()]
+        reflection = []
+        for _ in range(order):
+            ahead, behind = forward[1:], backward[:-1]
+            total = sum((f * f + b * b for f, b in zip(ahead, behind, strict=True)), Decimal())
+            product = sum((f * b for f, b in zip(ahead, behind, strict=True)), Decimal())
+            k = -2 * product / total if total else Decimal()
+            reflection.append(k)
+            forward = [f + k * b for f, b in zip(ahead, behind, strict=True)]
+            backward = [b + k * f for f, b in zip(ahead, behind, strict=True)]
+        return reflection, _mean_square(forward, backward)
+
+
+def exact_residual(x: FloatArray, reflection: Sequence[float] | FloatArray) -> Decimal:
+    """Return what given coefficients leave of a signal (n,).
+
+    The mean square of the forward and backward prediction errors over the n - m samples that
+    have both.
+    """
+    with localcontext(prec=_DIGITS, Emax=_HIGHEST_EXPONENT, Emin=-_HIGHEST_EXPONENT):
+        forward = backward = [Decimal(value) for value in x.tolist()]
+        for value in reflection:
+            k = Decimal(float(value))
+            ahead, behind = forward[1:], backward[:-1]
+            forward = [f + k * b for f, b in zip(ahead, behind, strict=True)]
+            backward = [b + k * f for f, b in zip(ahead, behind, strict=True)]
+        return _mean_square(forward, backward)
+
+
+def _mean_square(forward: Sequence[Decimal], backward: Sequence[Decimal]) -> Decimal:
+    squares = sum((value * value for value in (*forward, *backward)), Decimal())
+    return squares / (2 * len(forward))
+
+
+FAMILY: Final = Family("Fits of difficult signals, against 120 digits", cases)

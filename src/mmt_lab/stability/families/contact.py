@@ -1,0 +1,308 @@
+"""Stiff contact: what is offered as safe keeps its energy, and where the others break."""
+
+import math
+from collections.abc import Iterator, Sequence
+from functools import partial
+from itertools import product
+from typing import Final
+
+import numpy as np
+
+from mmt.contact.friction import SMOOTHING_M_S, friction_slope_n_s_m, step_tangential
+from mmt.contact.integrators import INTEGRATORS, Integrator, total_energy_j
+from mmt.contact.normal import ContactLaw, Drive
+from mmt.core.arrays import FloatArray
+from mmt.evaluation.document import Picture
+from mmt.evaluation.report_files import picture
+from mmt.scene import Simulated
+from mmt.testing.simulation.robot import SimulatedRobot, tip_drive
+from mmt_lab.stability.cases import Case, Family, Figures, Outcome
+
+STIFFNESSES_N_M: Final = (1e2, 1e3, 1e4, 1e5, 1e6, 1e7)
+MASSES_KG: Final = (0.001, 0.01, 0.1, 1.0)
+RATIOS: Final = (0.0, 0.01, 0.1, 1.0)
+"""Damping over critical damping."""
+
+STEPS_S: Final = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3)
+IMPACT_M_S: Final = 0.5
+MAP_MASS_KG, MAP_RATIO = 0.1, 0.1
+
+_MAP_LEAST_STEP_S: Final = 5e-5
+
+_TOUCHES: Final = (0.0, 0.3, 0.7, 0.95)
+"""Where within a step the surface is met."""
+
+_SLOW_RATIO: Final = 0.01
+"""So little damping that beside the limit nothing happens within a run."""
+
+_MOST_STEPS: Final = 5000
+_SUSTAINED_STEPS: Final = 4000
+_RUNAWAY: Final = 1e9
+_ROUNDING: Final = 1e-12
+
+
+def cases(*, stiffnesses: tuple[float, ...] = STIFFNESSES_N_M, map_points: int = 24) -> list[Case]:
+    """Return the family's cases.
+
+    Parameters
+    ----------
+    stiffnesses
+        Of the walls, N/m.
+    map_points
+        Points of the energy map along each axis.
+    """
+    return [
+        *_impact_cases(stiffnesses),
+        *_limit_cases(stiffnesses),
+        *(
+            Case(
+                f"Hunt-Crossley contact of {stiffness:,.0f} N/m, 0 to 100 s/m",
+                "energy never grows",
+                partial(_hunt_crossley, stiffness),
+            )
+            for stiffness in stiffnesses
+        ),
+        Case("friction to 100 N, coefficient to 1", "energy never grows", _friction),
+        Case(
+            "the follower's tip, 15 and 60 Hz, pressed on walls of 0.05 to 50 N/mm",
+            "at rest, force as in statics to 1e-6",
+            _follower_at_rest,
+        ),
+        Case(
+            f"energy map, {MAP_MASS_KG:g} kg, {MAP_RATIO:g} of critical damping",
+            "growth only where not offered as safe",
+            partial(_map, map_points),
+        ),
+    ]
+
+
+def _impact_cases(stiffnesses: tuple[float, ...]) -> Iterator[Case]:
+    for way, stiffness in product(INTEGRATORS.values(), stiffnesses):
+        count = len(MASSES_KG) * len(RATIOS) * len(STEPS_S) * len(_TOUCHES)
+        yield Case(
+            f"{way.name}, {count} impacts on {stiffness:,.0f} N/m",
+            "energy never grows" if way.safe else "grows (not offered as safe)",
+            partial(_impacts, way, stiffness),
+        )
+
+
+def _limit_cases(stiffnesses: tuple[float, ...]) -> Iterator[Case]:
+    for way, stiffness in product(INTEGRATORS.values(), stiffnesses):
+        if not way.safe:
+            yield Case(
+                f"{way.name}, sustained contact with {stiffness:,.0f} N/m",
+                "breaks at the theoretical step, to 0.1 %",
+                partial(_limits, way, stiffness),
+            )
+
+
+def wall(mass_kg: float, stiffness_n_m: float, ratio: float) -> ContactLaw:
+    """Return a wall with a share of the critical damping for this mass."""
+    return ContactLaw(stiffness_n_m, 2.0 * ratio * math.sqrt(stiffness_n_m * mass_kg))
+
+
+def impact_growth(
+    way: Integrator, drive: Drive, law: ContactLaw, step_s: float, touch: float
+) -> float:
+    """Return by what share of its energy an impact at 0.5 m/s grows above what went before.
+
+    The free tool starts so that it meets the surface after a share of a step, and is
+    followed until it has left, or runs away.
+    """
+    state = (touch * IMPACT_M_S * step_s, -IMPACT_M_S)
+    start = lowest = total_energy_j(drive, law, state, 0.0)
+    growth = 0.0
+    for _ in range(_MOST_STEPS):
+        height, velocity, _force = way.step(drive, law, state, 0.0, step_s)
+        state = (height, velocity)
+        energy = total_energy_j(drive, law, state, 0.0)
+        growth = max(growth, (energy - lowest) / start)
+        lowest = min(lowest, energy)
+        if growth > _RUNAWAY or (height > 0.0 and velocity > 0.0):
+            break
+    return growth
+
+
+def _impacts(way: Integrator, stiffness: float) -> Outcome:
+    worst, where = 0.0, ""
+    for mass, ratio, step_s in product(MASSES_KG, RATIOS, STEPS_S):
+        drive, law = Drive(mass, 0.0, 0.0), wall(mass, stiffness, ratio)
+        growth = max(impact_growth(way, drive, law, step_s, touch) for touch in _TOUCHES)
+        if growth > worst:
+            worst = growth
+            where = f" ({1e3 * mass:g} g, damping {ratio:g}, {1e3 * step_s:g} ms)"
+    return Outcome(
+        f"grows by {_share(worst)}{where if worst > _ROUNDING else ''}",
+        held=worst <= _ROUNDING if way.safe else worst > _ROUNDING,
+        figures={"growth": worst},
+    )
+
+
+def _share(growth: float) -> str:
+    if growth <= _ROUNDING:
+        return f"{growth:.0e}, a rounding"
+    return f"over {_RUNAWAY:.0e} x" if growth > _RUNAWAY else f"{growth:.2g} x"
+
+
+def _limits(way: Integrator, stiffness: float) -> Outcome:
+    """Compare the step at which sustained contact breaks with theory, and run beside it."""
+    worst, text, wrong_runs = 0.0, "", 0
+    for mass, ratio in product(MASSES_KG, RATIOS):
+        drive, law = Drive(mass, 0.1 * stiffness, 0.0), wall(mass, stiffness, ratio)
+        theory_s = way.limit_s(drive, law)
+        if theory_s == 0.0:
+            wrong_runs += _radius(way, drive, law, 1e-3 * math.sqrt(mass / stiffness)) <= 1.0
+            continue
+        measured_s = _breaking_step(way, drive, law, theory_s)
+        worst = max(worst, abs(measured_s / theory_s - 1.0))
+        if ratio != _SLOW_RATIO:
+            wrong_runs += not _stays(way, drive, law, 0.9 * theory_s)
+            wrong_runs += _stays(way, drive, law, 1.1 * theory_s)
+        if (mass, ratio) == (MAP_MASS_KG, MAP_RATIO):
+            text = f"{1e3 * measured_s:.4g} ms, theory {1e3 * theory_s:.4g} ms (100 g, 0.1)"
+    undamped = "; none without damping" if way.limit_s(drive, ContactLaw(stiffness)) == 0.0 else ""
+    return Outcome(
+        f"{text}{undamped}; all to {worst:.0e}, runs beside it agree"
+        if not wrong_runs
+        else f"{text}; {wrong_runs} runs disagree",
+        held=worst < 1e-3 and not wrong_runs,
+        figures={"largest_difference": worst, "runs_that_disagree": wrong_runs},
+    )
+
+
+def _radius(way: Integrator, drive: Drive, law: ContactLaw, step_s: float) -> float:
+    """Return the spectral radius of one step in contact, from three runs of it.
+
+    Far inside the wall, where the step is a linear map; velocities are scaled to lengths.
+    """
+    scale = math.sqrt((drive.stiffness_n_m + law.stiffness_n_m) / drive.mass_kg)
+    base = np.array(way.step(drive, law, (-1.0, 0.0), 0.0, step_s)[:2])
+    deeper = np.array(way.step(drive, law, (-1.25, 0.0), 0.0, step_s)[:2])
+    faster = np.array(way.step(drive, law, (-1.0, -0.03125 * scale), 0.0, step_s)[:2])
+    step = np.column_stack([(base - deeper) / 0.25, (base - faster) / 0.03125])
+    step[1] /= scale
+    return float(np.abs(np.linalg.eigvals(step)).max())
+
+
+def _breaking_step(way: Integrator, drive: Drive, law: ContactLaw, near_s: float) -> float:
+    """Return the step at which the spectral radius reaches one, by bisection."""
+    low, high = 0.5 * near_s, 2.0 * near_s
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        if _radius(way, drive, law, middle) <= 1.0 + 1e-9:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+def _stays(way: Integrator, drive: Drive, law: ContactLaw, step_s: float) -> bool:
+    """Say whether pressed contact, disturbed by a thousandth, stays within a tenth."""
+    command = -1e-3
+    rest = command * drive.stiffness_n_m / (drive.stiffness_n_m + law.stiffness_n_m)
+    state = (1.001 * rest, 0.0)
+    for _ in range(_SUSTAINED_STEPS):
+        state = way.step(drive, law, state, command, step_s)[:2]
+        if abs(state[0] / rest - 1.0) > 0.1:
+            return False
+    return True
+
+
+def _hunt_crossley(stiffness: float) -> Outcome:
+    worst = 0.0
+    for mass, dissipation, step_s in product(MASSES_KG, (0.0, 0.3, 3.0, 100.0), STEPS_S):
+        drive = Drive(mass, 0.0, 0.0)
+        law = ContactLaw(stiffness, dissipation_s_m=dissipation)
+        way = INTEGRATORS["discrete gradient"]
+        worst = max(worst, *(impact_growth(way, drive, law, step_s, at) for at in _TOUCHES))
+    return Outcome(f"grows by {_share(worst)}", held=worst <= _ROUNDING, figures={"growth": worst})
+
+
+def _friction() -> Outcome:
+    worst = 0.0
+    for mass, coefficient, normal_n, step_s in product(
+        MASSES_KG, (0.0, 0.1, 1.0), (0.01, 1.0, 100.0), STEPS_S
+    ):
+        drive, state = Drive(mass, 700.0, 0.0), (0.01, IMPACT_M_S)
+        energy = start = _tangential_energy(drive, state)
+        for _ in range(50):
+            slope = friction_slope_n_s_m(coefficient, normal_n, abs(state[1]), SMOOTHING_M_S)
+            state = step_tangential(drive, slope, state, 0.0, step_s)[:2]
+            later = _tangential_energy(drive, state)
+            worst = max(worst, (later - energy) / start)
+            energy = later
+    return Outcome(f"grows by {_share(worst)}", held=worst <= _ROUNDING, figures={"growth": worst})
+
+
+def _tangential_energy(drive: Drive, state: tuple[float, float]) -> float:
+    return 0.5 * (drive.mass_kg * state[1] ** 2 + drive.stiffness_n_m * state[0] ** 2)
+
+
+def _follower_at_rest() -> Outcome:
+    worst = 0.0
+    for bandwidth_hz, stiffness_n_mm in product((15.0, 60.0), (0.05, 0.5, 5.0, 50.0)):
+        settings = Simulated(robot_bandwidth_hz=bandwidth_hz, surface_stiffness_n_mm=stiffness_n_mm)
+        robot = SimulatedRobot(settings, 0.3)
+        for _ in range(3000):
+            tip = robot.advance((0.0, 0.0, -1.0))
+        drive, _ = tip_drive(bandwidth_hz)
+        series = 1.0 / (1e3 / drive.stiffness_n_m + 1.0 / stiffness_n_mm)
+        worst = max(worst, abs(tip.force_n[2] / series - 1.0), abs(tip.velocity_mm_s[2]))
+    return Outcome(f"off by {worst:.0e}", held=worst < 1e-6, figures={"off": worst})
+
+
+def _map(points: int) -> Outcome:
+    """Return the growth of impacts over step and stiffness, for each integrator."""
+    steps_s = np.geomspace(_MAP_LEAST_STEP_S, STEPS_S[-1], points)
+    stiffness = np.geomspace(STIFFNESSES_N_M[0], STIFFNESSES_N_M[-1], points)
+    growth = {name: _growths(way, stiffness, steps_s) for name, way in INTEGRATORS.items()}
+    drive = Drive(MAP_MASS_KG, 0.0, 0.0)
+    limits = {
+        name: [way.limit_s(drive, wall(MAP_MASS_KG, k, MAP_RATIO)) for k in stiffness]
+        for name, way in INTEGRATORS.items()
+        if not way.safe
+    }
+    calm = [name for name, grown in growth.items() if grown.max() <= _ROUNDING]
+    return Outcome(
+        f"no growth with: {', '.join(calm) or 'none'}",
+        held=calm == [name for name, way in INTEGRATORS.items() if way.safe],
+        figures={
+            "step_s": steps_s.tolist(),
+            "stiffness_n_m": stiffness.tolist(),
+            "growth": {name: grown.tolist() for name, grown in growth.items()},
+            "limit_s": limits,
+        },
+    )
+
+
+def _growths(way: Integrator, stiffness: FloatArray, steps_s: FloatArray) -> FloatArray:
+    """Return the largest growth over the touches, shape (stiffnesses, steps)."""
+    drive = Drive(MAP_MASS_KG, 0.0, 0.0)
+    return np.array(
+        [
+            [
+                max(
+                    impact_growth(way, drive, wall(MAP_MASS_KG, k, MAP_RATIO), step_s, touch)
+                    for touch in _TOUCHES
+                )
+                for step_s in steps_s.tolist()
+            ]
+            for k in stiffness.tolist()
+        ]
+    )
+
+
+def _pictures(figures: Sequence[Figures]) -> list[Picture]:
+    """Draw the energy map, where it ran."""
+    from mmt_lab.stability.maps import contact_map
+
+    caption = (
+        f"Impacts of {1e3 * MAP_MASS_KG:g} g at 0.5 m/s on walls with {MAP_RATIO:g} of critical "
+        "damping: by how much the energy grows above what was there before. Dashed: where "
+        "sustained contact becomes unstable."
+    )
+    maps = [row for row in figures if {"growth", "limit_s"} <= set(row)]
+    return [picture("contact", caption, contact_map(row)) for row in maps]
+
+
+FAMILY: Final = Family("Stiff contact", cases, _pictures)

@@ -1,0 +1,294 @@
+"""Force feedback over a delay: the parts of leader and follower in a loop, beside theory."""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from functools import partial
+from typing import Final
+
+from mmt.contact.friction import step_tangential
+from mmt.contact.normal import Drive
+from mmt.core.frames import empty_frames
+from mmt.devices.protocols import InterfaceState, Vector
+from mmt.evaluation.document import Picture
+from mmt.evaluation.report_files import picture
+from mmt.leader.feedback import StreamedForce
+from mmt.scene import Hand, Simulated
+from mmt.testing.simulation import PERIOD_S
+from mmt.testing.simulation.hand import SimulatedHand
+from mmt.testing.simulation.robot import SimulatedRobot, tip_drive
+from mmt_lab.feedback import simulated
+from mmt_lab.feedback.sides import PASSIVITY, Method
+from mmt_lab.stability.cases import Case, Family, Figures, Outcome
+from mmt_lab.stability.loop_theory import LIGHT_GRIP, Loop
+
+WALLS_N_MM: Final = (0.1, 0.2, 0.3, 0.4, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
+DELAYS_MS: Final = (0, 1, 2, 5, 10, 20, 50, 100, 200)
+"""One way."""
+
+BANDWIDTH_HZ: Final = 15.0
+CONTACT_N: Final = 1.0
+
+_LONGEST_MS: Final = 400
+_KICK_M_S: Final = 2e-3
+_GONE_N: Final = 0.5
+_LIMIT_N: Final = 3.3
+_METHODS: Final[tuple[Method, ...]] = ("passive", "model")
+
+
+def cases(
+    *,
+    walls_n_mm: tuple[float, ...] = WALLS_N_MM,
+    delays_ms: tuple[int, ...] = DELAYS_MS,
+    hand_s: float = 15.0,
+    method_walls_n_mm: tuple[float, ...] = simulated.WALLS_N_MM,
+    method_delays_ms: tuple[int, ...] = simulated.DELAYS_MS,
+) -> list[Case]:
+    """Return the family's cases.
+
+    Parameters
+    ----------
+    walls_n_mm
+        Stiffness of the walls.
+    delays_ms
+        One-way delays of the map.
+    hand_s
+        Seconds of each session with the demo's hand.
+    method_walls_n_mm, method_delays_ms
+        Cells of the passive and the model method.
+    """
+    return [
+        *(
+            Case(
+                f"hand, link and follower on {wall:g} N/mm, force streamed back",
+                _theory(wall),
+                partial(_boundary, wall),
+            )
+            for wall in walls_n_mm
+        ),
+        *(
+            Case(
+                f"the demo's hand, {delay} ms each way, on {wall:g} N/mm",
+                "force bounded by 5 x what the hand intends",
+                partial(_learning_hand, wall, delay, hand_s),
+            )
+            for wall in (walls_n_mm[0], walls_n_mm[-1])
+            for delay in (0, 200)
+        ),
+        *_method_cases(method_walls_n_mm, method_delays_ms),
+        Case(
+            "map of delays against walls",
+            "every point as theory says, those within 1 ms of its line left aside",
+            partial(_map, walls_n_mm, delays_ms),
+        ),
+    ]
+
+
+def loop_on(wall_n_mm: float) -> Loop:
+    """Return the theory of the loop that `run_loop` runs."""
+    return Loop(LIGHT_GRIP, BANDWIDTH_HZ, 1000.0 * wall_n_mm, CONTACT_N)
+
+
+def _theory(wall_n_mm: float) -> str:
+    critical_ms = 1e3 * loop_on(wall_n_mm).critical_delay_s()
+    if math.isinf(critical_ms):
+        return "stable for every delay (theory)"
+    return f"unstable from {critical_ms:.1f} ms there and back (theory, to 1 ms or 2 %)"
+
+
+class _HeldHandle:
+    """A handle in a hand that holds a place; implements `LeaderInterface`.
+
+    The hand is a spring and a damper (`Drive`) on the handle's mass, along the normal.
+    """
+
+    def __init__(self, hand: Drive, target_m: float, position_m: float) -> None:
+        self._hand = hand
+        self._target_m = target_m
+        self._state = (position_m, _KICK_M_S)
+        self._force_n = 0.0
+
+    def connect(self) -> None:
+        """Do nothing: there is no device."""
+
+    def calibrate(self) -> None:
+        """Do nothing: there is no device."""
+
+    def close(self) -> None:
+        """Do nothing: there is no device."""
+
+    def read(self, elapsed_ticks: int) -> InterfaceState:
+        """Return the state after the ticks, under the force that was written last."""
+        target_m = self._target_m + self._force_n / self._hand.stiffness_n_m
+        for _ in range(elapsed_ticks):
+            self._state = step_tangential(self._hand, 0.0, self._state, target_m, PERIOD_S)[:2]
+        height_mm, velocity_mm_s = 1e3 * self._state[0], 1e3 * self._state[1]
+        return InterfaceState((0.0, 0.0, height_mm), (0.0, 0.0, velocity_mm_s), 0.0, True)
+
+    def write(self, force_n: Vector) -> None:
+        """Feel a force along the normal."""
+        self._force_n = force_n[2]
+
+
+def run_loop(wall_n_mm: float, there_ms: int, back_ms: int, seconds: float) -> float:
+    """Return the growth of a small disturbance of steady contact; above 1 it is unstable.
+
+    `SimulatedRobot` and `StreamedForce` as they are in the services, a handle in a hand, and
+    two queues for the link. The ratio is that of the force's deviation in the last quarter of
+    the run to that in the second; a deviation of half the contact's force is infinity.
+    """
+    robot = SimulatedRobot(Simulated(surface_stiffness_n_mm=wall_n_mm), 0.0)
+    drive, _ = tip_drive(BANDWIDTH_HZ)
+    height_m = -CONTACT_N * (1.0 / drive.stiffness_n_m + 1e-3 / wall_n_mm)
+    for _ in range(1500):
+        tip = robot.advance((0.0, 0.0, 1e3 * height_m))
+    steady_n = tip.force_n[2]
+    handle = _HeldHandle(LIGHT_GRIP, height_m - steady_n / LIGHT_GRIP.stiffness_n_m, height_m)
+    feedback = StreamedForce(handle, limit_n=_LIMIT_N)
+    frame = empty_frames(1, ("force",))
+    forces = deque([steady_n] * (back_ms + 1))
+    commands = deque([1e3 * height_m] * (there_ms + 1))
+    ticks = round(1e3 * seconds)
+    squares = [0.0] * 4
+    for tick in range(ticks):
+        tip = robot.advance((0.0, 0.0, commands.popleft()))
+        frame["force_n"][0, 2] = forces.popleft()
+        feedback.take(frame)
+        feedback.tick(1, None)
+        commands.append(handle.read(1).position_mm[2])
+        forces.append(tip.force_n[2])
+        off_n = tip.force_n[2] - steady_n
+        if abs(off_n) > _GONE_N * CONTACT_N:
+            return math.inf
+        squares[4 * tick // ticks] += off_n * off_n
+    return math.sqrt(squares[3] / squares[1])
+
+
+def _grows(wall_n_mm: float, round_trip_ms: int) -> bool:
+    there_ms = round_trip_ms // 2
+    seconds = max(2.0, 0.04 * round_trip_ms)
+    return run_loop(wall_n_mm, there_ms, round_trip_ms - there_ms, seconds) > 1.0
+
+
+def _boundary(wall_n_mm: float) -> Outcome:
+    """Find the shortest round trip, in ms, at which a disturbance grows."""
+    critical_ms = 1e3 * loop_on(wall_n_mm).critical_delay_s()
+    if not _grows(wall_n_mm, _LONGEST_MS):
+        return Outcome(
+            f"dies out at {_LONGEST_MS} ms there and back",
+            held=critical_ms > _LONGEST_MS,
+            figures={
+                "wall_n_mm": wall_n_mm,
+                "theory_ms": critical_ms,
+                "measured_ms": math.inf,
+            },
+        )
+    tolerance_ms = max(1.0, 0.02 * critical_ms)
+    low, high = -1, _LONGEST_MS
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if _grows(wall_n_mm, middle) else (middle, high)
+    return Outcome(
+        f"dies out at {low} ms, grows at {high} ms" if high else "grows without any delay",
+        held=low - tolerance_ms <= critical_ms <= high + tolerance_ms,
+        figures={"wall_n_mm": wall_n_mm, "theory_ms": critical_ms, "measured_ms": float(high)},
+    )
+
+
+def _learning_hand(wall_n_mm: float, delay_ms: int, seconds: float) -> Outcome:
+    """Let the demo's hand, which learns how deep to press, stroke over the link."""
+    hand = SimulatedHand(Hand(), 1)
+    robot = SimulatedRobot(Simulated(surface_stiffness_n_mm=wall_n_mm), 0.3)
+    feedback = StreamedForce(hand, limit_n=_LIMIT_N)
+    frame = empty_frames(1, ("force",))
+    forces = deque([(0.0, 0.0, 0.0)] * (delay_ms + 1))
+    commands = deque([(0.0, 0.0, 5.0)] * (delay_ms + 1))
+    intended = shown = 0.0
+    for _ in range(round(1e3 * seconds)):
+        state = hand.read(1)
+        commands.append(state.position_mm)
+        tip = robot.advance(commands.popleft())
+        forces.append(tip.force_n)
+        frame["force_n"][0] = forces.popleft()
+        feedback.take(frame)
+        feedback.tick(1, None)
+        intended, shown = max(intended, state.force_n), max(shown, tip.force_n[2])
+    return Outcome(
+        f"{shown:.1f} N at most, intended {intended:.1f} N",
+        held=shown <= 5.0 * intended,
+        figures={"largest_n": shown, "intended_n": intended},
+    )
+
+
+def _map(walls_n_mm: tuple[float, ...], delays_ms: tuple[int, ...]) -> Outcome:
+    critical_ms = [1e3 * loop_on(wall).critical_delay_s() for wall in walls_n_mm]
+    grows = [[_grows(wall, 2 * delay) for wall in walls_n_mm] for delay in delays_ms]
+    wrong = [
+        (wall, delay)
+        for delay, row in zip(delays_ms, grows, strict=True)
+        for wall, critical, grown in zip(walls_n_mm, critical_ms, row, strict=True)
+        if abs(2 * delay - critical) > 1.0 and grown != (2 * delay > critical)
+    ]
+    unstable = sum(map(sum, grows))
+    return Outcome(
+        f"{unstable} of {len(walls_n_mm) * len(delays_ms)} unstable, {len(wrong)} not as theory"
+        + "".join(f", {wall:g} N/mm at {delay} ms" for wall, delay in wrong[:3]),
+        held=not wrong,
+        figures={
+            "wall_n_mm": list(walls_n_mm),
+            "delay_ms": list(delays_ms),
+            "grows": grows,
+            "critical_ms": critical_ms,
+        },
+    )
+
+
+def _method_cases(walls_n_mm: tuple[float, ...], delays_ms: tuple[int, ...]) -> list[Case]:
+    """Return a case for each method and mean one-way delay, over all walls."""
+    reserve_mj = 1e3 * PASSIVITY.reserve_j
+    return [
+        Case(
+            f"{method}, {delay} ms each way with jitter, on {walls_n_mm[0]:g} to "
+            f"{walls_n_mm[-1]:g} N/mm",
+            f"hand at rest at the end, no more than {reserve_mj:g} mJ given to it",
+            partial(_over_walls, method, walls_n_mm, delay),
+        )
+        for method in _METHODS
+        for delay in delays_ms
+    ]
+
+
+def _over_walls(method: Method, walls_n_mm: tuple[float, ...], delay_ms: int) -> Outcome:
+    cells = [simulated.run_cell(method, wall, delay_ms) for wall in walls_n_mm]
+    rest_mm_s = max(cell.rest_speed_mm_s for cell in cells)
+    injected_mj = max(cell.injected_mj for cell in cells)
+    return Outcome(
+        f"{rest_mm_s:.2g} mm/s and {injected_mj:.2f} mJ at most",
+        held=all(cell.stable and cell.passive for cell in cells),
+        figures={
+            "method": method,
+            "delay_ms": delay_ms,
+            "wall": list(walls_n_mm),
+            "rest_speed_mm_s": [cell.rest_speed_mm_s for cell in cells],
+            "injected_mj": [cell.injected_mj for cell in cells],
+            "force_error_n": [cell.force_error_n for cell in cells],
+            "position_error_mm": [cell.position_error_mm for cell in cells],
+        },
+    )
+
+
+def _pictures(figures: Sequence[Figures]) -> list[Picture]:
+    """Draw the map of delays against walls, where it ran, with the boundaries that were found."""
+    from mmt_lab.stability.maps import loop_map
+
+    boundaries = [row for row in figures if {"wall_n_mm", "measured_ms"} <= set(row)]
+    caption = (
+        "Force feedback over a delay, a light grip on the handle: where a small disturbance of "
+        "steady contact dies out and where it grows, beside linear theory (shaded)."
+    )
+    return [
+        picture("loop", caption, loop_map(row, boundaries)) for row in figures if "grows" in row
+    ]
+
+
+FAMILY: Final = Family("Force feedback over a delay", cases, _pictures)

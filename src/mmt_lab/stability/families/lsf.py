@@ -1,0 +1,267 @@
+"""Line spectral frequencies: tiny gaps, averages of stable filters, swaps at every sample."""
+
+import time
+from collections.abc import Iterator
+from functools import partial
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.texture.autoregression.burg_recursion import LARGEST_REFLECTION
+from mmt.texture.autoregression.forms import (
+    burg,
+    lsf_to_ar,
+    lsf_to_reflection,
+    output_power,
+    reflection_to_lsf,
+)
+from mmt.texture.autoregression.lsf import lsf_inverse_gain
+from mmt.texture.model.texture_model import TextureModel, TextureSamples
+from mmt.texture.synthesis.synthesizer import Synthesizer
+from mmt_lab.stability.cases import Case, Family, Outcome
+from mmt_lab.stability.families import ar
+
+GAPS_RAD: Final = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
+HOUR_SAMPLES: Final = 3_600_000
+
+_BLOCK: Final = 10_000
+_QUARTERS: Final = 4
+_FLAT: Final = 1.5
+"""Time per sample may differ so much between the quarters of a run on a shared machine."""
+
+_SPEED_MM_S, _FORCE_N = 300.0, 3.0
+
+
+def cases(*, filters: int = 200, swaps: int = HOUR_SAMPLES, renders: int = 300) -> list[Case]:
+    """Return the family's cases.
+
+    Parameters
+    ----------
+    filters
+        Random filters, or pairs of them, for each case.
+    swaps
+        Samples of the swaps and of the pauses.
+    renders
+        Realisations of each stiff fit.
+    """
+    return [
+        *(
+            Case(
+                f"gaps of {gap:g} rad, {filters} filters of order 2 to 64",
+                "|k| < 1, gain above 0, and back within 1e-14 rad",
+                partial(_gaps, gap, filters),
+            )
+            for gap in GAPS_RAD
+        ),
+        Case(
+            f"averages of {filters} pairs of stable filters, |k| to 1 - 1e-15",
+            "ascending, variance not negative, rendered within 8 deviations",
+            partial(_averages, filters),
+        ),
+        *_swap_cases(swaps),
+        Case(
+            f"strokes and pauses of 1 s, {swaps} samples",
+            f"silent pauses, time a sample within {_FLAT:g} x of the strokes'",
+            partial(_pauses, swaps),
+        ),
+        *(
+            Case(
+                f"render the fit of pole pairs at radius {radius:g}, order {order}",
+                "power within 5 standard errors of the segment's",
+                partial(_stiff_power, radius, order, renders),
+            )
+            for radius in (0.999, 0.999999)
+            for order in (10, 24, 64)
+        ),
+    ]
+
+
+def _swap_cases(samples: int) -> Iterator[Case]:
+    for what, spread, count in (
+        ("50 ordinary filters", 0.6, samples),
+        ("50 stiff filters, |k| to 0.9999", 2.0, samples // 10),
+    ):
+        yield Case(
+            f"{what} of order 16 swapped at every one of {count} samples",
+            f"power the model's to 2 %, peak under 8 deviations, flat within {_FLAT:g} x",
+            partial(_swaps, spread, count),
+        )
+
+
+def _gaps(gap: float, count: int) -> Outcome:
+    generator = np.random.default_rng(round(-np.log10(gap)))
+    largest = back = 0.0
+    least_gain = np.inf
+    for _ in range(count):
+        order = int(generator.integers(2, 65))
+        lsf = _with_gaps(order, gap, generator)
+        k = lsf_to_reflection(lsf)
+        largest = max(largest, float(np.abs(k).max()))
+        back = max(back, float(np.abs(reflection_to_lsf(k) - lsf).max()))
+        least_gain = min(least_gain, lsf_inverse_gain(lsf, np.empty(2 * order)))
+        if not np.isfinite(lsf_to_ar(lsf)).all():
+            return Outcome("a coefficient is not finite", held=False)
+    return Outcome(
+        f"|k| to 1 - {1.0 - largest:.0e}, gain from {least_gain:.0e}, back within {back:.0e} rad",
+        held=largest < 1.0 and least_gain > 0.0 and back < 1e-14,
+        figures={"largest_k": largest, "least_gain": least_gain, "back_rad": back},
+    )
+
+
+def _with_gaps(order: int, gap: float, generator: np.random.Generator) -> FloatArray:
+    """Return frequencies (order,) of which some pairs stand at a gap.
+
+    Never three: 1 - |k| is then about the gap's square, and below 1e-8 rad has no digits left.
+    """
+    steps = generator.uniform(0.2, 1.0, order + 1)
+    close = np.zeros(order + 1, dtype=np.bool_)
+    close[1:-1:2] = generator.uniform(size=len(close[1:-1:2])) < 0.7
+    close[1] |= order > 1
+    steps *= (np.pi - gap * close.sum()) / steps[~close].sum()
+    steps[close] = gap
+    lsf: FloatArray = np.cumsum(steps)[:-1]
+    return lsf
+
+
+def _averages(pairs: int) -> Outcome:
+    """Render along the line between two samples, each an extreme filter of power one."""
+    generator = np.random.default_rng(5)
+    speed, force = np.linspace(100.0, 200.0, 101), np.full(101, 1.5)
+    least_gap, least_variance, peak = np.inf, np.inf, 0.0
+    for seed in range(pairs):
+        order = int(generator.integers(1, 65))
+        k = np.array([_extreme(order, generator) for _ in range(2)])
+        model = TextureModel(
+            TextureSamples.isotropic(
+                np.array([100.0, 200.0]),
+                np.array([1.5, 1.5]),
+                reflection_to_lsf(k),
+                1.0 / output_power(1.0, k),
+                np.ones(2),
+            )
+        )
+        lsf, variance = model.at(speed, force)
+        gaps = np.diff(lsf, prepend=0.0, append=np.pi, axis=1)
+        least_gap = min(least_gap, float(gaps.min()))
+        least_variance = min(least_variance, float(variance.min()))
+        output = Synthesizer(model, seed=seed, limit_m_s2=np.inf).render(speed, force)
+        peak = max(peak, float(np.abs(output).max()))
+    return Outcome(
+        f"gaps from {least_gap:.0e} rad, variance from {least_variance:.0e}, peak {peak:.1f}",
+        held=least_gap > 0.0 and least_variance >= 0.0 and peak < 8.0,
+        figures={"least_gap_rad": least_gap, "least_variance": least_variance, "peak": peak},
+    )
+
+
+def _extreme(order: int, generator: np.random.Generator) -> FloatArray:
+    """Return reflection coefficients of which some come as near to one as there are numbers."""
+    k = np.tanh(generator.normal(0.0, 2.0, order))
+    near = generator.uniform(size=order) < 0.2
+    k[near] = np.sign(k[near]) * (1.0 - 10.0 ** generator.uniform(-15.0, -3.0, near.sum()))
+    return np.clip(k, -LARGEST_REFLECTION, LARGEST_REFLECTION)
+
+
+def many_filters(spread: float, count: int = 50, order: int = 16) -> TextureModel:
+    """Return a model of random filters, all of power one, at random points."""
+    generator = np.random.default_rng(7)
+    k = np.clip(np.tanh(generator.normal(0.0, spread, (count, order))), -0.9999, 0.9999)
+    return TextureModel(
+        TextureSamples.isotropic(
+            generator.uniform(0.0, _SPEED_MM_S, count),
+            generator.uniform(0.0, _FORCE_N, count),
+            reflection_to_lsf(k),
+            1.0 / output_power(1.0, k),
+            np.ones(count),
+        )
+    )
+
+
+def _swaps(spread: float, samples: int) -> Outcome:
+    """Jump about the plane, away from its silent edges, and render without any limit."""
+    generator = np.random.default_rng(8)
+    synthesizer = Synthesizer(many_filters(spread), limit_m_s2=np.inf, seed=3)
+    power = peak = 0.0
+    seconds = []
+    for _ in range(samples // _BLOCK):
+        speed = generator.uniform(0.3 * _SPEED_MM_S, _SPEED_MM_S, _BLOCK)
+        force = generator.uniform(0.3 * _FORCE_N, _FORCE_N, _BLOCK)
+        started = time.thread_time()
+        output = synthesizer.render(speed, force)
+        seconds.append(time.thread_time() - started)
+        power += float(np.mean(output**2))
+        peak = max(peak, float(np.abs(output).max()))
+    error = power / len(seconds) - 1.0
+    ratio, nanoseconds = _flatness(seconds)
+    return Outcome(
+        f"power off by {error:+.1%}, peak {peak:.1f}, {nanoseconds:.0f} ns, {ratio:.2f} x",
+        held=abs(error) < 0.02 and peak < 8.0 and ratio < _FLAT,
+        figures={"power_error": error, "peak": peak, "ns_per_sample": nanoseconds, "flat": ratio},
+    )
+
+
+def _flatness(seconds: list[float]) -> tuple[float, float]:
+    """Return slowest over quickest quarter of a run, and ns a sample.
+
+    By the tenth percentile of the processor's time for each quarter's blocks, which other
+    work on the machine leaves alone.
+    """
+    quick = [float(np.quantile(part, 0.1)) for part in np.array_split(seconds, _QUARTERS)]
+    return max(quick) / min(quick), 1e9 * min(quick) / _BLOCK
+
+
+def _pauses(samples: int) -> Outcome:
+    """Alternate strokes and pauses, in which a filter's memory could become denormal."""
+    synthesizer = Synthesizer(many_filters(2.0), renewal_samples=10, seed=3)
+    force = np.full(1000, 1.5)
+    stroke, rest = np.full(1000, 150.0), np.zeros(1000)
+    loud: list[float] = []
+    quiet: list[float] = []
+    heard = 0.0
+    for _ in range(samples // 2000):
+        for speed, seconds in ((stroke, loud), (rest, quiet)):
+            started = time.thread_time()
+            output = synthesizer.render(speed, force)
+            seconds.append(time.thread_time() - started)
+        heard = max(heard, float(np.abs(output[200:]).max()))
+    ratio = float(np.quantile(quiet, 0.1) / np.quantile(loud, 0.1))
+    return Outcome(
+        f"pauses {'silent' if heard == 0.0 else f'of {heard:.0e} m/s2'}, {ratio:.2f} x",
+        held=heard == 0.0 and ratio < _FLAT,
+        figures={"heard_m_s2": heard, "pause_over_stroke": ratio},
+    )
+
+
+def _stiff_power(radius: float, order: int, renders: int) -> Outcome:
+    """Render many realisations of one fit, each of two seconds."""
+    segment = ar.poles(radius, ar.CLUSTERED_RAD)
+    fit = burg(segment / np.sqrt(np.mean(segment**2)), order)
+    model = TextureModel(
+        TextureSamples.isotropic(
+            np.array([150.0]),
+            np.array([1.5]),
+            reflection_to_lsf(fit.reflection)[np.newaxis],
+            np.array([fit.variance]),
+            np.array([fit.power]),
+        )
+    )
+    hold = np.full(2000, 150.0), np.full(2000, 1.5)
+    powers = np.array(
+        [
+            np.mean(
+                Synthesizer(model, seed=seed, renewal_samples=100, limit_m_s2=np.inf).render(*hold)
+                ** 2
+            )
+            for seed in range(renders)
+        ]
+    )
+    off = float(powers.mean() / fit.power - 1.0)
+    error = float(powers.std() / np.sqrt(renders) / fit.power)
+    return Outcome(
+        f"power off by {off:+.1%}, standard error {error:.1%}",
+        held=abs(off) <= 5.0 * error and error < 0.2,
+        figures={"power_error": off, "standard_error": error},
+    )
+
+
+FAMILY: Final = Family("Line spectral frequencies and rendering", cases)
