@@ -14,7 +14,7 @@ from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
-from mmt.texture.segmentation.pieces import CELL
+from mmt.texture.segmentation.bottom_up import CELL
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 
@@ -154,7 +154,7 @@ def surface_changes(frames: RecordArray, settings: ModellingSettings) -> Iterato
     tracker = SurfaceTracker(settings, settings.surfaces or SurfaceSettings())
     look = max(1, round(LOOK_S * settings.rate_hz))
     for start in range(0, len(frames), look):
-        yield from tracker.take(frames[start : start + look])
+        yield from tracker.update(frames[start : start + look])
 
 
 def update_blocks(frames: RecordArray, period_frames: int) -> Iterator[RecordArray]:
