@@ -13,9 +13,9 @@ from mmt.devices.openhaptics.constants import (
     CURRENT_POSITION,
     DONE,
     FORCE_OUTPUT,
+    name_of,
 )
 from mmt.devices.openhaptics.library import CALLBACK, Stack, Vector3, open_stack
-from mmt.devices.openhaptics.sentences import name_of
 from mmt.testing.emulated.hd import EmulatedHd, build_library
 
 

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from mmt.devices.merging import WAITING, Lane
 from mmt.devices.protocols import SensorReading
-from mmt.devices.reconstruction import BEFORE, PHASES, band_of, weights
-from mmt.devices.vibration_lane import VibrationLane
+from mmt.devices.vibration_lane import BEFORE, PHASES, VibrationLane, band_of, weights
 
 
 def readings_of(

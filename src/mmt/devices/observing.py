@@ -89,7 +89,7 @@ def observe(
     driver
         Its name.
     device
-        Any device of `mmt.devices.protocols`, or a board of `mmt.devices.voltages`; an
+        Any device of `mmt.devices.protocols`, or a board of `mmt.devices.protocols`; an
         actuator plays silence.
     duration_s
         How long to read it.

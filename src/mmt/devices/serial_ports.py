@@ -1,4 +1,4 @@
-"""Serial ports: why one cannot be opened, in a sentence, and reading one without waiting."""
+"""Serial ports, and frames on them: why a port cannot be opened, reading without waiting, COBS."""
 
 import errno
 import os
@@ -54,3 +54,30 @@ def explain_refusal(error: Exception) -> str:
     if code in {errno.EBUSY, errno.EAGAIN}:
         return "another program has it open; close that one (a serial monitor, another session)"
     return str(error)
+
+
+def stuff(plain: bytes) -> bytes:
+    """Return bytes COBS-encoded: none of them is zero.
+
+    Raises
+    ------
+    ValueError
+        More than 253 bytes, which would need more than one byte beside them.
+    """
+    if len(plain) > 253:
+        raise ValueError(f"{len(plain)} bytes are too long for a frame")
+    blocks = plain.split(b"\0")
+    return b"".join(bytes((len(block) + 1,)) + block for block in blocks)
+
+
+def unstuff(stuffed: bytes) -> bytes | None:
+    """Return COBS-encoded bytes decoded, None where they are none."""
+    plain = bytearray(stuffed)
+    at, end = 0, len(plain)
+    while at < end:
+        following = at + plain[at]
+        if following == at:
+            return None
+        plain[at] = 0  # where a block ends; the first one has none before it
+        at = following
+    return bytes(plain[1:]) if at == end else None

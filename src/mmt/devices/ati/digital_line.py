@@ -8,7 +8,7 @@ import serial
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.ati.digital_registers import DEVICE
-from mmt.devices.ati.modbus import (
+from mmt.devices.ati.digital_wire import (
     LONGEST_READ,
     NoFrame,
     answer_length,

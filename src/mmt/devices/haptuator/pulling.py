@@ -17,8 +17,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.devices.haptuator.following import FillFollower
-from mmt.devices.haptuator.interpolation import AFTER, BEFORE, Interpolator
+from mmt.devices.haptuator.resampling import AFTER, BEFORE, FillFollower, Interpolator
 
 _CAPACITY: Final = 4096
 _LEAST_SLACK: Final = 20.0

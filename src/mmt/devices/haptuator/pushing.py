@@ -14,8 +14,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.devices.haptuator.following import FillFollower
-from mmt.devices.haptuator.interpolation import AFTER, BEFORE, Interpolator
+from mmt.devices.haptuator.resampling import AFTER, BEFORE, FillFollower, Interpolator
 
 _CAPACITY: Final = 4096
 _LARGEST_WRITE: Final = 1024

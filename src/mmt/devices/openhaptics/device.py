@@ -10,9 +10,9 @@ from typing import Final, Generic, TypeVar
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.openhaptics import constants as hd
+from mmt.devices.openhaptics.constants import HdError, explain
 from mmt.devices.openhaptics.library import CALLBACK, Stack, open_stack
 from mmt.devices.openhaptics.options import HdOptions
-from mmt.devices.openhaptics.sentences import HdError, explain
 from mmt.devices.openhaptics.servo import Servo
 
 LOG: Final = logging.getLogger("mmt.devices.openhaptics")

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from mmt.core.errors import InputError, MmtError
 from mmt.devices.drivers import library_file
-from mmt.devices.openhaptics.sentences import HdError, explain
+from mmt.devices.openhaptics.constants import HdError, explain
 
 CALLBACK: Final = ctypes.CFUNCTYPE(ctypes.c_uint32, ctypes.c_void_p)
 Vector3: Final[Any] = ctypes.c_double * 3

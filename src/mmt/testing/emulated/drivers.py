@@ -16,7 +16,7 @@ from mmt.devices.protocols import (
     Vector,
 )
 from mmt.testing.emulated.lab_process import LabProcess
-from mmt.testing.emulated.robot_driver import DatagramRobot
+from mmt.testing.emulated.robot import DatagramRobot
 
 if TYPE_CHECKING:
     from mmt.devices.haptuator.serial_driver import SerialHaptuator

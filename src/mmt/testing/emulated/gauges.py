@@ -8,7 +8,7 @@ import numpy as np
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.ati.wrench import Matrix
-from mmt.devices.voltages import VoltageReading
+from mmt.devices.protocols import VoltageReading
 from mmt.testing.emulated.truth import Truth
 
 
