@@ -15,7 +15,7 @@ from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.devices.calibrations import save_calibration
 from mmt.devices.haptuator.drive import VoltageDrive, level_of, store_level
-from mmt.devices.haptuator.equalising import TAPS, Equaliser, fit_equaliser, sweep
+from mmt.devices.haptuator.equaliser import TAPS, Equaliser, fit_equaliser, sweep
 from mmt.devices.haptuator.options import HaptuatorOptions
 
 

@@ -115,7 +115,7 @@ class Pacing(Protocol):
 
 
 @runtime_checkable
-class Complaining(Protocol):
+class FaultExplaining(Protocol):
     """A sensor that can say why it gives no readings; no driver must."""
 
     def complaint(self) -> str:
@@ -123,7 +123,7 @@ class Complaining(Protocol):
 
 
 @runtime_checkable
-class Remarking(Protocol):
+class SetupRemarks(Protocol):
     """A device that knows what is doubtful about its own set-up; no driver must."""
 
     def remarks(self) -> Sequence[str]:
@@ -235,7 +235,7 @@ class FollowerSource(Protocol):
 
 LossWatcher = Callable[[bool, str], None]
 """Called with whether a device is lost now, and a sentence."""
-FrameTaker = Callable[[RecordArray], None]
+FrameReceiver = Callable[[RecordArray], None]
 """Given frames (n,), n >= 1, between two ticks."""
 
 
@@ -252,10 +252,10 @@ class DeviceBackedSource(FollowerSource, Protocol):
             One of them does not answer.
         """
 
-    def watch(self, callback: LossWatcher) -> None:
+    def on_loss(self, callback: LossWatcher) -> None:
         """Have a function called when a device is lost and when it is back."""
 
-    def hand_on(self, callback: FrameTaker) -> None:
+    def on_late_frames(self, callback: FrameReceiver) -> None:
         """Have a function given, before `start`, the frames that a tick came too early for."""
 
     @property

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.devices.merging import WAITING, Lane, Waiting, on_line
+from mmt.devices.lanes import WAITING, Lane, Waiting, on_line
 from mmt.devices.protocols import Vector
 
 BEFORE: Final = 8

@@ -56,8 +56,8 @@ class Reader:
         )
         self.sensors = {"force_sensor": force, "accelerometer": acceleration}
         self.source = DeviceSource(robot, force, acceleration, CHANNELS, on_lost="hold")
-        self.source.watch(self._note)
-        self.source.hand_on(self._take)
+        self.source.on_loss(self._note)
+        self.source.on_late_frames(self._take)
         self.ticker = Ticker(PERIOD_NS, self._tick)
         self._frames: list[RecordArray] = []
         self._formed: list[tuple[int, int]] = []

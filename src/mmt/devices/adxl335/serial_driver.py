@@ -1,6 +1,5 @@
 """``adxl335-serial``: an ADXL335 behind a microcontroller that sends frames over USB serial."""
 
-import contextlib
 import os
 import time
 from collections import Counter
@@ -16,7 +15,7 @@ from mmt.devices.adxl335.options import SerialOptions
 from mmt.devices.adxl335.sensor import Adxl335
 from mmt.devices.drivers import read_options
 from mmt.devices.protocols import SensorReading, Vector
-from mmt.devices.serial_ports import explain_refusal, read_waiting
+from mmt.devices.serial_ports import close_port, empty_port, open_port, read_waiting
 
 _AT_ONCE: Final = 16384
 
@@ -45,16 +44,10 @@ class SerialBoard:
         """
         self.close()
         try:
-            self._port = serial.Serial(self.name, self._baud_rate, timeout=0, exclusive=True)
-        except (serial.SerialException, OSError, ValueError) as error:
-            raise MmtError(
-                f"the accelerometer's port {self.name}: {explain_refusal(error)}"
-            ) from error
-        # A converter from USB to serial gathers bytes for 16 ms unless told otherwise.
-        with contextlib.suppress(AttributeError, NotImplementedError, ValueError, OSError):
-            self._port.set_low_latency_mode(True)
-        with contextlib.suppress(OSError, serial.SerialException):
-            self._port.reset_input_buffer()
+            self._port = open_port(self.name, self._baud_rate)
+        except MmtError as error:
+            raise MmtError(f"the accelerometer's port {self.name}: {error}") from error
+        empty_port(self._port)
 
     def read(self) -> bytes:
         """Return what has come.
@@ -77,9 +70,7 @@ class SerialBoard:
     def close(self) -> None:
         """Close the port; calling it twice is harmless."""
         port, self._port = self._port, None
-        if port is not None:
-            with contextlib.suppress(OSError, serial.SerialException):
-                port.close()
+        close_port(port)
 
     def serial_number(self) -> str | None:
         """Return the number that the board gives over USB, None where there is none."""

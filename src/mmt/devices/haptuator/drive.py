@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.devices.calibrations import calibration_file, load_calibration, save_calibration
-from mmt.devices.haptuator.equalising import TAPS, Equaliser
+from mmt.devices.haptuator.equaliser import TAPS, Equaliser
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.protocols import ActuatorStatistics
 from mmt.texture.signals.biquad import BiquadFilter, bessel_low_pass, butterworth_high_pass

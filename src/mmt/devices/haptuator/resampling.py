@@ -76,7 +76,7 @@ _LARGEST_CORRECTION: Final = 5e-3
 _LARGEST_DRIFT: Final = 3e-3
 
 
-class FillFollower:
+class FillController:
     """A proportional-integral controller, critically damped with a time constant of 2 s.
 
     Parameters

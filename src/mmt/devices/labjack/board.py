@@ -97,7 +97,7 @@ class U6Voltages:
         """
         if self._board is None:
             raise DeviceLost("the LabJack U6 is not open: connect it again")
-        return self._board.take(self._reader)
+        return self._board.read(self._reader)
 
     def close(self) -> None:
         """Let the U6 go, whose stream ends with its last reader; calling it twice is harmless."""

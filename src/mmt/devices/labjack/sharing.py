@@ -156,7 +156,7 @@ class SharedU6:
             link, self._link = self._link, None
             link.close()
 
-    def take(self, reader: Reader) -> list[VoltageReading]:
+    def read(self, reader: Reader) -> list[VoltageReading]:
         """Return what has come for a reader, oldest first; never blocks.
 
         Raises

@@ -23,8 +23,8 @@ from mmt.devices.ati.digital_wire import (
     frame,
     pack_record,
 )
+from mmt.testing.emulated import Truth
 from mmt.testing.emulated.serial_port import EmulatedPort
-from mmt.testing.emulated.truth import Truth
 
 _COUNTS: Final = 1_000_000
 _COUNTS_A_NEWTON: Final = 1000.0

@@ -10,9 +10,9 @@ from mmt.core.errors import DeviceLost
 from mmt.devices.drivers import load_device, read_options
 from mmt.devices.protocols import (
     ActuatorStatistics,
-    Remarking,
     SampledSensor,
     SensorReading,
+    SetupRemarks,
     Vector,
 )
 from mmt.testing.emulated.lab_process import LabProcess
@@ -141,7 +141,7 @@ class VirtualSensor:
 
     def remarks(self) -> Sequence[str]:
         """Of the real driver."""
-        return self._device.remarks() if isinstance(self._device, Remarking) else []
+        return self._device.remarks() if isinstance(self._device, SetupRemarks) else []
 
     def connect(self) -> None:
         """Start the lab, and connect the real driver to it."""
