@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import gamma, kv
 
-from mmt.texture.selection.consensus import SMOOTHNESS, Neighbours
+from mmt.texture.selection.neighbour_prediction import SMOOTHNESS, NeighbourPredictor
 
 
 def matern(distance):
@@ -40,8 +40,8 @@ def test_the_weights_are_those_of_ordinary_kriging(dimensions):
     if dimensions == 3:
         points[:, 0] *= generator.choice([-1.0, 1.0], 20)
     variances = generator.uniform(0.05, 0.2, 20)
-    asked = Neighbours(points, variances, generator.normal(size=(20, 5)))
-    found = asked.consensus(np.ones(20, dtype=np.bool_))
+    asked = NeighbourPredictor(points, variances, generator.normal(size=(20, 5)))
+    found = asked.predict_from(np.ones(20, dtype=np.bool_))
     departure, law = prior(points, SMOOTHNESS[asked.smoothness])
     for index, members in enumerate(found.members):
         k = len(members)
@@ -61,8 +61,8 @@ def test_a_consensus_takes_nobodys_own_word_and_follows_a_power_law(dimensions):
     points = generator.uniform(0.05, 1.0, (150, dimensions))
     values = np.log(1.0 + 20.0 * points[:, -1:]) * np.array([0.7, -1.0]) + 3.0
     present = generator.random(150) < 0.8
-    asked = Neighbours(points, np.full(150, 1e-3), values)
-    found = asked.consensus(present)
+    asked = NeighbourPredictor(points, np.full(150, 1e-3), values)
+    found = asked.predict_from(present)
     np.testing.assert_allclose(found.weights.sum(axis=1), 1.0)
     assert present[found.members].all()
     assert not (found.members == np.arange(150)[:, None]).any()
@@ -73,12 +73,12 @@ def test_a_consensus_takes_nobodys_own_word_and_follows_a_power_law(dimensions):
 def test_who_left_leaves_the_others_as_they_would_be_had_he_never_spoken():
     generator = np.random.default_rng(2)
     points, values = generator.random((80, 3)), generator.normal(size=(80, 4))
-    asked = Neighbours(points, np.full(80, 0.1), values)
+    asked = NeighbourPredictor(points, np.full(80, 0.1), values)
     present = np.ones(80, dtype=np.bool_)
-    asked.consensus(present)
+    asked.predict_from(present)
     present[::9] = False
-    again = asked.consensus(present)
-    afresh = Neighbours(points, np.full(80, 0.1), values).consensus(present)
+    again = asked.predict_from(present)
+    afresh = NeighbourPredictor(points, np.full(80, 0.1), values).predict_from(present)
     np.testing.assert_array_equal(again.members, afresh.members)
     np.testing.assert_array_equal(again.weights, afresh.weights)
 
@@ -91,7 +91,8 @@ def test_lines_that_follow_the_speed_are_less_smooth_than_a_resonance():
     line = 3.0 / (1.0 + (20.0 * (grid - points[:, :1])) ** 2)
     still = 3.0 / (1.0 + (20.0 * (grid - 0.5)) ** 2) + np.log(points[:, :1])
     lines, resonance = (
-        Neighbours(points, np.full(200, 0.04), shape + noise).smoothness for shape in (line, still)
+        NeighbourPredictor(points, np.full(200, 0.04), shape + noise).smoothness
+        for shape in (line, still)
     )
     assert SMOOTHNESS[lines][1] < SMOOTHNESS[resonance][1]
 
@@ -106,6 +107,6 @@ def test_lines_that_follow_the_speed_are_less_smooth_than_a_resonance():
 def test_whatever_the_points_there_are_weights_and_they_have_sum_one(n, dimensions, reach, seed):
     generator = np.random.default_rng(seed)
     points = reach * generator.normal(size=(n, dimensions)).round(1)
-    asked = Neighbours(points, np.full(n, 1e-6), generator.normal(size=(n, 3)))
-    found = asked.consensus(np.ones(n, dtype=np.bool_))
+    asked = NeighbourPredictor(points, np.full(n, 1e-6), generator.normal(size=(n, 3)))
+    found = asked.predict_from(np.ones(n, dtype=np.bool_))
     np.testing.assert_allclose(found.weights.sum(axis=1), 1.0, rtol=1e-6)

@@ -5,7 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.texture.segmentation.pieces import CELL, cell_moments, stationary_pieces, straight_pieces
+from mmt.texture.segmentation.bottom_up import (
+    CELL,
+    cell_moments,
+    stationary_pieces,
+    straight_pieces,
+)
 
 
 def naive_bottom_up(starts, cost, limit, longest):

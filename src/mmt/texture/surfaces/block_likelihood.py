@@ -7,11 +7,11 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.texture.surfaces.blocks import SurfaceBlock
-from mmt.texture.surfaces.covariance import Covariances, Places
-from mmt.texture.surfaces.prior import NOISE, PRIORS, turning
+from mmt.texture.surfaces.covariance import Covariances, SettingInputs
+from mmt.texture.surfaces.prior import NOISE, PRIORS, cosine_transform
 
 
-class HeardBlocks:
+class PreparedBlocks:
     """Blocks in the order in which they are to be judged, prepared once for all surfaces.
 
     Parameters
@@ -25,8 +25,8 @@ class HeardBlocks:
     """
 
     def __init__(self, inputs: FloatArray, log_power: FloatArray, settings: RecordArray) -> None:
-        self.places = Places(inputs, settings)
-        values = log_power @ turning().T
+        self.places = SettingInputs(inputs, settings)
+        values = log_power @ cosine_transform().T
         self.rests = {
             kind: values[:, prior.first : prior.last] - self.places.mean(prior)[:, :, None]
             for kind, prior in PRIORS.items()
@@ -38,7 +38,7 @@ class HeardBlocks:
         return len(self.places.inputs)
 
     @classmethod
-    def of(cls, blocks: Sequence[SurfaceBlock], settings: RecordArray) -> "HeardBlocks":
+    def of(cls, blocks: Sequence[SurfaceBlock], settings: RecordArray) -> "PreparedBlocks":
         """Prepare blocks, at least one."""
         inputs = np.array([block.inputs for block in blocks])
         return cls(inputs, np.array([block.log_power for block in blocks]), settings)

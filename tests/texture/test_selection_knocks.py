@@ -5,8 +5,15 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 from selection_samples import sampled_texture
 
-from mmt.texture.selection.blows import LEAST, LENGTH, Heard, _Normal, blow_evidence, learn
-from mmt.texture.selection.memory import Memory
+from mmt.texture.selection.cache import SearchCache
+from mmt.texture.selection.knocks import (
+    LEAST,
+    LENGTH,
+    WhitenedSegments,
+    _Normal,
+    knock_evidence,
+    learn_wave,
+)
 from mmt.texture.selection.outliers import BLOW, SEGMENT_KINDS, find_outliers
 from mmt.texture.selection.transients import Whitening
 
@@ -24,7 +31,7 @@ def struck(generator, amplitude, start, wave=TABLE, size=280):
 
 def through(segments, variance=1.0):
     ar = np.tile(FILTER[1:], (len(segments), 1))
-    return Heard.through(segments, Whitening(ar, np.full(len(segments), variance)))
+    return WhitenedSegments.through(segments, Whitening(ar, np.full(len(segments), variance)))
 
 
 def explained(segment, wave, start, size):
@@ -82,11 +89,11 @@ def table():
 
 def test_the_wave_of_the_table_is_learnt_though_others_were_struck_too(table):
     accused = np.arange(22)
-    rings = table.taken(accused).find(TABLE).energy
+    rings = table.subset(accused).find(TABLE).energy
     rings[12:] = 120.0
-    blow = learn(table.taken(accused), rings)
+    blow = learn_wave(table.subset(accused), rings)
     assert likeness_of(blow.wave, TABLE) > 0.9
-    warm = learn(table.taken(accused), rings, blow.wave)
+    warm = learn_wave(table.subset(accused), rings, blow.wave)
     assert likeness_of(warm.wave, blow.wave) > 0.99
 
 
@@ -94,8 +101,8 @@ def test_a_blow_that_was_not_accused_stands_out_and_nobody_vouches_for_himself(t
     accused = np.arange(len(table.length)) < 22
     accused[11] = False
     rings = np.full(21, 60.0)
-    blow = learn(table.taken(np.flatnonzero(accused)), rings)
-    evidence = blow_evidence(table, accused, blow)
+    blow = learn_wave(table.subset(np.flatnonzero(accused)), rings)
+    evidence = knock_evidence(table, accused, blow)
     assert evidence[11] > evidence[22:].max()
     assert np.median(evidence[:11]) > evidence[22:].max()
     assert np.median(evidence[12:22]) < np.median(evidence[:11])
@@ -126,8 +133,8 @@ def test_segments_too_short_silent_or_all_the_same_do_no_harm():
     segments = [np.zeros(300), np.zeros(0), np.ones(20), *[struck(generator, 1.0, 10)] * 9]
     heard = through(segments)
     accused = np.arange(len(segments)) > 1
-    blow = learn(heard.taken(np.flatnonzero(accused)), np.zeros(10))
-    evidence = blow_evidence(heard, accused, blow)
+    blow = learn_wave(heard.subset(np.flatnonzero(accused)), np.zeros(10))
+    evidence = knock_evidence(heard, accused, blow)
     assert np.isfinite(evidence).all()
     assert not evidence[1:3].any()
 
@@ -135,7 +142,7 @@ def test_segments_too_short_silent_or_all_the_same_do_no_harm():
 @pytest.mark.parametrize("factor", [1e-100, 1e-6, 1e6, 1e100])
 def test_one_segment_of_another_loudness_does_not_take_the_wave_from_the_others(table, factor):
     accused = np.arange(22)
-    heard = table.taken(accused)
+    heard = table.subset(accused)
     rings = heard.find(TABLE).energy
     rings[12:] = 120.0
     scale = np.ones(22)
@@ -145,7 +152,7 @@ def test_one_segment_of_another_loudness_does_not_take_the_wave_from_the_others(
         back=heard.back * scale[:, None],
         spectrum=heard.spectrum * scale[:, None],
     )
-    blow = learn(scaled, rings * scale**2)
+    blow = learn_wave(scaled, rings * scale**2)
     assert likeness_of(blow.wave, TABLE) > 0.9
     assert np.isfinite(blow.others).all()
 
@@ -160,7 +167,7 @@ def test_the_blow_counts_once_there_are_enough_outliers():
 
 
 def test_a_wave_is_remembered_until_there_are_many_more_outliers():
-    memory = Memory()
+    memory = SearchCache()
     assert memory.wave(LEAST) is None
     memory.hear(TABLE, 8)
     memory.hear(TABLE + 1.0, 9)

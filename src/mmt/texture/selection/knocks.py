@@ -8,7 +8,7 @@ filter (Kay, "Fundamentals of statistical signal processing", volume II, 1998, s
 are repeated in turn. The wave has a Gaussian prior of unit energy that dies away.
 
 Not all of the accused hold the same wave. A segment counts by how much of the energy of its
-loudest ring (`mmt.texture.selection.ringing`) the wave explains that was learnt from the others.
+loudest ring (`damped_tones`) the wave explains that was learnt from the others.
 The search begins with damped tones; what explains the most segments wins.
 
 With the wave known there is one matched filter in the place of a grid of tones, and it is matched
@@ -26,7 +26,7 @@ from scipy.linalg.lapack import dpbsv
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.core.compiled import kernel
-from mmt.texture.selection.ringing import ComplexArray, modes
+from mmt.texture.selection.damped_tones import ComplexArray, modes
 from mmt.texture.selection.transients import SHORTEST, Packed, Whitening, prediction_error
 
 LEAST: Final = 8
@@ -51,7 +51,7 @@ _ROUNDS: Final = 5
 _TINY: Final = float(np.finfo(np.float64).tiny)
 
 
-class Found(NamedTuple):
+class WaveMatch(NamedTuple):
     """Where a wave is loudest in each of n segments: ``energy``, ``onset`` and ``amplitude``."""
 
     energy: FloatArray
@@ -59,7 +59,7 @@ class Found(NamedTuple):
     amplitude: FloatArray
 
 
-class Heard(NamedTuple):
+class WhitenedSegments(NamedTuple):
     """Segments behind their filters, each over its expected deviation.
 
     ``square`` (n,) is the energy, ``length`` (n,) the samples, ``back`` (n, k) the error led
@@ -87,7 +87,7 @@ class Heard(NamedTuple):
         spectrum = rfft(back, next_fast_len(back.shape[1] + LENGTH, real=True), axis=1)
         return cls(energy, length, back, spectrum, filters)
 
-    def taken(self, numbers: IntArray) -> Self:
+    def subset(self, numbers: IntArray) -> Self:
         """Return some of the segments."""
         return type(self)(
             self.square[numbers],
@@ -97,7 +97,7 @@ class Heard(NamedTuple):
             self.filters[numbers],
         )
 
-    def find(self, waves: FloatArray) -> Found:
+    def find(self, waves: FloatArray) -> WaveMatch:
         """Return where the waves, of shape (LENGTH,) or one for each segment, are loudest."""
         order = self.filters.shape[1] - 1
         size = next_fast_len(self.back.shape[1] + LENGTH, real=True)
@@ -110,7 +110,7 @@ class Heard(NamedTuple):
         np.cumsum(filtered**2, axis=1, out=grown[:, 1:])
         result = np.zeros((len(each), 3))
         _loudest(inner, order, grown, self.length, result)
-        return Found(result[:, 0], result[:, 1].astype(np.int64), result[:, 2])
+        return WaveMatch(result[:, 0], result[:, 1].astype(np.int64), result[:, 2])
 
 
 @kernel("void(f8[::1], i8[::1], f8[:, ::1], f8[::1], f8[:, ::1], f8[::1], i8[::1])")
@@ -123,7 +123,7 @@ def _led_back(
     energy: FloatArray,
     length: IntArray,
 ) -> None:
-    """Write what `Heard` holds of packed segments; nothing of one that is too short."""
+    """Write what `WhitenedSegments` holds of packed segments; nothing of one that is too short."""
     order = filters.shape[1] - 1
     for row in range(variance.size):
         ar = filters[row, 1:].copy()
@@ -166,7 +166,7 @@ def _loudest(
 class _Normal:
     """Normal equations of the wave, one banded system for each segment."""
 
-    def __init__(self, heard: Heard) -> None:
+    def __init__(self, heard: WhitenedSegments) -> None:
         self._heard = heard
         order = heard.filters.shape[1] - 1
         self._correlation = np.stack(
@@ -178,7 +178,7 @@ class _Normal:
         falling = np.exp(-2.0 * np.arange(LENGTH) / _DECAY)
         self._prior = falling.sum() / falling
 
-    def solve(self, found: Found, counts: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def solve(self, found: WaveMatch, counts: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the wave (LENGTH,) of all, and for each segment that of the others."""
         order = self._heard.filters.shape[1] - 1
         n = len(counts)
@@ -212,14 +212,16 @@ def _of_others(rows: FloatArray) -> FloatArray:
     return result
 
 
-class Blow(NamedTuple):
+class KnockWave(NamedTuple):
     """The ``wave`` (LENGTH,) and, for each accused segment, that of the ``others``."""
 
     wave: FloatArray
     others: FloatArray
 
 
-def learn(heard: Heard, rings: FloatArray, before: FloatArray | None = None) -> Blow:
+def learn_wave(
+    heard: WhitenedSegments, rings: FloatArray, before: FloatArray | None = None
+) -> KnockWave:
     """Return what accused segments have in common.
 
     Parameters
@@ -236,40 +238,44 @@ def learn(heard: Heard, rings: FloatArray, before: FloatArray | None = None) -> 
     if before is None:
         best = _searched(heard, normal, rings)
     else:
-        best = Blow(before, np.tile(before, (len(rings), 1)))
+        best = KnockWave(before, np.tile(before, (len(rings), 1)))
     weights = np.minimum(1.0, _LOUD * np.median(rings) / rings)
     for _ in range(_ROUNDS if before is None else 1):
         best = _improved(heard, normal, best, rings * _FINE, weights)
     return best
 
 
-def _searched(heard: Heard, normal: _Normal, rings: FloatArray) -> Blow:
+def _searched(heard: WhitenedSegments, normal: _Normal, rings: FloatArray) -> KnockWave:
     """Return what explains the most segments of what damped tones grow into.
 
     After a first step `_BEST` of them go on.
     """
     equal = 1.0 / np.maximum(rings / np.median(rings), _QUIET)
-    blows: list[Blow] = []
+    blows: list[KnockWave] = []
     for mode in modes()[::_EVERY]:
         tone = (mode ** np.arange(LENGTH)).imag
-        blow = Blow(tone, np.tile(tone, (len(rings), 1)))
+        blow = KnockWave(tone, np.tile(tone, (len(rings), 1)))
         blows.append(_improved(heard, normal, blow, rings * _ROUGH, equal))
     blows.sort(key=lambda blow: -_explained(heard, blow, rings))
     blows = [_improved(heard, normal, blow, rings * _ROUGH, equal) for blow in blows[:_BEST]]
     return max(blows, key=lambda blow: _explained(heard, blow, rings))
 
 
-def _explained(heard: Heard, blow: Blow, rings: FloatArray) -> float:
+def _explained(heard: WhitenedSegments, blow: KnockWave, rings: FloatArray) -> float:
     """Return how many segments hold a wave that is learnt from the others."""
     return float(_counts(heard.find(_unit(blow.others)).energy, rings * _FINE).sum())
 
 
 def _improved(
-    heard: Heard, normal: _Normal, blow: Blow, enough: FloatArray, weights: FloatArray
-) -> Blow:
+    heard: WhitenedSegments,
+    normal: _Normal,
+    blow: KnockWave,
+    enough: FloatArray,
+    weights: FloatArray,
+) -> KnockWave:
     found = heard.find(_unit(blow.wave))
     counts = _counts(heard.find(_unit(blow.others)).energy, enough)
-    return Blow(*normal.solve(found, counts * weights))
+    return KnockWave(*normal.solve(found, counts * weights))
 
 
 def _counts(energy: FloatArray, enough: FloatArray) -> FloatArray:
@@ -283,7 +289,7 @@ def _unit(waves: FloatArray) -> FloatArray:
     return np.asarray(waves / np.maximum(norm, _TINY))
 
 
-def blow_evidence(heard: Heard, accused: BoolArray, blow: Blow) -> FloatArray:
+def knock_evidence(heard: WhitenedSegments, accused: BoolArray, blow: KnockWave) -> FloatArray:
     """Return the logarithm of what the blow explains of each segment over the rest, shape (n,).
 
     Zero where a segment is too short to tell.
@@ -298,7 +304,7 @@ def blow_evidence(heard: Heard, accused: BoolArray, blow: Blow) -> FloatArray:
         What they have in common.
     """
     energy = heard.find(_unit(blow.wave)).energy
-    energy[accused] = heard.taken(np.flatnonzero(accused)).find(_unit(blow.others)).energy
+    energy[accused] = heard.subset(np.flatnonzero(accused)).find(_unit(blow.others)).energy
     energy = np.maximum(energy, _TINY)
     rest = np.maximum(heard.square - energy, _TINY) / np.maximum(heard.length, 1)
     return np.where(heard.length > 0, np.log(energy / rest), 0.0)

@@ -22,8 +22,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from mmt.contact.exact import step_exact
 from mmt.contact.normal import ContactLaw, Drive, step_normal
+from mmt_lab.contact.exact import step_exact
 
 State = tuple[float, float]
 """Height (m) and velocity (m/s)."""

@@ -1,4 +1,10 @@
-"""``mmt soak``: both services for a long time, with faults, and what must hold all the same."""
+"""Both services for a long time, with faults on the way, and what must hold all the same.
+
+Leader and follower of the demo's scene run as processes, joined by a proxy and an emulated
+network. Faults are drawn from a seed: connections cut and stalled, processes paused and killed,
+bad networks. Afterwards the recording is read back, and the course of memory, latency and late
+ticks is tested for drift.
+"""
 
 import asyncio
 import os
@@ -7,19 +13,21 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import aiohttp
+import typer
 from rich.progress import BarColumn, Progress, TextColumn
 
-from mmt.cli.common import messages, output, print_error, write_json
+from mmt.cli.common import messages
 from mmt.core.errors import InputError
-from mmt.evaluation.table import as_rich
-from mmt_lab.cli.soak_services import SoakServices
+from mmt_lab.harness.experiment import Experiment, Seed
+from mmt_lab.harness.findings import Findings
 from mmt_lab.soak import faults as kinds
 from mmt_lab.soak.faults import Fault, plan_faults
 from mmt_lab.soak.judging import RECOVERY_S, Check, Happened, Observed, judge, table
 from mmt_lab.soak.recorded import read_back
+from mmt_lab.soak.services import SoakServices
 
 _SHORTEST_S: Final = 5.0
 _LONGEST_S: Final = 86_000.0
@@ -27,10 +35,13 @@ _LONGEST_EVERY_S: Final = 3600.0
 _HTTP_S: Final = 20.0
 
 
-def run_soak(
-    *, duration_s: float, every_s: float, seed: int, directory: Path, json_file: Path | None
-) -> bool:
-    """Run the services with faults; print what was found, and say if all of it held.
+def run(
+    duration: Annotated[float, typer.Option(help="Seconds.")] = 3600.0,
+    every: Annotated[float, typer.Option(help="Mean seconds from one fault to the next.")] = 20.0,
+    seed: Seed = 1,
+    output: Annotated[Path, typer.Option(help="Where the recording goes.")] = Path("mmt-soak"),
+) -> Findings:
+    """Run both services for a long time with faults, and check that nothing wears out.
 
     Raises
     ------
@@ -39,23 +50,26 @@ def run_soak(
     MmtError
         The services did not start.
     """
-    _check(duration_s, every_s)
+    _check(duration, every)
     try:
-        directory.mkdir(parents=True, exist_ok=True)
+        output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"--output {directory}: {error.strerror or error}") from error
-    recording = directory / "soak.mcap"
-    observed = asyncio.run(
-        _run(duration_s, plan_faults(duration_s, every_s, seed), seed, recording)
+        raise InputError(f"--output {output}: {error.strerror or error}") from error
+    recording = output / "soak.mcap"
+    observed = asyncio.run(_run(duration, plan_faults(duration, every, seed), seed, recording))
+    checks = judge(observed, read_back(recording), min(RECOVERY_S, 0.4 * every))
+    broken = [
+        f"{check.what}: {check.found}; allowed: {check.allowed or 'nothing else'}"
+        for check in checks
+        if not check.held
+    ]
+    return Findings(
+        "Both services with faults",
+        tables=[table(checks)],
+        sentences=[f"{len(observed.faults)} faults; recording: {recording}"],
+        data=_content(observed, checks, seed),
+        failures=broken,
     )
-    checks = judge(observed, read_back(recording), min(RECOVERY_S, 0.4 * every_s))
-    output.print(as_rich(table(checks)))
-    messages.print(f"{len(observed.faults)} faults; recording: {recording}", highlight=False)
-    write_json(json_file, _content(observed, checks, seed))
-    for check in checks:
-        if not check.held:
-            print_error(f"{check.what}: {check.found}; allowed: {check.allowed or 'nothing else'}")
-    return all(check.held for check in checks)
 
 
 def _check(duration_s: float, every_s: float) -> None:
@@ -66,7 +80,7 @@ def _check(duration_s: float, every_s: float) -> None:
     if not 1.0 <= every_s <= _LONGEST_EVERY_S:
         raise InputError(f"--every {every_s:g}: allowed is 1 to {_LONGEST_EVERY_S:g} s")
     if os.name != "posix":
-        raise InputError("mmt soak pauses processes by signals: it needs Linux or macOS")
+        raise InputError("the soak pauses processes by signals: it needs Linux or macOS")
 
 
 def _content(observed: Observed, checks: Sequence[Check], seed: int) -> dict[str, Any]:
@@ -172,3 +186,10 @@ async def _do(fault: Fault, services: SoakServices, http: aiohttp.ClientSession)
             async with http.put(url, json=settings) as answer:
                 answer.raise_for_status()
             await asyncio.sleep(fault.length_s if settings else 0.0)
+
+
+EXPERIMENT = Experiment(
+    shows="whether services that are disturbed for long lose frames, leak or slow down",
+    duration="1 h",
+    run=run,
+)

@@ -8,8 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from mmt.contact.exact import step_exact
-from mmt.contact.integrators import (
+from mmt.contact.normal import ContactLaw, Drive
+from mmt.core.errors import InputError
+from mmt_lab.contact.exact import step_exact
+from mmt_lab.contact.integrators import (
     INTEGRATORS,
     explicit_limit_s,
     semi_implicit_limit_s,
@@ -17,8 +19,6 @@ from mmt.contact.integrators import (
     step_semi_implicit,
     total_energy_j,
 )
-from mmt.contact.normal import ContactLaw, Drive
-from mmt.core.errors import InputError
 
 STIFFNESS = st.floats(2.0, 7.0).map(lambda exponent: 10.0**exponent)
 MASS = st.floats(-3.0, 0.0).map(lambda exponent: 10.0**exponent)

@@ -53,7 +53,7 @@ class SmoothSpeed:
         return keep * (place_m - before_m) / _FILTER_S
 
 
-class ForceMemory:
+class ForceMap:
     """Mean force over depth and speed."""
 
     def __init__(self) -> None:
@@ -71,7 +71,7 @@ class ForceMemory:
         while len(self._cells) > _MOST_CELLS:
             del self._cells[next(iter(self._cells))]
 
-    def recall(self, depth_m: float, speed_m_s: float) -> tuple[float, float]:
+    def look_up(self, depth_m: float, speed_m_s: float) -> tuple[float, float]:
         """Return the force (N) met there and its weight, from 0 (unknown) to 1."""
         if not math.isfinite(speed_m_s) or not abs(depth_m) < _FARTHEST_M:
             return 0.0, 0.0

@@ -1,43 +1,40 @@
-"""The bench as tables for the terminal and as a report."""
+"""Findings as tables for the terminal and for reports."""
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any, Final
+from collections.abc import Sequence
+from typing import Final
 
-from mmt.evaluation.document import Block, Heading, Paragraph, Table
-from mmt.evaluation.report_files import picture, write_report_files
-from mmt_lab.bench.results import (
+from mmt.evaluation.document import Table
+from mmt_lab.harness.findings import (
     Cell,
     Curve,
+    Findings,
     Panel,
     Point,
     Records,
     Spread,
-    StageResult,
     Target,
 )
 
-TITLE: Final = "Error against run time"
 _NOTICEABLE: Final = 0.005
 
 
-def targets_table(results: Sequence[StageResult]) -> Table:
+def targets_table(results: Sequence[Findings]) -> Table:
     """Return every target of a run beside what was measured."""
     rows = [
         (target.what, result.name, _number(target.measured), *_aim(target))
         for result in results
         for target in result.targets
     ]
-    return Table(("what", "stage", "measured", "target", "met"), rows, "Targets")
+    return Table(("what", "experiment", "measured", "target", "met"), rows, "Targets")
 
 
-def stage_tables(result: StageResult, *, narrow: bool = False) -> list[Table]:
-    """Return a stage's tables: one for each panel, its records, and what was left out.
+def tables_of(result: Findings, *, narrow: bool = False) -> list[Table]:
+    """Return its own tables, then one for each panel, its records, and what was left out.
 
     Narrow ones, for a terminal, have a row for each setting of a knob in place of a column.
     """
     lay_out = narrow_panel_table if narrow else panel_table
-    tables = [lay_out(panel) for panel in result.panels]
+    tables = [*result.tables, *(lay_out(panel) for panel in result.panels)]
     tables += [records_table(records) for records in result.records if records.rows]
     if result.left_out:
         rows = [(out.name, out.reason, out.remedy) for out in result.left_out]
@@ -90,55 +87,6 @@ def records_table(records: Records) -> Table:
         rows.append(("" if repeated else _cell(first), *map(_cell, others)))
         above = first
     return Table(columns, rows, records.title)
-
-
-def write_bench_report(
-    directory: Path, results: Sequence[StageResult], machine: Mapping[str, str]
-) -> Path:
-    """Write ``report.md``, ``report.html``, ``figures/`` and ``bench.json``.
-
-    Returns
-    -------
-    Path
-        Of ``report.html``, which holds its figures inside.
-
-    Raises
-    ------
-    InputError
-        The directory cannot be written.
-    """
-    blocks: list[Block] = [
-        Heading(TITLE, 1),
-        Paragraph(
-            "Methods took turns on the machine below; times are medians over rounds, with half "
-            "the distance of the quartiles behind them. Trust the ratios within this run more "
-            "than the times."
-        ),
-        Table(("what", "value"), [(key, value) for key, value in machine.items()], "Machine"),
-    ]
-    if any(result.targets for result in results):
-        blocks.append(targets_table(results))
-    for result in results:
-        blocks += _stage(result)
-    return write_report_files(directory, TITLE, blocks, "bench.json", as_dict(results, machine))
-
-
-def as_dict(results: Sequence[StageResult], machine: Mapping[str, str]) -> dict[str, Any]:
-    """Return a run for a program: the machine, and every stage by its name."""
-    return {"machine": dict(machine), **{result.name: result.as_dict() for result in results}}
-
-
-def _stage(result: StageResult) -> list[Block]:
-    blocks: list[Block] = [Heading(result.title), Paragraph(result.about)]
-    if result.panels:
-        from mmt_lab.bench.plotting import stage_figure
-
-        caption = (
-            f"{result.title}: every method a curve, numbers at its ends the setting of the knob; "
-            "bars are quartiles; an error of zero is drawn at the bottom."
-        )
-        blocks.append(picture(result.name, caption, stage_figure(result)))
-    return [*blocks, *stage_tables(result)]
 
 
 def _over_knob(curve: Curve) -> bool:

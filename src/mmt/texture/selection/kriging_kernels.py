@@ -1,4 +1,4 @@
-"""Kriging from the nearest neighbours, compiled: see `mmt.texture.selection.consensus`."""
+"""Compiled kernels of the kriging in `mmt.texture.selection.neighbour_prediction`."""
 
 import math
 

@@ -11,9 +11,9 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import BoolArray
+from mmt.texture.surfaces.block_likelihood import PreparedBlocks
 from mmt.texture.surfaces.blocks import SurfaceBlock
-from mmt.texture.surfaces.heard import HeardBlocks
-from mmt.texture.surfaces.knowledge import SurfaceKnowledge
+from mmt.texture.surfaces.posterior import SurfacePosterior
 
 VISIT: Final = 8
 """Blocks just before a change without which the evidence must hold."""
@@ -24,7 +24,7 @@ LEARNED: Final = 20
 _SAME_HEADING: Final = math.cos(math.radians(30.0))
 
 
-class HeldEvidence:
+class RobustnessCheck:
     """The evidence that the tool has been on another surface in the last blocks.
 
     Parameters
@@ -41,8 +41,8 @@ class HeldEvidence:
         self,
         blocks: Sequence[SurfaceBlock],
         since: int,
-        current: SurfaceKnowledge,
-        other: SurfaceKnowledge,
+        current: SurfacePosterior,
+        other: SurfacePosterior,
     ) -> None:
         self._blocks = blocks
         self._first = len(blocks) - since
@@ -100,6 +100,6 @@ class HeldEvidence:
         blocks = [block for block, keep in zip(self._blocks, kept, strict=True) if keep]
         after = int(kept[self._first :].sum())
         settings = self._current.settings
-        there = self._other.log_likelihood(HeardBlocks.of(blocks[-after:], settings))[-1]
-        stayed = self._current.log_likelihood_after(HeardBlocks.of(blocks, settings))
+        there = self._other.log_likelihood(PreparedBlocks.of(blocks[-after:], settings))[-1]
+        stayed = self._current.log_likelihood_after(PreparedBlocks.of(blocks, settings))
         return float(there - stayed[-after])

@@ -5,14 +5,14 @@ from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import burg, choose_order
-from mmt.texture.autoregression.realisation import realise
+from mmt.texture.autoregression.simulation import simulate_ar
 
 
 def segments(order, count=5, samples=300, seed=0):
     generator = np.random.default_rng(seed)
     reflection = generator.uniform(-0.5, 0.5, order)
     reflection[-1] = 0.45
-    return [realise(reflection, 0.1 + index, samples, generator) for index in range(count)]
+    return [simulate_ar(reflection, 0.1 + index, samples, generator) for index in range(count)]
 
 
 @pytest.mark.parametrize("order", [4, 6, 9, 14, 20])

@@ -23,10 +23,10 @@ import numpy as np
 from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from mmt.core.arrays import FloatArray, RecordArray
+from mmt.texture.surfaces.block_likelihood import PreparedBlocks, log_densities
 from mmt.texture.surfaces.blocks import SurfaceBlock
-from mmt.texture.surfaces.covariance import Covariances, Places
-from mmt.texture.surfaces.heard import HeardBlocks, log_densities
-from mmt.texture.surfaces.prior import NOISE, PRIORS, SETTINGS, turning
+from mmt.texture.surfaces.covariance import Covariances, SettingInputs
+from mmt.texture.surfaces.prior import NOISE, PRIORS, SETTINGS, cosine_transform
 
 LARGEST: Final = 250
 """Most cells of a surface; the one that was not touched for longest leaves for the next."""
@@ -70,7 +70,7 @@ class _Posterior:
         return -0.5 * float(np.square(self.whitened).sum()) - len(self.whitened.T) * logarithms
 
 
-class SurfaceKnowledge:
+class SurfacePosterior:
     """The blocks of one surface; without any it is the prior, a surface that nobody knows.
 
     Parameters
@@ -82,7 +82,7 @@ class SurfaceKnowledge:
     def __init__(self, settings: RecordArray = SETTINGS) -> None:
         self.settings = settings
         self._cells: dict[tuple[int, ...], _Cell] = {}
-        self._places = Places(np.empty((0, 4)), settings)
+        self._places = SettingInputs(np.empty((0, 4)), settings)
         self._before = np.log(settings["weight"] / settings["weight"].sum())
         self._weights = self._before
         self._posteriors: dict[int, dict[str, _Posterior]] = {}
@@ -105,7 +105,7 @@ class SurfaceKnowledge:
     def add(self, blocks: Sequence[SurfaceBlock]) -> None:
         """Learn that these blocks are of this surface."""
         for block in blocks:
-            values = turning() @ block.log_power
+            values = cosine_transform() @ block.log_power
             key = _key(block.inputs)
             cell = self._cells.pop(key, None)
             if cell is None:
@@ -118,7 +118,7 @@ class SurfaceKnowledge:
             self.blocks += 1
         self._current = self._current and not blocks
 
-    def log_likelihood(self, heard: HeardBlocks) -> FloatArray:
+    def log_likelihood(self, heard: PreparedBlocks) -> FloatArray:
         """Return how likely the first block is, the first two, and so on, jointly.
 
         Natural logarithms of densities, shape (n,).
@@ -126,7 +126,7 @@ class SurfaceKnowledge:
         total: FloatArray = np.logaddexp.reduce(self._by_setting(heard), axis=0)
         return total
 
-    def log_likelihood_after(self, heard: HeardBlocks) -> FloatArray:
+    def log_likelihood_after(self, heard: PreparedBlocks) -> FloatArray:
         """Return how likely all blocks are, all but the first, and so on, given those before.
 
         Natural logarithms of densities, shape (n,). A share of the weight is divided anew between
@@ -140,7 +140,7 @@ class SurfaceKnowledge:
         after: FloatArray = np.logaddexp.reduce(weights + each[:, -1:] - so_far, axis=0)
         return after
 
-    def _by_setting(self, heard: HeardBlocks) -> FloatArray:
+    def _by_setting(self, heard: PreparedBlocks) -> FloatArray:
         """Return the weighted likelihoods (settings that are possible, n) of `log_likelihood`."""
         self._condition()
         possible = self._possible()
@@ -173,7 +173,7 @@ class SurfaceKnowledge:
         of a block, under the likeliest setting.
         """
         number = self.likeliest
-        places = Places(inputs, self.settings[[number]])
+        places = SettingInputs(inputs, self.settings[[number]])
         within = Covariances(places, places)
         across = Covariances(self._places.under([number]), places) if self._cells else None
         found = {}
@@ -194,7 +194,7 @@ class SurfaceKnowledge:
             return
         self._current = True
         cells = list(self._cells.values())
-        self._places = Places(np.array([cell.inputs for cell in cells]), self.settings)
+        self._places = SettingInputs(np.array([cell.inputs for cell in cells]), self.settings)
         values = np.array([cell.values for cell in cells])
         noise = NOISE / np.array([cell.weight for cell in cells])
         judge = self.blocks >= 1.1 * self._judged
@@ -213,7 +213,9 @@ class SurfaceKnowledge:
             self._weights = weights - np.logaddexp.reduce(weights)
 
 
-def _given(places: Places, values: FloatArray, noise: FloatArray) -> list[dict[str, _Posterior]]:
+def _given(
+    places: SettingInputs, values: FloatArray, noise: FloatArray
+) -> list[dict[str, _Posterior]]:
     """Return the posteriors under k settings by kind, given n cells (n, `BANDS`)."""
     within = Covariances(places, places)
     found: list[dict[str, _Posterior]] = [{} for _ in places.settings]

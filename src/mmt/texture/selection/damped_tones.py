@@ -75,7 +75,7 @@ def _step(state: FloatArray, sample: float) -> None:
 
 
 @kernel("f8(f8[::1], f8[::1], c16[::1])")
-def loudest_ring(error: FloatArray, ar: FloatArray, grid: ComplexArray) -> float:
+def loudest_tone_energy(error: FloatArray, ar: FloatArray, grid: ComplexArray) -> float:
     """Return the largest energy of the error that one damped tone explains.
 
     Parameters

@@ -1,4 +1,4 @@
-"""The plots of a stage: every panel one pair of axes, every method one colour."""
+"""Plots of panels: every panel one pair of axes, every method one colour."""
 
 import math
 from collections.abc import Sequence
@@ -12,8 +12,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from mmt.core.arrays import FloatArray
 from mmt.evaluation.figures import COLOURS
-from mmt_lab.bench.results import Axis as SideOfPanel
-from mmt_lab.bench.results import Curve, Panel, Point, StageResult
+from mmt_lab.harness.findings import Axis as SideOfPanel
+from mmt_lab.harness.findings import Curve, Findings, Panel, Point
 
 _MARKERS: Final = "osD^vP*X"
 _LEGEND_COLUMNS: Final = 3
@@ -25,8 +25,8 @@ _LABEL_PIXELS: Final = (36.0, 14.0)
 """Labels that are closer than this would stand over each other."""
 
 
-def stage_figure(result: StageResult) -> Figure:
-    """Draw all panels of a stage, with one legend."""
+def panels_figure(result: Findings) -> Figure:
+    """Draw all panels, with one legend."""
     count = len(result.panels)
     columns = 3 if count > 3 and count % 3 == 0 else min(2, count)
     rows = math.ceil(count / columns)

@@ -9,7 +9,7 @@ from mmt.core.compiled import kernel
 
 
 @kernel("void(f8[::1], f8, f8[::1], f8[::1], f8[::1])")
-def realise_into(
+def simulate_ar_into(
     reflection: FloatArray,
     variance: float,
     noise: FloatArray,
@@ -40,7 +40,7 @@ def realise_into(
         output[i] = forward
 
 
-def realise(
+def simulate_ar(
     reflection: FloatArray, variance: float, samples: int, generator: np.random.Generator
 ) -> FloatArray:
     """Draw a stationary Gaussian signal from an autoregressive model.
@@ -63,7 +63,7 @@ def realise(
     """
     output = np.empty(samples)
     noise = generator.standard_normal(len(reflection) + samples)
-    realise_into(
+    simulate_ar_into(
         np.ascontiguousarray(reflection, dtype=np.float64),
         float(variance),
         noise,

@@ -1,21 +1,26 @@
-"""``mmt sweep``: sessions by settings, on local processes or a Dask cluster."""
+"""Recorded sessions evaluated with every combination of settings.
+
+Results are kept in a file that only grows, so that an interrupted sweep goes on where it
+stopped. Jobs run in local processes or on a Dask cluster, with the same figures.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+import typer
 
-from mmt.cli.common import messages, output, write_json
 from mmt.cli.reporting import scene_of
 from mmt.core.errors import InputError, MmtError
 from mmt.evaluation.document import Table
-from mmt.evaluation.table import as_rich
 from mmt.evaluation.texts import number, share
 from mmt.scene import Texture
 from mmt.session import RecordedSession, read_session
-from mmt_lab.cli.counting import check_workers, counting, processes
+from mmt_lab.harness.experiment import Experiment, Seed, Workers
+from mmt_lab.harness.findings import Findings
+from mmt_lab.harness.processes import counting, processes
 from mmt_lab.sweep.combinations import Job, Outcome, Settings, SweepResults, combinations, make_jobs
 from mmt_lab.sweep.running import run_locally, run_on_dask
 
@@ -23,34 +28,36 @@ MEANS = ("gfc", "gfc_ceiling", "truth_gfc", "power_error_db", "within_jnd", "sam
 """Of the finished model; the mean over sessions is shown."""
 
 
-def sweep_files(
-    paths: Sequence[Path],
-    choices: Sequence[str],
-    *,
-    scene_file: Path | None,
-    step_s: float,
-    seed: int,
-    workers: int | None,
-    dask: str | None,
-    out: Path,
-    json_file: Path | None,
-) -> bool:
-    """Evaluate every session with every combination; return whether all of them succeeded."""
+def run(
+    sessions: Annotated[list[Path], typer.Argument(metavar="SESSION...")],
+    choices: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE,VALUE", help="Values of a key; repeatable."),
+    ] = None,
+    scene_file: Annotated[
+        Path | None, typer.Option("--scene", help="Take \\[texture] from this scene.")
+    ] = None,
+    step: Annotated[float, typer.Option(help="Seconds between the rows of an evaluation.")] = 2.5,
+    seed: Seed = 0,
+    workers: Workers = None,
+    dask: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="The scheduler of a Dask cluster.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Where the results are kept.")] = Path("mmt-sweep"),
+) -> Findings:
+    """Evaluate every session with every combination of settings; go on where it stopped."""
     if workers is not None and dask is not None:
         raise InputError("--workers and --dask: give one, a cluster has its own workers")
-    check_workers(workers)
-    settings = combinations(choices)
-    sessions = {str(path): _read(path) for path in dict.fromkeys(paths)}
+    settings = combinations(choices or [])
+    read = {str(path): _read(path) for path in dict.fromkeys(sessions)}
     jobs = [
         job
-        for session in sessions.values()
-        for job in make_jobs(
-            session, _base(session, scene_file), settings, step_s=step_s, seed=seed
-        )
+        for session in read.values()
+        for job in make_jobs(session, _base(session, scene_file), settings, step_s=step, seed=seed)
     ]
     results = SweepResults(out)
     missing = results.missing(jobs)
-    needed = {path: sessions[path] for path in dict.fromkeys(job.path for job in missing)}
+    needed = {path: read[path] for path in dict.fromkeys(job.path for job in missing)}
     if dask is not None and missing:
         outcomes = run_on_dask(missing, needed, dask)
     else:
@@ -58,15 +65,13 @@ def sweep_files(
         outcomes = run_locally(missing, needed, wanted) if missing else iter(())
     failed = _collect(outcomes, results, len(missing), len(jobs))
     summary = _summary(jobs, settings, results)
-    output.print(as_rich(_table(summary)))
-    write_json(
-        json_file,
-        {"settings": summary, "results": [results.lines[k] for k in _done(jobs, results)]},
+    return Findings(
+        "Sessions by settings",
+        tables=[_table(summary)],
+        sentences=[f"results: {results.path}"],
+        data={"settings": summary, "results": [results.lines[k] for k in _done(jobs, results)]},
+        failures=[f"{each.job.path} {each.job.settings}: {each.error}" for each in failed],
     )
-    messages.print(f"results: {results.path}", highlight=False)
-    for outcome in failed:
-        messages.print(f"failed: {outcome.job.path} {outcome.job.settings}: {outcome.error}")
-    return not failed
 
 
 def _read(path: Path) -> RecordedSession:
@@ -153,3 +158,10 @@ def _table(summary: Sequence[dict[str, Any]]) -> Table:
     )
     caption = "Means over sessions, at the stop criterion or at the end where it was never met."
     return Table(columns, rows, caption)
+
+
+EXPERIMENT = Experiment(
+    shows="how recorded sessions fare with other settings of [texture]",
+    duration="1 s a session and choice",
+    run=run,
+)

@@ -10,7 +10,7 @@ from mmt.core.arrays import BoolArray, FloatArray, IntArray
 _GROWTH: Final = 1.25  # of the number of outliers, from which their blow is searched for anew
 
 
-class Memory:
+class SearchCache:
     """What earlier searches found: outliers, bursts by a segment and its neighbours, a blow.
 
     A search begins with the last one's outliers left out; they are asked in its end. `name`

@@ -1,9 +1,11 @@
-"""What a stage of the bench has found: plain values for tables, plots and JSON."""
+"""What an experiment has found: plain values for tables, plots, reports and JSON."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final, Literal, Self
+
+from mmt.evaluation.document import Block, Table
 
 Cell = str | float | int | bool | None
 """One value of a record."""
@@ -155,28 +157,71 @@ class LeftOut:
 
 
 @dataclass(frozen=True)
-class StageResult:
-    """Everything that one stage found.
+class Findings:
+    """Everything that one experiment found.
 
-    ``about`` says in sentences what was measured, how an error is defined, and what it is
-    measured against; ``figures`` are single figures, by a name for programs.
+    Attributes
+    ----------
+    title, about
+        Heading, and sentences that say what was measured, how an error is defined, and what it
+        is measured against.
+    sentences
+        What came out, in words.
+    tables
+        What came out, for terminal and report.
+    panels, records
+        Work-precision plots with their tables, and tables of plain values.
+    targets, left_out
+        What the figures are to be, and what was not measured.
+    figures
+        Single figures, by a name for programs.
+    blocks
+        Returns what a report says in place of `tables`, such as pictures; called only where a
+        report is written.
+    definitions
+        What the figures mean, for the report.
+    settings
+        Further tables that stand behind the definitions in a report.
+    data
+        Everything for a program; None for what panels, records, targets and figures hold.
+    failures
+        What was not as it must be, a sentence each; with any, the command ends with exit code 1.
+    name
+        The experiment, which the harness fills in.
     """
 
-    name: str
     title: str
-    about: str
+    about: str = ""
+    sentences: Sequence[str] = ()
+    tables: Sequence[Table] = ()
     panels: tuple[Panel, ...] = ()
     records: tuple[Records, ...] = ()
     targets: tuple[Target, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
     figures: Mapping[str, float | int | None] = field(default_factory=dict)
+    blocks: Callable[[], Sequence[Block]] | None = None
+    definitions: Mapping[str, str] = field(default_factory=dict)
+    settings: Sequence[Table] = ()
+    data: Mapping[str, Any] | None = None
+    failures: Sequence[str] = ()
+    name: str = ""
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the result for a program; what is not finite becomes None."""
-        content: dict[str, Any] = _plain(asdict(self))
-        for target, table in zip(self.targets, content["targets"], strict=True):
-            table["met"] = target.met
-        return content
+        """Return the findings for a program; a float that is not finite becomes None."""
+        targets = [{**asdict(target), "met": target.met} for target in self.targets]
+        if self.data is not None:
+            return {**self.data, **({"judged": targets} if targets else {})}
+        content: dict[str, Any] = {
+            "name": self.name,
+            "title": self.title,
+            "about": self.about,
+            "panels": [asdict(panel) for panel in self.panels],
+            "records": [asdict(records) for records in self.records],
+            "targets": targets,
+            "left_out": [asdict(out) for out in self.left_out],
+            "figures": dict(self.figures),
+        }
+        return {key: _plain(value) for key, value in content.items()}
 
 
 TIME_US: Final = Axis("time (µs)", "µs")

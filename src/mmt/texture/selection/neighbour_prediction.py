@@ -24,7 +24,7 @@ from scipy.linalg import cho_solve, cholesky
 from scipy.spatial import cKDTree
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
-from mmt.texture.selection.kriging import covariance, kriged, nearest
+from mmt.texture.selection.kriging_kernels import covariance, kriged, nearest
 
 _NEIGHBOURS: Final = {1: 16, 2: 24}
 _MOST_NEIGHBOURS: Final = 32
@@ -41,7 +41,7 @@ resonances, with some that follow the speed, and with lines. Between what the 17
 `mmt.testing.simulation` have by themselves."""
 
 
-class Consensus(NamedTuple):
+class NeighbourPrediction(NamedTuple):
     """Linear predictions at every point from others: ``weights`` of ``members``, (n, k)."""
 
     members: IntArray
@@ -63,7 +63,7 @@ class Consensus(NamedTuple):
         return result
 
 
-class Neighbours:
+class NeighbourPredictor:
     """The points of a model, and how smooth the texture is over them.
 
     Parameters
@@ -101,7 +101,7 @@ class Neighbours:
         costs = [self._cost(smoothness, logarithms) for smoothness in SMOOTHNESS]
         self.smoothness = int(np.argmin(costs))
 
-    def consensus(self, present: BoolArray) -> Consensus:
+    def predict_from(self, present: BoolArray) -> NeighbourPrediction:
         """Return what the present others say at every point, present or not.
 
         Parameters
@@ -133,7 +133,7 @@ class Neighbours:
         scales = np.array([departure, length, _SLOPE, _FORCE_LENGTH, self._back])
         kriged(self._velocity, self._law, self._variances, members, changed, scales, weights)
         self._last = members, weights
-        return Consensus(members, weights)
+        return NeighbourPrediction(members, weights)
 
     def _cost(self, smoothness: tuple[float, float], logarithms: FloatArray) -> float:
         """Return minus the log evidence for a smoothness, of at most `_CHOICE` points."""

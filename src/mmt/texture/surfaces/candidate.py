@@ -13,15 +13,15 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
+from mmt.texture.surfaces.block_likelihood import PreparedBlocks
 from mmt.texture.surfaces.blocks import SurfaceBlock
-from mmt.texture.surfaces.heard import HeardBlocks
-from mmt.texture.surfaces.knowledge import SurfaceKnowledge
+from mmt.texture.surfaces.posterior import SurfacePosterior
 
 LONGEST: Final = 60
 """Blocks for which a new surface may still turn out to be a known one."""
 
 
-class Trial:
+class Candidate:
     """All blocks of a stay on a surface that was new.
 
     Parameters
@@ -39,12 +39,12 @@ class Trial:
         """Return the number of blocks."""
         return len(self.blocks)
 
-    def ask(self, unknown: SurfaceKnowledge, known: Mapping[int, SurfaceKnowledge]) -> None:
+    def ask(self, unknown: SurfacePosterior, known: Mapping[int, SurfacePosterior]) -> None:
         """Ask surfaces by number, and one that nobody knows, how likely they make the blocks.
 
         Costs what one prediction of all blocks costs with each of them.
         """
-        heard = HeardBlocks.of(self.blocks, unknown.settings)
+        heard = PreparedBlocks.of(self.blocks, unknown.settings)
         self._unknown, *each = (
             np.concatenate([[0.0], surface.log_likelihood(heard)])
             for surface in (unknown, *known.values())
