@@ -4,8 +4,7 @@ import statistics
 import time
 from typing import Final
 
-from mmt.cli.reporting import evaluate
-from mmt.scene import Scene
+from mmt.evaluation.evaluate import evaluate_session
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.bench.textures import session
 from mmt_lab.harness.experiment import Experiment
@@ -20,12 +19,12 @@ EVALUATIONS: Final = 5
 
 def run() -> Findings:
     """Evaluate a simulated session several times."""
-    recorded, scene = session("wood", DURATION_S), Scene()
-    evaluate(recorded, scene)
+    recorded = session("wood", DURATION_S)
+    evaluate_session(recorded)
     times_s = []
     for _ in range(EVALUATIONS):
         started = time.perf_counter()
-        evaluate(recorded, scene)
+        evaluate_session(recorded)
         times_s.append(time.perf_counter() - started)
     median_s = statistics.median(times_s)
     times = DURATION_S / median_s

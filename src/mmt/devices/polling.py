@@ -12,7 +12,7 @@ from typing import Final
 
 from mmt.core.timer_file import TimerFile, open_timer
 
-PROBES_HZ: Final = 100
+POLLS_HZ: Final = 100
 
 _STEP: Final = 0.6180339887498949
 """Golden ratio: the phases lie evenly between the ticks, however many there were."""
@@ -70,7 +70,7 @@ class LoopTimer:
             self._callback(time.monotonic_ns())
 
 
-class Prober:
+class PhasePoller:
     """Call back a hundred times a second, each time at another phase of the ticks.
 
     Parameters
@@ -98,7 +98,7 @@ class Prober:
 
     def _wait(self, now_ns: int) -> None:
         self._phase = (self._phase + _STEP) % 1.0
-        interval_ns = 1_000_000_000 // PROBES_HZ
+        interval_ns = 1_000_000_000 // POLLS_HZ
         slot_ns = (now_ns // interval_ns + 1) * interval_ns
         self._timer.set(slot_ns + round(self._phase * self._period_ns))
 

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.errors import MmtError
-from mmt.devices.protocols import Remarking, SensorReading
+from mmt.devices.protocols import SensorReading, SetupRemarks
 
 UNITS: Final = {
     "robot": "mm",
@@ -37,7 +37,7 @@ _RATE_HZ: Final = 1000
 
 
 @dataclass
-class Observation:
+class DeviceCheck:
     """What was seen of a device."""
 
     role: str
@@ -78,8 +78,8 @@ def observe(
     *,
     duration_s: float,
     calibrate: bool = False,
-    show: Callable[[Observation], None] = lambda _: None,
-) -> Observation:
+    show: Callable[[DeviceCheck], None] = lambda _: None,
+) -> DeviceCheck:
     """Connect a device, read it once a millisecond, close it; nothing moves or sounds.
 
     Parameters
@@ -89,7 +89,7 @@ def observe(
     driver
         Its name.
     device
-        Any device of `mmt.devices.protocols`, or a board of `mmt.devices.voltages`; an
+        Any device of `mmt.devices.protocols`, or a board of `mmt.devices.protocols`; an
         actuator plays silence.
     duration_s
         How long to read it.
@@ -103,7 +103,7 @@ def observe(
     observation
         Also where the device failed: its problems say how.
     """
-    seen = Observation(role, driver)
+    seen = DeviceCheck(role, driver)
     watching = _Watching(seen, device)
     try:
         device.connect()
@@ -126,7 +126,7 @@ def observe(
 class _Watching:
     """Reads the device and keeps what is needed for the figures."""
 
-    def __init__(self, seen: Observation, device: Any) -> None:
+    def __init__(self, seen: DeviceCheck, device: Any) -> None:
         self.seen = seen
         self.sampled = hasattr(device, "latency_ns")
         self.values: deque[Values] = deque(maxlen=_KEPT)
@@ -137,7 +137,7 @@ class _Watching:
         self._waits_ms: deque[float] = deque(maxlen=_KEPT)
         self._written = 0
 
-    def run(self, duration_s: float, show: Callable[[Observation], None]) -> None:
+    def run(self, duration_s: float, show: Callable[[DeviceCheck], None]) -> None:
         begun = time.monotonic()
         next_s = 1.0
         looked = begun
@@ -188,7 +188,7 @@ class _Watching:
         """Work out the figures."""
         seen = self.seen
         seen.faults = dict(getattr(self._device, "faults", {}))
-        if isinstance(self._device, Remarking):
+        if isinstance(self._device, SetupRemarks):
             seen.problems += self._device.remarks()
         if self._waits_ms:
             seen.waited_p99_ms = float(np.percentile(np.array(self._waits_ms), 99))
@@ -226,7 +226,7 @@ def _vector(values: Any) -> Values:
     return tuple(values.tolist())
 
 
-def _judge(seen: Observation, watching: _Watching) -> list[str]:
+def _judge(seen: DeviceCheck, watching: _Watching) -> list[str]:
     """Return what is wrong with what was read or played."""
     busy = seen.waited_p99_ms is not None and seen.waited_p99_ms > _BUSY_MS
     problems = _judge_played(seen) + _judge_values(seen, watching)
@@ -249,7 +249,7 @@ def _judge(seen: Observation, watching: _Watching) -> list[str]:
     return problems
 
 
-def _judge_values(seen: Observation, watching: _Watching) -> list[str]:
+def _judge_values(seen: DeviceCheck, watching: _Watching) -> list[str]:
     if seen.mean is None:
         return []
     finite = all(map(math.isfinite, seen.mean))
@@ -271,7 +271,7 @@ def _judge_values(seen: Observation, watching: _Watching) -> list[str]:
     return problems
 
 
-def _judge_played(seen: Observation) -> list[str]:
+def _judge_played(seen: DeviceCheck) -> list[str]:
     underruns = seen.played.get("underruns")
     if not underruns:
         return []

@@ -1,10 +1,9 @@
 """From a session that writes a sample a millisecond to a board that buffers and plays.
 
 Each sample is interpolated to the board's rate at once. How far the board's buffer is filled tells
-which clock is ahead, and the step from instant to instant follows it, as in
-`mmt.devices.haptuator.pulling`, by 0.5 % at most. A buffer that is far too full is caught up with
-at twice the speed, which keeps the signal continuous, and counted as a slip. One that is dry gets
-silence first.
+which clock is ahead, and the step from instant to instant follows it by 0.5 % at most, as in
+`mmt.devices.haptuator.card_buffer`. A buffer that is far too full is emptied at twice the speed,
+which keeps the signal continuous, and counted as a slip. An empty one gets silence first.
 """
 
 import math
@@ -14,8 +13,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.devices.haptuator.following import FillFollower
-from mmt.devices.haptuator.interpolation import AFTER, BEFORE, Interpolator
+from mmt.devices.haptuator.resampling import AFTER, BEFORE, FillController, Interpolator
 
 _CAPACITY: Final = 4096
 _LARGEST_WRITE: Final = 1024
@@ -23,7 +21,7 @@ _LEAST_SLACK: Final = 20.0
 """Session's samples beyond the wanted fill before it is caught up with."""
 
 
-class Pusher:
+class BoardResampler:
     """Turn the session's samples into the board's.
 
     Parameters
@@ -46,7 +44,7 @@ class Pusher:
         self._written = BEFORE + AFTER
         self._position = float(BEFORE)
         self._slipping = False
-        self.follower = FillFollower(rate_hz)
+        self.follower = FillController(rate_hz)
         self.slips = 0
         """How often a full buffer had to be caught up with."""
 

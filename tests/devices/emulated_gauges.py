@@ -8,8 +8,8 @@ import numpy as np
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.ati.wrench import Matrix
-from mmt.devices.voltages import VoltageReading
-from mmt.testing.emulated.truth import Truth
+from mmt.devices.protocols import VoltageReading
+from mmt.testing.emulated import Truth
 
 
 class EmulatedGauges:
@@ -59,7 +59,7 @@ class EmulatedGauges:
         self._rate = rate_hz * (1.0 + 1e-6 * clock_ppm) * 1e-9
         self._offset_v = offset_v
         self._noise_v = noise_v
-        self._random = random.Random(seed)  # noqa: S311 - noise, no secret
+        self._random = random.Random(seed)
         self._began_ns = time.monotonic_ns()
         self._sent = 0
         self._plugged = True

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.devices.merging import Lane, PolledLane
+from mmt.devices.lanes import Lane, PolledLane
 from mmt.devices.protocols import (
     Accelerometer,
     ArrivalStamping,
-    Complaining,
     Device,
+    FaultExplaining,
     ForceSensor,
     Robot,
     SampledSensor,
@@ -34,7 +34,7 @@ _ROBOT_GAP_NS: Final = 10_000_000
 """An arm moves on nearly a straight line for so long: at 5 m/s2 it leaves it by 0.06 mm."""
 
 
-class Port(ABC):
+class Slot(ABC):
     """One device in its role.
 
     Parameters
@@ -89,7 +89,7 @@ class Port(ABC):
         """Return why it is not back yet, empty where that is not known or was told already."""
         return self._reasons.new(self._reason)
 
-    def mend(self, now_ns: int) -> bool:
+    def reconnect(self, now_ns: int) -> bool:
         """Go on with connecting it again; return whether it is there.
 
         Raises
@@ -135,7 +135,7 @@ class Port(ABC):
         return True
 
 
-class RobotPort(Port):
+class RobotSlot(Slot):
     """The robot: commanded, then read where the scene needs its position."""
 
     device: Robot
@@ -150,10 +150,10 @@ class RobotPort(Port):
         if command_position_mm is not None:
             self.device.write(command_position_mm)
         if self._measures:
-            self.lane.note(self.device.read(), now_ns)
+            self.lane.record(self.device.read(), now_ns)
 
 
-class PolledPort(Port):
+class PolledSlot(Slot):
     """A sensor that says what it measures when it is asked."""
 
     device: ForceSensor | Accelerometer
@@ -164,10 +164,10 @@ class PolledPort(Port):
 
     def step(self, now_ns: int, command_position_mm: Vector | None) -> None:  # noqa: ARG002
         """Read it."""
-        self.lane.note(self.device.read(), now_ns)
+        self.lane.record(self.device.read(), now_ns)
 
 
-class SampledPort(Port):
+class SampledSlot(Slot):
     """A sensor that runs on a clock of its own."""
 
     device: SampledSensor
@@ -202,7 +202,7 @@ class SampledPort(Port):
         self._empty += 1
         silent_ns = now_ns - self._last_ns
         if self._empty >= _EMPTY_READS and silent_ns >= SILENT_NS:
-            complaint = self.device.complaint() if isinstance(self.device, Complaining) else ""
+            complaint = self.device.complaint() if isinstance(self.device, FaultExplaining) else ""
             raise DeviceLost(
                 complaint
                 or f"no reading for {silent_ns / 1e6:.0f} ms; check its cable, its power, "
@@ -214,7 +214,7 @@ class SampledPort(Port):
         readings = self.device.read()
         if readings:  # a time from before the call might be before they came
             stamping = self._stamping
-            self.lane.take(
+            self.lane.add(
                 readings, time.monotonic_ns() if stamping is None else stamping.arrival_ns
             )
         return bool(readings)
@@ -253,22 +253,22 @@ class SampledPort(Port):
         }
 
 
-def port_of(role: str, device: Any, *, vibration: bool = False) -> Port:
-    """Return a sensor's port: one that says its latency runs on a clock of its own.
+def slot_of(role: str, device: Any, *, vibration: bool = False) -> Slot:
+    """Return a sensor's slot: one that says its latency runs on a clock of its own.
 
     `vibration` says that frames are to keep what is fast.
     """
     if hasattr(device, "latency_ns"):
-        return SampledPort(role, device, VibrationLane if vibration else Lane)
-    return PolledPort(role, device)
+        return SampledSlot(role, device, VibrationLane if vibration else Lane)
+    return PolledSlot(role, device)
 
 
-def failure(port: Port, error: Exception) -> MmtError:
+def failure(slot: Slot, error: Exception) -> MmtError:
     """Return what a person is told when a driver raises, whatever it raises."""
     reason = str(error) or type(error).__name__
-    return MmtError(f"the {port.role} ({type(port.device).__name__}) failed: {reason}")
+    return MmtError(f"the {slot.role} ({type(slot.device).__name__}) failed: {reason}")
 
 
-def summaries(ports: Mapping[str, Port]) -> dict[str, Any]:
-    """Return every port's summary by its key."""
-    return {key: port.summary for key, port in ports.items()}
+def summaries(slots: Mapping[str, Slot]) -> dict[str, Any]:
+    """Return every slot's summary by its key."""
+    return {key: slot.summary for key, slot in slots.items()}

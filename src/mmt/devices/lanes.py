@@ -5,24 +5,12 @@ instant: from the line between two readings, or from more of them (`vibration_la
 are none, there is no frame.
 """
 
-import struct
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Final
 
-import numpy as np
-
-from mmt.core.arrays import RecordArray
-from mmt.devices.clocks import SensorClock
 from mmt.devices.protocols import SensorReading, Vector
-
-HOLD_BACK_NS: Final = 1_250_000
-"""A frame is of the instant so long before its tick, so that the readings on both sides of it
-have arrived: enough for a sensor of 1 kHz, or one whose readings come in a bundle each
-millisecond. Less where the sensors' readings were seen to come sooner."""
-
-MARGIN_NS: Final = 250_000
-"""Of a slower sensor, beyond the spacing of its readings."""
+from mmt.devices.sensor_clock import SensorClock
 
 SPACING_NS: Final = 1_000_000
 """Of a sensor that has not shown it yet."""
@@ -62,7 +50,7 @@ class Lane:
         self.newest = None
         self.clock.reset()
 
-    def take(self, readings: Sequence[SensorReading], arrival_ns: int) -> None:
+    def add(self, readings: Sequence[SensorReading], arrival_ns: int) -> None:
         """Take what a sensor has given, with the host's time of the call.
 
         A stamp that is not after the last one begins anew: the sensor's clock was set back.
@@ -132,7 +120,7 @@ class PolledLane(Lane):
         """Nothing is waited for: a tick has its measurement."""
         return 0
 
-    def note(self, value: Vector, now_ns: int) -> None:
+    def record(self, value: Vector, now_ns: int) -> None:
         """Take one measurement."""
         x, y, z = value
         self.last = (x, y, z)
@@ -169,103 +157,3 @@ class Waiting:
 
 
 WAITING: Final = Waiting()
-
-
-class FrameMerger:
-    """Put the lanes together, a frame for each tick.
-
-    Frame k is of the instant k periods after the first, held back by `HOLD_BACK_NS`, or what the
-    slowest sensor needs at the first tick, and the largest latency of the lanes, or by less where
-    the sensors need less. It is formed at its tick, or at a later one where a reading is late.
-    Where a lane has no value its number is left out.
-
-    Parameters
-    ----------
-    lanes
-        By the name of their field, in the order of the frame.
-    dtype
-        Of the frames.
-    period_ns
-        From tick to tick.
-    needed_ns
-        How long frames must be held back, latencies included (`mmt.devices.holding_back`); None
-        where that was not seen.
-    """
-
-    def __init__(
-        self,
-        lanes: Mapping[str, Lane],
-        dtype: "np.dtype[np.void]",
-        period_ns: int,
-        needed_ns: int | None = None,
-    ) -> None:
-        self._lanes = list(lanes.values())
-        self._dtype = dtype
-        number = dtype[-1].base.char
-        self._pack = struct.Struct(f"<Iq{3 * len(self._lanes)}{number}").pack
-        self._period_ns = period_ns
-        self._needed_ns = needed_ns
-        self.hold_back_ns = 0
-        """From the instant of a frame to its tick, once there was one."""
-        self._origin_ns: int | None = None
-        self._next = 0
-        self._due = 0
-        self.left_out = 0
-        """Frames that a lane had no value for."""
-
-    def tick(self, elapsed: int, now_ns: int) -> None:
-        """Note that so many ticks have passed.
-
-        The quickest tick sets the grid of the instants: a late one shifts none of them.
-        """
-        if self._origin_ns is None:
-            spacing_ns = max(lane.spacing_ns for lane in self._lanes)
-            latency_ns = max(lane.latency_ns for lane in self._lanes)
-            self.hold_back_ns = max(HOLD_BACK_NS, spacing_ns + MARGIN_NS) + latency_ns
-            if self._needed_ns is not None:
-                least_ns = spacing_ns + latency_ns
-                self.hold_back_ns = min(self.hold_back_ns, max(least_ns, self._needed_ns))
-        self._due += elapsed
-        origin_ns = now_ns - self._due * self._period_ns
-        if self._origin_ns is None or origin_ns < self._origin_ns:
-            self._origin_ns = origin_ns
-
-    def give_up(self) -> None:
-        """Leave out the frames that wait: a device is lost."""
-        self.left_out += self._due - self._next
-        self._next = self._due
-
-    @property
-    def lacking(self) -> bool:
-        """Whether a frame of a tick that has passed waits for a reading."""
-        return self._next < self._due
-
-    def frames(self) -> RecordArray:
-        """Return the frames (n,) that are complete, the oldest first."""
-        rows = bytearray()
-        start_ns = (self._origin_ns or 0) + self._period_ns - self.hold_back_ns
-        while self._next < self._due:
-            row = self._row(start_ns + self._next * self._period_ns)
-            if row is None:
-                break
-            self.left_out += not row
-            rows += row
-            self._next += 1
-        return np.frombuffer(rows, dtype=self._dtype)
-
-    def _row(self, time_ns: int) -> bytes | None:
-        """Return the next frame's bytes, empty where a lane has no value, None while it waits."""
-        numbers: list[float] = []
-        complete = True
-        for lane in self._lanes:
-            value = lane.at(time_ns)
-            if value is None:
-                complete = False
-            elif isinstance(value, Waiting):
-                return None
-            else:
-                numbers += value
-        try:  # several times as quick as an array of tuples
-            return self._pack(self._next, time_ns, *numbers) if complete else b""
-        except OverflowError:  # larger than a frame's numbers: no sensor measures that
-            return b""

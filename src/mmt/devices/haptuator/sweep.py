@@ -13,8 +13,8 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError, MmtError
-from mmt.devices.haptuator.equalising import sweep
-from mmt.devices.merging import Lane
+from mmt.devices.haptuator.equaliser import sweep
+from mmt.devices.lanes import Lane
 from mmt.devices.protocols import SensorReading, VoltageActuator
 
 _BEFORE: Final = 400
@@ -221,7 +221,7 @@ class _Hearing:
             fresh = [SensorReading(time.monotonic_ns(), self._sensor.read())]
         else:
             fresh = list(self._sensor.read())
-            self._lane.take(fresh, time.monotonic_ns())
+            self._lane.add(fresh, time.monotonic_ns())
         self._kept += fresh
         if fresh and self._rest is not None:
             values = np.array([reading.value for reading in fresh]) - self._rest

@@ -18,7 +18,7 @@ SILENCE_NS: Final = 500_000_000
 _SMOOTHING: Final = 0.02
 
 
-class PlayingHaptuator(ABC):
+class HaptuatorDriver(ABC):
     """A `VoltageActuator`; a driver adds how voltages get to the converter.
 
     Parameters

@@ -17,8 +17,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.devices.haptuator.following import FillFollower
-from mmt.devices.haptuator.interpolation import AFTER, BEFORE, Interpolator
+from mmt.devices.haptuator.resampling import AFTER, BEFORE, FillController, Interpolator
 
 _CAPACITY: Final = 4096
 _LEAST_SLACK: Final = 20.0
@@ -26,7 +25,7 @@ _LEAST_SLACK: Final = 20.0
 _FADE_S: Final = 0.002
 
 
-class Puller:
+class CardBuffer:
     """Hold the session's samples until the card asks for them.
 
     `write` takes about 0.5 us a sample, `read` some 50 us for a block of 96 frames.
@@ -63,7 +62,7 @@ class Puller:
         self._tail = np.zeros(0)
         self._muted = False
         self._rise = False
-        self.follower = FillFollower(rate_hz)
+        self.follower = FillController(rate_hz)
         self.fill = 0.0
         """Samples that lay ahead of the reading at the last block."""
         self.underruns = 0
