@@ -3,8 +3,9 @@
 import re
 import shlex
 from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast, get_args
 
 import pytest
 import typer
@@ -213,24 +214,51 @@ def test_the_readme_has_a_row_for_every_example_scene() -> None:
 
 
 def table_rows(text: str) -> dict[str, list[str]]:
-    """Return a table's cells by the key in the first one."""
-    rows = {}
+    """Return the cells of a table of keys by the key in the first one."""
+    rows: dict[str, list[str]] = {}
+    columns = 0
     for line in text.splitlines():
         cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
+        if cells[0] == "key":
+            columns = len(cells)
         key = re.fullmatch(r"`(\w+)`", cells[0])
-        if key is not None and len(cells) == 5:
+        if key is not None and len(cells) == columns:
             rows[key[1]] = cells
     return rows
 
 
-TABLES: dict[str, type[BaseModel]] = {
-    name: next(
-        part
-        for part in (field.annotation, *getattr(field.annotation, "__args__", ()))
-        if isinstance(part, type) and issubclass(part, BaseModel)
-    )
-    for name, field in Scene.model_fields.items()
-}
+def text_of_table(name: str) -> str:
+    """Return what the page says of a table, without the tables inside it."""
+    parts = re.split(r"^#{2,3} +(.+?) *$", SCENE_PAGE.read_text(encoding="utf-8"), flags=re.M)
+    titles = [title.replace("`", "") for title in parts[1::2]]
+    return parts[2 + 2 * titles.index(f"[{name}]")]
+
+
+def keys_of(table: object) -> dict[str, FieldInfo]:
+    """Return the keys of a table, be it a pydantic model or a dataclass."""
+    if isinstance(table, type) and issubclass(table, BaseModel):
+        return dict(table.model_fields)
+    if isinstance(table, type) and is_dataclass(table):
+        return {
+            field.name: FieldInfo.from_annotated_attribute(
+                cast(type[Any], field.type), field.default
+            )
+            for field in fields(table)
+        }
+    return {}
+
+
+def tables_in(keys: dict[str, FieldInfo], prefix: str = "") -> Iterator[tuple[str, object]]:
+    """Give each table among keys, and those inside it, by its name in a scene."""
+    for name, field in keys.items():
+        for part in (field.annotation, *get_args(field.annotation)):
+            if keys_of(part):
+                yield f"{prefix}{name}", part
+                if name == "texture":
+                    yield from tables_in(keys_of(part), f"{name}.")
+
+
+TABLES: dict[str, object] = dict(tables_in(dict(Scene.model_fields)))
 
 
 def expected_default(field: FieldInfo) -> str:
@@ -259,11 +287,11 @@ def expected_in_range(field: FieldInfo) -> set[str]:
 
 @pytest.mark.parametrize("table", TABLES)
 def test_every_key_is_documented_with_its_default_and_range(table: str) -> None:
-    rows = table_rows(sections(SCENE_PAGE.read_text(encoding="utf-8"))[f"[{table}]"])
-    fields = TABLES[table].model_fields
-    assert set(rows) == set(fields)
-    for key, field in fields.items():
-        _, meaning, _, default, allowed = rows[key]
+    rows = table_rows(text_of_table(table))
+    keys = keys_of(TABLES[table])
+    assert set(rows) == set(keys)
+    for key, field in keys.items():
+        _, meaning, *_, default, allowed = rows[key]
         assert meaning
         assert default == expected_default(field), key
         plain = re.sub(r"(?<=\d) (?=\d{3}\b)", "", allowed.replace("`", ""))
@@ -274,5 +302,4 @@ def test_every_key_is_documented_with_its_default_and_range(table: str) -> None:
 
 @pytest.mark.parametrize("table", TABLES)
 def test_every_table_says_what_leaving_it_out_does(table: str) -> None:
-    text = sections(SCENE_PAGE.read_text(encoding="utf-8"))[f"[{table}]"]
-    assert "Left out" in text
+    assert "Left out" in text_of_table(table)

@@ -11,7 +11,7 @@ from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices import ports as ports_module
 from mmt.devices import source as source_module
 from mmt.devices.protocols import SensorReading, Vector
-from mmt.devices.reconnecting import Reasons
+from mmt.devices.reconnection import Reasons
 from mmt.devices.source import DeviceSource
 
 

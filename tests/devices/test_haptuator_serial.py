@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 pty = pytest.importorskip("pty", reason="the emulated port is a pseudo-terminal")
 
 from mmt.core.errors import DeviceLost, InputError, MmtError  # noqa: E402
+from mmt.devices.drivers import load_device  # noqa: E402
 from mmt.devices.haptuator.framing import (  # noqa: E402
     FULL_SCALE,
     MOST_SAMPLES,
@@ -26,7 +27,6 @@ from mmt.devices.haptuator.framing import (  # noqa: E402
 )
 from mmt.devices.haptuator.pushing import Pusher  # noqa: E402
 from mmt.devices.haptuator.serial_driver import SerialHaptuator  # noqa: E402
-from mmt.devices.loading import load_device  # noqa: E402
 from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard  # noqa: E402
 
 U16 = st.integers(0, 0xFFFF)

@@ -11,11 +11,11 @@ from hypothesis.extra.numpy import arrays
 from scipy import signal
 
 from mmt.core.errors import InputError
+from mmt.devices.drivers import read_options
 from mmt.devices.haptuator.drive import VoltageDrive
 from mmt.devices.haptuator.interpolation import AFTER, BEFORE, Interpolator, tap_table
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.haptuator.pulling import Puller
-from mmt.devices.loading import read_options
 
 
 def drive(**changes: float) -> VoltageDrive:

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.devices.drivers import load_device
 from mmt.devices.haptuator.library import load_sounddevice
 from mmt.devices.haptuator.sound import SoundHaptuator, SoundOptions
-from mmt.devices.loading import load_device
-from mmt.devices.mending import MendedActuator
+from mmt.devices.reconnection import ReconnectingActuator
 from mmt.leader.part import Session
 from mmt.leader.parts import build_parts
 from mmt.scene.files import scene_from_tables
@@ -181,8 +181,8 @@ def test_a_lost_actuator_comes_back_while_the_leader_goes_on() -> None:
     )
     told: list[str] = []
     parts = build_parts(Session(scene, told.append))
-    mended = parts.find("vibration").mended
-    assert isinstance(mended, MendedActuator)
+    mended = parts.find("vibration").reconnecting
+    assert isinstance(mended, ReconnectingActuator)
     device = mended.device
     assert isinstance(device, EmulatedHaptuator)
     parts.connect()

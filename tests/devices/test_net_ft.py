@@ -23,7 +23,7 @@ from mmt.devices.ati.net_records import (
     request,
 )
 from mmt.devices.ati.net_settings import filter_delay_ns, parse_page, parse_settings
-from mmt.devices.loading import load_device
+from mmt.devices.drivers import load_device
 from mmt.testing.emulated.net_ft import EmulatedNetFt
 
 PAGE = """<?xml version="1.0" encoding="utf-8"?><netft><setuserfilter>4</setuserfilter>

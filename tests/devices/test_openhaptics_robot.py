@@ -13,7 +13,7 @@ from emulated_arm import emulated_arm, until
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices import discovery
 from mmt.devices.discovery import FoundPort
-from mmt.devices.loading import load_device
+from mmt.devices.drivers import load_device
 from mmt.devices.openhaptics.library import Stack
 from mmt.devices.openhaptics.measuring import JUMP, NOT_FINITE, OUT_OF_REACH
 from mmt.devices.openhaptics.robot import OpenHapticsRobot

@@ -54,12 +54,12 @@ def test_even_texture_scores_its_ceiling(evaluation):
 def test_criteria_agree_with_the_distances(evaluation):
     time_s, distance = evaluation.course.T
     for met_s, threshold in (
-        (evaluation.start_s, SETTINGS.start_distance),
-        (evaluation.stop_s, SETTINGS.stop_distance),
+        (evaluation.start_s, SETTINGS.distances.start),
+        (evaluation.stop_s, SETTINGS.distances.stop),
     ):
         assert met_s == time_s[np.argmax(distance <= threshold)]
     assert evaluation.at_start.time_s == evaluation.start_s
-    assert evaluation.at_stop.distance <= SETTINGS.stop_distance < evaluation.at_start.distance
+    assert evaluation.at_stop.distance <= SETTINGS.distances.stop < evaluation.at_start.distance
 
 
 def test_steps_stand_every_step_and_show_the_last_update(evaluation):

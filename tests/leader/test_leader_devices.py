@@ -67,10 +67,10 @@ def test_handle_and_actuator_are_made_by_their_drivers_with_their_options(driver
     hand, vibration = parts.find("hand"), parts.find("vibration")
     assert hand.handle is hand.device is not None
     assert hand.handle.device.options == {"arm": "left"}
-    assert vibration.mended.device.options == {"volts": 2.0}
+    assert vibration.reconnecting.device.options == {"volts": 2.0}
     parts.connect()
     assert parts.close() == []
-    for device in (hand.handle.device, vibration.mended.device):
+    for device in (hand.handle.device, vibration.reconnecting.device):
         assert device.calls == ["connect", "calibrate", "close"]
 
 

@@ -11,7 +11,7 @@ from service_runs import small_scene
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import CHANNELS
-from mmt.devices.loading import load_device
+from mmt.devices.drivers import load_device
 from mmt.devices.protocols import DeviceBackedSource, FrameTaker
 from mmt.devices.source import DeviceSource
 from mmt.follower.guarded_source import GuardedSource

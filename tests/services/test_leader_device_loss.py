@@ -110,7 +110,7 @@ async def test_a_scene_may_stop_without_its_handle(tmp_path: Path, emulated: Emu
 
 async def lose_actuator(together: Together, unplug: Any, plug: Any) -> None:
     """Run a session whose actuator is unplugged and plugged in again."""
-    actuator = together.leader.parts.find("vibration").mended
+    actuator = together.leader.parts.find("vibration").reconnecting
     assert actuator is not None
     await together.listen()
     following = asyncio.create_task(together.follow())
@@ -147,7 +147,7 @@ async def test_a_sound_card_is_lost_and_comes_back(tmp_path: Path) -> None:
             },
         )
     )
-    mended = together.leader.parts.find("vibration").mended
+    mended = together.leader.parts.find("vibration").reconnecting
     assert mended is not None
     device = mended.device
     assert isinstance(device, EmulatedHaptuator)

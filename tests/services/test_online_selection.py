@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 from service_runs import Together, small_scene
 
-from mmt.scene import Scene, Selection
+from mmt.scene import Scene
 from mmt.session import write_session
 from mmt.testing.simulation.offline import simulate_session
+from mmt.texture.settings import OnlineSelectionSettings
 
 KNOCKS = (2500, 5100, 9100, 12400)
 
@@ -46,7 +47,7 @@ async def test_knocks_are_kept_out_of_the_leaders_model(tmp_path: Path) -> None:
     session = tmp_path / "knocked.npz"
     write_session(session, frames, annotations=annotations)
     with_knocks = await run(tmp_path, session, None)
-    without = await run(tmp_path, session, {"largest": Selection().largest})
+    without = await run(tmp_path, session, {"largest": OnlineSelectionSettings().largest})
     assert with_knocks.outliers == 0
     assert without.outliers >= 2  # of four; a busy machine may lose frames
     assert without.samples <= with_knocks.samples - 2

@@ -8,10 +8,8 @@ from typing import Any, NamedTuple
 
 from mmt.cli.common import messages, output, write_json
 from mmt.core.errors import InputError
-from mmt.devices.loading import load_device
+from mmt.devices.drivers import ROLE_NAMES, Role, load_device, role_for
 from mmt.devices.observing import Observation, Values, observe
-from mmt.devices.roles import role_for
-from mmt.devices.table import ROLE_NAMES, Role
 from mmt.scene import Scene
 from mmt.scene.files import example_scenes, load_scene
 

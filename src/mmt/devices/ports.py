@@ -17,7 +17,7 @@ from mmt.devices.protocols import (
     SampledSensor,
     Vector,
 )
-from mmt.devices.reconnecting import Reasons, Reconnection
+from mmt.devices.reconnection import Reasons, Reconnection
 from mmt.devices.vibration_lane import VibrationLane
 
 SILENT_NS: Final = 15_000_000

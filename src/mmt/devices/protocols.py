@@ -10,10 +10,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-from mmt.core import vectors
+from mmt.core import arrays
 from mmt.core.arrays import FloatArray, RecordArray
 
-Vector = vectors.Vector
+Vector = arrays.Vector
 """x, y, z as plain floats."""
 
 

@@ -35,7 +35,7 @@ def coverage(
     """
     space = InputSpace(settings.inputs)
     points = points if len(points) else np.empty((0, space.dimensions))
-    cells = _cells(cells_of(space.dimensions), space, points, settings.stop_distance)
+    cells = _cells(cells_of(space.dimensions), space, points, settings.distances.stop)
     speed_mm_s, force_n = _strokes(frames, settings)
     ranges = (_range(speed_mm_s), _range(force_n)) if len(speed_mm_s) else (None, None)
     return Coverage(

@@ -22,7 +22,7 @@ from mmt.evaluation.scoring import Scorer
 from mmt.evaluation.truth import KnownTexture, known_texture
 from mmt.session.data import RecordedSession, missing_frames
 from mmt.texture.online.history import ModelHistory, build, update_blocks
-from mmt.texture.settings import AUTOMATIC, Inputs, ModellingSettings
+from mmt.texture.settings import Inputs, ModellingSettings
 
 
 def evaluate_session(
@@ -126,7 +126,7 @@ def _of_other_inputs(
     if truth is None or truth.surface.isotropic:
         return None
     inputs: Inputs = "isotropic" if settings.inputs == "anisotropic" else "anisotropic"
-    others = replace(settings, inputs=inputs, start_distance=AUTOMATIC, stop_distance=AUTOMATIC)
+    others = replace(settings, inputs=inputs, start_distance="auto", stop_distance="auto")
     return build(blocks, others)
 
 

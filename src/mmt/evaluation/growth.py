@@ -30,7 +30,7 @@ def model_growth(evaluation: Evaluation, panels: int = 4) -> Figure:
     times_s = _growth_times(evaluation, panels)
     figure = Figure(figsize=(3.0 * len(times_s) + 0.9, 3.2), layout="constrained")
     axes = figure.subplots(1, len(times_s), sharey=True, squeeze=False)[0]
-    limit = 2.0 * evaluation.settings.stop_distance / len(CELL_CENTRES)
+    limit = 2.0 * evaluation.settings.distances.stop / len(CELL_CENTRES)
     cells = None
     for axis, time_s in zip(axes, times_s, strict=True):
         model = evaluation.model_at(time_s)
@@ -52,7 +52,7 @@ def _velocity_growth(evaluation: Evaluation, panels: int) -> Figure:
     times_s = _growth_times(evaluation, panels)
     figure = Figure(figsize=(3.0 * len(times_s) + 1.8, 3.4), layout="constrained")
     axes = figure.subplots(1, len(times_s), sharey=True, squeeze=False)[0]
-    limit = 2.0 * evaluation.settings.stop_distance / len(VELOCITY_CELLS.centres)
+    limit = 2.0 * evaluation.settings.distances.stop / len(VELOCITY_CELLS.centres)
     cells = None
     for axis, time_s in zip(axes, times_s, strict=True):
         model = evaluation.model_at(time_s)

@@ -108,6 +108,25 @@ def environment() -> dict[str, str]:
     return {**versions, "machine": machine, "processors": str(os.cpu_count() or "unknown")}
 
 
+def machine() -> dict[str, str]:
+    """Return what the figures were measured on: processor, load, system and versions."""
+    known = hasattr(os, "getloadavg")
+    load = ", ".join(f"{value:.2f}" for value in os.getloadavg()) if known else "unknown"
+    return {"processor": _processor(), "load (1, 5, 15 min)": load, **environment()}
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or "unknown"
+    for line in lines:
+        key, _, value = line.partition(":")
+        if key.strip() == "model name":
+            return value.strip()
+    return platform.processor() or "unknown"
+
+
 def _overview(evaluations: Sequence[Evaluation]) -> list[Block]:
     from mmt.evaluation import figures
 

@@ -4,9 +4,8 @@ import struct
 from collections.abc import Callable
 from typing import Any, Final, Literal
 
-from mmt.core.arrays import RecordArray
+from mmt.core.arrays import RecordArray, difference, towards
 from mmt.core.logs import RepeatLimit
-from mmt.core.vectors import difference, towards
 from mmt.devices.protocols import Vector
 from mmt.scene import Link
 

@@ -57,7 +57,7 @@ class HandPart(Part):
             return cls(session, hand)
         if scene.handle is None:
             return None
-        from mmt.devices.loading import load_device
+        from mmt.devices.drivers import load_device
 
         device: LeaderInterface = load_device(
             scene.handle.driver, scene.handle.options, role="handle"

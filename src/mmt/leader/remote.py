@@ -115,7 +115,7 @@ class RemoteFollower:
 
     async def close(self) -> None:
         """Listen no more, and note how the clocks stood at the end."""
-        self._ending.settle()
+        self._ending.cancel_timeout()
         if self.server is not None:
             await self.server.stop()
         self.look(last=True)
@@ -138,7 +138,7 @@ class RemoteFollower:
     # --- what the link reports
 
     def _on_follower(self, hello: "FollowerHello") -> None:
-        self._ending.settle()
+        self._ending.cancel_timeout()
         self._numbering.reconnect(hello.run_id)
         self.backfill.connect(hello)
         self._parts.call("on_follower", hello)
@@ -175,7 +175,7 @@ class RemoteFollower:
         patience_s = self._scene.link.patience_s
         self._journal.event(f"follower lost ({reason}), waiting {patience_s:g} s for its return")
         self._parts.call("on_lost")
-        self._ending.be_patient(patience_s, lambda: self._ending.stop("follower lost"))
+        self._ending.start_timeout(patience_s, lambda: self._ending.stop("follower lost"))
 
     def _on_jump(self, jump: "ClockJump") -> None:
         if self._clock_notes is not None:

@@ -136,7 +136,7 @@ class Leader:
         found = []
         if self.ending.reached:
             found.append(f"the session has ended: {self.ending.outcome}")
-        if self.ending.patient:
+        if self.ending.awaits_peer:
             found.append("the follower was lost")
         return found + [fault for faults in self.parts.verbs("faults") for fault in faults()]
 
@@ -208,7 +208,7 @@ class Leader:
             ended.cancel()
         if self.remote is not None:
             await self.remote.dismiss()
-        self.ending.raise_mistake()
+        self.ending.raise_unexpected()
 
     async def _close(self) -> None:
         for stop in self.parts.verbs("stop"):

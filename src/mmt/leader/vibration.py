@@ -16,7 +16,7 @@ from mmt.scene import Actuator, Texture
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
-    from mmt.devices.mending import MendedActuator
+    from mmt.devices.reconnection import ReconnectingActuator
 
 Mode = Literal["silent", "streamed", "fading", "synthesized"]
 
@@ -131,7 +131,7 @@ class VibrationPart(Part):
         What plays.
     switch
         What is played.
-    mended
+    reconnecting
         The actuator, where it is a driver's, which may be lost and come back.
     """
 
@@ -140,12 +140,12 @@ class VibrationPart(Part):
         session: Session,
         actuator: VibrationActuator,
         switch: VibrationSwitch,
-        mended: "MendedActuator | None" = None,
+        reconnecting: "ReconnectingActuator | None" = None,
     ) -> None:
         self._session = session
         self.actuator = actuator
         self.switch = switch
-        self.mended = mended
+        self.reconnecting = reconnecting
         self.mode = switch.mode
         """Which vibration is heard, as of the last tick."""
         normal = (session.scene.texture or Texture()).normal
@@ -154,8 +154,8 @@ class VibrationPart(Part):
         self._motion = session.find("motion")
         self._on_output: list[Callable[[int, str, FloatArray], None]] = []
         self._loudness = 1.0
-        if mended is not None:
-            mended.watch(session.journal.event)
+        if reconnecting is not None:
+            reconnecting.watch(session.journal.event)
 
     @classmethod
     def build(cls, session: Session) -> "VibrationPart | None":
@@ -169,7 +169,7 @@ class VibrationPart(Part):
         scene, table = session.scene, session.scene.actuator
         if table is None:
             return None
-        actuator, mended = _actuator(table)
+        actuator, reconnecting = _actuator(table)
         playout, synthesizing = session.find("playout"), session.find("synthesizing")
         crossfade_ms = scene.rendering.crossfade_ms if scene.rendering is not None else 0.0
         switch = VibrationSwitch(
@@ -181,12 +181,16 @@ class VibrationPart(Part):
         )
         if synthesizing is not None and synthesizing.synthesizer.model is not None:
             switch.use_model(True)
-        return cls(session, actuator, switch, mended)
+        return cls(session, actuator, switch, reconnecting)
 
     @property
     def name(self) -> str:
         """The actuator's name."""
-        return self.mended.name if self.mended is not None else type(self.actuator).__name__
+        return (
+            self.reconnecting.name
+            if self.reconnecting is not None
+            else type(self.actuator).__name__
+        )
 
     def connect(self) -> None:
         """Open the actuator and calibrate it."""
@@ -223,14 +227,18 @@ class VibrationPart(Part):
 
     def faults(self) -> list[str]:
         """Return why the actuator is lost."""
-        return [self.mended.problem] if self.mended is not None and self.mended.problem else []
+        return (
+            [self.reconnecting.problem]
+            if self.reconnecting is not None and self.reconnecting.problem
+            else []
+        )
 
     def summary(self, duration_s: float) -> dict[str, Any]:
         """Return the mode at the end, every switch, and what the actuator did."""
         _ = duration_s
         actuator = asdict(self.actuator.statistics)
-        if self.mended is not None:
-            actuator |= self.mended.losses_summary
+        if self.reconnecting is not None:
+            actuator |= self.reconnecting.losses_summary
         table = {"mode": self.switch.mode, "switches": self._session.log.switches}
         return {"vibration": {**table, "actuator": actuator}}
 
@@ -240,7 +248,7 @@ class VibrationPart(Part):
 
         text = "What drives the actuator."
         yield state("vibration_mode", text, "mode", self.mode, get_args(Mode))
-        yield from loss_metrics(self.mended)
+        yield from loss_metrics(self.reconnecting)
 
     def _rest_without_handle(self, vibration: FloatArray, *, lost: bool) -> None:
         """Fade the vibration (n,) in place: out while the handle is lost, and in again."""
@@ -270,14 +278,14 @@ class VibrationPart(Part):
         return (x_mm_s * x_mm_s + y_mm_s * y_mm_s) ** 0.5, force_n
 
 
-def _actuator(table: Actuator) -> "tuple[VibrationActuator, MendedActuator | None]":
+def _actuator(table: Actuator) -> "tuple[VibrationActuator, ReconnectingActuator | None]":
     """Return the scene's actuator, and once more where it may be lost and come back."""
     if table.driver is None:
         from mmt.testing.simulation.actuator import SimulatedActuator
 
         return SimulatedActuator(limit_m_s2=table.limit_m_s2), None
-    from mmt.devices.loading import load_device
-    from mmt.devices.mending import MendedActuator
+    from mmt.devices.drivers import load_device
+    from mmt.devices.reconnection import ReconnectingActuator
 
-    mended = MendedActuator(load_device(table.driver, table.options, role="actuator"))
-    return mended, mended
+    reconnecting = ReconnectingActuator(load_device(table.driver, table.options, role="actuator"))
+    return reconnecting, reconnecting

@@ -9,12 +9,12 @@ from mmt.scene.recording_tables import LARGEST_SPEED, Recording, Replay
 from mmt.scene.rendering_tables import Playout, Rendering
 from mmt.scene.scene import PART_TABLES, Scene, Session
 from mmt.scene.simulated_tables import Course, Hand, Simulated
-from mmt.scene.table import PartTable, Service, Table
-from mmt.scene.texture_table import Selection, Surfaces, Texture
+from mmt.scene.table import Part, PartTable, Service, Table
+from mmt.scene.texture_table import Texture
 
 __all__ = [
     "LARGEST_SPEED", "PART_TABLES", "PROFILES", "Actuator", "Course", "Devices", "Driver",
-    "ForceFeedback", "Hand", "Handle", "Link", "Metrics", "Monitor", "Network", "PartTable",
-    "Playout", "Recording", "Rendering", "Replay", "Scene", "Selection", "Service", "Session",
-    "Simulated", "Surfaces", "Table", "Texture",
+    "ForceFeedback", "Hand", "Handle", "Link", "Metrics", "Monitor", "Network", "Part", "PartTable",
+    "Playout", "Recording", "Rendering", "Replay", "Scene", "Service", "Session",
+    "Simulated", "Table", "Texture",
 ]  # fmt: skip

@@ -3,8 +3,9 @@
 import os
 import tomllib
 from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -16,6 +17,9 @@ AnyTable = TypeVar("AnyTable", bound=BaseModel)
 ENVIRONMENT_PREFIX = "MMT_"
 """``MMT_LINK__PORT=9000`` overrides ``port`` of ``[link]``."""
 
+
+_UNKNOWN_KEY: Final = ("extra_forbidden", "unexpected_keyword_argument")
+"""Of a table that is a pydantic model, and of one that is a dataclass."""
 
 _READ: Final = (
     ("rendering", "model"),
@@ -186,7 +190,7 @@ def explain_problems(error: ValidationError, model: type[BaseModel] | None = Non
     sentences = []
     for problem in error.errors(include_url=False):
         place = ".".join(str(part) for part in problem["loc"] if part not in {"int", "float"})
-        if problem["type"] == "extra_forbidden":
+        if problem["type"] in _UNKNOWN_KEY:
             allowed = "" if model is None else f"; allowed are {_allowed(problem['loc'], model)}"
             sentences.append(f"{place} is not a key{allowed}")
         elif problem["type"] == "missing":
@@ -201,8 +205,16 @@ def explain_problems(error: ValidationError, model: type[BaseModel] | None = Non
 
 
 def _allowed(location: tuple[int | str, ...], model: type[BaseModel]) -> str:
+    table: type[Any] = model
     for part in location[:-1]:
-        annotation = model.model_fields[str(part)].annotation
-        candidates = [annotation, *getattr(annotation, "__args__", ())]
-        model = next(c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel))
-    return ", ".join(model.model_fields)
+        annotation = _annotations(table)[str(part)]
+        candidates = [annotation, *get_args(annotation)]
+        table = next(each for each in candidates if isinstance(each, type) and _annotations(each))
+    return ", ".join(_annotations(table))
+
+
+def _annotations(table: type[Any]) -> dict[str, Any]:
+    """Return the keys of a table and what each is annotated with; none where it is no table."""
+    if issubclass(table, BaseModel):
+        return {name: field.annotation for name, field in table.model_fields.items()}
+    return {field.name: field.type for field in fields(table)} if is_dataclass(table) else {}

@@ -17,7 +17,7 @@ from mmt.scene.network_table import Network
 from mmt.scene.recording_tables import Recording, Replay
 from mmt.scene.rendering_tables import Playout, Rendering
 from mmt.scene.simulated_tables import Hand, Simulated
-from mmt.scene.table import PartTable, Service, Table
+from mmt.scene.table import Part, Service, Table
 from mmt.scene.texture_table import Texture
 
 
@@ -120,7 +120,7 @@ class Scene(Table):
         return self.model_dump(mode="json", exclude_none=True)
 
 
-PART_TABLES: Final[dict[str, type[PartTable]]] = {
+PART_TABLES: Final[dict[str, type[Part]]] = {
     name: get_args(field.annotation)[0]
     for name, field in Scene.model_fields.items()
     if name != "session"

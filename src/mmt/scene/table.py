@@ -13,8 +13,8 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class PartTable(Table):
-    """The table of a part that a scene may leave out."""
+class Part:
+    """A part of a run that a scene may leave out: what its table says of it."""
 
     runs_in: ClassVar[tuple[Service, ...]] = ("leader",)
     """The services in which the part runs, unless `services` depends on the table's values."""
@@ -23,3 +23,7 @@ class PartTable(Table):
     def services(self) -> tuple[Service, ...]:
         """The services in which the part runs with these values."""
         return self.runs_in
+
+
+class PartTable(Part, Table):
+    """The table of a part."""

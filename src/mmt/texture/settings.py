@@ -1,13 +1,21 @@
-"""What the modelling of a texture can be told; plain values, nothing compiled."""
+"""Settings of texture modelling: plain values, with nothing compiled and no validation library.
+
+A key of a scene's ``[texture]`` is one field here, with its default, its bounds (as
+`annotated_types`, which the scene's validation reads) and its meaning, and one line in
+``docs/reference/scene.md``.
+"""
 
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Annotated, Final, Literal, NamedTuple
+
+from annotated_types import Ge, Gt, Le, Lt
+
+from mmt.texture.interpolation.registry import check_interpolator
 
 Axis = Literal["x", "y", "z"]
 VibrationAxis = Literal["x", "y", "z", "dft321"]
 Interpolated = Literal["variance", "power", "amplitude"]
 Inputs = Literal["isotropic", "anisotropic"]
-Interpolation = Literal["delaunay", "nearest", "rbf"]
 Level = Literal["interpolated", "gaussian_process"]
 Shape = Literal["measured", "smoothed"]
 Criterion = Literal["distance", "uncertainty"]
@@ -22,16 +30,22 @@ LARGEST_ORDER = 64
 """The highest autoregressive order that a model may have."""
 
 
-DISTANCES: Final[dict[Inputs, tuple[float, float]]] = {
-    "isotropic": (7.5, 4.243),
-    "anisotropic": (52.63, 36.0),
+class Distances(NamedTuple):
+    """Completion distances at which rendering starts and modelling ends."""
+
+    start: float
+    stop: float
+
+
+DISTANCES: Final[dict[Inputs, Distances]] = {
+    "isotropic": Distances(7.5, 4.243),
+    "anisotropic": Distances(52.63, 36.0),
 }
-"""Completion distances at which rendering starts and modelling ends; how they are derived is in
+"""Defaults for each kind of inputs; how they are derived is in
 `mmt.texture.completion.distance`."""
 
-AUTOMATIC: Final = 0.0
-"""Stands for the distance that belongs to the inputs."""
-
+Distance = Annotated[float, Gt(0)] | Literal["auto"]
+"""A completion distance, or that of `DISTANCES` for the inputs."""
 
 START_SHARE: Final = 0.75
 """Expected share at which rendering starts: about that which the published method leaves right at
@@ -68,75 +82,155 @@ def distance_scale(start: float, stop: float) -> CriterionScale:
 
 @dataclass(frozen=True)
 class OnlineSelectionSettings:
-    """Selection while a model grows; see `mmt.texture.selection.online`.
+    """``[texture.selection]``: keep outliers out of a growing model, and its size below a limit.
 
-    ``limit``: score from which a sample is an outlier, None for the usual one. ``largest``:
-    number of samples above which redundant ones are left out of the model.
+    See `mmt.texture.selection.online`.
     """
 
-    limit: float | None = None
-    largest: int = 200
+    limit: Annotated[float, Gt(0), Le(1000)] = 14.5
+    """Score from which a sample is an outlier."""
+
+    largest: Annotated[int, Ge(10), Le(1000)] = 200
+    """Number of samples above which redundant ones are left out of the model."""
 
 
 @dataclass(frozen=True)
 class SurfaceSettings:
-    """Several surfaces in one session; see `mmt.texture.surfaces`.
+    """``[texture.surfaces]``: a model for each of several surfaces; see `mmt.texture.surfaces`."""
 
-    ``false_alarms_per_hour`` of stroking. ``most``: number of surfaces that are kept; beyond,
-    the one on which the tool was not for longest leaves for a new one.
-    """
+    false_alarms_per_hour: Annotated[float, Ge(0.001), Le(1000)] = 1.0
+    """Expected false alarms of the change-point detection in an hour of stroking."""
 
-    false_alarms_per_hour: float = 1.0
-    most: int = 20
+    most: Annotated[int, Ge(2), Le(100)] = 20
+    """Largest number of surfaces; the one left longest ago is dropped for a new one."""
 
 
 @dataclass(frozen=True)
-class ModellingSettings:
-    """Settings of the online modelling; the meaning of each is in the scene reference.
+class TextureSettings:
+    """The keys of ``[texture]`` that concern the numerics.
 
-    ``axis`` (what becomes the vibration), ``normal`` (the surface's normal axis), ``order``
-    ("auto" or 1 to 64), ``overlap_samples``, ``straightness_mm`` (tau_1), ``stationarity``
-    (tau_2), ``shortest_samples``, ``longest_samples``, ``least_speed_mm_s``,
-    ``least_force_n``, ``start_distance`` and ``stop_distance`` (`AUTOMATIC` for what belongs
-    to the inputs), ``criterion``, ``start_share`` and ``stop_share`` (of the other criterion),
-    ``interpolate``, ``inputs``, ``interpolator``, ``level``, ``shape``, ``selection`` (None for
-    none), ``surfaces`` (None for one), ``rate_hz``.
+    Raises
+    ------
+    ValueError
+        A combination of values is not allowed. Bounds of single values are checked where a scene
+        is read.
     """
 
     axis: VibrationAxis = "z"
+    """The acceleration that is modelled: one axis, or all three joined by DFT321."""
+
     normal: Axis = "z"
+    """The surface's normal axis; speed is taken in the plane across it, force along it."""
+
     order: int | Literal["auto"] = "auto"
-    overlap_samples: int = 200
-    straightness_mm: float = 1.0
-    stationarity: float = 0.12
-    shortest_samples: int = 120
-    longest_samples: int = 1000
-    least_speed_mm_s: float = 10.0
-    least_force_n: float = 0.1
-    start_distance: float = AUTOMATIC
-    stop_distance: float = AUTOMATIC
-    criterion: Criterion = "distance"
-    start_share: float = START_SHARE
-    stop_share: float = STOP_SHARE
-    interpolate: Interpolated = "power"
+    """Order of all autoregressive filters, 1 to 64, or chosen from the data."""
+
+    overlap_samples: Annotated[int, Ge(0), Le(2000)] = 200
+    """Newest samples into which a segment must not reach to be final."""
+
+    straightness_mm: Annotated[float, Gt(0), Le(50)] = 1.0
+    """Largest distance of the path from its chord inside a segment (tau_1)."""
+
+    stationarity: Annotated[float, Gt(0), Le(1)] = 0.12
+    """Largest coefficient of variation of speed and force inside a segment (tau_2)."""
+
+    shortest_samples: Annotated[int, Ge(30), Le(2000)] = 120
+    """Shortest segment."""
+
+    longest_samples: Annotated[int, Ge(100), Le(5000)] = 1000
+    """Longest segment; at least twice the shortest."""
+
+    least_speed_mm_s: Annotated[float, Gt(0), Le(300)] = 10.0
+    """Slower motion is not modelled."""
+
+    least_force_n: Annotated[float, Gt(0), Le(3)] = 0.1
+    """Lighter contact is not modelled."""
+
     inputs: Inputs = "isotropic"
-    interpolator: Interpolation = "delaunay"
+    """What the texture is a function of: speed and force, or velocity vector and force."""
+
+    start_distance: Distance = "auto"
+    """Completion sum at which rendering starts, for the criterion ``"distance"``."""
+
+    stop_distance: Distance = "auto"
+    """Completion sum at which modelling ends; not above `start_distance`."""
+
+    criterion: Criterion = "distance"
+    """What decides when rendering starts and modelling ends."""
+
+    start_share: Annotated[float, Gt(0), Lt(1)] = START_SHARE
+    """Expected share at which rendering starts, for the criterion ``"uncertainty"``."""
+
+    stop_share: Annotated[float, Gt(0), Lt(1)] = STOP_SHARE
+    """Expected share at which modelling ends; not below `start_share`."""
+
+    interpolate: Interpolated = "power"
+    """What is linear between samples, beside the line spectral frequencies."""
+
+    interpolator: str = "delaunay"
+    """A name known to `mmt.texture.interpolation.registry`."""
+
     level: Level = "interpolated"
+    """What the vibration's power follows."""
+
     shape: Shape = "measured"
+    """The spectra at the samples."""
+
     selection: OnlineSelectionSettings | None = None
+    """Selection of samples; None keeps them all."""
+
     surfaces: SurfaceSettings | None = None
-    rate_hz: float = 1000.0
+    """A model for each of several surfaces; None for a single model."""
 
     def __post_init__(self) -> None:
-        start, stop = DISTANCES[self.inputs]
-        for name, value in (("start_distance", start), ("stop_distance", stop)):
-            if getattr(self, name) == AUTOMATIC:
-                object.__setattr__(self, name, value)
+        if self.order != "auto" and not 1 <= self.order <= LARGEST_ORDER:
+            raise ValueError(f"order is {self.order}, allowed are 'auto' and 1 to {LARGEST_ORDER}")
+        start, stop = self.distances
+        if stop > start:
+            raise ValueError(
+                f"stop_distance is {stop:g} and start_distance "
+                f"{start:g}: stop_distance must not exceed start_distance"
+            )
+        if self.stop_share < self.start_share:
+            raise ValueError(
+                f"stop_share is {self.stop_share:g} and start_share {self.start_share:g}: "
+                "stop_share must not be below start_share"
+            )
+        if self.criterion == "uncertainty" and self.level != "gaussian_process":
+            raise ValueError(
+                f'criterion is "uncertainty" and level "{self.level}", whose error is not known: '
+                'set level to "gaussian_process", or leave criterion at "distance"'
+            )
+        if self.level != "interpolated" and self.interpolate != "power":
+            raise ValueError(
+                f'interpolate is "{self.interpolate}" and level "{self.level}": with this level '
+                'nothing is interpolated beside the spectrum\'s shape; leave interpolate at "power"'
+            )
+        if self.longest_samples < 2 * self.shortest_samples:
+            raise ValueError("longest_samples must be at least twice shortest_samples")
+        check_interpolator(self.interpolator)
+
+    @property
+    def distances(self) -> Distances:
+        """The completion distances, those of the inputs in place of ``"auto"``."""
+        usual = DISTANCES[self.inputs]
+        return Distances(
+            usual.start if self.start_distance == "auto" else self.start_distance,
+            usual.stop if self.stop_distance == "auto" else self.stop_distance,
+        )
 
     @property
     def scale(self) -> CriterionScale:
         """What the criterion measures, and its thresholds."""
         if self.criterion == "distance":
-            return distance_scale(self.start_distance, self.stop_distance)
+            return distance_scale(*self.distances)
         title = "expected share"
         return CriterionScale(self.criterion, title, self.start_share, self.stop_share, rises=True)
+
+
+@dataclass(frozen=True)
+class ModellingSettings(TextureSettings):
+    """Settings of the online modelling: the keys of ``[texture]``, and the stream's rate."""
+
+    rate_hz: float = 1000.0
+    """Sampling rate of the stream."""

@@ -13,7 +13,6 @@ from mmt.texture.interpolation.radial_basis.outputs import least_gap, nearest_va
 from mmt.texture.interpolation.vertices import vertex_table
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.settings import Interpolation
 
 Filters = tuple[FloatArray, FloatArray]
 """Line spectral frequencies (k, m) and variances (k,)."""
@@ -52,7 +51,7 @@ def part_of(samples: TextureSamples, count: int) -> TextureSamples:
     )
 
 
-def _own(interpolator: Interpolation) -> Method:
+def _own(interpolator: str) -> Method:
     def build(samples: TextureSamples) -> TextureModel:
         return TextureModel(samples, interpolator=interpolator)
 

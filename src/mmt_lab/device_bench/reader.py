@@ -18,7 +18,7 @@ from mmt.core.frames import CHANNELS
 from mmt.core.process import prefer_even_ticks
 from mmt.core.realtime import be_real_time
 from mmt.core.ticking import Ticker
-from mmt.devices.loading import load_device
+from mmt.devices.drivers import load_device
 from mmt.devices.source import PERIOD_NS, DeviceSource
 from mmt.testing.emulated.hd import EmulatedHd
 from mmt.testing.emulated.remote_u6 import RemoteU6

@@ -12,7 +12,6 @@ from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.settings import Interpolation
 
 _ORDER: Final = 10
 
@@ -105,7 +104,7 @@ def _polar(heading: FloatArray, turn: FloatArray) -> FloatArray:
 
 def build(
     points: FloatArray,
-    interpolator: Interpolation = "delaunay",
+    interpolator: str = "delaunay",
     space: InputSpace | None = None,
     scale: float = 1.0,
 ) -> TextureModel:

@@ -9,7 +9,7 @@ import hashlib
 import itertools
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,7 +18,7 @@ from pydantic import ValidationError
 import mmt
 from mmt.core.errors import InputError
 from mmt.evaluation.evaluate import evaluate_session
-from mmt.scene import Texture
+from mmt.scene.texture_table import TEXTURE_TABLE, Texture
 from mmt.session.data import RecordedSession
 
 RESULTS: Final = "results.jsonl"
@@ -114,7 +114,8 @@ def make_jobs(
     jobs = []
     for chosen in settings:
         texture = _texture(base, chosen)
-        origin = [data, texture.model_dump(mode="json"), step_s, seed, mmt.__version__]
+        table = TEXTURE_TABLE.dump_python(texture, mode="json")
+        origin = [data, table, step_s, seed, mmt.__version__]
         key = hashlib.sha256(json.dumps(origin, sort_keys=True).encode()).hexdigest()
         jobs.append(Job(key, str(session.path), dict(chosen), texture, step_s, seed))
     return jobs
@@ -202,7 +203,7 @@ def _value(text: str) -> Value:
 def _texture(base: Texture, chosen: Settings) -> Texture:
     values = {key.partition(".")[2]: value for key, value in chosen.items()}
     try:
-        return Texture.model_validate({**base.model_dump(), **values})
+        return TEXTURE_TABLE.validate_python({**TEXTURE_TABLE.dump_python(base), **values})
     except ValidationError as error:
         problems: dict[str, list[str]] = {}
         for problem in error.errors():
@@ -213,6 +214,6 @@ def _texture(base: Texture, chosen: Settings) -> Texture:
 
 
 def _explain(key: str, kind: str, message: str) -> str:
-    if kind == "extra_forbidden":
-        return f"no such key, allowed are {', '.join(Texture.model_fields)}"
+    if kind == "unexpected_keyword_argument":
+        return f"no such key, allowed are {', '.join(field.name for field in fields(Texture))}"
     return message.removeprefix("Value error, ") if key else message.partition(", ")[2]

@@ -11,7 +11,7 @@ from mmt.devices.adxl335.framing import Counts, Frame, FrameDecoder
 from mmt.devices.adxl335.options import SerialOptions
 from mmt.devices.adxl335.sensor import Adxl335
 from mmt.devices.adxl335.timeline import Timeline
-from mmt.devices.loading import read_options
+from mmt.devices.drivers import read_options
 from mmt.devices.protocols import SensorReading, Vector
 
 NAME: Final = "adxl335-serial"

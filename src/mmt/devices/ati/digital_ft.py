@@ -28,7 +28,7 @@ from mmt.devices.ati.modbus import NoFrame
 from mmt.devices.ati.options import AtiOptions
 from mmt.devices.ati.sensor import AtiSensor, Stamped
 from mmt.devices.ati.wrench import WrenchConverter
-from mmt.devices.loading import read_options
+from mmt.devices.drivers import read_options
 
 DRIVER: Final = "ati-digital-ft"
 

@@ -11,7 +11,7 @@ from mmt.devices.ati.calibration_file import FileCalibration, load_calibration_f
 from mmt.devices.ati.options import AtiOptions
 from mmt.devices.ati.sensor import AtiSensor, Stamped
 from mmt.devices.ati.wrench import WrenchConverter
-from mmt.devices.loading import load_device, read_options
+from mmt.devices.drivers import load_device, read_options
 from mmt.devices.voltages import VoltageBoard
 from mmt.scene import Driver
 

@@ -10,13 +10,13 @@ from pydantic import Field
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import DeviceLost, MmtError
+from mmt.devices.drivers import read_options
 from mmt.devices.haptuator.board import HaptuatorBoard
 from mmt.devices.haptuator.framing import FULL_SCALE, MOST_SAMPLES, Report, Reset, Samples
 from mmt.devices.haptuator.interpolation import AFTER
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.haptuator.playing import RATE_HZ, SILENCE_NS, PlayingHaptuator
 from mmt.devices.haptuator.pushing import Pusher
-from mmt.devices.loading import read_options
 from mmt.devices.protocols import ActuatorStatistics
 
 DRIVER: Final = "haptuator-serial"

@@ -11,11 +11,11 @@ import numpy.typing as npt
 from pydantic import Field
 
 from mmt.core.errors import DeviceLost, MmtError
+from mmt.devices.drivers import read_options
 from mmt.devices.haptuator.library import find_output, load_sounddevice
 from mmt.devices.haptuator.options import HaptuatorOptions
 from mmt.devices.haptuator.playing import RATE_HZ, SILENCE_NS, PlayingHaptuator
 from mmt.devices.haptuator.pulling import Puller
-from mmt.devices.loading import read_options
 from mmt.devices.protocols import ActuatorStatistics
 
 DRIVER: Final = "haptuator-sound"

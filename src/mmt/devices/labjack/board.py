@@ -4,9 +4,9 @@ from typing import Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from mmt.devices.drivers import read_options
 from mmt.devices.labjack.packets import Channel
 from mmt.devices.labjack.voltages import U6Voltages
-from mmt.devices.loading import read_options
 
 NAME: Final = "labjack-u6"
 

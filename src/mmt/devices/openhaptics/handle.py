@@ -3,7 +3,7 @@
 import math
 from typing import Any, Final
 
-from mmt.devices.loading import read_options
+from mmt.devices.drivers import read_options
 from mmt.devices.openhaptics.driving import HdDriver
 from mmt.devices.openhaptics.library import Stack
 from mmt.devices.openhaptics.options import HandleOptions

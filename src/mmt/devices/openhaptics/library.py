@@ -11,10 +11,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from mmt.core.errors import InputError, MmtError
+from mmt.devices.drivers import library_file
 from mmt.devices.openhaptics.sentences import HdError, explain
-
-EMULATED: Final = "emulated"
-"""In the place of a path: the library that emulates a device."""
 
 CALLBACK: Final = ctypes.CFUNCTYPE(ctypes.c_uint32, ctypes.c_void_p)
 Vector3: Final[Any] = ctypes.c_double * 3
@@ -153,10 +151,7 @@ def open_stack(path: str) -> Stack:
         The library cannot be used, or this process has another one.
     """
     global _stack  # noqa: PLW0603 - a process has one, and it cannot be unloaded
-    if path == EMULATED:
-        from mmt.testing.emulated.hd import build_library
-
-        path = str(build_library())
+    path = library_file(path)
     with _stack_lock:
         if _stack is None:
             _stack = Stack(path)

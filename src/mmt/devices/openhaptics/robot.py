@@ -4,7 +4,7 @@ import math
 from typing import Any, Final
 
 from mmt.core.errors import InputError
-from mmt.devices.loading import read_options
+from mmt.devices.drivers import read_options
 from mmt.devices.openhaptics.driving import HdDriver
 from mmt.devices.openhaptics.library import Stack
 from mmt.devices.openhaptics.measuring import STUCK

@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import DeviceLost
-from mmt.devices.loading import load_device, read_options
+from mmt.devices.drivers import load_device, read_options
 from mmt.devices.protocols import (
     ActuatorStatistics,
     Remarking,

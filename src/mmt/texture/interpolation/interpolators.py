@@ -27,7 +27,6 @@ from mmt.texture.interpolation.interpolant import DELAUNAY, NEAREST, Interpolant
 from mmt.texture.interpolation.radial_basis.evaluation import SCRATCH, radial_basis_into
 from mmt.texture.interpolation.radial_basis.network import RadialBasisSettings
 from mmt.texture.interpolation.tetrahedra import locate_3d
-from mmt.texture.settings import Interpolation
 
 LARGEST_SCRATCH: Final = SCRATCH
 """Numbers of scratch that `evaluate_into` may need."""
@@ -111,13 +110,13 @@ def _joined(points: FloatArray, values: FloatArray) -> FloatArray:
     return np.ascontiguousarray(np.hstack([points, values]))
 
 
-BUILDERS: Final[Mapping[Interpolation, Builder]] = MappingProxyType(
+BUILDERS: Final[Mapping[str, Builder]] = MappingProxyType(
     {"delaunay": _build_delaunay, "nearest": _build_nearest, "rbf": _build_radial_basis}
 )
 """Every interpolator by its name in the scene."""
 
 
-def load(interpolator: Interpolation) -> None:
+def load(interpolator: str) -> None:
     """Load what an interpolator has compiled, so that no update of a model waits for it."""
     if interpolator == "rbf":
         importlib.import_module("mmt.texture.interpolation.radial_basis.model")

@@ -40,7 +40,7 @@ from mmt.texture.model.kernel_parameters import (
     filters_into,
 )
 from mmt.texture.model.samples import TextureSamples
-from mmt.texture.settings import Interpolated, Interpolation, Level, Shape
+from mmt.texture.settings import Interpolated, Level, Shape
 
 if TYPE_CHECKING:
     from mmt.texture.field.level_process import LevelProcess
@@ -86,7 +86,7 @@ class TextureModel:
         samples: TextureSamples,
         *,
         interpolate: Interpolated = "power",
-        interpolator: Interpolation = "delaunay",
+        interpolator: str = "delaunay",
         level: Level = "interpolated",
         shape: Shape = "measured",
         rate_hz: float = 1000.0,
@@ -106,7 +106,7 @@ class TextureModel:
         samples.check()
         self.samples = samples.frozen()
         self.interpolate: Interpolated = interpolate
-        self.interpolator: Interpolation = interpolator
+        self.interpolator = interpolator
         self.rate_hz = float(rate_hz)
         self.points = self.samples.points
         self.points.setflags(write=False)
@@ -170,7 +170,7 @@ class TextureModel:
         """The level with its uncertainty, whatever is rendered; None where no sample has power.
 
         A sample whose length is not known counts as
-        `mmt.texture.autoregression.effective_length.UNKNOWN`.
+        `mmt.texture.autoregression.effective_sample_size.UNKNOWN`.
         """
         from mmt.texture.field.level_process import level_process
 

@@ -17,13 +17,12 @@ from mmt.texture.field.trend import trend_at
 from mmt.texture.interpolation.radial_basis.model import LEVEL_ROOM
 from mmt.texture.model.inputs import ANISOTROPIC, InputSpace
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.settings import Interpolation
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.stability.cases import Case, Family, Outcome
 from mmt_lab.stability.degenerate import anywhere, build, of_space
 
 MANY: Final = 2000
-INTERPOLATORS: Final[tuple[Interpolation, ...]] = ("delaunay", "nearest", "rbf")
+INTERPOLATORS: Final[tuple[str, ...]] = ("delaunay", "nearest", "rbf")
 
 _LARGEST_NETWORK: Final = 200  # samples; a network costs their cube
 _EXPECTED: Final = "the whole space; filters ordered, level within bounds, silence at rest"
