@@ -182,7 +182,7 @@ def test_what_is_rendered_is_called_what_it_is(
 
 def test_a_criterion_says_its_value_its_cells_and_where_a_stroke_is_wanted() -> None:
     monitor = CompletionMonitor()
-    monitor.take(np.array([[0.2, 0.2], [0.3, 0.2]]), 1.0)
+    monitor.update_points(np.array([[0.2, 0.2], [0.3, 0.2]]), 1.0)
     growing = completion_header(monitor.progress, None, None)
     assert growing["value"] == sum(cell_distances(np.array([[0.2, 0.2], [0.3, 0.2]])))
     assert len(growing["cells"]) == 9
