@@ -102,7 +102,7 @@ class CommandGuard:
         if self._measures_position:
             self._position, self._silent = None, False
 
-    def take(self, commands: RecordArray, arrival_ns: int) -> None:
+    def receive(self, commands: RecordArray, arrival_ns: int) -> None:
         """Take commands (n,), n >= 1, the newest last, with their arrival by this clock.
 
         The newest one counts, unless its round trip, which includes the frame that it

@@ -156,7 +156,7 @@ class Follower:
                 extra="" if feedback is None else feedback.event,
             ),
             FollowerEvents(
-                on_commands=self._guarded.take,
+                on_commands=self._guarded.receive,
                 on_session=self._take_session,
                 on_stop=self._on_stop,
                 on_lost=self._on_lost,
