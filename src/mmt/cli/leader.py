@@ -9,7 +9,6 @@ from typing import Annotated, Any, Final
 
 import typer
 
-import mmt
 from mmt.cli.common import (
     messages,
     output,
@@ -25,6 +24,7 @@ from mmt.core.errors import InputError, MmtError
 from mmt.core.kernel_cache import kernels_are_compiled
 from mmt.core.logs import Logs, details
 from mmt.core.realtime import be_real_time, require_real_time
+from mmt.core.version import __version__
 from mmt.leader.summary import LeaderStatus, LeaderSummary
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
@@ -89,7 +89,7 @@ def leader(
     if not json_lines:
         print_parts(scene, "leader")
     with Logs("leader", log, log_level) as logs:
-        LOG.info("started", extra=details(version=mmt.__version__, scene=scene.dump()))
+        LOG.info("started", extra=details(version=__version__, scene=scene.dump()))
         summary = asyncio.run(_serve(scene, json_lines, logs, realtime))
         LOG.info("summary", extra=details(summary=summary.as_dict()))
     if json_lines:
@@ -109,9 +109,9 @@ async def _serve(scene: Scene, json_lines: bool, logs: Logs, realtime: bool) -> 
     if needs_numerics and not kernels_are_compiled():
         sentence = "compiling the numerics, at the first start only (15 to 60 s)"
         write_line("event", event=sentence) if json_lines else messages.print(sentence)
-    from mmt.leader.service import LeaderService
+    from mmt.leader.service import Leader
 
-    service = LeaderService(
+    service = Leader(
         scene,
         on_status=_write_status if json_lines else _print_status,
         on_event=_write_event if json_lines else _print_event,
@@ -165,7 +165,7 @@ def _print_event(sentence: str) -> None:
 
 
 def _print_summary(summary: LeaderSummary) -> None:
-    from mmt.cli.tables import summary_table
+    from mmt.cli.common import summary_table
 
     tables: dict[str, Any] = summary.as_dict()
     output.print(summary_table("leader", tables))

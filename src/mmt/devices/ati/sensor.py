@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.devices.ati.options import AtiOptions
+from mmt.devices.ati.calibration import AtiOptions
 from mmt.devices.ati.wrench import Six, WrenchConverter
 from mmt.devices.overload import OverloadNotice
 from mmt.devices.protocols import SensorReading
@@ -17,7 +17,7 @@ Stamped = tuple[int, Six]
 _BIAS_S: Final = 0.2
 _BIAS_PATIENCE_S: Final = 2.0
 _BIAS_RECORDS: Final = 20
-"""At least so many make a bias."""
+"""Least number of records that make a bias."""
 
 
 class AtiSensor(ABC):

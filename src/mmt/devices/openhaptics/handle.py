@@ -4,14 +4,14 @@ import math
 from typing import Any, Final
 
 from mmt.devices.drivers import read_options
-from mmt.devices.openhaptics.driving import HdDriver
+from mmt.devices.openhaptics.driver import HdDriver
 from mmt.devices.openhaptics.library import Stack
 from mmt.devices.openhaptics.options import HandleOptions
 from mmt.devices.openhaptics.servo import Servo
 from mmt.devices.protocols import InterfaceState, Vector
 
 _SMOOTHING_S: Final = 0.01
-"""Of the acceleration, which is a difference of velocities."""
+"""Time constant of the acceleration, which is a difference of velocities."""
 
 
 class HandForce:

@@ -8,8 +8,8 @@ import time
 from typing import Any, Final
 from urllib.parse import parse_qsl, urlsplit
 
-from mmt.devices.ati.net_records import START, STOP, Record, pack_record, parse_request
-from mmt.testing.emulated.truth import Truth
+from mmt.devices.ati.net_wire import START, STOP, Record, pack_record, parse_request
+from mmt.testing.emulated import Truth
 
 _BOX_RATE_HZ: Final = 7000
 _PAUSE_S: Final = 0.02
@@ -70,7 +70,7 @@ class EmulatedNetFt:
         self.swapped = 0.0
         """Share of records that come after their successor."""
         self.lost_starts = 0
-        """So many start requests that follow get lost."""
+        """Number of start requests from now on that get lost."""
         self.stuck = False
         self.requests: list[int] = []
         """Commands that came."""
@@ -146,7 +146,7 @@ class EmulatedNetFt:
         self._garbage.extend(packets)
 
     def flip(self, records: int = 1) -> None:
-        """Flip a bit in each of so many records."""
+        """Flip a bit in each of the next `records`."""
         self._bits_to_flip += records
 
     def count_from(self, sequence: int) -> None:

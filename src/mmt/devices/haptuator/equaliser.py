@@ -1,0 +1,193 @@
+"""Level and equaliser of an actuator, fitted to a sweep that an accelerometer measured.
+
+The transfer from voltage to acceleration is estimated segment by segment (H1: cross spectrum over
+power spectrum), after both signals were aligned. Its power mean over the band gives the level. The
+equaliser corrects the magnitude alone: its gain is the inverse of the transfer's, smoothed, within
+a bound, and its phase is the least that goes with it (A. V. Oppenheim, R. W. Schafer:
+*Discrete-Time Signal Processing*, the minimum-phase sequence from the real cepstrum), cut to a
+short FIR filter. So it adds no delay, cannot be unstable, and never amplifies beyond the bound.
+Numpy alone.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError
+
+RATE_HZ: Final = 1000.0
+"""Rate of the session, the only one that is supported."""
+TAPS: Final = 32
+
+_SEGMENT: Final = 256
+_LEAST_SEGMENTS: Final = 16
+_LEAST_COHERENCE: Final = 0.8
+_LONGEST_SHIFT: Final = 200
+_SMOOTHING: Final = 2
+"""Neighbours on each side over which the squared magnitude is averaged, 3.9 Hz each."""
+_FADE: Final = 8
+
+Spectrum = np.ndarray[tuple[int], np.dtype[np.complex128]]
+
+
+class Equaliser(NamedTuple):
+    """The level of an actuator on its handle, and what evens it out."""
+
+    volts_per_m_s2: float
+    taps: tuple[float, ...]
+    """Taps of an FIR filter at 1 kHz."""
+    unevenness_db: float
+    """Standard deviation of the level over the band, in dB, without it."""
+    remaining_db: float
+    """And with it."""
+    coherence: float
+    """Share of the acceleration's power that the voltage explains, median over the band."""
+
+
+def sweep(amplitude_v: float, low_hz: float, high_hz: float, duration_s: float) -> FloatArray:
+    """Return an exponential sweep at 1 kHz, shape (n,), V, faded in and out over 50 ms.
+
+    Raises
+    ------
+    InputError
+        The band is not within 0 and 500 Hz, or the sweep is shorter than 1 s.
+    """
+    if not (0.0 < low_hz < high_hz <= RATE_HZ / 2.0 and duration_s >= 1.0):
+        raise InputError(
+            f"a sweep from {low_hz:g} to {high_hz:g} Hz in {duration_s:g} s: allowed are "
+            "rising frequencies above 0 to 500 Hz, and 1 s or more"
+        )
+    times = np.arange(round(duration_s * RATE_HZ)) / RATE_HZ
+    growth = np.log(high_hz / low_hz)
+    phase = 2.0 * np.pi * low_hz * duration_s / growth * np.expm1(growth * times / duration_s)
+    fade = np.clip(np.minimum(times, times[::-1]) / 0.05, 0.0, 1.0)
+    signal: FloatArray = amplitude_v * fade * np.sin(phase)
+    return signal
+
+
+def fit_equaliser(
+    volts: FloatArray,
+    acceleration_m_s2: FloatArray,
+    *,
+    low_hz: float = 90.0,
+    high_hz: float = 450.0,
+    largest_gain_db: float = 12.0,
+) -> Equaliser:
+    """Fit level and equaliser to the acceleration that a voltage caused.
+
+    Parameters
+    ----------
+    volts, acceleration_m_s2
+        Shape (n,) each, at 1 kHz, begun within 0.2 s of each other.
+    low_hz, high_hz
+        The band that is evened out; beyond it the gain of its edges goes on.
+    largest_gain_db
+        By which a frequency is raised or lowered at most.
+
+    Raises
+    ------
+    InputError
+        The signals are too short, of different lengths, or have little to do with each other.
+    """
+    band = _check(volts, acceleration_m_s2, low_hz, high_hz, largest_gain_db)
+    transfer, coherence = _transfer(*_align(volts, acceleration_m_s2))
+    explained = float(np.median(coherence[band]))
+    if explained < _LEAST_COHERENCE:
+        raise InputError(
+            f"the voltage explains {100.0 * explained:.0f} % of the measured acceleration, it must "
+            f"be {100.0 * _LEAST_COHERENCE:.0f} %: raise the level, keep the handle still, and "
+            "check that both are recorded at 1 kHz by one clock"
+        )
+    level = float(np.sqrt(np.mean(np.abs(transfer[band]) ** 2)))
+    relative = _smooth(np.abs(transfer) ** 2) ** 0.5 / level
+    bound = 10.0 ** (largest_gain_db / 20.0)
+    wanted = np.clip(1.0 / np.maximum(relative, 1e-9), 1.0 / bound, bound)
+    inside = np.flatnonzero(band)
+    wanted[: inside[0]] = wanted[inside[0]]
+    wanted[inside[-1] :] = wanted[inside[-1]]
+    taps = _minimum_phase(wanted)
+    gain = np.abs(np.fft.rfft(taps, 4 * _SEGMENT))
+    if gain.max() > bound:  # cutting the filter short has let its gain overshoot
+        taps = taps * (bound / gain.max())
+    evened = np.abs(np.fft.rfft(taps, _SEGMENT))[band] * np.abs(transfer[band])
+    level_evened = float(np.sqrt(np.mean(evened**2)))
+    return Equaliser(
+        volts_per_m_s2=1.0 / level_evened,
+        taps=tuple(taps.tolist()),
+        unevenness_db=float(np.std(20.0 * np.log10(np.abs(transfer[band])))),
+        remaining_db=float(np.std(20.0 * np.log10(evened))),
+        coherence=explained,
+    )
+
+
+def _check(
+    volts: FloatArray,
+    acceleration: FloatArray,
+    low_hz: float,
+    high_hz: float,
+    largest_gain_db: float,
+) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
+    """Check what was given, and return which frequencies lie in the band."""
+    least = (_LEAST_SEGMENTS + 1) * _SEGMENT // 2 + _LONGEST_SHIFT
+    if volts.ndim != 1 or volts.shape != acceleration.shape or len(volts) < least:
+        raise InputError(
+            f"voltage {volts.shape} and acceleration {acceleration.shape} must be of one length, "
+            f"at least {least} samples"
+        )
+    if not (np.all(np.isfinite(volts)) and np.all(np.isfinite(acceleration))):
+        raise InputError("voltage and acceleration must be finite numbers")
+    if not (volts.any() and acceleration.any()):
+        raise InputError("voltage or acceleration is zero throughout: check what was recorded")
+    frequencies = np.fft.rfftfreq(_SEGMENT, 1.0 / RATE_HZ)
+    band = (frequencies >= low_hz) & (frequencies <= high_hz)
+    if np.count_nonzero(band) < 4 or not 0.0 < largest_gain_db <= 40.0:
+        raise InputError(
+            f"band {low_hz:g} to {high_hz:g} Hz and {largest_gain_db:g} dB: allowed are at least "
+            "20 Hz below 500 Hz, and above 0 to 40 dB"
+        )
+    return band
+
+
+def _align(volts: FloatArray, acceleration: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Cut both so that the acceleration comes with the voltage that made it."""
+    size = 2 * len(volts)
+    product = np.fft.rfft(acceleration, size) * np.conj(np.fft.rfft(volts, size))
+    correlation = np.abs(np.fft.irfft(product, size))
+    shifts = np.arange(-_LONGEST_SHIFT, _LONGEST_SHIFT + 1)
+    shift = int(shifts[np.argmax(correlation[shifts])])
+    if shift >= 0:
+        return volts[: len(volts) - shift], acceleration[shift:]
+    return volts[-shift:], acceleration[:shift]
+
+
+def _transfer(volts: FloatArray, acceleration: FloatArray) -> tuple[Spectrum, FloatArray]:
+    """Return transfer and coherence by frequency, from half-overlapping Hann windows."""
+    starts = np.arange(0, len(volts) - _SEGMENT + 1, _SEGMENT // 2)
+    places = starts[:, np.newaxis] + np.arange(_SEGMENT)
+    window = np.hanning(_SEGMENT)
+    driven = np.fft.rfft(volts[places] * window, axis=1)
+    response = np.fft.rfft(acceleration[places] * window, axis=1)
+    power = np.mean(np.abs(driven) ** 2, axis=0)
+    power = np.maximum(power, 1e-12 * power.max())
+    cross = np.mean(response * np.conj(driven), axis=0)
+    loudness = np.maximum(np.mean(np.abs(response) ** 2, axis=0), 1e-300)
+    return cross / power, np.abs(cross) ** 2 / (power * loudness)
+
+
+def _smooth(values: FloatArray) -> FloatArray:
+    width = 2 * _SMOOTHING + 1
+    padded = np.pad(values, _SMOOTHING, mode="edge")
+    smoothed: FloatArray = np.convolve(padded, np.full(width, 1.0 / width), mode="valid")
+    return smoothed
+
+
+def _minimum_phase(magnitude: FloatArray) -> FloatArray:
+    """Return the first taps of the minimum-phase filter of a magnitude, faded at the end."""
+    cepstrum = np.fft.irfft(np.log(magnitude))
+    half = len(cepstrum) // 2
+    cepstrum[1:half] *= 2.0
+    cepstrum[half + 1 :] = 0.0
+    taps: FloatArray = np.fft.irfft(np.exp(np.fft.rfft(cepstrum)))[:TAPS]
+    taps[-_FADE:] *= 0.5 + 0.5 * np.cos(np.pi * np.arange(1, _FADE + 1) / (_FADE + 1))
+    return taps
