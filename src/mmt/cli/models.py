@@ -113,7 +113,7 @@ def list_models(
 
 
 def describe(model: "TextureModel") -> dict[str, Any]:
-    """Return what a person wants to know of a model, as plain values."""
+    """Return a summary of a model, as plain values."""
     from mmt.texture.completion.distance import distance_sum
 
     samples = model.samples

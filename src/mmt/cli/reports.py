@@ -1,4 +1,4 @@
-"""``mmt report``: what reports say, side by side."""
+"""``mmt report``: reports side by side."""
 
 from pathlib import Path
 from typing import Annotated

@@ -67,7 +67,7 @@ def part_by_surface(session: RecordedSession, settings: ModellingSettings) -> Su
     session
         With position, force and acceleration, and at least one frame.
     settings
-        Of the modelling; ``surfaces`` says how they are told apart.
+        Settings of the modelling; ``surfaces`` are those of surface recognition.
     """
     frames = session.frames
     edges = _stays(list(surface_changes(frames, settings)), frames)

@@ -42,9 +42,9 @@ class Scorer:
     truth
         The known texture, None where there is none.
     settings
-        Of the leader's modelling.
+        Settings of the leader's modelling.
     seed
-        Of the synthesis.
+        Seed of the synthesis.
     """
 
     def __init__(

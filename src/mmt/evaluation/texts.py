@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 
 def number(value: float | None, digits: int) -> str:
-    """Return a number with so many digits behind the point."""
+    """Return a number with the given count of decimal places."""
     return "-" if value is None else f"{value:.{digits}f}"
 
 

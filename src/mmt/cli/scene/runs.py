@@ -22,14 +22,14 @@ _MOMENT = {"duration_s": 0.2}
 
 
 class SceneRunner:
-    """Runs scenes for so many seconds each, with everything they write in one directory.
+    """Runs scenes for a fixed time each, with everything they write in one directory.
 
     Parameters
     ----------
     directory
         For the scene's file and its recording.
     duration_s
-        Of a run.
+        Duration of a run.
     """
 
     def __init__(self, directory: Path, duration_s: float) -> None:
