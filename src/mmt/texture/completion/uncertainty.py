@@ -3,7 +3,7 @@
 In place of distances, the posterior of the level (`mmt.texture.field.level_process`) says at each
 stroke how likely its level is within one JND of the truth; the mean of that, weighted by where
 this operator strokes (`mmt.texture.field.stroking_density`), is the criterion's value. It is the
-expectation of a share that evaluations measure, `mmt evaluate --compare`, which shows how well it
+expectation of a share that evaluations measure, `mmt lab compare`, which shows how well it
 is calibrated.
 
 What it leaves out: the spectrum's shape, whose error has no posterior here, and what the stream
