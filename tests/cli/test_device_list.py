@@ -74,7 +74,7 @@ def test_a_library_that_is_missing_is_named_with_the_drivers_that_want_it(
     def none() -> None:
         raise MmtError("the sound card needs PortAudio")
 
-    monkeypatch.setattr("mmt.devices.haptuator.library.load_sounddevice", none)
+    monkeypatch.setattr("mmt.devices.haptuator.sound.load_sounddevice", none)
     monkeypatch.setattr(discovery, "find_library", lambda name: None)
     result = run("list", "--json", tmp_path / "l.json")
     assert result.exit_code == 0

@@ -12,7 +12,7 @@ from typer.testing import Result
 
 from mmt.core.errors import InputError
 from mmt.devices import drivers as driver_table
-from mmt.devices.observing import observe
+from mmt.devices.device_check import observe
 
 
 def figures_of(drivers: str, name: str, directory: Path, *settings: str) -> tuple[Result, dict]:
@@ -174,7 +174,7 @@ def test_readings_that_come_in_bursts_are_told(drivers: str) -> None:
 def test_a_busy_machine_is_told_from_a_fault(drivers: str, monkeypatch: pytest.MonkeyPatch) -> None:
     sensor = __import__(drivers).Sampled()
     sleep = time.sleep
-    monkeypatch.setattr("mmt.devices.observing.time.sleep", lambda _: sleep(0.03))
+    monkeypatch.setattr("mmt.devices.device_check.time.sleep", lambda _: sleep(0.03))
     problems = observe("force_sensor", "a", sensor, duration_s=0.5).problems
     assert len(problems) == 1
     assert "this machine is busy, the test itself had to wait up to" in problems[0]

@@ -11,8 +11,7 @@ import pytest
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.drivers import load_device
-from mmt.devices.haptuator.library import load_sounddevice
-from mmt.devices.haptuator.sound import SoundHaptuator, SoundOptions
+from mmt.devices.haptuator.sound import SoundHaptuator, SoundOptions, load_sounddevice
 from mmt.devices.reconnection import ReconnectingActuator
 from mmt.leader.parts import build_parts
 from mmt.scene.files import scene_from_tables

@@ -92,7 +92,7 @@ def missing_for(driver: str) -> str:
 
 
 def _missing_sound() -> str:
-    from mmt.devices.haptuator.library import load_sounddevice
+    from mmt.devices.haptuator.sound import load_sounddevice
 
     try:
         load_sounddevice()
@@ -115,7 +115,7 @@ def find_sound_outputs() -> list[FoundPort]:
     MmtError
         There is no library to ask.
     """
-    from mmt.devices.haptuator.library import load_sounddevice
+    from mmt.devices.haptuator.sound import load_sounddevice
 
     return [
         FoundPort(str(entry["index"]), f"{entry['name']}, {channels} channels", "", "")

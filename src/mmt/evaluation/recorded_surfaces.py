@@ -118,7 +118,7 @@ def _changes(frames: RecordArray, settings: ModellingSettings) -> list[SurfaceCh
     look = max(1, round(LOOK_S * settings.rate_hz))
     found = []
     for start in range(0, len(frames), look):
-        found += tracker.take(frames[start : start + look])
+        found += tracker.update(frames[start : start + look])
     return found
 
 

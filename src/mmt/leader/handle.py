@@ -1,6 +1,6 @@
 """A real handle in the operator's hand, which may be lost and come back somewhere else."""
 
-from mmt.core.vectors import difference, towards
+from mmt.core.arrays import difference, towards
 from mmt.devices.protocols import InterfaceState, LeaderInterface, Vector
 from mmt.devices.reconnection import ReconnectingHandle
 

@@ -10,11 +10,11 @@ from typing import Final
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from mmt.contact.integrators import INTEGRATORS, Step
 from mmt.contact.normal import ContactLaw, Drive
 from mmt.core.arrays import FloatArray
 from mmt.testing.simulation.robot import tip_drive
 from mmt_lab.bench.measuring import interleave
+from mmt_lab.contact.integrators import INTEGRATORS, Step
 from mmt_lab.harness.findings import (
     MICROSECONDS,
     Axis,

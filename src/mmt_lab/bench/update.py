@@ -11,7 +11,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.testing.simulation.textures import get_surface
-from mmt.texture.autoregression.effective_length import UNKNOWN
+from mmt.texture.autoregression.effective_sample_size import UNKNOWN
 from mmt.texture.model.fits import Fit
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.online.modeller import OnlineModeller

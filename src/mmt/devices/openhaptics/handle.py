@@ -4,7 +4,7 @@ import math
 from typing import Any, Final
 
 from mmt.devices.drivers import read_options
-from mmt.devices.openhaptics.driving import HdDriver
+from mmt.devices.openhaptics.driver import HdDriver
 from mmt.devices.openhaptics.library import Stack
 from mmt.devices.openhaptics.options import HandleOptions
 from mmt.devices.openhaptics.servo import Servo

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from mmt.core.errors import InputError, MmtError
 from mmt.devices.drivers import library_file
-from mmt.devices.openhaptics.sentences import HdError, explain
+from mmt.devices.openhaptics.constants import HdError, explain
 
 CALLBACK: Final = ctypes.CFUNCTYPE(ctypes.c_uint32, ctypes.c_void_p)
 Vector3: Final[Any] = ctypes.c_double * 3
@@ -115,7 +115,7 @@ class Stack:
                     self.hd.hdStartScheduler()
                     self.running_since_ns = time.monotonic_ns()
 
-    def take_errors(self) -> list[HdError]:
+    def pop_errors(self) -> list[HdError]:
         """Return what lies on the stack of errors, newest first, and empty it."""
         errors = []
         for _ in range(_MOST_ERRORS):
@@ -133,7 +133,7 @@ class Stack:
         MmtError
             There is one.
         """
-        errors = self.take_errors()
+        errors = self.pop_errors()
         if errors:
             raise MmtError(explain(device, errors[0]))
 

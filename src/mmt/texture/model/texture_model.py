@@ -170,7 +170,7 @@ class TextureModel:
         """The level with its uncertainty, whatever is rendered; None where no sample has power.
 
         A sample whose length is not known counts as
-        `mmt.texture.autoregression.effective_length.UNKNOWN`.
+        `mmt.texture.autoregression.effective_sample_size.UNKNOWN`.
         """
         from mmt.texture.field.level_process import level_process
 

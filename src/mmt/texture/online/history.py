@@ -8,7 +8,7 @@ import numpy as np
 from mmt.core.arrays import RecordArray
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
-from mmt.texture.segmentation.pieces import CELL
+from mmt.texture.segmentation.bottom_up import CELL
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
 
