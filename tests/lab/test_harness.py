@@ -76,7 +76,7 @@ def test_the_experiments_are_listed() -> None:
     assert {"compare", "felt", "surfaces", "feedback", "selection", "soak", "sweep"} <= names
 
 
-@pytest.mark.parametrize("one", listed(), ids=lambda one: one.name)
+@pytest.mark.parametrize("one", list(listed()), ids=lambda one: one.name)
 def test_an_experiment_is_what_the_list_says(one: Listed) -> None:
     try:
         found = load(one.name)
