@@ -7,9 +7,9 @@ figures are those that the services keep for their summaries.
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Final
 
-from mmt import __version__
 from mmt.core.errors import InputError
 from mmt.core.ticking import TickStatistics, TimeHistogram
+from mmt.core.version import __version__
 
 try:
     from prometheus_client import CollectorRegistry, ProcessCollector

@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
 
-import mmt
+from mmt.core.version import __version__
 from mmt.evaluation import tables
 from mmt.evaluation.definitions import DEFINITIONS
 from mmt.evaluation.document import (
@@ -98,7 +98,7 @@ def write_report(
 
 def environment() -> dict[str, str]:
     """Return the versions and the machine that figures were computed with."""
-    versions = {"mmt": mmt.__version__, "python": platform.python_version()}
+    versions = {"mmt": __version__, "python": platform.python_version()}
     for package in _PACKAGES:
         try:
             versions[package] = version(package)

@@ -2,12 +2,14 @@
 
 import io
 import zipfile
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
+from mmt.models import find_model
 from mmt.texture.field.trend import NO_TREND, Trend
 from mmt.texture.interpolation.radial_basis.network import RadialBasisSettings
 from mmt.texture.model.fitted import Fitted
@@ -29,6 +31,28 @@ _NETWORK: Final = ("network_kernel", "network_degree", "network_epsilon", "netwo
 """Arrays of the networks' settings, in their order in `RadialBasisSettings`."""
 
 _Arrays = dict[str, Any]
+
+
+def load_model(source: str | Path) -> "TextureModel":
+    """Load a texture model: a shipped one by its name, or a ``.npz`` file.
+
+    Raises
+    ------
+    InputError
+        It is neither, or the file is not a texture model; the message lists the shipped names.
+
+    Examples
+    --------
+    >>> import mmt
+    >>> import numpy as np
+    >>> model = mmt.load_model("oak")
+    >>> vibration_m_s2 = mmt.Synthesizer(model, seed=1).render(np.full(500, 100.0), np.ones(500))
+    >>> vibration_m_s2.shape
+    (500,)
+    """
+    from mmt.texture.model.texture_model import TextureModel
+
+    return TextureModel.load(find_model(Path(source)))
 
 
 def pack(model: "TextureModel") -> bytes:

@@ -16,6 +16,7 @@ from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
 from mmt_lab.bench.measuring import interleave, spread
 from mmt_lab.bench.network_methods import DELAUNAY, METHODS, OURS, Filters, part_of
 from mmt_lab.bench.textures import Known, exact_samples
+from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import (
     MICROSECONDS,
     Axis,
@@ -54,9 +55,8 @@ class Plan:
     kept: int = 200
 
 
-def run(plan: Plan | None = None) -> Findings:
+def measure(plan: Plan) -> Findings:
     """Measure radial basis networks beside triangulations, in the plane and with headings."""
-    plan = plan or Plan()
     panels: list[Panel] = []
     for words, name, has_heading in (
         ("speed and force", plan.plane, False),
@@ -268,3 +268,16 @@ def _targets(
     worst = max(float(row["difference of the network"] or 0.0) for row in sequence)
     targets.append(Target(f"difference after {plan.changes} changes", worst, "at most", 1e-7))
     return tuple(targets)
+
+
+def run() -> Findings:
+    """Measure radial basis networks beside triangulations, in the plane and with headings."""
+    return measure(Plan())
+
+
+EXPERIMENT = Experiment(
+    shows="whether radial basis networks are better than triangulations, and what they cost",
+    duration="2 min",
+    run=run,
+    group="bench",
+)

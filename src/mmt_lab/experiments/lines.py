@@ -14,10 +14,11 @@ from mmt.texture.autoregression.forms import (
     lsf_to_reflection,
     reflection_to_lsf,
 )
-from mmt_lab.bench import filters, peers, references
-from mmt_lab.bench.filters import Filters
-from mmt_lab.bench.loops import lines_loops
+from mmt_lab.bench import peers, references, signals
+from mmt_lab.bench.c_loops import lines_loops
 from mmt_lab.bench.measuring import interleave
+from mmt_lab.bench.signals import Filters
+from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import (
     MICROSECONDS,
     TIME_US,
@@ -74,7 +75,7 @@ class Method:
 
 
 @peers.quiet()
-def run(plan: Plan | None = None) -> Findings:
+def measure(plan: Plan) -> Findings:
     """Measure every implementation that is installed.
 
     Raises
@@ -82,13 +83,12 @@ def run(plan: Plan | None = None) -> Findings:
     ImportError
         mpmath, the reference, is not installed.
     """
-    plan = plan or Plan()
     modules, left_out = peers.find((PEER, "spectrum"))
     methods = [*_ours(), *_peers(modules)]
-    spread = {order: filters.spread(order, plan.batch) for order in plan.orders}
+    spread = {order: signals.spread_filters(order, plan.batch) for order in plan.orders}
     there = _timed(methods, spread, plan, trip=False)
     low_pass = _low_pass(methods, plan)
-    largest = filters.spread(LARGEST, plan.looked_at)
+    largest = signals.spread_filters(LARGEST, plan.looked_at)
     frequencies = {order: given.rounded_lsf for order, given in spread.items()}
     loops, without_loops = lines_loops(frequencies, plan.rounds)
     return Findings(
@@ -189,7 +189,7 @@ def _error(found: FloatArray, expected: Sequence[Sequence[Any]]) -> float:
 def _low_pass(methods: Sequence[Method], plan: Plan) -> Panel:
     curves = Curves()
     for order in plan.low_pass_orders:
-        _add_errors(curves, methods, order, filters.low_pass(order))
+        _add_errors(curves, methods, order, signals.low_pass_filter(order))
     title = "Filters that Burg's method finds in low-pass noise, by order"
     axis = Axis("order", "order", logarithmic=False)
     return Panel("low_pass", title, "order", axis, ERROR, curves.done())
@@ -198,9 +198,9 @@ def _low_pass(methods: Sequence[Method], plan: Plan) -> Panel:
 def _poles(methods: Sequence[Method], plan: Plan) -> Panel:
     curves = Curves()
     for distance in plan.distances:
-        _add_errors(curves, methods, distance, filters.pole_pairs(distance))
+        _add_errors(curves, methods, distance, signals.pole_pair_filter(distance))
     knob = "distance of the poles from the unit circle"
-    title = f"{filters.POLE_PAIRS} pole pairs, by their distance from the unit circle"
+    title = f"{signals.POLE_PAIRS} pole pairs, by their distance from the unit circle"
     return Panel("poles", title, knob, Axis(knob, "distance"), ERROR, curves.done())
 
 
@@ -278,3 +278,16 @@ def _back_target(largest: Filters) -> Target:
     lsf = largest.rounded_lsf
     error = _ar_error(lsf_to_ar(lsf), [references.lsf_to_ar(row) for row in lsf])
     return Target(f"error back to coefficients at order {LARGEST}", error, "at most", 1e-12)
+
+
+def run() -> Findings:
+    """Measure every implementation that is installed."""
+    return measure(Plan())
+
+
+EXPERIMENT = Experiment(
+    shows="what line spectral frequencies cost and how exact they are beside their peers",
+    duration="1 min",
+    run=run,
+    group="bench",
+)

@@ -15,6 +15,7 @@ from mmt.core.arrays import FloatArray
 from mmt.testing.simulation.robot import tip_drive
 from mmt_lab.bench.measuring import interleave
 from mmt_lab.contact.integrators import INTEGRATORS, Step
+from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import (
     MICROSECONDS,
     Axis,
@@ -58,9 +59,8 @@ class Plan:
     rounds: int = 5
 
 
-def run(plan: Plan | None = None) -> Findings:
+def measure(plan: Plan) -> Findings:
     """Measure every integrator on an impact and the contact that follows."""
-    plan = plan or Plan()
     panels = [_panel(stiffness, plan) for stiffness in plan.stiffnesses_n_m]
     rows = [row for panel in panels for curve in panel.curves for row in _rows(panel, curve)]
     names = ", ".join(f"{stiffness / 1000:g}" for stiffness in plan.stiffnesses_n_m)
@@ -192,3 +192,16 @@ def _rows(panel: Panel, curve: Curve) -> list[dict[str, str | float | None]]:
             "diverges at (µs)": ", ".join(curve.failures) or "-",
         }
     ]
+
+
+def run() -> Findings:
+    """Measure every integrator on an impact and the contact that follows."""
+    return measure(Plan())
+
+
+EXPERIMENT = Experiment(
+    shows="how exact the integrators of contact are, by their cost",
+    duration="20 s",
+    run=run,
+    group="bench",
+)

@@ -25,9 +25,8 @@ from mmt.testing.emulated.labjack_u6 import EmulatedU6
 from mmt.testing.emulated.net_ft import EmulatedNetFt
 from mmt.testing.emulated.remote_u6 import U6Server
 from mmt.testing.emulated.robot import RobotLink
-from mmt_lab.device_bench.children import say
-from mmt_lab.device_bench.measures import pauses_of_device
-from mmt_lab.device_bench.motion import Motion
+from mmt_lab.bench.device_path.children import say
+from mmt_lab.bench.device_path.frame_times import Motion, pauses_of_device
 
 FORCE_PPM: Final = 40.0
 ACCELERATION_PPM: Final = -70.0

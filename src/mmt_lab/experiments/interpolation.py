@@ -12,6 +12,7 @@ from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import Interpolated
 from mmt_lab.bench.measuring import interleave
 from mmt_lab.bench.textures import Truth, exact_samples, scattered
+from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import (
     MICROSECONDS,
     Axis,
@@ -47,9 +48,8 @@ class Plan:
     rounds: int = 7
 
 
-def run(plan: Plan | None = None) -> Findings:
+def measure(plan: Plan) -> Findings:
     """Measure Delaunay interpolation, three ways, beside its alternatives."""
-    plan = plan or Plan()
     truths = [Truth(name) for name in plan.surfaces]
     shape, level = Curves(), Curves()
     rows = []
@@ -163,3 +163,16 @@ def _rows(
 
 def _mean(values: Sequence[float]) -> float:
     return float(np.mean(values))
+
+
+def run() -> Findings:
+    """Measure Delaunay interpolation, three ways, beside its alternatives."""
+    return measure(Plan())
+
+
+EXPERIMENT = Experiment(
+    shows="how far models between their samples are off, by the way they interpolate",
+    duration="20 s",
+    run=run,
+    group="bench",
+)

@@ -2,16 +2,18 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Any, Final
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.autoregression.burg import burg
-from mmt_lab.bench import burg_methods, peers, references, signals
-from mmt_lab.bench.burg_methods import OURS, Method
-from mmt_lab.bench.loops import burg_loops
+from mmt.texture.autoregression.burg import burg, burg_batch
+from mmt.texture.autoregression.forms import reflection_to_ar
+from mmt_lab.bench import peers, references, signals
+from mmt_lab.bench.c_loops import burg_loops
 from mmt_lab.bench.measuring import interleave
+from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import (
     MICROSECONDS,
     TIME_US,
@@ -19,14 +21,33 @@ from mmt_lab.harness.findings import (
     Curve,
     Curves,
     Findings,
+    LeftOut,
     Panel,
     Records,
     Spread,
     Target,
 )
 
+OURS: Final = "mmt"
 OFFSET_ORDER: Final = 10
 ERROR: Final = Axis("error of the coefficients over the largest", "error")
+
+Fit = Callable[[FloatArray, int], FloatArray]
+"""From a segment (n,) and an order to filter coefficients (order,)."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """One implementation: what is timed for one segment and for a batch, and its result.
+
+    ``fit_batch`` is None where the package has no call for a batch: its time is that of its
+    calls one after the other.
+    """
+
+    name: str
+    fit: Callable[[FloatArray, int], object]
+    coefficients: Fit
+    fit_batch: Callable[[FloatArray, int], object] | None = None
 
 
 @dataclass(frozen=True)
@@ -43,7 +64,7 @@ class Plan:
 
 
 @peers.quiet()
-def run(plan: Plan | None = None) -> Findings:
+def measure(plan: Plan) -> Findings:
     """Measure every implementation that is installed.
 
     Raises
@@ -51,8 +72,7 @@ def run(plan: Plan | None = None) -> Findings:
     ImportError
         mpmath, the reference, is not installed.
     """
-    plan = plan or Plan()
-    methods, left_out = burg_methods.find()
+    methods, left_out = _find_methods()
     single = _by_order(methods, plan)
     batch = _by_batch(methods, plan)
     stiff = _stiff(methods, plan)
@@ -75,6 +95,53 @@ def run(plan: Plan | None = None) -> Findings:
         targets=(*_speed_targets(single, batch), *_stiff_targets(stiff)),
         left_out=(*left_out, *without_loops),
     )
+
+
+def _find_methods() -> tuple[list[Method], tuple[LeftOut, ...]]:
+    """Return ours and those of the packages that are installed, and which are not."""
+    modules, left_out = peers.find(("librosa", "memspectrum", "spectrum", "statsmodels"))
+    ours = Method(
+        OURS, burg, lambda x, order: reflection_to_ar(burg(x, order).reflection), burg_batch
+    )
+    return [ours, *_peers(modules)], left_out
+
+
+def _peers(modules: Mapping[str, ModuleType]) -> list[Method]:
+    """Return the peers that are here, each as its own documentation has it called."""
+    makers: dict[str, Callable[[Any], list[Method]]] = {
+        "librosa": _librosa,
+        "spectrum": lambda module: [
+            _single("spectrum", lambda x, order: module.arburg(x, order)[0].real)
+        ],
+        "statsmodels": lambda module: [
+            _single("statsmodels", lambda x, order: -module.burg(x, order, demean=False)[0])
+        ],
+        "memspectrum": lambda module: [
+            _single(f"memspectrum, {kind}", _memspectrum(module, kind))
+            for kind in ("standard", "Fast")
+        ],
+    }
+    return [method for name, module in modules.items() for method in makers[name](module)]
+
+
+def _single(name: str, fit: Fit) -> Method:
+    return Method(name, fit, fit)
+
+
+def _librosa(module: Any) -> list[Method]:
+    def fit(x: FloatArray, order: int) -> FloatArray:
+        return np.asarray(module.lpc(x, order=order)[1:], dtype=np.float64)
+
+    return [Method("librosa", fit, fit, lambda rows, order: module.lpc(rows, order=order))]
+
+
+def _memspectrum(module: Any, kind: str) -> Fit:
+    def fit(x: FloatArray, order: int) -> FloatArray:
+        solver = module.MESA()
+        solver.solve(x, m=order + 1, optimisation_method="Fixed", method=kind)
+        return np.asarray(solver.a_k[1:], dtype=np.float64)
+
+    return fit
 
 
 def _by_order(methods: Sequence[Method], plan: Plan) -> Panel:
@@ -240,3 +307,16 @@ def _stiff_targets(stiff: Records) -> list[Target]:
         Target(f"stiff cases of {cases} that mmt holds", held[OURS], "at least", cases),
         Target(f"stiff cases of {cases} that the best peer holds", most, "at most", cases - 1),
     ]
+
+
+def run() -> Findings:
+    """Measure every implementation that is installed."""
+    return measure(Plan())
+
+
+EXPERIMENT = Experiment(
+    shows="what Burg's method costs and how exact it is beside its peers, also where it is stiff",
+    duration="2 min",
+    run=run,
+    group="bench",
+)

@@ -12,9 +12,9 @@ import numpy as np
 from mmt.core.arrays import IntArray
 from mmt.core.errors import MmtError
 from mmt.devices.source import PERIOD_NS as TICK_NS
-from mmt_lab.device_bench.children import Child
-from mmt_lab.device_bench.lab import ACCELERATION_PPM, FORCE_PPM
-from mmt_lab.device_bench.measures import FrameTimes, frame_times, pauses_of_ticks, within
+from mmt_lab.bench.device_path.children import Child
+from mmt_lab.bench.device_path.emulated import ACCELERATION_PPM, FORCE_PPM
+from mmt_lab.bench.device_path.frame_times import FrameTimes, frame_times, pauses_of_ticks, within
 
 DRIVERS: Final = {
     "net_ft": "ati-net-ft",
@@ -69,7 +69,9 @@ class Measured:
     """Of numba and scipy, by that process."""
 
 
-def measure(set_up: SetUp, duration_s: float, stops: int, *, realtime: bool = False) -> Measured:
+def measure_set_up(
+    set_up: SetUp, duration_s: float, stops: int, *, realtime: bool = False
+) -> Measured:
     """Measure one set-up.
 
     Parameters
@@ -89,7 +91,7 @@ def measure(set_up: SetUp, duration_s: float, stops: int, *, realtime: bool = Fa
         A process ends, no frame is formed, or a device is not lost or does not come back.
     """
     scheduling = "realtime" if realtime else "ordinary"
-    lab = Child("mmt_lab.device_bench.lab", set_up.force, set_up.acceleration, scheduling)
+    lab = Child("mmt_lab.bench.device_path.emulated", set_up.force, set_up.acceleration, scheduling)
     try:
         addresses = lab.hear(_START_S)
         with tempfile.TemporaryDirectory() as folder:
@@ -105,7 +107,7 @@ def measure(set_up: SetUp, duration_s: float, stops: int, *, realtime: bool = Fa
 
 
 def _measure(job: dict[str, Any], lab: Child, duration_s: float, stops: int) -> Measured:
-    reader = Child("mmt_lab.device_bench.reader")
+    reader = Child("mmt_lab.bench.device_path.reader")
     try:
         reader.tell(json.dumps(job))
         reader.hear_of("ready", True, _START_S)

@@ -6,7 +6,8 @@ from typing import Final
 
 from mmt.core.errors import MmtError
 from mmt.core.realtime import require_real_time
-from mmt_lab.device_bench.running import Measured, SetUp, measure
+from mmt_lab.bench.device_path.running import Measured, SetUp, measure_set_up
+from mmt_lab.harness.experiment import Experiment, RealTime
 from mmt_lab.harness.findings import Cell, Findings, LeftOut, Records, Target
 
 SET_UPS: Final = (
@@ -34,7 +35,7 @@ class Plan:
     """Whether the follower's part and the emulated devices run by real-time scheduling."""
 
 
-def run(plan: Plan | None = None) -> Findings:
+def measure(plan: Plan) -> Findings:
     """Measure each set-up; one that cannot run here is left out.
 
     Raises
@@ -42,14 +43,13 @@ def run(plan: Plan | None = None) -> Findings:
     MmtError
         Real-time scheduling is not permitted.
     """
-    plan = plan or Plan()
     if plan.realtime:
         require_real_time()
     found: dict[str, Measured] = {}
     left_out = []
     for set_up in plan.set_ups:
         try:
-            found[set_up.name] = measure(
+            found[set_up.name] = measure_set_up(
                 set_up, plan.duration_s, plan.stops, realtime=plan.realtime
             )
         except MmtError as error:
@@ -168,3 +168,16 @@ def _targets(found: Mapping[str, Measured]) -> tuple[Target, ...]:
             0,
         ),
     )
+
+
+def run(realtime: RealTime = False) -> Findings:
+    """Measure cost, latency and truth of frames, by the real drivers on emulated devices."""
+    return measure(Plan(realtime=realtime))
+
+
+EXPERIMENT = Experiment(
+    shows="what reading devices costs, and how late and how true frames are",
+    duration="2 min",
+    run=run,
+    group="bench",
+)

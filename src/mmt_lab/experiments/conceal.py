@@ -16,6 +16,7 @@ from mmt.texture.signals.amplitude_spectra import amplitude_spectra
 from mmt.texture.signals.metrics import gfc_of_rows, log_spectral_distance_db
 from mmt_lab.bench.measuring import spread
 from mmt_lab.bench.textures import RATE_HZ, session
+from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import Axis, Cell, Curves, Findings, Panel, Records, Target
 
 MODEL: Final = "mmt, model"
@@ -72,9 +73,8 @@ METHODS: Final[Mapping[str, Callable[[int, int], Concealment]]] = {
 """What bridges gaps of a length, with a seed, by name."""
 
 
-def run(plan: Plan | None = None) -> Findings:
+def measure(plan: Plan) -> Findings:
     """Bridge gaps of every length on every texture by every method; time the samples."""
-    plan = plan or Plan()
     found = {
         (method, gap): [_errors(surface, gap, method, plan) for surface in plan.surfaces]
         for gap in plan.gaps
@@ -247,3 +247,16 @@ def _targets(
         Target("first sample of a gap, model (µs)", first_us, "at most", 100),
         Target("further samples of a gap, model (µs)", next_us, "at most", 3),
     )
+
+
+def run() -> Findings:
+    """Bridge gaps of every length on every texture by every method; time the samples."""
+    return measure(Plan())
+
+
+EXPERIMENT = Experiment(
+    shows="what is felt around gaps in streamed vibration, by their length",
+    duration="1 min",
+    run=run,
+    group="bench",
+)

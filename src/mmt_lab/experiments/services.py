@@ -1,4 +1,4 @@
-"""What real-time scheduling brings: the services with and without it, beside busy processes."""
+"""Both services as processes: ticks, losses and cost, and what real-time scheduling brings."""
 
 import asyncio
 import multiprocessing
@@ -14,6 +14,8 @@ from mmt.cli.demo import DemoRun, run_services
 from mmt.core.errors import MmtError
 from mmt.core.realtime import require_real_time
 from mmt.scene.files import example_scenes, load_scene
+from mmt_lab.bench.measuring import Figure, single_figures
+from mmt_lab.harness.experiment import Duration, Experiment, RealTime
 from mmt_lab.harness.findings import Findings, Records
 
 ROUND_S: Final = 5.0
@@ -29,6 +31,42 @@ _FIGURES: Final = (
     ("follower", "link", "latency_p50_ms", "commands, one way, p50 (ms)"),
     ("follower", "link", "latency_p99_ms", "commands, one way, p99 (ms)"),
 )
+
+
+def run(duration: Duration = 20.0, realtime: RealTime = False) -> Findings:
+    """Run the demo's services; with --realtime, with and without real-time scheduling in turns."""
+    return compare(duration) if realtime else measure(duration)
+
+
+def measure(duration_s: float) -> Findings:
+    """Run the demo's scene once, with both services as processes."""
+    run = _run(duration_s, False)
+    leader, follower = run.leader, run.follower
+    link, ticks = leader["link"], leader["ticks"]
+    wrong = link["lost"] + link["out_of_order"]
+    unrendered = link["frames"] - leader["vibration"]["actuator"]["samples"]
+    texture = leader["texture"]
+    rows: dict[str, Figure] = {
+        "frames": ("frames received", link["frames"]),
+        "frames_lost": ("frames lost or out of order", wrong, "at most", 0),
+        "ready_s": ("leader ready after (s)", leader["process"]["ready_s"], "at most", 3),
+        "tick_p99_ms": ("rendering tick, p99 period (ms)", ticks["period_p99_ms"], "at most", 1.5),
+        "tick_unrendered": ("samples not rendered", unrendered, "at most", 0),
+        "late_while_modelling_p99_ms": (
+            "tick late while modelling, p99 (ms)",
+            ticks["late_while_modelling_p99_ms"],
+            "at most",
+            1,
+        ),
+    }
+    for key, what in (("update_median_ms", "median"), ("update_longest_ms", "longest")):
+        rows[key] = (f"model update, {what} (ms)", texture[key], "at most", 50)
+    for name, summary, megabytes in (("leader", leader, 250), ("follower", follower, 120)):
+        process = summary["process"]
+        rows[f"{name}_core"] = (f"{name}, share of a core", process["core_share"], "at most", 0.6)
+        rows[f"{name}_mb"] = (f"{name}, memory (MB)", process["memory_mb"], "at most", megabytes)
+    about = f"The demo's scene, leader and follower as two processes, {duration_s:g} s."
+    return single_figures("Services", about, rows)
 
 
 def compare(duration_s: float) -> Findings:
@@ -116,3 +154,11 @@ def _busy_processes(count: int) -> Iterator[None]:
 def _be_busy() -> None:
     while True:
         sum(range(10_000))
+
+
+EXPERIMENT = Experiment(
+    shows="what leader and follower cost, and how late their ticks are",
+    duration="30 s",
+    run=run,
+    group="bench",
+)

@@ -16,9 +16,10 @@ from mmt.texture.autoregression.forms import lsf_to_ar
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt_lab.bench import native
+from mmt_lab.bench import c_loops
 from mmt_lab.bench.measuring import call_times, interleave, spread
 from mmt_lab.bench.textures import exact_samples, scattered, session
+from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import (
     Axis,
     Cell,
@@ -58,9 +59,8 @@ class Plan:
     rounds: int = 7
 
 
-def run(plan: Plan | None = None) -> Findings:
+def measure(plan: Plan) -> Findings:
     """Measure blocks at every renewal, one-sample calls, and the same loop in C."""
-    plan = plan or Plan()
     surface = get_surface(plan.surface)
     samples = exact_samples(surface, *scattered(plan.samples, 0), plan.order)
     model = TextureModel(samples, interpolate="power")
@@ -70,7 +70,7 @@ def run(plan: Plan | None = None) -> Findings:
     part = _stretch(motion, plan)
     noise = np.random.default_rng(1).standard_normal(plan.timed_samples)
     direct = by_scipy(model, part, 1, noise)
-    with native.compiled() as loops:
+    with c_loops.compiled() as loops:
         for renewal in plan.renewals:
             tasks = _tasks(model, part, renewal, noise, loops)
             own = _difference(_render(model, motion, renewal), reference)
@@ -129,7 +129,7 @@ def _tasks(
     motion: Motion,
     renewal: int,
     noise: FloatArray,
-    loops: native.Loops | LeftOut,
+    loops: c_loops.Loops | LeftOut,
 ) -> dict[str, Callable[[], object]]:
     synthesizer = Synthesizer(model, seed=1, renewal_samples=renewal)
     generator = np.random.default_rng(1)
@@ -138,7 +138,7 @@ def _tasks(
         SCIPY: lambda: by_scipy(model, motion, renewal, noise),
         EXCITATION: lambda: generator.standard_normal(len(noise)),
     }
-    if isinstance(loops, native.Loops):
+    if isinstance(loops, c_loops.Loops):
         tasks[C] = loops.render_call(model, motion, renewal, noise, np.empty(len(noise)))
     return tasks
 
@@ -203,3 +203,16 @@ def _targets(rates: dict[tuple[str, int], float], p99_us: float) -> tuple[Target
         Target("call for one sample, p99 (µs)", p99_us, "at most", 15.0),
         Target(what, None if rate is None else rate / 1e6, "at least", 5.0),
     )
+
+
+def run() -> Findings:
+    """Measure blocks at every renewal, one-sample calls, and the same loop in C."""
+    return measure(Plan())
+
+
+EXPERIMENT = Experiment(
+    shows="what a rarer renewal of the filter saves, and what it changes",
+    duration="20 s",
+    run=run,
+    group="bench",
+)

@@ -23,7 +23,7 @@ from mmt.devices.source import PERIOD_NS, DeviceSource
 from mmt.testing.emulated.hd import EmulatedHd
 from mmt.testing.emulated.remote_u6 import RemoteU6
 from mmt.testing.emulated.robot import DatagramRobot
-from mmt_lab.device_bench.children import say
+from mmt_lab.bench.device_path.children import say
 
 _COMMAND_MM: Final = (0.0, 0.0, 5.0)
 _HELD_UP_TICKS: Final = 10

@@ -22,7 +22,7 @@ from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.link.server import LeaderEvents, LeaderServer
 from mmt.scene import Link
-from mmt_lab.link_traffic import Kind, Measured, Send, Side, Turn, take_turns
+from mmt_lab.bench.link_traffic import Kind, Measured, Send, Side, Turn, take_turns
 
 PATIENCE_S: Final = 60.0
 """How long one process waits for the other."""

@@ -1,16 +1,53 @@
-"""Times of frames against those of what they hold: arrays in, figures out."""
+"""Vectors that turn, so that a value tells its time, and the times of frames judged by them."""
 
+import math
+import time
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
-from mmt_lab.device_bench.motion import PERIOD_NS
+from mmt.devices.protocols import Vector
+
+PERIOD_NS: Final = 50_000_000
+"""Period of a turn; a value tells the time within it, even if a filter changes its length."""
 
 HELD_UP_NS: Final = 500_000
 """What is due so much earlier than it runs was held up."""
 _MS: Final = 1e6
+
+
+class Motion:
+    """A vector at rest, and from `begin` on one that turns about z on top of it.
+
+    Parameters
+    ----------
+    size
+        Of what turns.
+    rest
+        What is there before, and along z.
+    """
+
+    def __init__(self, size: float, rest: Vector = (0.0, 0.0, 0.0)) -> None:
+        self._size = size
+        self._rest = rest
+        self._begun = False
+        self.asked: list[tuple[int, int]] = []
+        """What was asked for since `begin`, and when (ns): a device held up asks late."""
+
+    def begin(self) -> None:
+        """Turn from now on."""
+        self._begun = True
+
+    def __call__(self, time_ns: int) -> Vector:
+        """Return the vector at a time of the monotonic clock."""
+        x, y, z = self._rest
+        if not self._begun:
+            return self._rest
+        self.asked.append((time_ns, time.monotonic_ns()))
+        angle = time_ns % PERIOD_NS / PERIOD_NS * math.tau
+        return (x + self._size * math.cos(angle), y + self._size * math.sin(angle), z)
 
 
 def time_errors_ms(values: FloatArray, times_ns: IntArray) -> FloatArray:

@@ -7,10 +7,9 @@ leader's ticks lag behind the follower's by another part of the period in each r
 for both, so that a record arrives at a process that waits as well as at one that sends.
 A ratio is taken between neighbouring turns, and the median over all is what counts: a moment
 in which something else had the processor spoils one turn, not the result. At the end the link
-runs for a while at a higher rate. ``python -m mmt_lab.link_bench [SECONDS]`` prints it.
+runs for a while at a higher rate.
 """
 
-import argparse
 import multiprocessing
 import statistics
 import time
@@ -21,14 +20,20 @@ from typing import Any, Final
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.realtime import require_real_time
-from mmt_lab.link_sides import PATIENCE_S, Report, follow, lead
-from mmt_lab.link_traffic import Kind, Measured, Turn
+from mmt_lab.bench.link_sides import PATIENCE_S, Report, follow, lead
+from mmt_lab.bench.link_traffic import Kind, Measured, Turn
+from mmt_lab.bench.measuring import Figure, single_figures
+from mmt_lab.harness.experiment import Duration, Experiment, RealTime
+from mmt_lab.harness.findings import Findings
 
 ROUND_S: Final = 1.0
 """Longest turn."""
 SUSTAINED_HZ: Final = 5000
 """Messages a second each way of the last turn."""
 _LEAD_TIME_NS: Final = 200_000_000
+SUSTAINED_P99_MS: Final = 10.0
+"""Bound on the latency at the sustained rate: what waits longer piles up."""
+
 _KINDS: Final[tuple[Kind, Kind]] = ("ours", "bare")
 
 
@@ -245,23 +250,45 @@ def _ratios(ours: list[Pair], bare: list[Pair]) -> dict[str, float]:
     }
 
 
-def main() -> None:
-    """Measure and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("seconds", nargs="?", type=float, default=60.0)
-    parser.add_argument("--realtime", action="store_true")
-    given = parser.parse_args()
-    result = bench_link(given.seconds, realtime=given.realtime)
-    print(f"{'':10}{'up p50/p99 ms':>16}{'down p50/p99 ms':>18}{'cores':>14}  lost  out of order")
-    rows = {"ours": result.ours, "bare": result.bare, f"{result.sustained_hz} Hz": result.sustained}
-    for name, of in rows.items():
-        print(
-            f"{name:10}{of.up.p50_ms:>9.3f}/{of.up.p99_ms:.3f}{of.down.p50_ms:>12.3f}/"
-            f"{of.down.p99_ms:.3f}{of.leader_cores:>9.2f}/{of.follower_cores:.2f}"
-            f"{of.up.lost + of.down.lost:>6}{of.up.out_of_order + of.down.out_of_order:>14}"
+def run(duration: Duration = 20.0, realtime: RealTime = False) -> Findings:
+    """Measure the link beside a bare WebSocket in the same run."""
+    result = bench_link(duration, realtime=realtime)
+    rows: dict[str, Figure] = {}
+    for way, direction in (("up", result.ours.up), ("down", result.ours.down)):
+        wrong = direction.lost + direction.out_of_order
+        rows[f"{way}_lost"] = (f"{way}: lost or out of order", wrong, "at most", 0)
+        rows[f"{way}_p50_ms"] = (f"{way}: one way, p50 (ms)", direction.p50_ms)
+        rows[f"{way}_p99_ms"] = (f"{way}: one way, p99 (ms)", direction.p99_ms)
+    for name, ratio in result.ratios.items():
+        what = f"{name.replace('_', ' ')}: ours over bare WebSocket"
+        rows[f"ratio_{name}"] = (what, ratio, "at most", 1.5)
+    fast = result.sustained
+    for way, direction in (("up", fast.up), ("down", fast.down)):
+        at, wrong = f"{way} at {result.sustained_hz} Hz", direction.lost + direction.out_of_order
+        rows[f"sustained_{way}_hz"] = (
+            f"{at}: messages a second",
+            direction.rate_hz,
+            "at least",
+            0.99 * result.sustained_hz,
         )
-    print("ratio ", ", ".join(f"{name} {ratio:.2f}" for name, ratio in result.ratios.items()))
+        rows[f"sustained_{way}_lost"] = (f"{at}: lost or out of order", wrong, "at most", 0)
+        rows[f"sustained_{way}_p99_ms"] = (
+            f"{at}: one way, p99 (ms)",
+            direction.p99_ms,
+            "at most",
+            SUSTAINED_P99_MS,
+        )
+    about = (
+        "One frame a message up and one command a message down at 1 kHz, in turns of a second "
+        f"with a bare WebSocket, {duration:g} s each; ratios are medians over neighbouring turns."
+        + (" By real-time scheduling." if realtime else "")
+    )
+    return single_figures("Link", about, rows)
 
 
-if __name__ == "__main__":
-    main()
+EXPERIMENT = Experiment(
+    shows="what the link adds to a bare WebSocket in latency and processor time",
+    duration="1 min",
+    run=run,
+    group="bench",
+)

@@ -13,6 +13,7 @@ from mmt.texture.online.history import ModelHistory, build, update_blocks
 from mmt.texture.settings import ModellingSettings
 from mmt_lab.bench.measuring import spread
 from mmt_lab.bench.textures import session
+from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import Axis, Curves, Findings, Panel, Records, Spread
 
 Order = int | Literal["auto"]
@@ -45,9 +46,8 @@ class Quality:
     seconds: float
 
 
-def run(plan: Plan | None = None) -> Findings:
+def measure(plan: Plan) -> Findings:
     """Build models of every order with every period, and compare them with the truth."""
-    plan = plan or Plan()
     sessions = [session(name, plan.duration_s) for name in plan.surfaces]
     shape, level = Curves(), Curves()
     chosen = []
@@ -117,3 +117,16 @@ def _row(period_s: float, found: Sequence[Quality]) -> dict[str, float]:
         "power error (dB)": float(np.mean([quality.level for quality in found])),
         "time (ms per second)": _time(found).median,
     }
+
+
+def run() -> Findings:
+    """Build models of every order with every period, and compare them with the truth."""
+    return measure(Plan())
+
+
+EXPERIMENT = Experiment(
+    shows="what order and update period cost a second, and how far off the model is",
+    duration="1 min",
+    run=run,
+    group="bench",
+)

@@ -20,6 +20,7 @@ from mmt.texture.settings import ModellingSettings
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.bench.measuring import interleave, spread
 from mmt_lab.bench.textures import exact_samples, scattered, session
+from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import (
     MICROSECONDS,
     Axis,
@@ -59,9 +60,8 @@ class Plan:
     rounds: int = 7
 
 
-def run(plan: Plan | None = None) -> Findings:
+def measure(plan: Plan) -> Findings:
     """Measure updates of models of every size, and calls for one sample from them."""
-    plan = plan or Plan()
     blocks = _blocks(plan)
     stages = _stages(blocks, plan)
     calls = _calls(plan)
@@ -223,3 +223,16 @@ def _targets(stages: Panel, calls: Panel) -> tuple[Target, ...]:
 
 def _n_log_n(samples: float) -> float:
     return samples * math.log(samples)
+
+
+def run() -> Findings:
+    """Measure updates of models of every size, and calls for one sample from them."""
+    return measure(Plan())
+
+
+EXPERIMENT = Experiment(
+    shows="how the cost of an update and of a rendered sample grows with the model",
+    duration="1 min",
+    run=run,
+    group="bench",
+)

@@ -14,6 +14,7 @@ from mmt.texture.settings import Interpolated, ModellingSettings
 from mmt.texture.signals.metrics import within_jnd
 from mmt_lab.bench.measuring import spread
 from mmt_lab.bench.textures import session
+from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import (
     Axis,
     Curves,
@@ -52,9 +53,8 @@ class Plan:
     rounds: int = 3
 
 
-def run(plan: Plan | None = None) -> Findings:
+def measure(plan: Plan) -> Findings:
     """Build every session's model as the leader does, and compare each state with the truth."""
-    plan = plan or Plan()
     sessions = [session(name, plan.duration_s) for name in plan.surfaces]
     by_session = {name: Curves() for name in MEASURES}
     by_processing = {name: Curves() for name in MEASURES}
@@ -148,3 +148,16 @@ def _row(method: str, run: _Run, plan: Plan) -> dict[str, str | float | None]:
         "complete after (s)": run.history.stop_s,
         "processing (ms)": run.spent_ms(plan.duration_s),
     }
+
+
+def run() -> Findings:
+    """Build every session's model as the leader does, and compare each state with the truth."""
+    return measure(Plan())
+
+
+EXPERIMENT = Experiment(
+    shows="how good the leader's model is, by session time and by processing time",
+    duration="30 s",
+    run=run,
+    group="bench",
+)

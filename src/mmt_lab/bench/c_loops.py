@@ -1,7 +1,7 @@
-"""C loops beside the compiled kernels, where a C compiler is there.
+"""The same loops in C beside the compiled kernels, where there is a C compiler.
 
-They are no part of the product: a run of the bench compiles ``loops.c`` into a temporary
-folder to say how much numba's strict floating point costs.
+A run of the bench compiles ``loops.c`` into a temporary folder, to measure what numba's strict
+floating point costs.
 """
 
 import ctypes
@@ -10,16 +10,20 @@ import os
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
+from mmt.texture.autoregression.burg_recursion import burg_each_into
+from mmt.texture.autoregression.lsf import lsf_to_ar_each_into
 from mmt.texture.model.texture_model import TextureModel
-from mmt_lab.harness.findings import LeftOut
+from mmt_lab.bench.measuring import interleave
+from mmt_lab.harness.findings import MICROSECONDS, Cell, LeftOut, Records
 
 _SOURCE: Final = Path(__file__).with_name("loops.c")
 _FLAGS: Final = ("-O3", "-march=native", "-std=c99", "-shared", "-fPIC")
@@ -94,11 +98,11 @@ class Loops:
 
 @contextmanager
 def compiled() -> Iterator[Loops | LeftOut]:
-    """Compile the loops for as long as the context lasts, or say why they cannot be."""
+    """Compile the loops for a `with` block; yield them, or why they cannot be compiled."""
     names = [os.environ["CC"]] if os.environ.get("CC") else _COMPILERS
     compiler = next((found for name in names if (found := shutil.which(name))), None)
     if compiler is None:
-        yield LeftOut("C loops", "no C compiler is there", "install one, such as gcc")
+        yield LeftOut("C loops", "there is no C compiler", "install one, such as gcc")
         return
     with tempfile.TemporaryDirectory() as directory:
         library = Path(directory) / "loops.so"
@@ -121,3 +125,66 @@ def _doubles(array: FloatArray) -> Any:
 
 def _longs(array: IntArray) -> Any:
     return array.ctypes.data_as(_LONGS)
+
+
+_NUMBA, _C = "numba", "C"
+
+Compared = tuple[tuple[Records, ...], tuple[LeftOut, ...]]
+"""A table, or why there is none."""
+
+
+def burg_loops(batches: Sequence[tuple[int, int]], orders: Sequence[int], rounds: int) -> Compared:
+    """Time Burg's method on batches, given as segments and their samples, without any check."""
+    from mmt_lab.bench import signals  # needs mpmath, which other users of this module do not
+
+    with compiled() as loops:
+        if not isinstance(loops, Loops):
+            return (), (loops,)
+        rows = []
+        for count, length in batches:
+            x = np.concatenate([signals.texture(length, seed=seed) for seed in range(count)])
+            stops = np.arange(1, count + 1, dtype=np.int64) * length
+            for order in orders:
+                reflection, variances = np.empty((2, count, order)), np.empty((2, count, order + 1))
+                row = _compare(
+                    partial(burg_each_into, x, stops, reflection[0], variances[0]),
+                    loops.burg_call(x, stops, reflection[1], variances[1]),
+                    count,
+                    rounds,
+                )
+                rows.append({"segments": count, "samples": length, "order": order, **row})
+    return (_table("Burg's method", "segment", rows),), ()
+
+
+def lines_loops(filters: Mapping[int, FloatArray], rounds: int) -> Compared:
+    """Time the way back from line spectral frequencies (n, m), given by order."""
+    with compiled() as loops:
+        if not isinstance(loops, Loops):
+            return (), (loops,)
+        rows = []
+        for order, lsf in filters.items():
+            row = _compare(
+                partial(lsf_to_ar_each_into, lsf, np.empty_like(lsf)),
+                loops.lsf_to_ar_call(lsf, np.empty_like(lsf)),
+                len(lsf),
+                rounds,
+            )
+            rows.append({"order": order, **row})
+    return (_table("Back to coefficients", "filter", rows),), ()
+
+
+def _compare(
+    ours: Callable[[], object], theirs: Callable[[], object], count: int, rounds: int
+) -> dict[str, Cell]:
+    times = interleave({_NUMBA: ours, _C: theirs}, rounds)
+    one = {name: time.median * MICROSECONDS / count for name, time in times.items()}
+    return {
+        "numba (µs)": one[_NUMBA],
+        "C (µs)": one[_C],
+        "numba over C": one[_NUMBA] / one[_C],
+    }
+
+
+def _table(what: str, unit: str, rows: Sequence[Mapping[str, Cell]]) -> Records:
+    title = f"{what}: the same loop in C (-O3, this processor), time of one {unit}"
+    return Records("loops", title, tuple(rows))
