@@ -156,7 +156,7 @@ def played(
         zip(frames["time_ns"].tolist(), lost.tolist(), strict=True)
     ):
         if not missing:
-            vibration.take(frames[index : index + 1], now_ns)
+            vibration.on_frames(frames[index : index + 1], now_ns)
         output[index] = buffer.pull(now_ns)
     return output
 

@@ -6,11 +6,11 @@ from functools import cache
 from typing import Any, Final
 
 import numpy as np
+from mmt.leader.rendering import VibrationSwitch
 
 from mmt.core.arrays import FloatArray, IntArray, RecordArray
 from mmt.leader.concealment import build_concealment
 from mmt.leader.playout import PlayoutBuffer
-from mmt.leader.rendering import VibrationSwitch
 from mmt.leader.stream import StreamedVibration
 from mmt.leader.warming import LOOK_FRAMES, load_library
 from mmt.scene import Actuator, Playout, Rendering
