@@ -6,12 +6,12 @@ from functools import cache
 from typing import Any, Final
 
 import numpy as np
-from mmt.leader.rendering import VibrationSwitch
 
 from mmt.core.arrays import FloatArray, IntArray, RecordArray
 from mmt.leader.concealment import build_concealment
 from mmt.leader.playout import PlayoutBuffer
 from mmt.leader.stream import StreamedVibration
+from mmt.leader.vibration import VibrationSwitch
 from mmt.leader.warming import LOOK_FRAMES, load_library
 from mmt.scene import Actuator, Playout, Rendering
 from mmt.testing.simulation import PERIOD_NS, RATE_HZ
@@ -87,7 +87,7 @@ def led(passage: Passage, models: Mapping[int, TextureModel] | None, seed: int) 
             switch.use_model(True)
             start_s = tick / RATE_HZ if start_s is None else start_s
         for index in order[taken : arrived[tick]]:
-            stream.take(passage.frames[index : index + 1], tick * PERIOD_NS)
+            stream.on_frames(passage.frames[index : index + 1], tick * PERIOD_NS)
         taken = arrived[tick]
         output[tick] = switch.render(tick * PERIOD_NS, *inputs[:, tick : tick + 1])[0]
     return Felt(output, start_s)
