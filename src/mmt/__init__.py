@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from mmt.evaluation.evaluate import evaluate_session, evaluate_surfaces
     from mmt.evaluation.results import Evaluation
     from mmt.follower.service import Follower
-    from mmt.leader.service import LeaderService as Leader
+    from mmt.leader.service import Leader
     from mmt.scene import Scene
     from mmt.scene.files import load_scene
     from mmt.session.data import RecordedSession

@@ -12,8 +12,8 @@ from typing import Annotated, Final
 
 import typer
 
-from mmt.evaluation.bands import BAND_EDGES_HZ
 from mmt.evaluation.document import Block, Heading, Table
+from mmt.evaluation.levels import BAND_EDGES_HZ
 from mmt.evaluation.report_files import picture
 from mmt.evaluation.texts import number
 from mmt_lab.compare.cases import Case, recorded_cases, simulated_cases
