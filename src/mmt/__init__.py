@@ -73,7 +73,7 @@ _HOMES = {
     "Evaluation": "mmt.evaluation.results",
     "Follower": "mmt.follower.service",
     "InputError": "mmt.core.errors",
-    "Leader": "mmt.leader.service:LeaderService",
+    "Leader": "mmt.leader.service:Leader",
     "MmtError": "mmt.core.errors",
     "ModelHistory": "mmt.texture.online.history",
     "ModellingSettings": "mmt.texture.settings",

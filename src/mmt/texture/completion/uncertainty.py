@@ -1,17 +1,9 @@
 """Completion by uncertainty: the expected share of an operator's strokes rendered within one JND.
 
-<<<<<<< HEAD
-In place of distances, the posterior of the level (`mmt.texture.field.level_process`) says at each
-stroke how likely its level is within one JND of the truth; the mean of that, weighted by where
-this operator strokes (`mmt.texture.field.stroking_density`), is the criterion's value. It is the
-expectation of a share that evaluations measure, `mmt lab compare`, which shows how well it
-is calibrated.
-=======
 The posterior of the level (`mmt.texture.field.level_process`) gives the probability that the level
 at a stroke is within one just noticeable difference of the truth. The value of the criterion is the
 mean of that probability over a grid of strokes, weighted by an estimate of where this operator
 strokes (`StrokingDensity`). It is the expectation of a share that `mmt lab compare` measures.
->>>>>>> main
 
 It leaves out errors of the spectrum's shape, which have no posterior here, and what the stream does
 not contain, such as vibration far below the corner of the high-pass.
