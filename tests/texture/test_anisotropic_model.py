@@ -9,7 +9,7 @@ from scipy.spatial import Delaunay
 
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
-from mmt.texture.interpolation.interpolators import BUILDERS
+from mmt.texture.interpolation.registry import INTERPOLATORS
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace, normalise_into
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.synthesis.synthesizer import Synthesizer
@@ -64,7 +64,7 @@ def test_the_interpolation_is_scipys() -> None:
     np.testing.assert_allclose(lsf, scipys[:, 1:], atol=1e-8)
 
 
-@pytest.mark.parametrize("interpolator", list(BUILDERS))
+@pytest.mark.parametrize("interpolator", list(INTERPOLATORS))
 @pytest.mark.parametrize(
     "inputs",
     [
@@ -90,7 +90,7 @@ def test_degenerate_sample_sets_give_a_finite_stable_model(
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.integers(1, 30), st.integers(0, 2**32), st.sampled_from(list(BUILDERS)))
+@given(st.integers(1, 30), st.integers(0, 2**32), st.sampled_from(list(INTERPOLATORS)))
 def test_any_samples_give_ordered_frequencies(count: int, seed: int, interpolator: str) -> None:
     samples = make_samples(np.round(scattered(count, seed), 1))
     model = TextureModel(samples, interpolator=interpolator)  # type: ignore[arg-type]
@@ -99,7 +99,7 @@ def test_any_samples_give_ordered_frequencies(count: int, seed: int, interpolato
     assert (variance >= 0).all()
 
 
-@pytest.mark.parametrize("interpolator", list(BUILDERS))
+@pytest.mark.parametrize("interpolator", list(INTERPOLATORS))
 @pytest.mark.parametrize("slowest_mm_s", [3.0, 10.0, 100.0])
 def test_a_hand_at_rest_or_without_force_feels_nothing(
     slowest_mm_s: float, interpolator: str
@@ -113,7 +113,7 @@ def test_a_hand_at_rest_or_without_force_feels_nothing(
         assert model.at(speed * np.cos(turn), speed * np.sin(turn), 0.0)[1].max() == 0.0
 
 
-@pytest.mark.parametrize("interpolator", list(BUILDERS))
+@pytest.mark.parametrize("interpolator", list(INTERPOLATORS))
 def test_every_stroke_is_felt_however_slow_and_light(interpolator: str) -> None:
     model = TextureModel(make_samples(scattered(30)), interpolator=interpolator)  # type: ignore[arg-type]
     inputs = scattered(500, 3) * (0.1, 0.1, 0.1)
