@@ -11,9 +11,9 @@ from image_files import write
 
 from mmt.testing.simulation.textures import SURFACES
 from mmt_lab.bench import run_stage
-from mmt_lab.bench.plotting import stage_figure
 from mmt_lab.felt.presenting import felt_figure
 from mmt_lab.felt.summary import cases, feel_all
+from mmt_lab.harness.plots import panels_figure
 from mmt_lab.stability.maps import contact_map, loop_map
 from mmt_lab.stability.running import load_families, run_families
 
@@ -36,7 +36,7 @@ def main() -> None:
     for name, chosen in PANELS.items():
         result = run_stage(name)
         panels = tuple(p for p in result.panels if chosen is None or p.name in chosen)
-        write(f"bench-{name}", stage_figure(replace(result, panels=panels)))
+        write(f"bench-{name}", panels_figure(replace(result, panels=panels)))
     found = [row.figures for row in run_families(load_families(["contact", "loop"]))]
     (contact,) = [figures for figures in found if {"growth", "limit_s"} <= set(figures)]
     (loop,) = [figures for figures in found if "grows" in figures]

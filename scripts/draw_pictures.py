@@ -12,8 +12,8 @@ import numpy as np
 from image_files import write
 from matplotlib.figure import Figure
 
-from mmt.cli.reporting import evaluate, scene_of
 from mmt.evaluation import figures, growth
+from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.recorded_surfaces import part_by_surface
 from mmt.evaluation.results import Evaluation
 from mmt.evaluation.surface_figure import surfaces_over_time
@@ -34,7 +34,7 @@ SURFACES_S: Final = 40.0
 def main() -> None:
     """Run the demo, evaluate its recording, draw, and write."""
     session, several = (run(scene) for scene in ("demo", "two-surfaces"))
-    evaluation = replace(evaluate(session, scene_of(session)), name="demo")
+    evaluation = replace(evaluate_session(session), name="demo")
     few = replace(evaluation, held_out=evaluation.held_out[:3])
     write("model-growth", growth.model_growth(from_five_samples_on(evaluation), panels=3))
     write("spectra", figures.held_out_spectra(few))

@@ -12,7 +12,7 @@ from mmt.scene import Hand, Scene
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces import Surface
 from mmt.testing.simulation.textures import get_surface
-from mmt.texture.autoregression.ordering import choose_order
+from mmt.texture.autoregression.order_selection import choose_order
 from mmt.texture.model.fits import HIGHEST_AUTOMATIC_ORDER
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import trials

@@ -10,7 +10,7 @@ import math
 import time
 
 from mmt.devices.protocols import InterfaceState, SensorReading
-from mmt.devices.voltages import VoltageReading
+from mmt.devices.protocols import VoltageReading
 from mmt.core.errors import DeviceLost, MmtError
 
 

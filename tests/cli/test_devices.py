@@ -11,8 +11,8 @@ from device_drivers import run
 from typer.testing import Result
 
 from mmt.core.errors import InputError
-from mmt.devices import table
-from mmt.devices.observing import observe
+from mmt.devices import drivers as driver_table
+from mmt.devices.device_check import observe
 
 
 def figures_of(drivers: str, name: str, directory: Path, *settings: str) -> tuple[Result, dict]:
@@ -158,7 +158,7 @@ def test_a_board_shows_the_voltages_of_its_inputs(drivers: str) -> None:
 
 
 def test_a_capacitor_that_passes_too_little_is_a_problem(drivers: str) -> None:
-    from mmt.devices.loading import load_device
+    from mmt.devices.drivers import load_device
 
     sensor = load_device("adxl335-serial", {"port": "/dev/none", "bandwidth_hz": 50})
     problems = observe("accelerometer", "adxl335-serial", sensor, duration_s=0.05).problems
@@ -174,7 +174,7 @@ def test_readings_that_come_in_bursts_are_told(drivers: str) -> None:
 def test_a_busy_machine_is_told_from_a_fault(drivers: str, monkeypatch: pytest.MonkeyPatch) -> None:
     sensor = __import__(drivers).Sampled()
     sleep = time.sleep
-    monkeypatch.setattr("mmt.devices.observing.time.sleep", lambda _: sleep(0.03))
+    monkeypatch.setattr("mmt.devices.device_check.time.sleep", lambda _: sleep(0.03))
     problems = observe("force_sensor", "a", sensor, duration_s=0.5).problems
     assert len(problems) == 1
     assert "this machine is busy, the test itself had to wait up to" in problems[0]
@@ -189,7 +189,7 @@ def test_the_documented_driver_is_found_as_a_package_of_its_own(
     assert driver is not None
     assert project is not None
     assert sum(bool(line.strip()) for line in driver[1].splitlines()) <= 30
-    entries = tomllib.loads(project[1])["project"]["entry-points"][table.GROUP]
+    entries = tomllib.loads(project[1])["project"]["entry-points"][driver_table.GROUP]
     (tmp_path / "lab").mkdir()
     (tmp_path / "lab" / "sensors.py").write_text(driver[1])
     information = tmp_path / "lab_devices-1.0.dist-info"
@@ -197,7 +197,7 @@ def test_the_documented_driver_is_found_as_a_package_of_its_own(
     (information / "METADATA").write_text(
         "Metadata-Version: 2.1\nName: lab-devices\nVersion: 1.0\n"
     )
-    lines = [f"[{table.GROUP}]", *(f"{name} = {value}" for name, value in entries.items())]
+    lines = [f"[{driver_table.GROUP}]", *(f"{name} = {value}" for name, value in entries.items())]
     (information / "entry_points.txt").write_text("\n".join(lines))
     monkeypatch.syspath_prepend(str(tmp_path))
     run("list", "--json", tmp_path / "l.json")

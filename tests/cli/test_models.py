@@ -19,7 +19,7 @@ from mmt.texture.completion.distance import STOP_DISTANCE, distance_sum
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import trials
 from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.segmentation.pieces import CELL
+from mmt.texture.segmentation.bottom_up import CELL
 
 DURATION_S = 12.0
 

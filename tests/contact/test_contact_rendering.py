@@ -23,10 +23,10 @@ models = st.builds(
 
 def test_it_becomes_the_model_it_aims_at() -> None:
     contact = LocalContact()
-    contact.aim(ContactModel(0.0, 500.0, damping_n_s_m=2.0))
+    contact.set_target(ContactModel(0.0, 500.0, damping_n_s_m=2.0))
     contact.step(0.001)
     target = ContactModel(0.001, 3000.0, 1.2, dissipation_s_m=0.5)
-    contact.aim(target)
+    contact.set_target(target)
     for _ in range(500):
         contact.step(0.003)
     assert contact.rendered is not None
@@ -37,11 +37,11 @@ def test_it_becomes_the_model_it_aims_at() -> None:
 
 def test_a_change_of_the_model_is_no_step_of_the_force() -> None:
     contact = LocalContact()
-    contact.aim(ContactModel(0.0, 200.0))
+    contact.set_target(ContactModel(0.0, 200.0))
     force = 0.0
     for _ in range(100):
         force = contact.step(0.002)
-    contact.aim(ContactModel(-0.001, 2000.0))
+    contact.set_target(ContactModel(-0.001, 2000.0))
     largest = 0.0
     for _ in range(300):
         now = contact.step(0.002)
@@ -54,7 +54,7 @@ def test_a_change_of_the_model_is_no_step_of_the_force() -> None:
 def test_a_stiff_model_is_rendered_as_stiff_as_allowed() -> None:
     contact = LocalContact(RenderingSettings(stiffness_n_m=2000.0, damping_n_s_m=1.0))
     for model in (ContactModel(0.0, 1e5, damping_n_s_m=50.0), ContactModel(0.0, 1e9, 2.0)):
-        contact.aim(model)
+        contact.set_target(model)
         for _ in range(1000):
             contact.step(0.001)
         assert contact.step(0.001) == pytest.approx(2.0, rel=1e-3)
@@ -63,9 +63,9 @@ def test_a_stiff_model_is_rendered_as_stiff_as_allowed() -> None:
 def test_missed_ticks_make_no_difference_to_where_it_gets() -> None:
     one, five = LocalContact(), LocalContact()
     for contact in (one, five):
-        contact.aim(ContactModel(0.0, 100.0))
+        contact.set_target(ContactModel(0.0, 100.0))
         contact.step(0.001)
-        contact.aim(ContactModel(0.0, 1000.0))
+        contact.set_target(ContactModel(0.0, 1000.0))
     for _ in range(20):
         one.step(0.001)
     for _ in range(4):
@@ -77,9 +77,9 @@ def test_missed_ticks_make_no_difference_to_where_it_gets() -> None:
 
 def test_without_a_model_and_without_a_place_there_is_no_force() -> None:
     contact = LocalContact()
-    contact.aim(None)
+    contact.set_target(None)
     assert contact.step(0.01) == 0.0
-    contact.aim(ContactModel(0.0, 100.0))
+    contact.set_target(ContactModel(0.0, 100.0))
     assert contact.step(math.nan) == 0.0
     assert contact.step(0.01) > 0.0
 
@@ -98,7 +98,7 @@ def test_no_sequence_of_updates_gives_energy_to_the_hand(
     net = least = depth = travel = force = 0.0
     port.step(0.0, 0.0)
     for model, push in ticks:
-        contact.aim(model)
+        contact.set_target(model)
         travel += push * REACH_M_S2 * limits.tick_s**2
         depth += travel
         net -= force * travel

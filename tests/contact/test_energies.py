@@ -22,21 +22,21 @@ def test_what_is_known_never_falls(news: list[tuple[float, bool]]) -> None:
     for energy, restarts in news:
         if restarts:
             counts.restart()
-        counts.take(record(energy))
+        counts.receive(record(energy))
         assert counts.energy_j[0] >= before[0]
         before = counts.energy_j
 
 
 def test_one_who_began_anew_is_counted_on_from_what_was_known() -> None:
     counts = EnergyCounts()
-    counts.take(record(2.0))
-    counts.take(record(1.0))  # late
+    counts.receive(record(2.0))
+    counts.receive(record(1.0))  # late
     assert counts.energy_j[0] == 2.0
     counts.restart()
-    counts.take(record(0.5))
+    counts.receive(record(0.5))
     assert counts.energy_j[0] == 2.5
     counts.restart()
-    counts.take(record(0.75))  # the same one, connected again
+    counts.receive(record(0.75))  # the same one, connected again
     assert counts.energy_j[0] == 2.75
 
 

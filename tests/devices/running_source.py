@@ -51,7 +51,7 @@ class RunningSource:
             ("position", *(name for name, sensor in channels if sensor is not None)),
             on_lost="hold",
         )
-        self.source.watch(lambda lost, sentence: self.told.append((lost, sentence)))
+        self.source.on_loss(lambda lost, sentence: self.told.append((lost, sentence)))
         self._last_ns = 0
 
     @property

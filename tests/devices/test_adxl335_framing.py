@@ -16,13 +16,13 @@ from mmt.devices.adxl335.framing import (
     VERSION,
     Frame,
     FrameDecoder,
+    Timeline,
     encode_frame,
     stuff,
     unstuff,
 )
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2
 from mmt.devices.adxl335.serial_driver import SerialAdxl335
-from mmt.devices.adxl335.timeline import Timeline
 
 SKETCH = FIRMWARE / "adxl335" / "adxl335.ino"
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "accelerometer-framing.md"

@@ -13,7 +13,7 @@ from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, Calibration
 from mmt.devices.adxl335.serial_driver import SerialAdxl335
 from mmt.devices.calibrations import save_calibration
-from mmt.devices.loading import load_device
+from mmt.devices.drivers import load_device
 from mmt.devices.protocols import SensorReading, Vector
 
 if sys.platform == "win32":

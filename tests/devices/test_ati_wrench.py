@@ -8,9 +8,14 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mmt.core.errors import InputError, MmtError
-from mmt.devices.ati.calibration import Calibration, check_calibration
-from mmt.devices.ati.options import AtiOptions
-from mmt.devices.ati.units import force_in_newton, length_in_mm, torque_in_newton_mm
+from mmt.devices.ati.calibration import (
+    AtiOptions,
+    Calibration,
+    check_calibration,
+    force_in_newton,
+    length_in_mm,
+    torque_in_newton_mm,
+)
 from mmt.devices.ati.wrench import WrenchConverter, diagonal, matrix_of
 
 RANGE_N, RANGE_N_MM = (12.0, 12.0, 17.0), (120.0, 120.0, 120.0)

@@ -14,7 +14,7 @@ from sensor_reading import read_some, read_until, read_until_fault
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
-from mmt.devices.loading import load_device
+from mmt.devices.drivers import load_device
 from mmt.devices.protocols import SampledSensor, Vector
 from mmt.testing.emulated.labjack_u6 import EmulatedU6
 from mmt.testing.emulated.net_ft import EmulatedNetFt

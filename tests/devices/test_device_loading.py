@@ -7,8 +7,8 @@ import pytest
 from pydantic import BaseModel, ConfigDict, Field
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
-from mmt.devices import table
-from mmt.devices.loading import load_device, read_options
+from mmt.devices import drivers
+from mmt.devices.drivers import load_device, read_options
 from mmt.scene import Scene
 from mmt.scene.files import environment_overrides, scene_from_tables
 
@@ -40,9 +40,9 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 @pytest.fixture
 def names(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A name in the table, and one that another package offers."""
-    monkeypatch.setitem(table.DRIVERS, "inside", {"force_sensor": f"{module}:Sensor"})
-    entry = EntryPoint("outside", f"{module}:Plain", table.GROUP)
-    monkeypatch.setattr(table, "entry_points", lambda group: [entry])
+    monkeypatch.setitem(drivers.DRIVERS, "inside", {"force_sensor": f"{module}:Sensor"})
+    entry = EntryPoint("outside", f"{module}:Plain", drivers.GROUP)
+    monkeypatch.setattr(drivers, "entry_points", lambda group: [entry])
 
 
 def test_a_driver_of_the_table_gets_its_options(names: None) -> None:
@@ -60,12 +60,13 @@ def test_an_unknown_driver_is_answered_with_those_there_are(names: None) -> None
 
 
 def test_every_driver_of_the_table_has_a_factory() -> None:
-    for driver, targets in table.DRIVERS.items():
+    for driver, targets in {**drivers.DRIVERS, **drivers.software()}.items():
         assert targets
         for role, location in targets.items():
             module_name, _, factory = location.partition(":")
-            assert role in table.ROLE_NAMES
-            assert module_name.startswith(("mmt.devices.", "mmt.testing."))
+            assert role in drivers.ROLE_NAMES
+            room = "mmt.testing." if driver in drivers.software() else "mmt.devices."
+            assert module_name.startswith(room)
             assert factory.isidentifier(), driver
 
 

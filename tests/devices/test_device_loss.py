@@ -8,10 +8,10 @@ from synthetic_sensors import MS, SyntheticSensor, Time
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.devices import ports as ports_module
+from mmt.devices import slots as ports_module
 from mmt.devices import source as source_module
 from mmt.devices.protocols import SensorReading, Vector
-from mmt.devices.reconnecting import Reasons
+from mmt.devices.reconnection import Reasons
 from mmt.devices.source import DeviceSource
 
 
@@ -60,7 +60,7 @@ class Bench:
             ("position", "force"),
             on_lost=on_lost,  # type: ignore[arg-type]
         )
-        self.source.watch(lambda lost, sentence: self.told.append((lost, sentence)))
+        self.source.on_loss(lambda lost, sentence: self.told.append((lost, sentence)))
         self.source.start(0)
 
     def run(self, ticks: int, elapsed: int = 1) -> RecordArray:
@@ -159,7 +159,7 @@ def test_an_unplugged_sensor_comes_back_when_it_can_be_connected(
 ) -> None:
     bench = Bench(monkeypatch, "retract")
     bench.run(50)
-    bench.sensor.connect_error = MmtError("no such port")
+    bench.sensor.connect_error = MmtError("no such slot")
     bench.sensor.error = DeviceLost("unplugged")
     assert len(bench.run(100)) <= 1
     deadline = real_time.monotonic() + 10
@@ -168,7 +168,7 @@ def test_an_unplugged_sensor_comes_back_when_it_can_be_connected(
         bench.run(1)
     assert bench.told == [
         (True, "the force sensor (SyntheticSensor) is lost: unplugged"),
-        (True, "the force sensor (SyntheticSensor) is not back yet: no such port"),
+        (True, "the force sensor (SyntheticSensor) is not back yet: no such slot"),
     ]
     bench.sensor.connect_error = None
     bench.run_until_back()
@@ -226,7 +226,7 @@ def test_a_frame_whose_reading_just_missed_its_tick_comes_between_two_ticks(
     bench = Bench(monkeypatch)
     blocks = [bench.run(50)]
     late: list[RecordArray] = []
-    bench.source.hand_on(late.append)
+    bench.source.on_late_frames(late.append)
     assert bench.source._merger is not None
     under_way_ns = bench.source._merger.hold_back_ns - 150_000  # and 0.2 ms that it states itself
     monkeypatch.setattr(
@@ -257,11 +257,11 @@ def test_a_sensor_that_knows_when_its_readings_came_is_believed() -> None:
             return [SensorReading(1000, (1.0, 2.0, 3.0))]
 
     sensor = Stamping(1000)
-    port = ports_module.SampledPort("force sensor", sensor)
-    assert port.knows_arrivals
-    assert not ports_module.SampledPort("force sensor", SyntheticSensor(1000)).knows_arrivals
-    assert port.poll()
-    assert port.lane.clock.sensor_time(sensor.arrival_ns) == 1000
+    slot = ports_module.SampledSlot("force sensor", sensor)
+    assert slot.knows_arrivals
+    assert not ports_module.SampledSlot("force sensor", SyntheticSensor(1000)).knows_arrivals
+    assert slot.poll()
+    assert slot.lane.clock.sensor_time(sensor.arrival_ns) == 1000
 
 
 def test_a_sensor_that_gives_nothing_at_the_start_is_explained(
@@ -298,16 +298,16 @@ def test_a_reading_that_comes_while_the_tick_is_held_up_did_not_come_before_it_w
         return [SensorReading(7_000_000_000, (0.0, 0.0, 0.0))]
 
     monkeypatch.setattr(sensor, "read", read)
-    port = ports_module.SampledPort("force sensor", sensor)
+    slot = ports_module.SampledSlot("force sensor", sensor)
     tick_ns = time.now_ns
-    port.step(tick_ns, None)
-    assert port.lane.clock.sensor_time(tick_ns + 5 * MS) <= 7_000_000_000
+    slot.step(tick_ns, None)
+    assert slot.lane.clock.sensor_time(tick_ns + 5 * MS) <= 7_000_000_000
 
 
 def test_why_a_device_is_not_back_is_told_once_for_each_reason() -> None:
     reasons = Reasons("no reading for 15 ms")
     assert [reasons.new(f"no reading for {n} ms") for n in (16, 17.5)] == ["", ""]
-    assert [reasons.new(f"no port {n}") for n in (1, 2)] == ["no port 1", ""]
+    assert [reasons.new(f"no slot {n}") for n in (1, 2)] == ["no slot 1", ""]
     assert reasons.new("") == ""
     told = [reasons.new(f"reason {'x' * n}") for n in range(100)]
     assert len([reason for reason in told if reason]) < 6

@@ -11,11 +11,11 @@ from synthetic_sensors import MS, START_NS, SyntheticSensor
 
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import frame_dtype
-from mmt.devices.clocks import SensorClock
-from mmt.devices.holding_back import ReadingAges
-from mmt.devices.merging import FrameMerger, Lane, PolledLane
-from mmt.devices.probing import PROBES_HZ
+from mmt.devices.frame_assembly import FrameAssembler, ReadingAges
+from mmt.devices.lanes import Lane, PolledLane
+from mmt.devices.polling import POLLS_HZ
 from mmt.devices.protocols import SensorReading
+from mmt.devices.sensor_clock import SensorClock
 
 DTYPE = np.dtype([("sequence", "u4"), ("time_ns", "i8"), ("force_n", "f8", (3,))])
 TRANSPORT_NS = 20_000
@@ -23,11 +23,11 @@ TRANSPORT_NS = 20_000
 
 def merged(
     sensor: SyntheticSensor, seconds: float, *, probes: bool = True, needed_ns: int | None = None
-) -> tuple[RecordArray, np.ndarray, FrameMerger, Lane]:
+) -> tuple[RecordArray, np.ndarray, FrameAssembler, Lane]:
     """Run ticks with some lateness, and probes; return the frames and their ticks' times."""
     chance = random.Random(7)
     lane = Lane(sensor.latency_ns)
-    merger = FrameMerger({"force_n": lane}, DTYPE, MS, needed_ns)
+    merger = FrameAssembler({"force_n": lane}, DTYPE, MS, needed_ns)
     looks = [(START_NS + k * 100_000, False) for k in range(600)]
     looks += [
         (START_NS + k * MS + round(chance.expovariate(1 / 50_000)), True)
@@ -35,12 +35,12 @@ def merged(
     ]
     if probes:
         looks += [
-            (START_NS + round((k / PROBES_HZ + 0.618034 * k % 1 / 1000) * 1e9), False)
-            for k in range(6, round(seconds * PROBES_HZ))
+            (START_NS + round((k / POLLS_HZ + 0.618034 * k % 1 / 1000) * 1e9), False)
+            for k in range(6, round(seconds * POLLS_HZ))
         ]
     blocks, ticks = [], []
     for now_ns, is_tick in sorted(looks):
-        lane.take(sensor.arrived(now_ns), now_ns)
+        lane.add(sensor.arrived(now_ns), now_ns)
         if is_tick:
             merger.tick(1, now_ns)
             blocks.append(merger.frames())
@@ -54,7 +54,7 @@ def seen_hold_back_ns(sensor: SyntheticSensor, looks: int = 600) -> int | None:
     ages = ReadingAges([lane])
     for k in range(looks):
         now_ns = START_NS + k * MS // 10
-        lane.take(sensor.arrived(now_ns), now_ns)
+        lane.add(sensor.arrived(now_ns), now_ns)
         ages.look(now_ns)
     return ages.hold_back_ns()
 
@@ -98,7 +98,7 @@ def test_bundles_are_waited_for() -> None:
     for k in range(1000):
         now_ns = START_NS + k * MS // 10
         if k % 8 == 0:  # all that was measured in the last 0.8 ms
-            lane.take(
+            lane.add(
                 [SensorReading((k - 8 + j) * MS // 10, (0.0, 0.0, 0.0)) for j in range(1, 9)],
                 now_ns,
             )
@@ -119,7 +119,7 @@ def test_a_host_that_was_held_up_holds_no_frames_back() -> None:
     for k in range(1000):
         now_ns = START_NS + k * MS // 10
         if not 150 < k < 250:
-            lane.take([SensorReading(k * MS // 10, (0.0, 0.0, 0.0))], now_ns)
+            lane.add([SensorReading(k * MS // 10, (0.0, 0.0, 0.0))], now_ns)
         ages.look(now_ns)
     held_ns = ages.hold_back_ns()
     assert held_ns is not None
@@ -131,8 +131,8 @@ def test_whatever_was_seen_frames_are_formed_within_bounds(needed_ns: int) -> No
     """A clock that was set back in the meantime makes nonsense of the ages."""
     sensor = SyntheticSensor(2000, latency_ns=100_000)
     lane = Lane(sensor.latency_ns)
-    lane.take(sensor.arrived(START_NS + 100 * MS), START_NS + 100 * MS)
-    merger = FrameMerger({"force_n": lane}, DTYPE, MS, needed_ns)
+    lane.add(sensor.arrived(START_NS + 100 * MS), START_NS + 100 * MS)
+    merger = FrameAssembler({"force_n": lane}, DTYPE, MS, needed_ns)
     merger.tick(1, START_NS + 101 * MS)
     assert 600_000 <= merger.hold_back_ns <= 1_350_000
 
@@ -155,15 +155,15 @@ def test_without_probes_a_sensor_in_step_with_the_ticks_is_seen_less_well() -> N
 
 def test_the_values_are_those_of_a_straight_line_between_readings() -> None:
     lane = Lane(latency_ns=300_000)
-    lane.take([SensorReading(0, (0.0, 10.0, -1.0))], START_NS)
-    lane.take([SensorReading(MS, (1.0, 20.0, -1.0))], START_NS + MS)
+    lane.add([SensorReading(0, (0.0, 10.0, -1.0))], START_NS)
+    lane.add([SensorReading(MS, (1.0, 20.0, -1.0))], START_NS + MS)
     assert lane.at(START_NS) == pytest.approx((0.3, 13.0, -1.0))
     assert lane.at(START_NS + 700_000) == pytest.approx((1.0, 20.0, -1.0))
 
 
 def test_all_lanes_of_a_frame_are_of_one_instant_whatever_their_latency() -> None:
     early, late = Lane(100_000), Lane(900_000)
-    merger = FrameMerger(
+    merger = FrameAssembler(
         {"force_n": early, "acceleration_m_s2": late},
         np.dtype([*DTYPE.descr, ("acceleration_m_s2", "f8", (3,))]),
         MS,
@@ -173,7 +173,7 @@ def test_all_lanes_of_a_frame_are_of_one_instant_whatever_their_latency() -> Non
         now_ns = START_NS + k * MS
         for lane in (early, late):  # measured a latency before the stamp, which is now
             truth = (now_ns - lane.latency_ns - START_NS) / MS
-            lane.take([SensorReading(k * MS, (truth, 0.0, 0.0))], now_ns)
+            lane.add([SensorReading(k * MS, (truth, 0.0, 0.0))], now_ns)
         merger.tick(1, now_ns)
         rows.append(merger.frames())
     frames = np.concatenate(rows)
@@ -185,12 +185,12 @@ def test_all_lanes_of_a_frame_are_of_one_instant_whatever_their_latency() -> Non
 
 def test_a_lost_record_leaves_a_number_out_and_invents_nothing() -> None:
     lane = Lane()
-    merger = FrameMerger({"force_n": lane}, DTYPE, MS)
+    merger = FrameAssembler({"force_n": lane}, DTYPE, MS)
     frames = []
     for k in range(30):
         now_ns = START_NS + k * MS
         if k not in {10, 11, 12}:
-            lane.take([SensorReading(k * MS + 400_000, (float(k), 0.0, 0.0))], now_ns)
+            lane.add([SensorReading(k * MS + 400_000, (float(k), 0.0, 0.0))], now_ns)
         merger.tick(1, now_ns)
         frames.append(merger.frames())
     numbers = np.concatenate(frames)["sequence"].tolist()
@@ -201,11 +201,11 @@ def test_a_lost_record_leaves_a_number_out_and_invents_nothing() -> None:
 
 def test_a_value_that_no_frame_can_hold_leaves_its_number_out() -> None:
     lane = PolledLane()
-    merger = FrameMerger({"force_n": lane}, frame_dtype(["force"]), MS)
+    merger = FrameAssembler({"force_n": lane}, frame_dtype(["force"]), MS)
     found = []
     for tick in range(10):
         now_ns = START_NS + tick * MS
-        lane.note((1e39 if tick == 5 else 1.0, 0.0, 0.0), now_ns)
+        lane.record((1e39 if tick == 5 else 1.0, 0.0, 0.0), now_ns)
         merger.tick(1, now_ns)
         found.append(merger.frames())
     frames = np.concatenate(found)
@@ -217,13 +217,13 @@ def test_a_value_that_no_frame_can_hold_leaves_its_number_out() -> None:
 
 def test_a_late_reading_makes_its_frame_late_and_not_wrong() -> None:
     lane = Lane()
-    merger = FrameMerger({"force_n": lane}, DTYPE, MS)
+    merger = FrameAssembler({"force_n": lane}, DTYPE, MS)
     counts, frames = [], []
     for k in range(20):
         now_ns = START_NS + k * MS
         come = range(k, k + 1) if k < 10 else range(10, 15) if k == 14 else range(0)
         come = range(k, k + 1) if k > 14 else come
-        lane.take([SensorReading(j * MS, (float(j), 0.0, 0.0)) for j in come], now_ns)
+        lane.add([SensorReading(j * MS, (float(j), 0.0, 0.0)) for j in come], now_ns)
         merger.tick(1, now_ns)
         frames.append(merger.frames())
         counts.append(len(frames[-1]))
@@ -235,7 +235,7 @@ def test_a_late_reading_makes_its_frame_late_and_not_wrong() -> None:
 
 def test_ticks_that_were_missed_are_formed_from_what_was_measured_then() -> None:
     lane, robot = Lane(), PolledLane()
-    merger = FrameMerger(
+    merger = FrameAssembler(
         {"position_mm": robot, "force_n": lane},
         np.dtype([*DTYPE.descr[:2], ("position_mm", "f8", (3,)), DTYPE.descr[2]]),
         MS,
@@ -243,10 +243,10 @@ def test_ticks_that_were_missed_are_formed_from_what_was_measured_then() -> None
     frames = []
     for k in range(30):
         now_ns = START_NS + k * MS
-        lane.take([SensorReading(k * MS, (float(k), 0.0, 0.0))], now_ns)
+        lane.add([SensorReading(k * MS, (float(k), 0.0, 0.0))], now_ns)
         if k in {10, 11}:
             continue
-        robot.note((float(k), 0.0, 0.0), now_ns)
+        robot.record((float(k), 0.0, 0.0), now_ns)
         merger.tick(3 if k == 12 else 1, now_ns)
         frames.append(merger.frames())
     together = np.concatenate(frames)
@@ -265,8 +265,8 @@ def test_a_clock_that_is_set_back_or_forward_begins_anew() -> None:
     assert sum(jumped) == 1  # back, noticed by blocks that lie behind the line
     assert clock.sensor_time(START_NS + 2799 * MS) == (8_000 + 2799 - 50) * MS
     lane = Lane()
-    lane.take([SensorReading(10 * MS, (1.0, 1.0, 1.0))], START_NS)
-    lane.take([SensorReading(0, (2.0, 2.0, 2.0))], START_NS + MS)
+    lane.add([SensorReading(10 * MS, (1.0, 1.0, 1.0))], START_NS)
+    lane.add([SensorReading(0, (2.0, 2.0, 2.0))], START_NS + MS)
     assert lane.at(START_NS + MS) == (2.0, 2.0, 2.0)
 
 
@@ -325,7 +325,7 @@ def test_reading_and_merging_three_sensors_takes_a_small_part_of_a_core() -> Non
     come = [[sensor.arrived(START_NS + k * MS) for k in range(ticks)] for sensor in sensors]
     lanes = [Lane(sensor.latency_ns) for sensor in sensors]
     robot = PolledLane()
-    merger = FrameMerger(
+    merger = FrameAssembler(
         {"position_mm": robot, "force_n": lanes[0], "acceleration_m_s2": lanes[1]},
         frame_dtype(),
         MS,
@@ -334,9 +334,9 @@ def test_reading_and_merging_three_sensors_takes_a_small_part_of_a_core() -> Non
     count = 0
     for k in range(ticks):
         now_ns = START_NS + k * MS
-        robot.note((1.0, 2.0, 3.0), now_ns)
+        robot.record((1.0, 2.0, 3.0), now_ns)
         for lane, readings in zip(lanes, come, strict=True):
-            lane.take(readings[k], now_ns)
+            lane.add(readings[k], now_ns)
         merger.tick(1, now_ns)
         count += len(merger.frames())
     share = (time.thread_time() - begun) / (ticks / 1000)

@@ -12,7 +12,7 @@ from sensor_reading import read_some, read_until, read_until_fault
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.ati.digital_ft import DigitalFtOptions, digital_ft, record_rate_hz
 from mmt.devices.ati.digital_registers import GAINS, STATUS
-from mmt.devices.loading import load_device
+from mmt.devices.drivers import load_device
 
 if sys.platform != "linux":
     pytest.skip("the emulated port is for Linux", allow_module_level=True)

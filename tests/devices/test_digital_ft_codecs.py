@@ -8,24 +8,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.core.errors import MmtError
-from mmt.devices.ati.digital_clock import CountingClock
-from mmt.devices.ati.digital_records import SIZE, RecordStream, pack_record
 from mmt.devices.ati.digital_registers import (
     calibration_start,
     explain_status,
     pack_calibration,
     parse_calibration,
 )
-from mmt.devices.ati.modbus import (
+from mmt.devices.ati.digital_wire import (
+    SIZE,
     NoFrame,
+    RecordStream,
     answer_length,
     checksum,
     frame,
+    pack_record,
     parse_answer,
     read_request,
     registers_of,
     write_request,
 )
+from mmt.devices.ati.record_clocks import CountingClock
 
 MS = 1_000_000
 GAUGES = st.tuples(*[st.integers(-32768, 32767)] * 6)

@@ -13,9 +13,9 @@ from mmt.devices.openhaptics.constants import (
     CURRENT_POSITION,
     DONE,
     FORCE_OUTPUT,
+    name_of,
 )
 from mmt.devices.openhaptics.library import CALLBACK, Stack, Vector3, open_stack
-from mmt.devices.openhaptics.sentences import name_of
 from mmt.testing.emulated.hd import EmulatedHd, build_library
 
 
@@ -28,15 +28,15 @@ def stack() -> Iterator[Stack]:
         pytest.skip(str(error))
     emulated.start()
     opened = open_stack(emulated.address)
-    opened.take_errors()
+    opened.pop_errors()
     opened.device = opened.hd.hdInitDevice(None)  # type: ignore[attr-defined]
     yield opened
     opened.hd.hdDisableDevice(opened.device)  # type: ignore[attr-defined]
-    opened.take_errors()
+    opened.pop_errors()
 
 
 def names(stack: Stack) -> list[str]:
-    return [name_of(error.code) for error in stack.take_errors()]
+    return [name_of(error.code) for error in stack.pop_errors()]
 
 
 def test_frames_are_neither_nested_nor_ended_twice_and_errors_pop_newest_first(stack) -> None:

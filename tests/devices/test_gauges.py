@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from emulated_gauges import EmulatedGauges
 from sensor_reading import read_some, read_until, read_until_fault
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.ati.calibration_file import load_calibration_file, parse_calibration_file
 from mmt.devices.ati.gauges import Gauges, GaugesOptions
-from mmt.devices.loading import load_device
-from mmt.testing.emulated.gauges import EmulatedGauges
+from mmt.devices.drivers import load_device
 
 NAMES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 ROWS = np.array(

@@ -14,9 +14,8 @@ from typer.testing import CliRunner
 from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.devices.calibrations import save_calibration
-from mmt.devices.haptuator.drive import VoltageDrive
-from mmt.devices.haptuator.equalising import TAPS, Equaliser, fit_equaliser, sweep
-from mmt.devices.haptuator.level import level_of, store_level
+from mmt.devices.haptuator.drive import VoltageDrive, level_of, store_level
+from mmt.devices.haptuator.equaliser import TAPS, Equaliser, fit_equaliser, sweep
 from mmt.devices.haptuator.options import HaptuatorOptions
 
 

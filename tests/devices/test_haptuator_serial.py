@@ -14,6 +14,8 @@ from hypothesis import strategies as st
 pty = pytest.importorskip("pty", reason="the emulated port is a pseudo-terminal")
 
 from mmt.core.errors import DeviceLost, InputError, MmtError  # noqa: E402
+from mmt.devices.drivers import load_device  # noqa: E402
+from mmt.devices.haptuator.board_resampler import BoardResampler  # noqa: E402
 from mmt.devices.haptuator.framing import (  # noqa: E402
     FULL_SCALE,
     MOST_SAMPLES,
@@ -24,9 +26,7 @@ from mmt.devices.haptuator.framing import (  # noqa: E402
     Samples,
     encode,
 )
-from mmt.devices.haptuator.pushing import Pusher  # noqa: E402
 from mmt.devices.haptuator.serial_driver import SerialHaptuator  # noqa: E402
-from mmt.devices.loading import load_device  # noqa: E402
 from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard  # noqa: E402
 
 U16 = st.integers(0, 0xFFFF)
@@ -85,7 +85,7 @@ def test_samples_that_do_not_fit_are_refused() -> None:
 
 @pytest.mark.parametrize("board_ppm", [-1000.0, 0.0, 300.0])
 def test_a_boards_drift_is_learnt_and_the_signal_stays_whole(board_ppm: float) -> None:
-    pusher, ahead, played = Pusher(1000.0, 8000.0, 6.0), 0.0, []
+    pusher, ahead, played = BoardResampler(1000.0, 8000.0, 6.0), 0.0, []
     fills = []
     for k in range(20_000):
         fills.append(ahead)
@@ -101,7 +101,7 @@ def test_a_boards_drift_is_learnt_and_the_signal_stays_whole(board_ppm: float) -
 
 
 def test_a_buffer_that_is_far_too_full_is_caught_up_with_smoothly() -> None:
-    pusher, ahead, played = Pusher(1000.0, 8000.0, 6.0), 400.0, []
+    pusher, ahead, played = BoardResampler(1000.0, 8000.0, 6.0), 400.0, []
     for k in range(1000):
         block = pusher.push([math.sin(2.0 * math.pi * 100.0 * k / 1000.0)], math.floor(ahead))
         played.append(block)
@@ -117,7 +117,7 @@ def test_a_buffer_that_is_far_too_full_is_caught_up_with_smoothly() -> None:
 def test_whatever_is_held_up_the_board_gets_finite_bounded_samples(
     turns: list[tuple[int, int]],
 ) -> None:
-    pusher = Pusher(1000.0, 8000.0, 6.0)
+    pusher = BoardResampler(1000.0, 8000.0, 6.0)
     for count, ahead in turns:
         block = pusher.push([1.0] * count, ahead)
         assert np.all(np.abs(block) <= 1.5)

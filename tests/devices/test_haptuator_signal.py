@@ -11,11 +11,11 @@ from hypothesis.extra.numpy import arrays
 from scipy import signal
 
 from mmt.core.errors import InputError
+from mmt.devices.drivers import read_options
+from mmt.devices.haptuator.card_buffer import CardBuffer
 from mmt.devices.haptuator.drive import VoltageDrive
-from mmt.devices.haptuator.interpolation import AFTER, BEFORE, Interpolator, tap_table
 from mmt.devices.haptuator.options import HaptuatorOptions
-from mmt.devices.haptuator.pulling import Puller
-from mmt.devices.loading import read_options
+from mmt.devices.haptuator.resampling import AFTER, BEFORE, Interpolator, tap_table
 
 
 def drive(**changes: float) -> VoltageDrive:
@@ -130,69 +130,71 @@ def tone() -> Iterator[float]:
         k += 1
 
 
-def run(puller: Puller, seconds: float, *, session_ppm: float = 0.0, block: int = 96) -> np.ndarray:
+def run(
+    buffer: CardBuffer, seconds: float, *, session_ppm: float = 0.0, block: int = 96
+) -> np.ndarray:
     """Write and read in turn, as the two clocks demand."""
     samples, due, played = tone(), 0.0, []
     for _ in range(round(seconds * 48_000 / block)):
         due += block / 48.0 * (1.0 + 1e-6 * session_ppm)
-        puller.write([next(samples) for _ in range(int(due))])
+        buffer.write([next(samples) for _ in range(int(due))])
         due -= int(due)
-        played.append(puller.read(block))
+        played.append(buffer.read(block))
     return np.concatenate(played)
 
 
 @pytest.mark.parametrize("session_ppm", [-1000.0, 0.0, 300.0])
 def test_a_drift_is_learnt_without_a_slip(session_ppm: float) -> None:
-    puller = Puller(1000.0, 48_000.0, 96, 4.0)
-    played = run(puller, 20.0, session_ppm=session_ppm)
-    assert (puller.underruns, puller.slips) == (0, 0)
-    assert abs(puller.fill - puller.target) < 1.5
-    assert puller.follower.drift == pytest.approx(1e-6 * session_ppm, abs=2e-4)
+    buffer = CardBuffer(1000.0, 48_000.0, 96, 4.0)
+    played = run(buffer, 20.0, session_ppm=session_ppm)
+    assert (buffer.underruns, buffer.slips) == (0, 0)
+    assert abs(buffer.fill - buffer.target) < 1.5
+    assert buffer.follower.drift == pytest.approx(1e-6 * session_ppm, abs=2e-4)
     # no jump anywhere: a tone's steps are bounded
     assert np.max(np.abs(np.diff(played))) < 1.1 * 2.0 * np.pi * 200.0 / 48_000.0
 
 
 def test_a_drift_beyond_what_can_be_followed_slips_and_goes_on() -> None:
-    puller = Puller(1000.0, 48_000.0, 96, 4.0)
-    played = run(puller, 20.0, session_ppm=20_000.0)
-    assert puller.slips >= 3
-    assert puller.underruns == 0
+    buffer = CardBuffer(1000.0, 48_000.0, 96, 4.0)
+    played = run(buffer, 20.0, session_ppm=20_000.0)
+    assert buffer.slips >= 3
+    assert buffer.underruns == 0
     assert np.max(np.abs(np.diff(played))) < 0.1
     assert np.sqrt(np.mean(played[-48_000:] ** 2)) > 0.6
 
 
 def test_late_samples_make_one_underrun_that_fades_and_ends() -> None:
-    puller = Puller(1000.0, 48_000.0, 96, 4.0)
-    run(puller, 0.5)
-    starved = np.concatenate([puller.read(96) for _ in range(20)])
-    assert puller.underruns == 1
-    assert puller.silent
+    buffer = CardBuffer(1000.0, 48_000.0, 96, 4.0)
+    run(buffer, 0.5)
+    starved = np.concatenate([buffer.read(96) for _ in range(20)])
+    assert buffer.underruns == 1
+    assert buffer.silent
     assert np.max(np.abs(np.diff(starved))) < 0.1
     assert np.all(starved[-960:] == 0.0)
-    played = run(puller, 0.5)
-    assert puller.underruns == 1
+    played = run(buffer, 0.5)
+    assert buffer.underruns == 1
     assert np.sqrt(np.mean(played[-9600:] ** 2)) == pytest.approx(math.sqrt(0.5), rel=0.02)
 
 
 def test_a_clump_of_samples_is_no_loss_of_the_card_and_does_not_block() -> None:
-    puller = Puller(1000.0, 48_000.0, 96, 4.0)
-    run(puller, 0.2)
-    puller.write([0.5] * 20_000)
-    played = np.concatenate([puller.read(96) for _ in range(10)])
-    assert puller.slips == 1
+    buffer = CardBuffer(1000.0, 48_000.0, 96, 4.0)
+    run(buffer, 0.2)
+    buffer.write([0.5] * 20_000)
+    played = np.concatenate([buffer.read(96) for _ in range(10)])
+    assert buffer.slips == 1
     assert np.all(np.isfinite(played))
     assert np.max(np.abs(np.diff(played))) < 0.15
 
 
 def test_muting_fades_to_silence() -> None:
-    puller = Puller(1000.0, 48_000.0, 96, 4.0)
-    before = run(puller, 0.2)
-    puller.mute()
-    after = np.concatenate([before[-1:], *(puller.read(96) for _ in range(3))])
-    assert puller.silent
+    buffer = CardBuffer(1000.0, 48_000.0, 96, 4.0)
+    before = run(buffer, 0.2)
+    buffer.mute()
+    after = np.concatenate([before[-1:], *(buffer.read(96) for _ in range(3))])
+    assert buffer.silent
     assert np.max(np.abs(np.diff(after))) < 0.03
-    puller.write([1.0] * 100)
-    assert not puller.read(96).any()
+    buffer.write([1.0] * 100)
+    assert not buffer.read(96).any()
 
 
 @settings(max_examples=30, deadline=None)
@@ -204,9 +206,9 @@ def test_muting_fades_to_silence() -> None:
 def test_whatever_comes_when_frames_are_whole_finite_and_bounded(
     turns: list[tuple[int, int]], buffer_ms: float, card_rate_hz: float
 ) -> None:
-    puller = Puller(1000.0, card_rate_hz, 96, buffer_ms)
+    buffer = CardBuffer(1000.0, card_rate_hz, 96, buffer_ms)
     for samples, frames in turns:
-        puller.write([1.0] * samples)
-        block = puller.read(frames)
+        buffer.write([1.0] * samples)
+        block = buffer.read(frames)
         assert block.shape == (frames,)
         assert np.all(np.abs(block) <= 1.5)

@@ -15,6 +15,7 @@ pytest.importorskip("pty", reason="the sketch runs on a pseudo-terminal")
 from sketches import FIRMWARE, check_whole, compiled, needs_compiler, running
 
 from mmt.core.errors import DeviceLost
+from mmt.devices.drivers import load_device
 from mmt.devices.haptuator.framing import (
     FULL_SCALE,
     MOST_SAMPLES,
@@ -24,7 +25,6 @@ from mmt.devices.haptuator.framing import (
     Samples,
     encode,
 )
-from mmt.devices.loading import load_device
 from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard
 
 SKETCH = FIRMWARE / "haptuator" / "haptuator.ino"

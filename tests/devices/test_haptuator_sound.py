@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
-from mmt.devices.haptuator.library import load_sounddevice
-from mmt.devices.haptuator.sound import SoundHaptuator, SoundOptions
-from mmt.devices.loading import load_device
-from mmt.devices.mending import MendedActuator
+from mmt.devices.drivers import load_device
+from mmt.devices.haptuator.sound import SoundHaptuator, SoundOptions, load_sounddevice
+from mmt.devices.reconnection import ReconnectingActuator
 from mmt.leader.parts import build_parts
 from mmt.scene.files import scene_from_tables
 from mmt.testing.emulated.haptuator import EmulatedHaptuator
@@ -179,7 +178,7 @@ def test_a_lost_actuator_comes_back_while_the_leader_goes_on() -> None:
         }
     )
     parts = build_parts(scene, lambda _update, _time: None)
-    assert isinstance(parts.mended, MendedActuator)
+    assert isinstance(parts.mended, ReconnectingActuator)
     device = parts.mended.device
     assert isinstance(device, EmulatedHaptuator)
     told: list[str] = []

@@ -11,10 +11,10 @@ from typer.testing import CliRunner
 
 from mmt.cli.main import app
 from mmt.core.errors import InputError, MmtError
-from mmt.devices.haptuator import sweeping
-from mmt.devices.haptuator.equalising import fit_equaliser
-from mmt.devices.haptuator.sweeping import SweepSettings, record_sweep
-from mmt.devices.loading import load_device
+from mmt.devices.drivers import load_device
+from mmt.devices.haptuator import sweep as sweeping
+from mmt.devices.haptuator.equaliser import fit_equaliser
+from mmt.devices.haptuator.sweep import SweepSettings, record_sweep
 from mmt.devices.protocols import ActuatorStatistics, SensorReading
 from mmt.testing.emulated.haptuator_board import EmulatedHaptuatorBoard
 

@@ -15,11 +15,11 @@ from nano17_files import write_calibration
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
+from mmt.devices.drivers import load_device
 from mmt.devices.labjack import packets, usb_link
-from mmt.devices.labjack.gains import Line, nominal_lines, read_lines, write_lines
+from mmt.devices.labjack.board import U6Voltages
 from mmt.devices.labjack.packets import Channel, StreamPacket, decode_stream, encode_stream, plan
-from mmt.devices.labjack.voltages import U6Voltages
-from mmt.devices.loading import load_device
+from mmt.devices.labjack.scans import Line, nominal_lines, read_lines, write_lines
 from mmt.testing.emulated.labjack_u6 import EmulatedU6
 
 u16 = st.integers(0, 2**16 - 1)

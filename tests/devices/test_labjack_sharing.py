@@ -16,10 +16,10 @@ from sensor_reading import read_some, read_until
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
+from mmt.devices.drivers import load_device
 from mmt.devices.labjack import sharing
+from mmt.devices.labjack.board import U6Voltages
 from mmt.devices.labjack.packets import Channel
-from mmt.devices.labjack.voltages import U6Voltages
-from mmt.devices.loading import load_device
 from mmt.testing.emulated.labjack_u6 import EmulatedU6
 
 WAVE_HZ = 5.0

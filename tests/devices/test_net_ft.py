@@ -12,18 +12,20 @@ from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.ati import net_ft as net_ft_module
 from mmt.devices.ati import sensor as sensor_module
 from mmt.devices.ati.net_ft import NetFt, NetFtOptions, net_ft
-from mmt.devices.ati.net_records import (
+from mmt.devices.ati.net_wire import (
     START,
     STOP,
     Record,
     explain_status,
+    filter_delay_ns,
     is_broken,
     pack_record,
+    parse_page,
     parse_request,
+    parse_settings,
     request,
 )
-from mmt.devices.ati.net_settings import filter_delay_ns, parse_page, parse_settings
-from mmt.devices.loading import load_device
+from mmt.devices.drivers import load_device
 from mmt.testing.emulated.net_ft import EmulatedNetFt
 
 PAGE = """<?xml version="1.0" encoding="utf-8"?><netft><setuserfilter>4</setuserfilter>

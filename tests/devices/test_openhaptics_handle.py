@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.core.errors import DeviceLost, InputError
-from mmt.devices.loading import load_device
+from mmt.devices.drivers import load_device
 from mmt.devices.openhaptics.handle import HandForce, OpenHapticsHandle
 from mmt.testing.emulated.hd import EmulatedHd
 

@@ -9,12 +9,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.devices.openhaptics.axes import Axes
-from mmt.devices.openhaptics.constants import CONTINUE, CURRENT_POSITION, DONE
-from mmt.devices.openhaptics.measuring import JUMP, NOT_FINITE, OUT_OF_REACH, STUCK, Watch
-from mmt.devices.openhaptics.options import RobotOptions
+from mmt.devices.openhaptics.constants import (
+    _SENTENCES,
+    CONTINUE,
+    CURRENT_POSITION,
+    DONE,
+    HdError,
+    explain,
+    only_force,
+)
+from mmt.devices.openhaptics.options import Axes, RobotOptions
 from mmt.devices.openhaptics.robot import PositionServo
-from mmt.devices.openhaptics.sentences import _SENTENCES, HdError, explain, only_force
+from mmt.devices.openhaptics.servo import JUMP, NOT_FINITE, OUT_OF_REACH, STUCK, Watch
 
 TICK_S = 1e-3
 

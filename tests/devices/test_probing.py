@@ -6,7 +6,7 @@ import time
 import pytest
 
 from mmt.core.timer_file import open_timer
-from mmt.devices.probing import LoopTimer, Retry
+from mmt.devices.polling import LoopTimer, Retry
 
 PATIENCE_S = 20.0
 

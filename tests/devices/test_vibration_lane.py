@@ -7,10 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.devices.merging import WAITING, Lane
+from mmt.devices.lanes import WAITING, Lane
 from mmt.devices.protocols import SensorReading
-from mmt.devices.reconstruction import BEFORE, PHASES, band_of, weights
-from mmt.devices.vibration_lane import VibrationLane
+from mmt.devices.vibration_lane import BEFORE, PHASES, VibrationLane, band_of, weights
 
 
 def readings_of(
@@ -30,7 +29,7 @@ def readings_of(
 def lane_of(readings: list[SensorReading], kind: type[Lane] = VibrationLane) -> Lane:
     lane = kind()
     for reading in readings:
-        lane.take([reading], reading.time_ns)
+        lane.add([reading], reading.time_ns)
     return lane
 
 
@@ -158,7 +157,7 @@ def test_a_sensor_that_comes_back_at_another_rate_has_other_weights() -> None:
     lane.reset()
     readings = readings_of(4000, 300, 2000)
     for reading in readings:
-        lane.take([reading], reading.time_ns)
+        lane.add([reading], reading.time_ns)
     time_ns = readings[1900].time_ns + 120_000
     x, y, _ = lane.at(time_ns)  # type: ignore[misc]
     angle = 2 * math.pi * 300 * time_ns * 1e-9 + 0.3

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
-from mmt.devices.loading import load_device
+from mmt.devices.drivers import load_device
 from mmt.testing.emulated import drivers as drivers_module
 from mmt.testing.emulated.drivers import VirtualAdxl335, VirtualNetFt, VirtualRobot
 from mmt.testing.emulated.world import TICK_NS, World

@@ -45,7 +45,7 @@ class Guarded:
         """Let ticks pass, with a command before each where there is one."""
         for _ in range(ticks):
             if position_mm is not None:
-                self.guard.take(*command(*position_mm))
+                self.guard.receive(*command(*position_mm))
             self.positions.append(self.guard.step(1, lambda: self.measured))
 
     @property
@@ -97,7 +97,7 @@ def test_the_robot_begins_where_it_is() -> None:
 
 def test_a_robot_that_is_not_measured_begins_at_the_first_command() -> None:
     guard = CommandGuard(Link(), 1000.0, "z", measures_position=False, say=lambda _: None)
-    guard.take(*command(3.0, 2.0, 1.0))
+    guard.receive(*command(3.0, 2.0, 1.0))
     assert guard.step(1, lambda: None) == (3.0, 2.0, 1.0)
 
 
@@ -145,12 +145,12 @@ def test_stale_commands_are_thrown_away_and_are_no_end_of_the_silence() -> None:
     robot = Guarded(stale_ms=300.0)
     robot.run(10, HOME)
     for _ in range(150):
-        robot.guard.take(*command(50.0, 0.0, 0.0, round_trip_ns=SECOND_NS))
+        robot.guard.receive(*command(50.0, 0.0, 0.0, round_trip_ns=SECOND_NS))
         robot.run(1)
     assert robot.newest == HOME
     assert robot.said == ["leader silent for 0.1 s: holding"]
     assert robot.guard.summary["stale_commands"] == 150
-    robot.guard.take(*command(5.0, 0.0, 5.0, round_trip_ns=299_000_000))
+    robot.guard.receive(*command(5.0, 0.0, 5.0, round_trip_ns=299_000_000))
     robot.run(200)
     assert robot.newest == pytest.approx((5.0, 0.0, 5.0))
 
@@ -159,7 +159,7 @@ def test_a_command_that_echoes_nothing_cannot_be_stale() -> None:
     robot = Guarded()
     block, arrival_ns = command(1.0, 0.0, 5.0)
     block["echo_time_ns"] = block["echo_age_ns"] = 0
-    robot.guard.take(block, arrival_ns)
+    robot.guard.receive(block, arrival_ns)
     robot.run(100)
     assert robot.newest == (1.0, 0.0, 5.0)
 
@@ -194,7 +194,7 @@ def test_whatever_comes_and_whenever_the_robot_never_jumps(
     before = HOME
     for position, elapsed in ticks:
         if position is not None:
-            robot.guard.take(*command(*position))
+            robot.guard.receive(*command(*position))
         after = robot.guard.step(elapsed, lambda: HOME)
         if after is None:
             continue

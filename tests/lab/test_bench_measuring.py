@@ -7,16 +7,17 @@ import time
 import numpy as np
 import pytest
 
+from mmt.evaluation.report import machine
 from mmt_lab.bench import STAGES, peers
-from mmt_lab.bench.measuring import call_times, interleave, machine, spread
-from mmt_lab.bench.results import (
+from mmt_lab.bench.measuring import call_times, interleave, spread
+from mmt_lab.harness.findings import (
     Axis,
     Curves,
+    Findings,
     LeftOut,
     Panel,
     Records,
     Spread,
-    StageResult,
     Target,
 )
 
@@ -98,8 +99,7 @@ def test_ratios_are_taken_where_both_have_a_point():
 
 
 def test_a_result_is_plain_json():
-    result = StageResult(
-        "s",
+    result = Findings(
         "S",
         "about",
         records=(Records("r", "R", ({"a": math.nan, "b": True},)),),

@@ -8,8 +8,8 @@ from mmt.texture.autoregression.forms import burg_batch, lsf_to_ar
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.bench import native
-from mmt_lab.bench.results import LeftOut
 from mmt_lab.bench.textures import exact_samples, scattered
+from mmt_lab.harness.findings import LeftOut
 
 
 @pytest.fixture(scope="module")

@@ -9,23 +9,23 @@ from rich.console import Console
 from mmt.core.errors import InputError
 from mmt.evaluation.document import Table
 from mmt.evaluation.table import as_rich
-from mmt_lab.bench.presenting import (
-    narrow_panel_table,
-    panel_table,
-    records_table,
-    stage_tables,
-    targets_table,
-    write_bench_report,
-)
-from mmt_lab.bench.results import (
+from mmt_lab.cli.benching import write_bench_report
+from mmt_lab.harness.findings import (
     Axis,
     Curves,
+    Findings,
     LeftOut,
     Panel,
     Records,
     Spread,
-    StageResult,
     Target,
+)
+from mmt_lab.harness.tables import (
+    narrow_panel_table,
+    panel_table,
+    records_table,
+    tables_of,
+    targets_table,
 )
 
 TIME, ERROR = Axis("time (µs)", "µs"), Axis("error", "error")
@@ -41,8 +41,7 @@ def made_panel():
 
 
 def made_result():
-    return StageResult(
-        "burg",
+    return Findings(
         "Burg's method",
         "What was measured.",
         panels=(made_panel(),),
@@ -57,6 +56,7 @@ def made_result():
             Target("unknown", None, "at most", 5.0),
         ),
         left_out=(LeftOut("librosa", "cannot be imported", "pip install librosa"),),
+        name="burg",
     )
 
 
@@ -96,9 +96,7 @@ def test_records_and_targets_are_said_in_words():
         ("slower", "burg", "7", "at most 5", "no"),
         ("unknown", "burg", "-", "at most 5", "not measured"),
     ]
-    assert stage_tables(result)[-1].rows == [
-        ("librosa", "cannot be imported", "pip install librosa")
-    ]
+    assert tables_of(result)[-1].rows == [("librosa", "cannot be imported", "pip install librosa")]
 
 
 def test_a_report_is_one_page_with_its_plots_inside(tmp_path):

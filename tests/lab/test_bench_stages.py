@@ -19,8 +19,8 @@ from mmt_lab.bench import (
     update,
 )
 from mmt_lab.bench.network_methods import DELAUNAY, OURS
-from mmt_lab.bench.plotting import stage_figure
-from mmt_lab.bench.results import LeftOut
+from mmt_lab.harness.findings import LeftOut
+from mmt_lab.harness.plots import panels_figure
 
 PLANS = {
     "burg": (
@@ -139,7 +139,7 @@ def test_a_stage_has_panels_that_can_be_drawn_and_written(results, name):
                 assert point.x.median > 0
                 assert point.y.median >= 0
     assert json.loads(json.dumps(result.as_dict(), allow_nan=False))["title"] == result.title
-    assert to_png(stage_figure(result)).startswith(b"\x89PNG")
+    assert to_png(panels_figure(result)).startswith(b"\x89PNG")
 
 
 def test_burg_is_exact_and_holds_where_it_is_stiff(results):

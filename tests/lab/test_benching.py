@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -6,9 +7,9 @@ from typer.testing import CliRunner
 
 from mmt.cli.main import app
 from mmt.core.errors import InputError, MmtError
-from mmt_lab.bench.results import StageResult, Target
 from mmt_lab.cli import benching
 from mmt_lab.cli.benching import run_benches
+from mmt_lab.harness.findings import Findings, Target
 
 
 def test_an_unknown_stage_is_explained() -> None:
@@ -34,17 +35,17 @@ def test_the_link_is_measured_beside_a_bare_websocket() -> None:
 def test_targets_are_printed_beside_what_is_measured(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    result = StageResult("burg", "B", "About.", targets=(Target("ratio", 5.0, "at least", 4.0),))
+    result = Findings("B", "About.", targets=(Target("ratio", 5.0, "at least", 4.0),))
     monkeypatch.setattr(benching, "run_stage", lambda name: result)
     results, _ = run_benches(["burg", "burg"], 1.0)
-    assert results == [result]
+    assert results == [replace(result, name="burg")]
     printed = capsys.readouterr().out
     assert "ratio" in printed
     assert "at least 4" in printed
 
 
 def test_a_stage_without_its_reference_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    def missing(name: str) -> StageResult:
+    def missing(name: str) -> Findings:
         raise ModuleNotFoundError("No module named 'mpmath'", name="mpmath")
 
     monkeypatch.setattr(benching, "run_stage", missing)
@@ -56,10 +57,10 @@ def test_a_stage_without_its_reference_is_left_out(monkeypatch: pytest.MonkeyPat
 def test_a_stage_that_fails_leaves_the_others_their_figures(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    def run(name: str) -> StageResult:
+    def run(name: str) -> Findings:
         if name == "burg":
             raise MmtError("a process gave nothing")
-        return StageResult(name, "Lines", "About.")
+        return Findings("Lines", "About.")
 
     monkeypatch.setattr(benching, "run_stage", run)
     report, figures = str(tmp_path / "report"), tmp_path / "figures.json"

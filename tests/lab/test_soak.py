@@ -16,7 +16,7 @@ from mmt.core.errors import InputError
 from mmt.core.frames import frame_dtype
 from mmt.scene import Network
 from mmt.session import write_session
-from mmt_lab.cli import soaking
+from mmt_lab.experiments import soak
 from mmt_lab.soak.drift import by_window, drift, outside
 from mmt_lab.soak.faults import CUT, LENGTHS_S, NETWORKS, RESTART, Fault, plan_faults
 from mmt_lab.soak.judging import Happened, Observed, Sample, judge, table
@@ -246,29 +246,25 @@ def test_a_long_run_that_cannot_tell_does_not_hold():
 # --- the command
 
 
-@pytest.mark.parametrize(("option", "value"), [("duration_s", 1.0), ("every_s", 0.1)])
+@pytest.mark.parametrize(("option", "value"), [("duration", 1.0), ("every", 0.1)])
 def test_numbers_out_of_range_are_explained(tmp_path, option, value):
-    values = {"duration_s": 60.0, "every_s": 5.0, option: value}
-    with pytest.raises(InputError, match=f"--{option.removesuffix('_s')} .*: allowed is"):
-        soaking.run_soak(**values, seed=1, directory=tmp_path, json_file=None)
+    values = {"duration": 60.0, "every": 5.0, option: value}
+    with pytest.raises(InputError, match=f"--{option} .*: allowed is"):
+        soak.run(**values, output=tmp_path)
 
 
-def test_a_soak_that_finds_a_flaw_says_so(tmp_path, monkeypatch, capsys):
+def test_a_soak_that_finds_a_flaw_says_so(tmp_path, monkeypatch):
     observed, _ = good()
 
     async def made(duration_s: float, faults: object, seed: int, recording: Path) -> Observed:
         write_session(recording, numbered([*range(50), *range(60, 90)]))
         return observed
 
-    monkeypatch.setattr(soaking, "_run", made)
-    file = tmp_path / "soak.json"
-    held = soaking.run_soak(
-        duration_s=60.0, every_s=5.0, seed=1, directory=tmp_path, json_file=file
-    )
-    assert not held
-    printed = capsys.readouterr()
-    assert "frames missing, but where a follower was killed: 10 of 10" in printed.err
-    assert '"kind": "follower killed and started anew"' in file.read_text()
+    monkeypatch.setattr(soak, "_run", made)
+    found = soak.run(duration=60.0, every=5.0, output=tmp_path)
+    flaw = "frames missing, but where a follower was killed: 10 of 10"
+    assert any(flaw in sentence for sentence in found.failures)
+    assert found.data["faults"][0]["kind"] == "follower killed and started anew"
 
 
 # --- the proxy

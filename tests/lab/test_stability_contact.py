@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from mmt.contact.integrators import INTEGRATORS
 from mmt.contact.normal import Drive
 from mmt.testing.simulation.robot import DISSIPATION_S_M, tip_drive
+from mmt_lab.contact.integrators import INTEGRATORS
 from mmt_lab.stability.cases import Case, run_case
 from mmt_lab.stability.families import contact, loop
 from mmt_lab.stability.families.contact import impact_growth, wall

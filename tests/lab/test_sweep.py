@@ -12,7 +12,7 @@ from mmt.cli import main
 from mmt.core.errors import InputError, MmtError
 from mmt.scene import Texture
 from mmt.session import RecordedSession, write_session
-from mmt_lab.cli import sweeping
+from mmt_lab.experiments import sweep
 from mmt_lab.sweep.combinations import (
     Outcome,
     SweepResults,
@@ -193,11 +193,11 @@ def test_the_command_goes_on_where_it_stopped(session, tmp_path, monkeypatch):
             here.append(job.settings["texture.order"])
             yield Outcome(job, evaluate_job(sessions[job.path], job))
 
-    monkeypatch.setattr(sweeping, "run_locally", run_here)
+    monkeypatch.setattr(sweep, "run_locally", run_here)
     file = tmp_path / "even.npz"
     write_session(file, session.frames)
     summary = tmp_path / "summary.json"
-    command = ["sweep", str(file), "--out", str(tmp_path / "out"), "--json", str(summary)]
+    command = ["lab", "sweep", str(file), "--out", str(tmp_path / "out"), "--json", str(summary)]
     first = CliRunner().invoke(main.app, [*command, "--set", "texture.order=6"])
     assert first.exit_code == 0, first.output
     second = CliRunner().invoke(main.app, [*command, "--set", "texture.order=6,9"])
@@ -218,10 +218,12 @@ def test_a_failed_job_is_named_and_ends_the_command_with_1(session, tmp_path, mo
     def fail(jobs, sessions, workers):
         yield from (Outcome(job, None, "it broke") for job in jobs)
 
-    monkeypatch.setattr(sweeping, "run_locally", fail)
+    monkeypatch.setattr(sweep, "run_locally", fail)
     file = tmp_path / "even.npz"
     write_session(file, session.frames)
-    result = CliRunner().invoke(main.app, ["sweep", str(file), "--out", str(tmp_path / "out")])
+    result = CliRunner().invoke(
+        main.app, ["lab", "sweep", str(file), "--out", str(tmp_path / "out")]
+    )
     assert result.exit_code == 1
     assert not (tmp_path / "out" / "results.jsonl").exists()
 
@@ -229,9 +231,11 @@ def test_a_failed_job_is_named_and_ends_the_command_with_1(session, tmp_path, mo
 def test_workers_and_a_cluster_exclude_each_other(session, tmp_path):
     file = tmp_path / "even.npz"
     write_session(file, session.frames)
-    for options in (["--workers", "2", "--dask", "tcp://x:1"], ["--workers", "0"]):
-        result = CliRunner().invoke(main.app, ["sweep", str(file), *options])
-        assert isinstance(result.exception, InputError)
+    options = ["--workers", "2", "--dask", "tcp://x:1"]
+    result = CliRunner().invoke(main.app, ["lab", "sweep", str(file), *options])
+    assert isinstance(result.exception, InputError)
+    result = CliRunner().invoke(main.app, ["lab", "sweep", str(file), "--workers", "0"])
+    assert result.exit_code == 2
 
 
 def test_numbers_are_plain(session):

@@ -11,8 +11,8 @@ from service_runs import small_scene
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import CHANNELS
-from mmt.devices.loading import load_device
-from mmt.devices.protocols import DeviceBackedSource, FrameTaker
+from mmt.devices.drivers import load_device
+from mmt.devices.protocols import DeviceBackedSource, FrameReceiver
 from mmt.devices.source import DeviceSource
 from mmt.follower.guarded_source import GuardedSource
 from mmt.follower.sources import build_source
@@ -55,7 +55,7 @@ def test_ticks_begin_after_the_turn_of_a_device_that_has_turns() -> None:
 
 def test_a_frame_that_comes_between_two_ticks_is_sent_at_once(tmp_path: Path) -> None:
     class Source(DeviceSource):
-        def hand_on(self, callback: FrameTaker) -> None:
+        def on_late_frames(self, callback: FrameReceiver) -> None:
             self.taker = callback
 
     class News:

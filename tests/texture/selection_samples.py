@@ -5,7 +5,7 @@ import numpy as np
 from mmt.core.arrays import BoolArray, FloatArray
 from mmt.texture.autoregression.burg import burg_batch
 from mmt.texture.autoregression.forms import lsf_to_reflection, reflection_to_lsf
-from mmt.texture.autoregression.realisation import realise
+from mmt.texture.autoregression.simulation import simulate_ar
 from mmt.texture.selection import ModelPoints
 
 ORDER = 8
@@ -30,7 +30,7 @@ def sampled_texture(
     knocked[generator.choice(n, knocks, replace=False)] = True
     segments = []
     for index in range(n):
-        segment = realise(reflection[index], level[index], 260, generator)
+        segment = simulate_ar(reflection[index], level[index], 260, generator)
         if knocked[index]:
             knock = np.zeros(260)
             time_s = np.arange(160) / 1000.0

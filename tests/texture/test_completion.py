@@ -61,15 +61,15 @@ def test_an_added_sample_never_raises_the_sum(
 
 def test_the_monitor_remembers_when_each_criterion_was_met() -> None:
     monitor = CompletionMonitor()
-    monitor.take(np.empty((0, 2)), 1.0)
+    monitor.update_points(np.empty((0, 2)), 1.0)
     assert not monitor.started
     assert math.isfinite(monitor.distance)
-    monitor.take(CELL_CENTRES[:5], 2.0)
+    monitor.update_points(CELL_CENTRES[:5], 2.0)
     first = monitor.distance
-    monitor.take(np.repeat(CELL_CENTRES, 3, axis=0), 3.0)
+    monitor.update_points(np.repeat(CELL_CENTRES, 3, axis=0), 3.0)
     assert monitor.distance == 0.0 < first
     assert monitor.stop_s == 3.0
-    monitor.take(np.repeat(CELL_CENTRES, 3, axis=0), 4.0)
+    monitor.update_points(np.repeat(CELL_CENTRES, 3, axis=0), 4.0)
     assert monitor.stop_s == 3.0
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.texture.completion.criteria import criterion_of
+from mmt.texture.completion.criteria import make_criterion
 from mmt.texture.completion.distance import CompletionMonitor, cells_of
 from mmt.texture.completion.grid import completion_grid
 from mmt.texture.completion.uncertainty import UncertaintyCriterion
@@ -175,7 +175,7 @@ def test_every_cell_has_strokes_and_each_stroke_its_cell(dimensions):
 
 
 def criterion(inputs: Inputs = "isotropic") -> UncertaintyCriterion:
-    found = criterion_of(
+    found = make_criterion(
         ModellingSettings(inputs=inputs, level="gaussian_process", criterion="uncertainty")
     )
     assert isinstance(found, UncertaintyCriterion)
@@ -244,7 +244,7 @@ def test_an_operator_who_keeps_to_one_line_completes_it(inputs, seconds):
     model = model_of(points)
     judge.update(model, float(seconds))
     assert judge.stopped
-    published = criterion_of(ModellingSettings(inputs=inputs))
+    published = make_criterion(ModellingSettings(inputs=inputs))
     published.update(model, float(seconds))
     assert not published.started
 
@@ -256,15 +256,15 @@ def test_what_samples_of_another_surface_have_met_is_taken_back_with_them():
     judge.update(model_of(strokes(150, 2)), 8.0)
     assert judge.stop_s == 8.0
     judge.update(model_of(strokes(4, 2)), 9.0)
-    judge.take_back(7.0)
+    judge.revoke_since(7.0)
     assert (judge.start_s, judge.stop_s) == (2.0, None)
     judge.update(None, 10.0)
-    judge.take_back(1.0)
+    judge.revoke_since(1.0)
     assert not judge.started
 
 
 def test_the_published_sum_is_what_runs_where_nothing_else_is_asked():
-    monitor = criterion_of(ModellingSettings())
+    monitor = make_criterion(ModellingSettings())
     assert isinstance(monitor, CompletionMonitor)
     assert monitor.progress.scale == ModellingSettings().scale
     assert not monitor.progress.scale.rises

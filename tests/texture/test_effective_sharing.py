@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import freqz, lfilter
 
-from mmt.texture.autoregression.effective_length import LEAST, effective_samples
+from mmt.texture.autoregression.effective_sample_size import LEAST, effective_samples
 from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.field.effective_sharing import shared_effective
 from mmt.texture.model.fits import fit_segments

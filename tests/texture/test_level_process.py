@@ -9,9 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.effective_length import LEAST, effective_samples, log_power_scatter
+from mmt.texture.autoregression.effective_sample_size import (
+    LEAST,
+    effective_samples,
+    log_power_scatter,
+)
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power, reflection_to_lsf
-from mmt.texture.field.level_choice import log_posterior
 from mmt.texture.field.level_covariance import (
     PRIOR,
     Features,
@@ -21,6 +24,7 @@ from mmt.texture.field.level_covariance import (
     matern,
     turn,
 )
+from mmt.texture.field.level_hyperparameters import log_posterior
 from mmt.texture.field.level_pooling import LevelSamples, pooled
 from mmt.texture.field.level_process import DB, LevelProcess
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.signal import butter, freqz, lfilter, sosfilt
 
+from mmt.texture.segmentation.low_band import LEAST_AIR_WINDOWS, LOW_CUTOFF_HZ, LowBand, lowering
 from mmt.texture.segmentation.segments import SampleRange, Segment
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.dft321 import dft321
-from mmt.texture.signals.low_band import LEAST_AIR_WINDOWS, LOW_CUTOFF_HZ, LowBand, lowering
 from mmt.texture.signals.noise_floor import WINDOW
 
 RATE_HZ = 1000.0

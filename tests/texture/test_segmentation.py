@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
-from mmt.texture.segmentation.pieces import CELL
+from mmt.texture.segmentation.bottom_up import CELL
 from mmt.texture.segmentation.segmenter import OnlineSegmenter, SegmentationSettings, segment
 from mmt.texture.segmentation.segments import SampleRange, Segment
 from mmt.texture.signals.aligned import AlignedBlock

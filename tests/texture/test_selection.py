@@ -13,10 +13,10 @@ from mmt.texture.autoregression.forms import lsf_to_ar
 from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt.texture.selection import ModelPoints, SelectionSettings, select, select_published
 from mmt.texture.selection.condensed import condense
+from mmt.texture.selection.damped_tones import loudest_tone_energy, modes
 from mmt.texture.selection.leave_one_out import retrained
 from mmt.texture.selection.outliers import find_outliers, least_points
 from mmt.texture.selection.points import band, log_density_of
-from mmt.texture.selection.ringing import loudest_ring, modes
 from mmt.texture.selection.transients import bursts, whitening
 from mmt.texture.selection.valid import valid_filter
 
@@ -67,7 +67,7 @@ def test_the_published_result_depends_on_the_order_and_ours_does_not(space):
     published, ours = set(), set()
     for _ in range(4):
         order = generator.permutation(len(data))
-        shuffled = data.taken(order)
+        shuffled = data.subset(order)
         for sets, result in (
             (published, select_published(shuffled, tau_1=0.15, tau_2=0.2)),
             (ours, select(shuffled)),
@@ -82,7 +82,7 @@ def test_the_published_result_depends_on_the_order_and_ours_does_not(space):
 def test_scores_and_reasons_follow_their_points_through_any_shuffle(seed):
     data, _ = sampled_texture(50, 2, knocks=4, seed=5)
     order = np.random.default_rng(seed).permutation(50)
-    straight, shuffled = select(data), select(data.taken(order))
+    straight, shuffled = select(data), select(data.subset(order))
     np.testing.assert_array_equal(shuffled.score, straight.score[order])
     np.testing.assert_array_equal(shuffled.kept, straight.kept[order])
     assert shuffled.reason == tuple(straight.reason[i] for i in order)
@@ -260,7 +260,7 @@ def test_the_loudest_ring_is_what_least_squares_explains():
     ar = lsf_to_ar(true_lsf(np.full((1, 2), 0.4)))[0]
     error = generator.normal(size=90)
     grid = modes()[::6].copy()
-    found = loudest_ring(error, ar, grid)
+    found = loudest_tone_energy(error, ar, grid)
     everywhere = [
         explained_by_least_squares(error, ar, mode, start) for mode in grid for start in range(83)
     ]

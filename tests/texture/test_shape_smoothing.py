@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.texture.autoregression.effective_length import effective_samples, lengths
+from mmt.texture.autoregression.effective_sample_size import effective_samples, lengths
 from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.field.shape_smoothing import LARGEST, smoothed, smoothed_shapes
 from mmt.texture.interpolation.boundary import boundary

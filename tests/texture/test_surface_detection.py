@@ -8,17 +8,17 @@ from scipy.signal import freqz
 from surface_samples import PEAKED, SMOOTH, make_blocks
 
 from mmt.core.errors import InputError
-from mmt.texture.surfaces import SurfaceDetector, SurfaceKnowledge
+from mmt.texture.surfaces import SurfaceDetector, SurfacePosterior
+from mmt.texture.surfaces.block_likelihood import PreparedBlocks
 from mmt.texture.surfaces.blocks import BLOCK, SurfaceBlock
+from mmt.texture.surfaces.candidate import Candidate
 from mmt.texture.surfaces.detection import EARLY
-from mmt.texture.surfaces.heard import HeardBlocks
-from mmt.texture.surfaces.held import HeldEvidence
 from mmt.texture.surfaces.prior import SETTINGS
-from mmt.texture.surfaces.trial import Trial
+from mmt.texture.surfaces.robustness import RobustnessCheck
 
 
 def followed(detector: SurfaceDetector, blocks: list[SurfaceBlock]) -> list[tuple[str, int, int]]:
-    changes = [detector.take(block) for block in blocks]
+    changes = [detector.update(block) for block in blocks]
     return [(c.kind, c.surface, c.from_sample) for c in changes if c is not None]
 
 
@@ -37,7 +37,7 @@ def test_the_delay_is_what_the_divergence_of_two_known_processes_says() -> None:
         before = make_blocks(SMOOTH, 80, seed)
         assert followed(detector, before) == []
         after = make_blocks(SMOOTH, 30, 100 + seed, amplitude=np.sqrt(ratio), first=80)
-        found = next(n for n, block in enumerate(after, 1) if detector.take(block) is not None)
+        found = next(n for n, block in enumerate(after, 1) if detector.update(block) is not None)
         delays.append(found)
     bound = SurfaceDetector().threshold(touchdown=False) / per_block
     assert bound <= np.mean(delays) <= max(4.0 * bound, 6.0)
@@ -70,7 +70,7 @@ def test_a_trial_that_began_with_a_block_of_the_former_surface_is_of_the_one_tha
     followed(detector, make_blocks(SMOOTH, 40, 1))
     assert followed(detector, make_blocks(PEAKED, 70, 2, first=40))[0][0] == "new"
     detector._go_to(3)  # as where a change was placed one block too early
-    detector._trial, detector._window, detector._stayed = Trial(), [], 0
+    detector._trial, detector._window, detector._stayed = Candidate(), [], 0
     mixed = make_blocks(PEAKED, 1, 3, first=110) + make_blocks(SMOOTH, 20, 4, first=111)
     assert [(kind, number) for kind, number, _ in followed(detector, mixed)] == [("identified", 1)]
     assert set(detector.surfaces) == {1, 2}
@@ -86,7 +86,7 @@ def test_a_trial_whose_first_strokes_were_odd_was_of_a_known_surface_if_that_tel
     followed(detector, make_blocks(SMOOTH, 40, 1))
     followed(detector, make_blocks(PEAKED, 70, 2, first=40))
     detector._go_to(3)
-    detector._trial, detector._window, detector._stayed = Trial(), [], 0
+    detector._trial, detector._window, detector._stayed = Candidate(), [], 0
     odd = make_blocks(SMOOTH, 4, 3, first=110, amplitude=amplitude)
     found = followed(detector, odd + make_blocks(SMOOTH, 20, 4, first=114))
     assert [(found_kind, number) for found_kind, number, _ in found] == [(kind, 1)]
@@ -107,18 +107,18 @@ def test_a_knock_is_no_surface() -> None:
 
 def test_what_follows_a_visit_that_was_not_found_is_no_new_surface() -> None:
     """A visit taken for the current surface makes that itself unlikely behind it."""
-    current, unknown = SurfaceKnowledge(), SurfaceKnowledge()
+    current, unknown = SurfacePosterior(), SurfacePosterior()
     current.add(make_blocks(SMOOTH, 60, 9))
     low, high = (0.5, 0.5), (0.6, 0.6)
     visit = make_blocks(SMOOTH, 6, 10, amplitude=3.0, low=low, high=high)
     behind = make_blocks(SMOOTH, 4, 11, low=low, high=high)
-    held = HeldEvidence([*visit, *behind], len(behind), current, unknown)
-    apparent = unknown.log_likelihood(HeardBlocks.of(behind, SETTINGS))[-1]
-    heard = HeardBlocks.of([*visit, *behind], SETTINGS)
+    held = RobustnessCheck([*visit, *behind], len(behind), current, unknown)
+    apparent = unknown.log_likelihood(PreparedBlocks.of(behind, SETTINGS))[-1]
+    heard = PreparedBlocks.of([*visit, *behind], SETTINGS)
     apparent -= current.log_likelihood_after(heard)[-len(behind)]
     assert apparent > 5.0
     assert not held.above(0.0, at_any_heading=True)
-    really_new = HeldEvidence([*behind, *visit], len(visit), current, unknown)
+    really_new = RobustnessCheck([*behind, *visit], len(visit), current, unknown)
     assert really_new.above(15.0, at_any_heading=True)
 
 

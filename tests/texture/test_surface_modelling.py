@@ -40,7 +40,7 @@ class ScriptedTracker:
         self.surfaces = {1}
         self.detector = self
 
-    def take(self, frames: RecordArray) -> list[SurfaceChange]:
+    def update(self, frames: RecordArray) -> list[SurfaceChange]:
         found = self.script.get(int(frames["sequence"][-1]) + 1, [])
         for one in found:
             self.surface = one.surface
@@ -186,13 +186,13 @@ def test_a_model_that_is_complete_stays_as_it_is_until_the_end(
 def test_a_criterion_that_foreign_samples_have_met_is_taken_back() -> None:
     monitor = CompletionMonitor(start_distance=20.0, stop_distance=10.0)
     corners = np.array([[x, y] for x in (0.2, 0.5, 0.8) for y in (0.2, 0.5, 0.8)])
-    monitor.take(corners, 5.0)
+    monitor.update_points(corners, 5.0)
     assert (monitor.started, monitor.stopped) == (True, True)
-    monitor.take(corners[:1], 6.0)
+    monitor.update_points(corners[:1], 6.0)
     assert monitor.started  # a criterion that was met stays met ...
-    monitor.take_back(5.0)
+    monitor.revoke_since(5.0)
     assert monitor.started
-    monitor.take_back(4.9)  # ... but by what was the surface's own
+    monitor.revoke_since(4.9)  # ... but by what was the surface's own
     assert (monitor.started, monitor.stopped) == (False, False)
 
 

@@ -12,19 +12,19 @@ from surface_samples import PEAKED, SMOOTH, make_blocks
 
 from mmt.core.arrays import RecordArray
 from mmt.texture.signals.aligned import AlignedBlock
-from mmt.texture.surfaces import BlockCutter, SurfaceDetector, SurfaceKnowledge
+from mmt.texture.surfaces import BlockCutter, SurfaceDetector, SurfacePosterior
+from mmt.texture.surfaces.block_likelihood import PreparedBlocks, log_densities
 from mmt.texture.surfaces.blocks import BANDS, BLOCK, SurfaceBlock, band_log_power
-from mmt.texture.surfaces.covariance import Covariances, Places
-from mmt.texture.surfaces.heard import HeardBlocks, log_densities
-from mmt.texture.surfaces.knowledge import SHARED
+from mmt.texture.surfaces.covariance import Covariances, SettingInputs
+from mmt.texture.surfaces.posterior import SHARED
 from mmt.texture.surfaces.prior import (
     GRAINED,
     NOISE,
     PRIORS,
     SETTINGS,
     Setting,
+    cosine_transform,
     settings_of,
-    turning,
 )
 
 
@@ -48,8 +48,8 @@ def stacked(blocks: list[SurfaceBlock]) -> tuple[np.ndarray, np.ndarray]:
     return np.array([b.inputs for b in blocks]), np.array([b.log_power for b in blocks])
 
 
-def likelihood(surface: SurfaceKnowledge, blocks: list[SurfaceBlock]) -> np.ndarray:
-    return surface.log_likelihood(HeardBlocks.of(blocks, surface.settings))
+def likelihood(surface: SurfacePosterior, blocks: list[SurfaceBlock]) -> np.ndarray:
+    return surface.log_likelihood(PreparedBlocks.of(blocks, surface.settings))
 
 
 # --- blocks
@@ -120,7 +120,7 @@ def test_an_unknown_surface_has_the_density_of_the_prior() -> None:
     """By an independent oracle: covariances written out, and scipy's normal density."""
     blocks = make_blocks(SMOOTH, 4, 1)
     inputs, log_power = stacked(blocks)
-    values = log_power @ turning().T
+    values = log_power @ cosine_transform().T
     speed, force = inputs.T
     densities = []
     for setting in (Setting(*record) for record in SETTINGS.tolist()):
@@ -141,7 +141,7 @@ def test_an_unknown_surface_has_the_density_of_the_prior() -> None:
                 total += normal.logpdf(values[:, k])
         densities.append(total)
     expected = np.log(np.mean(np.exp(np.array(densities) - max(densities)))) + max(densities)
-    found = likelihood(SurfaceKnowledge(), blocks)
+    found = likelihood(SurfacePosterior(), blocks)
     np.testing.assert_allclose(found[-1], expected, rtol=1e-9)
 
 
@@ -161,7 +161,7 @@ def test_what_was_learned_is_the_chain_rule_of_the_joint_density() -> None:
     """p(new | learned) = p(learned, new) / p(learned), with each block in a cell of its own."""
     blocks = make_blocks(PEAKED, 9, 2)
     learned, new = blocks[:6], blocks[6:]
-    surface, unknown = SurfaceKnowledge(), SurfaceKnowledge()
+    surface, unknown = SurfacePosterior(), SurfacePosterior()
     surface.add(learned)
     assert len(surface) == 6
     joint = likelihood(unknown, learned + new)
@@ -172,9 +172,9 @@ def test_what_was_learned_is_the_chain_rule_of_the_joint_density() -> None:
 @pytest.mark.parametrize("settings", [SETTINGS[:1], SETTINGS], ids=len)
 def test_what_follows_is_predicted_from_what_came_before(settings: RecordArray) -> None:
     """Exactly so with one degree of roughness; with several a share of the weight is spread."""
-    surface = SurfaceKnowledge(settings)
+    surface = SurfacePosterior(settings)
     surface.add(make_blocks(SMOOTH, 10, 2))
-    heard = HeardBlocks.of(make_blocks(PEAKED, 12, 3), settings)
+    heard = PreparedBlocks.of(make_blocks(PEAKED, 12, 3), settings)
     so_far = surface.log_likelihood(heard)
     exact = so_far[-1] - np.append(0.0, so_far[:-1])
     after = surface.log_likelihood_after(heard)
@@ -186,24 +186,24 @@ def test_what_follows_is_predicted_from_what_came_before(settings: RecordArray) 
 def test_what_was_smooth_so_far_may_be_rough_elsewhere() -> None:
     """Where a rough degree predicts better it counts, however unlikely it was before."""
     two = settings_of(Setting(0.12, 0.7, 1.1), Setting(0.6, 0.7, 1.8))
-    surface = SurfaceKnowledge(two)
+    surface = SurfacePosterior(two)
     blocks = make_blocks(SMOOTH, 16, 2)
     blocks[8:] = [
         replace(b, log_power=b.log_power + 1.2 * (-1) ** n) for n, b in enumerate(blocks[8:])
     ]
-    rough = likelihood(SurfaceKnowledge(two[1:]), blocks)
-    spread = surface.log_likelihood_after(HeardBlocks.of(blocks, two))[8]
+    rough = likelihood(SurfacePosterior(two[1:]), blocks)
+    spread = surface.log_likelihood_after(PreparedBlocks.of(blocks, two))[8]
     assert spread >= rough[-1] - rough[7] + np.log(SHARED / 2) - 1e-9
 
 
 def test_a_surface_is_known_where_it_was_touched_and_less_far_from_there() -> None:
-    surface = SurfaceKnowledge()
+    surface = SurfacePosterior()
     surface.add(make_blocks(SMOOTH, 60, 3, low=(-0.3, -0.3), high=(0.3, 0.3)))
     near, far = np.zeros((1, 2)), np.array([[1.0, -2.0]])
     for kind, spread in surface.spread(near).items():
         assert spread[0] < 0.3
         assert spread[0] < surface.spread(far)[kind][0]
-        assert surface.spread(far)[kind][0] < SurfaceKnowledge().spread(far)[kind][0]
+        assert surface.spread(far)[kind][0] < SurfacePosterior().spread(far)[kind][0]
 
 
 HEADED = np.concatenate([SETTINGS, GRAINED])
@@ -232,7 +232,7 @@ def test_only_a_texture_that_is_the_same_in_all_directions_is_known_in_all_of_th
     along_and_across = np.array([[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
     known = {}
     for gain in (0.0, 1.0):
-        knowledge = SurfaceKnowledge(HEADED)
+        knowledge = SurfacePosterior(HEADED)
         knowledge.add([b for b in headed(200, 3, gain=gain) if abs(b.inputs[3]) < 0.7])
         known[gain] = knowledge.spread(along_and_across)["level"]
     assert known[0.0][1] < 1.3 * known[0.0][0]
@@ -240,7 +240,7 @@ def test_only_a_texture_that_is_the_same_in_all_directions_is_known_in_all_of_th
 
 
 def test_a_grain_is_known_there_and_back_but_not_across() -> None:
-    knowledge = SurfaceKnowledge(GRAINED)
+    knowledge = SurfacePosterior(GRAINED)
     knowledge.add(headed(40, 3, gain=0.0, heading=0.0))
     there, back, across = knowledge.spread(
         np.array([[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
@@ -265,7 +265,7 @@ def ridged(count: int, seed: int, *, across: float) -> list[SurfaceBlock]:
 
 @pytest.mark.parametrize("across", [0.0, 1.1, 2.6])
 def test_the_direction_of_ridges_is_learned(across: float) -> None:
-    knowledge = SurfaceKnowledge(HEADED)
+    knowledge = SurfacePosterior(HEADED)
     knowledge.add(ridged(80, 3, across=across))
     likeliest = Setting(*HEADED[knowledge.likeliest].tolist())
     assert likeliest.along < 1.0
@@ -280,7 +280,7 @@ def test_ridges_are_heard_by_the_speed_across_them() -> None:
     heard = np.log(np.hypot(np.cos(slant - 0.4), 0.15 * np.sin(slant - 0.4)))
     inputs = np.array([[0.0, 0.0, np.cos(slant), np.sin(slant)]])
     straight = np.array([[heard, 0.0, np.cos(0.4), np.sin(0.4)]])
-    places = Places(inputs, setting), Places(straight, setting)
+    places = SettingInputs(inputs, setting), SettingInputs(straight, setting)
     np.testing.assert_allclose(places[0].across, places[1].across, atol=1e-12)
     np.testing.assert_allclose(places[0].mean(PRIORS["level"]), places[1].mean(PRIORS["level"]))
 
@@ -293,7 +293,7 @@ def test_ridges_are_heard_by_the_speed_across_them() -> None:
 def test_every_covariance_is_symmetric_and_has_no_negative_eigenvalue(
     inputs: np.ndarray, angle: np.ndarray
 ) -> None:
-    places = Places(np.column_stack([inputs, np.cos(angle), np.sin(angle)]), HEADED)
+    places = SettingInputs(np.column_stack([inputs, np.cos(angle), np.sin(angle)]), HEADED)
     within = Covariances(places, places)
     for prior in PRIORS.values():
         matrices = within.of(prior)
@@ -303,9 +303,9 @@ def test_every_covariance_is_symmetric_and_has_no_negative_eigenvalue(
 
 def test_a_texture_that_depends_on_the_heading_is_one_surface() -> None:
     detector = SurfaceDetector(by_heading=True)
-    found = [detector.take(block) for block in headed(200, 5, gain=1.0)]
+    found = [detector.update(block) for block in headed(200, 5, gain=1.0)]
     assert [change for change in found if change is not None] == []
-    other = [detector.take(block) for block in headed(40, 6, gain=-1.0)]
+    other = [detector.update(block) for block in headed(40, 6, gain=-1.0)]
     assert [change.kind for change in other if change is not None] == ["new"]
 
 
@@ -318,7 +318,7 @@ def test_what_is_heard_at_another_heading_alone_is_no_new_surface(
     detector = SurfaceDetector(by_heading=True)
     blocks = headed(40, 5, gain=0.0, heading=0.0)
     blocks += headed(10, 6, gain=0.0, heading=heading, ar=PEAKED)
-    found = [detector.take(block) for block in blocks]
+    found = [detector.update(block) for block in blocks]
     assert {change.kind for change in found if change is not None} == kinds
 
 
@@ -327,14 +327,14 @@ def test_a_heading_never_touched_recalls_a_surface_only_behind_a_lift_off(
     lifted: bool, kinds: list[str]
 ) -> None:
     detector = SurfaceDetector(by_heading=True)
-    detector.surfaces = {7: SurfaceKnowledge(HEADED), **detector.surfaces}
+    detector.surfaces = {7: SurfacePosterior(HEADED), **detector.surfaces}
     detector.surfaces[7].add(headed(80, 4, gain=0.0, ar=PEAKED))
     for block in headed(40, 5, gain=0.0, heading=0.0):
-        assert detector.take(block) is None
+        assert detector.update(block) is None
     across = headed(8, 6, gain=0.0, heading=1.57, ar=PEAKED)
     across[0] = replace(across[0], touchdown=lifted)
     across[1:] = [replace(block, touchdown=False) for block in across[1:]]
-    found = [change for block in across if (change := detector.take(block)) is not None]
+    found = [change for block in across if (change := detector.update(block)) is not None]
     assert [change.kind for change in found] == kinds
     assert detector.current == (7 if lifted else 1)
 
@@ -342,7 +342,7 @@ def test_a_heading_never_touched_recalls_a_surface_only_behind_a_lift_off(
 def test_where_the_heading_does_not_count_another_heading_is_another_surface() -> None:
     detector = SurfaceDetector()
     blocks = [*headed(40, 5, gain=1.0, heading=0.0), *headed(40, 6, gain=1.0, heading=1.57)]
-    found = [detector.take(replace(block, inputs=block.inputs[:2])) for block in blocks]
+    found = [detector.update(replace(block, inputs=block.inputs[:2])) for block in blocks]
     assert "new" in [change.kind for change in found if change is not None]
 
 
@@ -359,14 +359,14 @@ def test_densities_are_finite_whatever_was_learned(
     direction = np.nan_to_num(np.column_stack([np.cos(angle), np.sin(angle)]))
     template = make_blocks(SMOOTH, 1, 0)[0]
     for which, places in ((SETTINGS, inputs), (HEADED, np.column_stack([inputs, direction]))):
-        surface = SurfaceKnowledge(which)
+        surface = SurfacePosterior(which)
         surface.add(
             [
                 replace(template, inputs=i, log_power=p)
                 for i, p in zip(places, log_power, strict=True)
             ]
         )
-        assert np.isfinite(surface.log_likelihood(HeardBlocks(places, log_power, which))).all()
+        assert np.isfinite(surface.log_likelihood(PreparedBlocks(places, log_power, which))).all()
 
 
 def test_the_evidence_for_another_surface_seldom_grows_where_there_is_none() -> None:
@@ -374,9 +374,9 @@ def test_the_evidence_for_another_surface_seldom_grows_where_there_is_none() -> 
     exceeded = 0
     for seed in range(100):
         blocks = make_blocks(SMOOTH, 26, seed)
-        surface = SurfaceKnowledge()
+        surface = SurfacePosterior()
         surface.add(blocks[:20])
         new = blocks[20:]
-        factor = likelihood(SurfaceKnowledge(), new) - likelihood(surface, new)
+        factor = likelihood(SurfacePosterior(), new) - likelihood(surface, new)
         exceeded += bool(factor.max() > 2.0)
     assert exceeded <= 100 * np.exp(-2.0)

@@ -12,7 +12,7 @@ from mmt.core.errors import InputError
 from mmt.scene import Scene
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.autoregression.forms import lsf_spectrum, reflection_to_lsf
-from mmt.texture.autoregression.realisation import realise
+from mmt.texture.autoregression.simulation import simulate_ar
 from mmt.texture.library.blending import blend
 from mmt.texture.library.conversion import field, grid, into_space
 from mmt.texture.library.identification import Stretch, choose
@@ -53,7 +53,7 @@ def sampled(
 
 def look(reflection: FloatArray, power: float, count: int = 500, seed: int = 1) -> Stretch:
     """Vibration of one filter at 100 mm/s and 1 N."""
-    vibration = realise(reflection, 1.0, count, np.random.default_rng(seed))
+    vibration = simulate_ar(reflection, 1.0, count, np.random.default_rng(seed))
     vibration *= np.sqrt(power * np.prod(1.0 - reflection**2))
     return Stretch(np.tile([100.0, 1.0], (count, 1)), vibration)
 

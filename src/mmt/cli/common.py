@@ -12,9 +12,9 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-import mmt
 from mmt.core.errors import InputError, MmtError
 from mmt.core.inventory import Inventory
+from mmt.core.version import __version__
 from mmt.scene import Scene, Service
 
 Result = TypeVar("Result")
@@ -55,7 +55,7 @@ def print_error(sentence: str) -> None:
 def version(wanted: bool) -> None:
     """Print the version and leave, as an eager option does."""
     if wanted:
-        output.print(f"mmt-haptics {mmt.__version__}", highlight=False)
+        output.print(f"mmt-haptics {__version__}", highlight=False)
         raise typer.Exit
 
 

@@ -9,7 +9,7 @@ from rich.table import Table
 from mmt.cli.common import output, write_json
 from mmt.core.errors import MmtError
 from mmt.devices import discovery
-from mmt.devices.table import ROLE_NAMES
+from mmt.devices.drivers import ROLE_NAMES
 
 if TYPE_CHECKING:
     from collections.abc import Callable

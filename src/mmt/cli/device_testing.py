@@ -8,10 +8,8 @@ from typing import Any, NamedTuple
 
 from mmt.cli.common import messages, output, write_json
 from mmt.core.errors import InputError
-from mmt.devices.loading import load_device
-from mmt.devices.observing import Observation, Values, observe
-from mmt.devices.roles import role_for
-from mmt.devices.table import ROLE_NAMES, Role
+from mmt.devices.device_check import DeviceCheck, Values, observe
+from mmt.devices.drivers import ROLE_NAMES, Role, load_device, role_for
 from mmt.scene import Scene
 from mmt.scene.files import example_scenes, load_scene
 
@@ -119,13 +117,13 @@ def options_from(settings: list[str]) -> dict[str, Any]:
     return options
 
 
-def _state(seen: Observation) -> str:
+def _state(seen: DeviceCheck) -> str:
     if not seen.problems:
         return "good"
     return f"{len(seen.problems)} problem{'s' if len(seen.problems) > 1 else ''}"
 
 
-def _show(seen: Observation) -> None:
+def _show(seen: DeviceCheck) -> None:
     rate = "" if seen.rate_hz is None else f", {seen.rate_hz:.0f} readings/s"
     if seen.newest is not None:
         values = _numbers(seen.newest, seen.unit)
@@ -134,7 +132,7 @@ def _show(seen: Observation) -> None:
     messages.print(f"  {seen.duration_s:4.0f} s  {values}{rate}", highlight=False)
 
 
-def _figures(seen: Observation) -> Iterator[tuple[str, str]]:
+def _figures(seen: DeviceCheck) -> Iterator[tuple[str, str]]:
     """Yield name and text of each figure that is known."""
     if seen.mean is not None:
         yield "mean", _numbers(seen.mean, seen.unit)

@@ -82,7 +82,7 @@ def calibrate_accelerometer(
     """Calibrate an ADXL335 by gravity and store it under its serial number."""
     from mmt.cli.device_testing import accelerometer_named
     from mmt.cli.gravity import Files, calibrate_by_gravity
-    from mmt.devices.loading import load_device
+    from mmt.devices.drivers import load_device
 
     named = accelerometer_named(what, settings or [])
     device = load_device(named.driver, named.options, role=named.role)

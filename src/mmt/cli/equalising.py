@@ -10,10 +10,10 @@ from mmt.cli.common import messages, output, write_json
 from mmt.cli.device_testing import devices_named, options_from
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.devices.haptuator.equalising import fit_equaliser
-from mmt.devices.haptuator.level import store_level
-from mmt.devices.haptuator.sweeping import SweepRecording, SweepSettings, record_sweep
-from mmt.devices.loading import load_device
+from mmt.devices.drivers import load_device
+from mmt.devices.haptuator.drive import store_level
+from mmt.devices.haptuator.equaliser import fit_equaliser
+from mmt.devices.haptuator.sweep import SweepRecording, SweepSettings, record_sweep
 
 _NAMES = ("drive_v", "acceleration_m_s2")
 _BUFFER_MS = 60.0

@@ -6,8 +6,9 @@ from typing import Any
 from rich.progress import track
 
 from mmt.cli.common import messages, output, write_json
-from mmt.cli.reporting import evaluate_all, scene_of
+from mmt.cli.reporting import scene_of, surface_section
 from mmt.evaluation.document import Block
+from mmt.evaluation.evaluate import evaluate_surfaces
 from mmt.evaluation.report import write_report
 from mmt.evaluation.results import Evaluation, evaluations_as_dict
 from mmt.evaluation.table import evaluation_table, heading_tables, step_table
@@ -30,9 +31,9 @@ def evaluate_files(
     for path in track(paths, "evaluating", console=messages, transient=True):
         session = read_session(path)
         scene = scene_of(session, scene_file)
-        found, blocks = evaluate_all(session, scene, step_s=step_s, seed=seed)
+        found, parts = evaluate_surfaces(session, scene, step_s=step_s, seed=seed)
         evaluations += found
-        more += blocks
+        more += surface_section(parts)
         scenes += [scene.dump()] * len(found)
     if len(evaluations) == 1:
         output.print(step_table(evaluations[0]))

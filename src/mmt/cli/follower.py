@@ -7,7 +7,6 @@ from typing import Annotated, Final
 
 import typer
 
-import mmt
 from mmt.cli.common import (
     messages,
     output,
@@ -22,6 +21,7 @@ from mmt.cli.common import (
 from mmt.core.errors import InputError, MmtError
 from mmt.core.logs import Logs, details
 from mmt.core.realtime import be_real_time, require_real_time
+from mmt.core.version import __version__
 from mmt.follower.service import Follower, FollowerSummary
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
@@ -73,7 +73,7 @@ def follower(
     if not json_lines:
         print_parts(scene, "follower")
     with Logs("follower", log, log_level) as logs:
-        LOG.info("started", extra=details(version=mmt.__version__, scene=scene.dump()))
+        LOG.info("started", extra=details(version=__version__, scene=scene.dump()))
         summary = asyncio.run(_stream(scene, leader, json_lines, logs, realtime))
         LOG.info("summary", extra=details(summary=summary.as_dict()))
     if json_lines:

@@ -9,7 +9,6 @@ from typing import Annotated, Any, Final
 
 import typer
 
-import mmt
 from mmt.cli.common import (
     messages,
     output,
@@ -25,6 +24,7 @@ from mmt.core.errors import InputError, MmtError
 from mmt.core.kernel_cache import kernels_are_compiled
 from mmt.core.logs import Logs, details
 from mmt.core.realtime import be_real_time, require_real_time
+from mmt.core.version import __version__
 from mmt.leader.summary import LeaderStatus, LeaderSummary
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
@@ -89,7 +89,7 @@ def leader(
     if not json_lines:
         print_parts(scene, "leader")
     with Logs("leader", log, log_level) as logs:
-        LOG.info("started", extra=details(version=mmt.__version__, scene=scene.dump()))
+        LOG.info("started", extra=details(version=__version__, scene=scene.dump()))
         summary = asyncio.run(_serve(scene, json_lines, logs, realtime))
         LOG.info("summary", extra=details(summary=summary.as_dict()))
     if json_lines:

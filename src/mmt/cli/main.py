@@ -1,9 +1,13 @@
-"""``mmt``: sessions, evaluation, benchmarks and the demonstration."""
+"""``mmt``: sessions, evaluation, models, devices, scenes and the demonstration."""
 
+from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from mmt.cli import (
     devices,
@@ -15,10 +19,36 @@ from mmt.cli import (
     selecting,
     sessions,
 )
-from mmt.cli.common import messages, run_app, version, write_json
-from mmt.core.errors import MmtError
+from mmt.cli.common import run_app, version
+
+COMMANDS = "mmt.commands"
+"""The entry points by which other packages add commands: the name, and a `typer.Typer`."""
+
+
+class Commands(TyperGroup):
+    """The commands of this package, and those that others add, loaded when they are asked for."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of all commands."""
+        return [*super().list_commands(ctx), *_added()]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command by its name, None where there is none."""
+        own = super().get_command(ctx, cmd_name)
+        if own is not None or cmd_name not in _added():
+            return own
+        command = typer.main.get_command(_added()[cmd_name].load())
+        command.name = cmd_name
+        return command
+
+
+@cache
+def _added() -> Mapping[str, EntryPoint]:
+    return {each.name: each for each in entry_points(group=COMMANDS)}
+
 
 app = typer.Typer(
+    cls=Commands,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -81,76 +111,6 @@ def demo(
 
 
 @app.command()
-def bench(
-    what: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[burg] [lines] [interpolation] [networks] [synthesis] [update] [order] "
-            "[pipeline] [conceal] [contact] [link] [services] [evaluate] [devices]"
-        ),
-    ] = None,
-    duration: Annotated[
-        float, typer.Option(help="Seconds for each measurement of link and services.")
-    ] = 20.0,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
-    report: Annotated[Path | None, typer.Option(help="Write a report there.")] = None,
-    realtime: Annotated[
-        bool,
-        typer.Option(
-            "--realtime", help="Link: by real-time scheduling. Services: with and without it."
-        ),
-    ] = False,
-) -> None:
-    """Measure error against run time on this machine, beside every peer that is installed."""
-    from mmt_lab.cli.benching import run_benches
-
-    _, figures = run_benches(what or [], duration, report, realtime=realtime)
-    write_json(json_file, figures)
-    messages.print("ratios within one run are to be trusted, absolute times are not")
-    if "failed" in figures:
-        raise MmtError(f"not measured: {', '.join(figures['failed'])}")
-
-
-@app.command()
-def sweep(
-    sessions: Annotated[list[Path], typer.Argument(metavar="SESSION...")],
-    choices: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE,VALUE", help="Values of a key; repeatable."),
-    ] = None,
-    scene_file: Annotated[
-        Path | None, typer.Option("--scene", help="Take \\[texture] from this scene.")
-    ] = None,
-    step: Annotated[float, typer.Option(help="Seconds between the rows of an evaluation.")] = 2.5,
-    seed: Annotated[int, typer.Option(help="Chooses the segments that are held out.")] = 0,
-    workers: Annotated[
-        int | None, typer.Option(help="Local processes; as many as there are processors.")
-    ] = None,
-    dask: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Of a Dask cluster's scheduler.")
-    ] = None,
-    out: Annotated[Path, typer.Option(help="Where the results are kept.")] = Path("mmt-sweep"),
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the summary.")] = None,
-) -> None:
-    """Evaluate every session with every combination of settings; go on where it stopped."""
-    from mmt_lab.cli.sweeping import sweep_files
-
-    good = sweep_files(
-        sessions,
-        choices or [],
-        scene_file=scene_file,
-        step_s=step,
-        seed=seed,
-        workers=workers,
-        dask=dask,
-        out=out,
-        json_file=json_file,
-    )
-    if not good:
-        raise typer.Exit(1)
-
-
-@app.command()
 def play(
     sources: Annotated[
         list[Path] | None,
@@ -189,41 +149,6 @@ def play(
         key=key,
         everyone=everyone,
     )
-
-
-@app.command()
-def soak(
-    duration: Annotated[float, typer.Option(help="Seconds.")] = 3600.0,
-    every: Annotated[float, typer.Option(help="Mean seconds from one fault to the next.")] = 20.0,
-    seed: Annotated[int, typer.Option(min=0, help="Of the faults.")] = 1,
-    directory: Annotated[Path, typer.Option("--output", help="Where the recording goes.")] = Path(
-        "mmt-soak"
-    ),
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
-) -> None:
-    """Run both services for a long time with faults, and check that nothing wears out."""
-    from mmt_lab.cli.soaking import run_soak
-
-    if not run_soak(
-        duration_s=duration, every_s=every, seed=seed, directory=directory, json_file=json_file
-    ):
-        raise typer.Exit(1)
-
-
-@app.command()
-def stability(
-    families: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="[ar] [lsf] [model] [contact] [loop] [services]"),
-    ] = None,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the rows.")] = None,
-    report: Annotated[Path | None, typer.Option(help="Write a report there.")] = None,
-) -> None:
-    """Run the stiff and extreme cases, a row each, and say whether it held."""
-    from mmt_lab.stability.running import run_stability
-
-    if not run_stability(families or [], json_file=json_file, report_to=report):
-        raise typer.Exit(1)
 
 
 def run() -> None:

@@ -112,6 +112,6 @@ def _print_costs(costs: "SceneCosts", scene: Scene) -> None:
 
 def _figures(costs: "SceneCosts", scene: Scene) -> dict[str, Any]:
     from mmt.cli.scene.results import costs_as_dict
-    from mmt_lab.bench.measuring import machine
+    from mmt.evaluation.report import machine
 
     return {"machine": machine(), **costs_as_dict(costs, scene)}

@@ -36,7 +36,7 @@ class EnergyCounts:
         a, b = self._base, self._newest
         return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
-    def take(self, records: RecordArray) -> None:
+    def receive(self, records: RecordArray) -> None:
         """Take checked records (n,) of `ENERGY_DTYPE`, the newest last."""
         x, y, z = records["energy_j"][-1].tolist()
         newest: Energies = (max(0.0, x), max(0.0, y), max(0.0, z))

@@ -80,7 +80,7 @@ class LocalContact:
         self.rendered: ContactModel | None = None
         """What is rendered now, None before the first model."""
 
-    def aim(self, model: ContactModel | None) -> None:
+    def set_target(self, model: ContactModel | None) -> None:
         """Render this model from now on, by and by; None leaves what is rendered."""
         if model is not None:
             self._target = self._no_stiffer(model)

@@ -1,4 +1,4 @@
-"""One place where numerical kernels are compiled, cached and released from the lock."""
+"""The decorator that compiles numerical kernels, caches them and releases the interpreter lock."""
 
 from collections.abc import Callable
 from typing import TypeVar, cast

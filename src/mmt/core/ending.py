@@ -1,4 +1,4 @@
-"""How a session ends: once, for one reason."""
+"""The end of a session: it comes once, with one outcome."""
 
 import asyncio
 from collections.abc import Callable
@@ -7,19 +7,19 @@ from mmt.core.errors import FAILED, MmtError
 
 
 class Ending:
-    """The end of a session, which several parts may bring about; the first one names it.
+    """The end of a session; several parts may cause it, and the first one sets the outcome.
 
     Parameters
     ----------
     outcome
-        What to call an end that nobody named.
+        Outcome of a session that ends without another one.
     """
 
     def __init__(self, outcome: str) -> None:
         self.outcome = outcome
-        """Why it ended, or would end if nobody says otherwise."""
+        """Why it ended, or the outcome it has unless another one is set."""
         self.fault: Exception | None = None
-        """What made it fail, None where nothing did."""
+        """The exception that ended it, None where it did not fail."""
         self._reached = asyncio.Event()
         self._deadline: asyncio.TimerHandle | None = None
 
@@ -29,8 +29,8 @@ class Ending:
         return self._reached.is_set()
 
     @property
-    def patient(self) -> bool:
-        """Whether somebody has gone whom the session waits, or has waited, for."""
+    def awaits_peer(self) -> bool:
+        """Whether the peer is gone and the session waits, or has waited, for its return."""
         return self._deadline is not None
 
     async def wait(self) -> None:
@@ -44,22 +44,22 @@ class Ending:
             self._reached.set()
 
     def fail(self, fault: Exception) -> None:
-        """End the session because something in it does not work."""
+        """End the session as failed, because of this exception."""
         self.fault = self.fault or fault
         self.stop(f"{FAILED}{fault}")
 
-    def raise_mistake(self) -> None:
-        """Raise the fault where it is none of devices or files, but a mistake in the program."""
+    def raise_unexpected(self) -> None:
+        """Raise the fault unless it is an `MmtError`: then it is an error in the program."""
         if self.fault is not None and not isinstance(self.fault, MmtError):
             raise self.fault
 
-    def be_patient(self, within_s: float, give_up: Callable[[], None]) -> None:
-        """Call `give_up` when so much time has passed, unless `settle` or this comes before."""
-        self.settle()
-        self._deadline = asyncio.get_running_loop().call_later(within_s, give_up)
+    def start_timeout(self, timeout_s: float, on_timeout: Callable[[], None]) -> None:
+        """Call `on_timeout` after this time, unless the timeout is cancelled or started anew."""
+        self.cancel_timeout()
+        self._deadline = asyncio.get_running_loop().call_later(timeout_s, on_timeout)
 
-    def settle(self) -> None:
-        """Wait for nobody any more."""
+    def cancel_timeout(self) -> None:
+        """Cancel the timeout; nothing happens where none runs."""
         if self._deadline is not None:
             self._deadline.cancel()
             self._deadline = None

@@ -8,7 +8,7 @@ peer, which then ends as failed as well."""
 
 
 class MmtError(Exception):
-    """A mistake or a fault that can be explained in a sentence.
+    """An error that can be explained to the user in a sentence.
 
     The command line prints the message alone, without a traceback, and exits with
     `exit_code`: 1 the run failed, 2 bad usage or input.
@@ -18,10 +18,10 @@ class MmtError(Exception):
 
 
 class InputError(MmtError):
-    """What was given cannot be used: a file, a value, a combination of keys."""
+    """Input that cannot be used: a file, a value, a combination of keys."""
 
     exit_code = 2
 
 
 class DeviceLost(MmtError):  # noqa: N818 - it is what has happened to the device
-    """A device that was there does not answer any more; it may be connected again later."""
+    """A device that worked before no longer answers; it may be connected again later."""

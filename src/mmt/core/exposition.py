@@ -1,15 +1,15 @@
-"""What a service counts as metrics for Prometheus, read only when somebody asks.
+"""A service's counts as Prometheus metrics, computed only when they are scraped.
 
-Nothing here is imported in a run whose scene lacks ``[metrics]``, and nothing is counted for it:
-the figures are those that the services keep for their summaries.
+A run whose scene lacks ``[metrics]`` imports nothing of this, and nothing is counted for it: the
+figures are those that the services keep for their summaries.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Final
 
-from mmt import __version__
 from mmt.core.errors import InputError
 from mmt.core.ticking import TickStatistics, TimeHistogram
+from mmt.core.version import __version__
 
 try:
     from prometheus_client import CollectorRegistry, ProcessCollector
@@ -46,12 +46,12 @@ def registry_of(collect: Callable[[], Iterable[Metric]]) -> CollectorRegistry:
 
 
 def counter(name: str, text: str, value: float) -> Metric:
-    """Return something that only grows."""
+    """Return a metric that only grows."""
     return CounterMetricFamily(f"mmt_{name}", text, value=value)
 
 
 def gauge(name: str, text: str, value: float) -> Metric:
-    """Return something that goes up and down."""
+    """Return a metric that goes up and down."""
     return GaugeMetricFamily(f"mmt_{name}", text, value=value)
 
 
@@ -89,7 +89,7 @@ def histogram(name: str, text: str, times: TimeHistogram) -> Metric:
 
 
 def session(session_id: str | None, service: str) -> Metric:
-    """Return which session this is."""
+    """Return a metric whose labels name the session."""
     family = GaugeMetricFamily(
         "mmt_session_info", "The session, always 1.", labels=["id", "service", "version"]
     )
@@ -98,14 +98,14 @@ def session(session_id: str | None, service: str) -> Metric:
 
 
 def link_metrics(link: Any, latency: TimeHistogram) -> Iterator[Metric]:
-    """Yield what one side of the link counts.
+    """Yield the counts of one side of the link.
 
     Parameters
     ----------
     link
         `mmt.link.protocol.LinkStatistics`.
     latency
-        Of what arrives, one way, where the clocks are known.
+        One-way latencies of what arrives, where the clocks are known.
     """
     for name, text in (
         ("frames", "Frames sent (follower) or accepted (leader)."),
@@ -142,7 +142,7 @@ def _clock_metrics(clock: Mapping[str, float | None]) -> Iterator[Metric]:
 
 
 def tick_metrics(ticks: TickStatistics, periods: TimeHistogram) -> Iterator[Metric]:
-    """Yield how a service keeps its time."""
+    """Yield how punctual a service's ticks are."""
     yield counter("ticks", "Ticks that fell due.", ticks.ticks)
     yield counter("ticks_missed", "Ticks handed over together with a later one.", ticks.missed)
     late = round((ticks.late_share_1ms or 0.0) * ticks.ticks)

@@ -1,4 +1,4 @@
-"""What the two sides of force feedback tell each other beside frames and commands.
+"""Records that the two sides of force feedback exchange beside frames and commands.
 
 Only the methods that need them put them on the wire; the layout is in
 ``docs/reference/wire.md``.
@@ -9,13 +9,13 @@ from typing import Final
 import numpy as np
 
 ENERGY: Final = "energy"
-"""Both ways, with ``method = "passive"``: energies that came in through the sender's port."""
+"""Both ways, with ``method = "passive"``: energy that entered through the sender's port."""
 
 ENERGY_DTYPE: Final = np.dtype([("sequence", "<u4"), ("time_ns", "<i8"), ("energy_j", "<f8", (3,))])
 """Energy (J) of each axis since the sender began; it never falls."""
 
 CONTACT: Final = "contact"
-"""Follower to leader, with ``method = "model"``: what the contact is estimated from."""
+"""Follower to leader, with ``method = "model"``: samples from which the contact is estimated."""
 
 CONTACT_DTYPE: Final = np.dtype(
     [
@@ -26,8 +26,8 @@ CONTACT_DTYPE: Final = np.dtype(
         ("force_n", "<f4", (3,)),
     ]
 )
-"""A tick of the follower: the command that the robot was given, where the tool was, and the
-force of the surface on it."""
+"""A tick of the follower: the command given to the robot, the tool's position, and the force of
+the surface on it."""
 
 CONTACT_GATHERED: Final = 5
 """Samples of a contact in one message."""

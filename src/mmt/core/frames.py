@@ -78,11 +78,3 @@ def channels_of(dtype: np.dtype[np.void]) -> tuple[Channel, ...]:
 def empty_frames(count: int, channels: Iterable[str] = CHANNELS) -> RecordArray:
     """Return `count` frames of zeros."""
     return np.zeros(count, dtype=frame_dtype(channels))
-
-
-def finite_frames(frames: RecordArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Return, per frame, whether every number in it is finite; shape (n,)."""
-    good = np.ones(len(frames), dtype=np.bool_)
-    for channel in channels_of(frames.dtype):
-        good &= np.isfinite(frames[FIELD_OF_CHANNEL[channel]]).all(axis=-1)
-    return good

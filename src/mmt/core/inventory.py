@@ -1,4 +1,4 @@
-"""What runs in this process: tasks, threads and modules, as they are found there."""
+"""The tasks, threads and modules of the running process, sampled while it runs."""
 
 import asyncio
 import re
@@ -13,7 +13,7 @@ import psutil
 Result = TypeVar("Result")
 
 PERIOD_S: Final = 0.25
-"""Between two looks; one takes some tens of microseconds."""
+"""Time between two samples; one takes some tens of microseconds."""
 
 _OWN: Final = "inventory"
 _MAIN: Final = "main"
@@ -21,7 +21,7 @@ _UNNAMED: Final = re.compile(r"Task-\d+")
 
 
 class Inventory:
-    """Look several times a second, and tell at the end what was seen."""
+    """Sample the tasks and threads of this process several times a second."""
 
     def __init__(self) -> None:
         self._looks = 0
@@ -30,7 +30,7 @@ class Inventory:
         self._most_threads = 0
 
     async def watch(self, running: Coroutine[Any, Any, Result]) -> Result:
-        """Return what the coroutine returns, and look until then."""
+        """Await the coroutine, sample until it returns, and return its result."""
         this_task = asyncio.current_task()
         if this_task is not None:
             this_task.set_name(_MAIN)
@@ -49,7 +49,7 @@ class Inventory:
         self._most_threads = max(self._most_threads, psutil.Process().num_threads())
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it for a program: what was seen, in how many looks, and what is imported.
+        """Return the names seen with their counts, the number of samples, and what is imported.
 
         ``system_threads`` counts those of compiled libraries too, which have no name.
         """
@@ -68,12 +68,12 @@ class Inventory:
 
 
 def _imported(module: object) -> bool:
-    """Whether a module was found by an import; compiled packages make a few without."""
+    """Whether a module was found by an import; compiled packages create a few otherwise."""
     return getattr(module, "__spec__", None) is not None
 
 
 def name_of(task: "asyncio.Task[Any]") -> str:
-    """Return a task's name, of one that was given none its coroutine's and its package."""
+    """Return a task's name, or its coroutine's and package's where the task has no own name."""
     if not _UNNAMED.fullmatch(task.get_name()):
         return task.get_name()
     coroutine = task.get_coro()

@@ -1,4 +1,4 @@
-"""What earlier starts have left behind of compiled kernels; nothing is compiled here."""
+"""The cache of compiled kernels on disk; nothing is compiled here."""
 
 import hashlib
 from contextlib import suppress
@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 KERNELS: Final = Path(__file__).parents[1] / "texture"
-"""Where the kernels' sources are; numba keeps what it has compiled in folders beside them."""
+"""Folder of the kernels' sources; numba caches compiled code in folders beside them."""
 
 
 def drop_stale_kernels(sources: Path = KERNELS) -> bool:
@@ -31,5 +31,5 @@ def drop_stale_kernels(sources: Path = KERNELS) -> bool:
 
 
 def kernels_are_compiled() -> bool:
-    """Say whether kernels of the present sources are there from an earlier start."""
+    """Return whether the kernels of the present sources are cached."""
     return not drop_stale_kernels() and any(KERNELS.rglob("__pycache__/*.nbi"))

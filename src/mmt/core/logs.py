@@ -35,22 +35,22 @@ def details(**values: object) -> dict[str, Any]:
 
 
 class Logs:
-    """Where the log of one service goes; a context that ends with everything written.
+    """The log handlers of one service; leaving the context writes everything that is queued.
 
     Parameters
     ----------
     service
-        "leader" or "follower"; stands in every line.
+        "leader" or "follower"; written into every line.
     file
-        JSON lines are added to it; None writes none.
+        JSON lines are appended to it; None writes none.
     level
-        Least level of the file, by default "info"; without a file that of the lines on
+        Lowest level of the file, by default "info"; without a file that of the lines on
         standard error, by default "warning".
 
     Raises
     ------
     InputError
-        The level is none, or the file cannot be written.
+        The level is unknown, or the file cannot be written.
     """
 
     def __init__(self, service: str, file: Path | None = None, level: str | None = None) -> None:
@@ -73,7 +73,7 @@ class Logs:
 
     @property
     def session_id(self) -> str | None:
-        """What both services' lines of one session have in common, None before it is known."""
+        """Names the session in the lines of both services, None before it is known."""
         return self._lines.session_id
 
     @session_id.setter
@@ -96,7 +96,7 @@ class Logs:
         self.close()
 
     def close(self) -> None:
-        """Write what waits and let go of the file."""
+        """Write what is queued and close the file."""
         for handler in self._handlers:
             self._root.removeHandler(handler)
         self._own.setLevel(self._levels)
@@ -162,7 +162,7 @@ class _JsonLines(logging.Formatter):
 
 
 class _TerminalLines(logging.Formatter):
-    """Text for a terminal, which nothing from elsewhere may steer."""
+    """Text for a terminal, without control characters that a peer may have sent."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's name
         record.levelname = record.levelname.lower()
@@ -171,7 +171,7 @@ class _TerminalLines(logging.Formatter):
 
 
 class _BoundedQueue(QueueHandler):
-    """Drop and count what a full queue cannot take."""
+    """Drop and count lines when the queue is full."""
 
     dropped = 0
 
@@ -186,7 +186,7 @@ class _BoundedQueue(QueueHandler):
 
 
 class _FileWriter(logging.FileHandler):
-    """Write lines that are already formatted; say once what keeps it from writing."""
+    """Write lines that are already formatted; report the first error of writing only."""
 
     _failed = False
 

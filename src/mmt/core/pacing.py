@@ -1,16 +1,16 @@
-"""How far a sender's numbers can have come, by the receiver's own clock."""
+"""Bound the growth of a sender's sequence numbers by the receiver's own clock."""
 
 from typing import Final
 
 MARGIN_NS: Final = 2_000_000_000
-"""Time that a sender may be ahead of the clock: what a network held back comes in a clump."""
+"""Time that a sender may be ahead of the clock: a network that stalled delivers a burst."""
 
-_HASTE: Final = 2
-"""A sender that catches up may be so many times faster than its pace."""
+_CATCH_UP_FACTOR: Final = 2
+"""How many times faster than its rate a sender may be while it catches up."""
 
 
 def shortest_period_ns(rate_hz: float, fastest: float) -> int:
-    """Return the least time a record may take on average.
+    """Return the shortest mean time (ns) between two records.
 
     Parameters
     ----------
@@ -19,21 +19,21 @@ def shortest_period_ns(rate_hz: float, fastest: float) -> int:
     fastest
         How many times faster than real time the sender may stream.
     """
-    return max(1, round(1e9 / (rate_hz * fastest * _HASTE)))
+    return max(1, round(1e9 / (rate_hz * fastest * _CATCH_UP_FACTOR)))
 
 
 def most_ahead(silence_ns: int, shortest_ns: int) -> int:
-    """Return by how much the sequence numbers may grow within so long a silence."""
+    """Return how far the sequence numbers may advance during a silence of this length (ns)."""
     return (silence_ns + MARGIN_NS) // shortest_ns
 
 
 class JumpBound:
     """Bound the growth of sequence numbers by the time that passes here.
 
-    A bucket of time that fills with the clock. Each number takes its shortest period out, so
-    that over any time a sender is at most as fast as that, and two seconds ahead once. After a
-    silence the bucket holds as much more; that drains while records come, a clump that a
-    network held back passes nevertheless. Some integer operations a record, no division.
+    A token bucket in units of time, filled by the clock. Each number costs the shortest period,
+    so that in the long run a sender is at most that fast, and at most two seconds ahead once.
+    A silence fills the bucket further; the surplus drains while records arrive, so that a burst
+    after a network stall still passes. Some integer operations a record, no division.
 
     Parameters
     ----------
@@ -47,15 +47,15 @@ class JumpBound:
         self._due_ns = -MARGIN_NS
 
     def restart(self, arrival_ns: int) -> None:
-        """Begin anew with the number that arrives now."""
+        """Start again from the number that arrives now."""
         self._due_ns = arrival_ns - MARGIN_NS
 
     def permits(self, ahead: int, arrival_ns: int) -> bool:
-        """Whether a number so far ahead of the newest could be right; nothing is taken."""
+        """Whether a number so far ahead of the newest is plausible; changes nothing."""
         return self._due_ns + ahead * self._shortest_ns <= arrival_ns
 
     def allows(self, ahead: int, arrival_ns: int) -> bool:
-        """Whether a number so far ahead of the newest can be right; then it counts as taken."""
+        """Whether a number so far ahead of the newest is plausible; if so, it is charged."""
         due_ns = self._due_ns + ahead * self._shortest_ns
         if due_ns > arrival_ns:
             return False

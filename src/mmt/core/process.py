@@ -87,7 +87,7 @@ def wake_on_time() -> bool:
 
 
 def prefer_even_ticks() -> None:
-    """Let the event loop's thread get processor and interpreter soon, and keep collections short.
+    """Give the event loop's thread processor and interpreter soon, and keep collections short.
 
     Call it on that thread once everything is imported and compiled: what exists then is never
     collected, so that the collector need not look at it again.

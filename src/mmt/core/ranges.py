@@ -1,4 +1,4 @@
-"""Sets of sequence numbers, kept as the ranges that they form."""
+"""Sets of sequence numbers, stored as ranges."""
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator
@@ -17,7 +17,7 @@ class RangeSet:
     Parameters
     ----------
     ranges
-        To begin with.
+        Initial content.
     """
 
     def __init__(self, ranges: Iterable[Range] = ()) -> None:

@@ -1,9 +1,8 @@
 """Real-time scheduling of the ticking thread, where the system permits it.
 
 A thread under ``SCHED_FIFO`` runs as soon as it wakes, before all ordinary work of the machine.
-Only the thread that ticks gets it, and one that takes in what the tick waits for may follow it:
-other threads and processes that it starts are ordinary ones, and so are the threads that were
-there before.
+Only the thread that ticks gets it, and a thread that reads what the tick waits for may join it
+(`follow_real_time`); threads and processes that it starts keep ordinary scheduling.
 """
 
 import contextlib
@@ -26,7 +25,7 @@ _HOW_TO_PERMIT: Final = (
 
 
 _TICKS: Final = threading.Event()
-"""Set where this process ticks in real time."""
+"""Set once a thread of this process ticks in real time."""
 
 
 def be_real_time() -> None:
@@ -42,7 +41,7 @@ def be_real_time() -> None:
 
 
 def follow_real_time() -> None:
-    """Schedule the calling thread as the one that ticks, which waits for what it takes in.
+    """Schedule the calling thread as the ticking one, which waits for what this thread reads.
 
     Where no thread of this process has called `be_real_time`, this one is scheduled in real time
     already, or the system does not permit another one, nothing happens.
@@ -66,7 +65,7 @@ def _schedule() -> None:
 
 
 def require_real_time() -> None:
-    """Find out on a thread of its own whether `be_real_time` works here.
+    """Check on a separate thread whether `be_real_time` works here.
 
     Raises
     ------

@@ -8,9 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from mmt.core.errors import MmtError
-from mmt.devices.loading import load_factory
-from mmt.devices.roles import roles_of
-from mmt.devices.table import DRIVERS, Role, offered
+from mmt.devices.drivers import DRIVERS, Role, load_factory, offered, roles_of, software
 
 KNOWN_USB: Final[dict[tuple[int, int], str]] = {
     (0x0CD5, 0x0006): "LabJack U6",
@@ -50,11 +48,12 @@ class FoundPort:
 
 def find_drivers() -> list[FoundDriver]:
     """Return the drivers of the table and of other packages; each is imported."""
-    found = [_own(name, targets) for name, targets in DRIVERS.items()]
+    own = {**DRIVERS, **software()}
+    found = [_own(name, roles) for name, roles in own.items()]
     found += [
         _offered(name, entry.value, entry.dist.name if entry.dist is not None else "?")
         for name, entry in offered().items()
-        if name not in DRIVERS
+        if name not in own
     ]
     return sorted(found, key=lambda driver: driver.name)
 
@@ -93,7 +92,7 @@ def missing_for(driver: str) -> str:
 
 
 def _missing_sound() -> str:
-    from mmt.devices.haptuator.library import load_sounddevice
+    from mmt.devices.haptuator.sound import load_sounddevice
 
     try:
         load_sounddevice()
@@ -116,7 +115,7 @@ def find_sound_outputs() -> list[FoundPort]:
     MmtError
         There is no library to ask.
     """
-    from mmt.devices.haptuator.library import load_sounddevice
+    from mmt.devices.haptuator.sound import load_sounddevice
 
     return [
         FoundPort(str(entry["index"]), f"{entry['name']}, {channels} channels", "", "")

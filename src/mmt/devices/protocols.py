@@ -10,10 +10,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-from mmt.core import vectors
+from mmt.core import arrays
 from mmt.core.arrays import FloatArray, RecordArray
 
-Vector = vectors.Vector
+Vector = arrays.Vector
 """x, y, z as plain floats."""
 
 
@@ -115,7 +115,7 @@ class Pacing(Protocol):
 
 
 @runtime_checkable
-class Complaining(Protocol):
+class FaultExplaining(Protocol):
     """A sensor that can say why it gives no readings; no driver must."""
 
     def complaint(self) -> str:
@@ -123,7 +123,7 @@ class Complaining(Protocol):
 
 
 @runtime_checkable
-class Remarking(Protocol):
+class SetupRemarks(Protocol):
     """A device that knows what is doubtful about its own set-up; no driver must."""
 
     def remarks(self) -> Sequence[str]:
@@ -235,7 +235,7 @@ class FollowerSource(Protocol):
 
 LossWatcher = Callable[[bool, str], None]
 """Called with whether a device is lost now, and a sentence."""
-FrameTaker = Callable[[RecordArray], None]
+FrameReceiver = Callable[[RecordArray], None]
 """Given frames (n,), n >= 1, between two ticks."""
 
 
@@ -252,12 +252,60 @@ class DeviceBackedSource(FollowerSource, Protocol):
             One of them does not answer.
         """
 
-    def watch(self, callback: LossWatcher) -> None:
+    def on_loss(self, callback: LossWatcher) -> None:
         """Have a function called when a device is lost and when it is back."""
 
-    def hand_on(self, callback: FrameTaker) -> None:
+    def on_late_frames(self, callback: FrameReceiver) -> None:
         """Have a function given, before `start`, the frames that a tick came too early for."""
 
     @property
     def summary(self) -> Mapping[str, Any]:
         """What each device gave, for a program."""
+
+
+class VoltageReading(NamedTuple):
+    """The voltages of several inputs at one instant."""
+
+    time_ns: int
+    """By the board's own clock, unwrapped."""
+    volts: tuple[float, ...]
+    """In the order of the inputs that the board was asked for."""
+
+
+class VoltageBoard(Protocol):
+    """A board that samples inputs at a rate of its own.
+
+    Which inputs, how fast and how amplified are options of the board's driver.
+    """
+
+    latency_ns: int
+    """From the physical instant to the stamp, as far as it is known."""
+    inputs: int
+    """How many voltages a reading has."""
+    limit_v: float
+    """Largest magnitude that it measures."""
+
+    def connect(self) -> None:
+        """Open the board and begin to sample.
+
+        Raises
+        ------
+        MmtError
+            It does not answer; the message says what to check.
+        """
+
+    def read(self) -> Sequence[VoltageReading]:
+        """Return what has come since the last call, oldest first; never blocks.
+
+        Raises
+        ------
+        DeviceLost
+            The board does not answer any more; `connect` may be called again later.
+        """
+
+    def close(self) -> None:
+        """Release the board; calling it twice is harmless."""
+
+    @property
+    def faults(self) -> Mapping[str, int]:
+        """Counts by what went wrong and was survived."""

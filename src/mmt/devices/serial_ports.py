@@ -1,12 +1,15 @@
-"""Serial ports: why one cannot be opened, in a sentence, and reading one without waiting."""
+"""Serial ports, and frames on them: why a port cannot be opened, reading without waiting, COBS."""
 
+import contextlib
 import errno
 import os
 import sys
-from typing import Final
+from typing import Any, Final
 
 import serial
 from serial.tools import list_ports
+
+from mmt.core.errors import MmtError
 
 if sys.platform == "win32":
 
@@ -40,6 +43,44 @@ def read_waiting(port: serial.Serial, most: int) -> bytes:
     return _read_some(port, most)
 
 
+def open_port(path: str, baud_rate: int, **settings: Any) -> serial.Serial:
+    """Open a port for this program alone, whose reads do not wait.
+
+    Parameters
+    ----------
+    path, baud_rate
+        Its name and its bits a second.
+    **settings
+        Further arguments of `serial.Serial`, such as a parity.
+
+    Raises
+    ------
+    MmtError
+        It is missing, in use or not permitted; the message says what to do.
+    """
+    try:
+        port = serial.Serial(path, baud_rate, timeout=0, exclusive=True, **settings)
+    except Exception as error:  # pyserial lets termios.error through, which is no OSError
+        raise MmtError(explain_refusal(error)) from error
+    # A converter from USB to serial gathers bytes for 16 ms unless told otherwise.
+    with contextlib.suppress(AttributeError, NotImplementedError, ValueError, OSError):
+        port.set_low_latency_mode(True)
+    return port
+
+
+def empty_port(port: serial.Serial) -> None:
+    """Throw away what has come to a port."""
+    with contextlib.suppress(OSError, serial.SerialException):
+        port.reset_input_buffer()
+
+
+def close_port(port: serial.Serial | None) -> None:
+    """Close a port, if there is one; a port that is gone is closed too."""
+    if port is not None:
+        with contextlib.suppress(OSError, serial.SerialException):
+            port.close()
+
+
 def explain_refusal(error: Exception) -> str:
     """Return why a port cannot be opened, with what to do."""
     code = getattr(error, "errno", None)
@@ -54,3 +95,30 @@ def explain_refusal(error: Exception) -> str:
     if code in {errno.EBUSY, errno.EAGAIN}:
         return "another program has it open; close that one (a serial monitor, another session)"
     return str(error)
+
+
+def stuff(plain: bytes) -> bytes:
+    """Return bytes COBS-encoded: none of them is zero.
+
+    Raises
+    ------
+    ValueError
+        More than 253 bytes, which would need more than one byte beside them.
+    """
+    if len(plain) > 253:
+        raise ValueError(f"{len(plain)} bytes are too long for a frame")
+    blocks = plain.split(b"\0")
+    return b"".join(bytes((len(block) + 1,)) + block for block in blocks)
+
+
+def unstuff(stuffed: bytes) -> bytes | None:
+    """Return COBS-encoded bytes decoded, None where they are none."""
+    plain = bytearray(stuffed)
+    at, end = 0, len(plain)
+    while at < end:
+        following = at + plain[at]
+        if following == at:
+            return None
+        plain[at] = 0  # where a block ends; the first one has none before it
+        at = following
+    return bytes(plain[1:]) if at == end else None

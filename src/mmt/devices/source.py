@@ -9,20 +9,20 @@ import numpy as np
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.core.frames import FIELD_OF_CHANNEL, Channel, frame_dtype, ordered_channels
-from mmt.devices.holding_back import ReadingAges
-from mmt.devices.merging import FrameMerger, PolledLane
-from mmt.devices.ports import Port, RobotPort, SampledPort, failure, port_of, summaries
-from mmt.devices.probing import Prober, Retry
+from mmt.devices.frame_assembly import FrameAssembler, ReadingAges
+from mmt.devices.lanes import PolledLane
+from mmt.devices.polling import PhasePoller, Retry
 from mmt.devices.protocols import (
     Accelerometer,
     ForceSensor,
-    FrameTaker,
+    FrameReceiver,
     LossWatcher,
     Pacing,
     Robot,
     SampledSensor,
     Vector,
 )
+from mmt.devices.slots import RobotSlot, SampledSlot, Slot, failure, slot_of, summaries
 
 PERIOD_NS: Final = 1_000_000
 
@@ -34,7 +34,7 @@ class DeviceSource:
     """A `DeviceBackedSource` that reads devices at each tick.
 
     Devices that are polled give a frame at each tick; where one has a clock of its own, all are
-    merged by their time stamps (`mmt.devices.merging`). A tick without a measurement has no
+    merged by their time stamps (`mmt.devices.lanes`). A tick without a measurement has no
     frame: its sequence number is skipped, so that the leader sees a gap and nothing is invented.
 
     Parameters
@@ -71,13 +71,13 @@ class DeviceSource:
                 raise InputError(f"[devices] has no {key}, but the scene needs {channel}")
         self._on_lost = on_lost
         self._watcher: LossWatcher = lambda _lost, _sentence: None
-        self._taker: FrameTaker | None = None
-        robot_port = RobotPort("robot", robot, measures="position" in self._channels)
-        self._all: dict[str, Port] = {"robot": robot_port}
+        self._taker: FrameReceiver | None = None
+        robot_slot = RobotSlot("robot", robot, measures="position" in self._channels)
+        self._all: dict[str, Slot] = {"robot": robot_slot}
         if force_sensor is not None:
-            self._all["force_sensor"] = port_of("force sensor", force_sensor)
+            self._all["force_sensor"] = slot_of("force sensor", force_sensor)
         if accelerometer is not None:
-            self._all["accelerometer"] = port_of("accelerometer", accelerometer, vibration=True)
+            self._all["accelerometer"] = slot_of("accelerometer", accelerometer, vibration=True)
         of_channel = dict(
             zip(("force", "acceleration"), ("force_sensor", "accelerometer"), strict=True)
         )
@@ -85,29 +85,29 @@ class DeviceSource:
             FIELD_OF_CHANNEL[channel]: self._all[of_channel.get(channel, "robot")]
             for channel in self._channels
         }
-        self._stepped = list(dict.fromkeys([robot_port, *self._measuring.values()]))
-        self._sampled = [port for port in self._stepped if isinstance(port, SampledPort)]
-        self._looked_at = [port for port in self._sampled if not port.knows_arrivals]
+        self._stepped = list(dict.fromkeys([robot_slot, *self._measuring.values()]))
+        self._sampled = [slot for slot in self._stepped if isinstance(slot, SampledSlot)]
+        self._looked_at = [slot for slot in self._sampled if not slot.knows_arrivals]
         self._opened = False
-        self._lost: list[Port] = []
-        self._probed: tuple[Port, Exception] | None = None
+        self._lost: list[Slot] = []
+        self._probed: tuple[Slot, Exception] | None = None
         self._dtype = frame_dtype(self._channels)
         self._sequence = 0
         self._merger = self._make_merger()
-        self._prober = Prober(self.probe, PERIOD_NS)
+        self._prober = PhasePoller(self.probe, PERIOD_NS)
         self._retry = Retry(self.look_again)
 
-    def _make_merger(self, needed_ns: int | None = None) -> FrameMerger | None:
+    def _make_merger(self, needed_ns: int | None = None) -> FrameAssembler | None:
         if not self._sampled:
             return None
-        lanes = {field: port.lane for field, port in self._measuring.items()}
-        return FrameMerger(lanes, self._dtype, PERIOD_NS, needed_ns)
+        lanes = {field: slot.lane for field, slot in self._measuring.items()}
+        return FrameAssembler(lanes, self._dtype, PERIOD_NS, needed_ns)
 
-    def watch(self, callback: LossWatcher) -> None:
+    def on_loss(self, callback: LossWatcher) -> None:
         """Have a function called when a device is lost and when it is back."""
         self._watcher = callback
 
-    def hand_on(self, callback: FrameTaker) -> None:
+    def on_late_frames(self, callback: FrameReceiver) -> None:
         """Have a function given the frames whose last reading came between two ticks."""
         self._taker = callback
 
@@ -137,15 +137,15 @@ class DeviceSource:
         """
         if not self._opened:
             self.open()
-        for port in self._sampled:  # which a driver may know only now, from the device's filter
-            port.lane.latency_ns = port.device.latency_ns
+        for slot in self._sampled:  # which a driver may know only now, from the device's filter
+            slot.lane.latency_ns = slot.device.latency_ns
         if self._sampled:
             self._merger = self._make_merger(self._warm_up())
             if self._looked_at:
                 self._prober.start()
             if self._taker is not None:
                 self._retry.start()
-        for device in (port.device for port in self._all.values()):
+        for device in (slot.device for slot in self._all.values()):
             if isinstance(device, Pacing):  # ticks from now on do not meet its turns
                 device.await_turn()
 
@@ -157,37 +157,37 @@ class DeviceSource:
         needed_ns
             How long frames must be held back; None where it did not show.
         """
-        ages = ReadingAges(port.lane for port in self._sampled)
+        ages = ReadingAges(slot.lane for slot in self._sampled)
         start_ns = time.monotonic_ns()
         while (passed_ns := time.monotonic_ns() - start_ns) < _WARM_UP_NS or any(
-            not port.lane.clock.known for port in self._sampled
+            not slot.lane.clock.known for slot in self._sampled
         ):
-            for port in self._sampled:
+            for slot in self._sampled:
                 try:
-                    port.poll()
-                    if passed_ns > _FIRST_READING_NS and not port.lane.clock.known:
+                    slot.poll()
+                    if passed_ns > _FIRST_READING_NS and not slot.lane.clock.known:
                         raise DeviceLost(  # noqa: TRY301 - told like what a driver raises
                             "it is connected but gives no reading; check its cable and settings"
                         )
                 except Exception as error:
-                    raise failure(port, error) from error
+                    raise failure(slot, error) from error
             ages.look(time.monotonic_ns())
             time.sleep(5e-5)
-        for port in self._sampled:
-            port.begin(time.monotonic_ns())
+        for slot in self._sampled:
+            slot.begin(time.monotonic_ns())
         return ages.hold_back_ns()
 
     def probe(self, now_ns: int) -> None:  # noqa: ARG002 - each read tells its own time
         """Look at sampled sensors between two ticks; a fault is left to the next tick."""
         self._look(self._looked_at)
 
-    def _look(self, ports: Iterable[SampledPort]) -> None:
-        for port in ports:
-            if port.lost_ns is None and self._probed is None:
+    def _look(self, slots: Iterable[SampledSlot]) -> None:
+        for slot in slots:
+            if slot.lost_ns is None and self._probed is None:
                 try:
-                    port.poll()
+                    slot.poll()
                 except Exception as error:  # noqa: BLE001 - raised by the next step
-                    self._probed = (port, error)
+                    self._probed = (slot, error)
 
     def look_again(self, now_ns: int) -> bool:  # noqa: ARG002 - as above
         """Look for what the last tick lacked; return whether it is still lacking."""
@@ -210,20 +210,20 @@ class DeviceSource:
         """
         self._sequence += elapsed
         probed, self._probed = self._probed, None
-        for port in self._stepped:
+        for slot in self._stepped:
             try:
-                if probed is not None and probed[0] is port:
+                if probed is not None and probed[0] is slot:
                     raise probed[1]  # noqa: TRY301 - as if it had come up now
-                if port.lost_ns is None:
-                    port.step(now_ns, command_position_mm)
-                elif port.mend(now_ns):
-                    self._regain(port)
-                elif reason := port.new_reason():
-                    self._watcher(True, f"{_name(port)} is not back yet: {reason}")
+                if slot.lost_ns is None:
+                    slot.step(now_ns, command_position_mm)
+                elif slot.reconnect(now_ns):
+                    self._regain(slot)
+                elif reason := slot.new_reason():
+                    self._watcher(True, f"{_name(slot)} is not back yet: {reason}")
             except DeviceLost as error:
-                self._lose(port, error, now_ns)
+                self._lose(slot, error, now_ns)
             except Exception as error:
-                raise failure(port, error) from error
+                raise failure(slot, error) from error
         if self._merger is not None:
             self._merger.tick(elapsed, now_ns)
             if self._lost:
@@ -239,24 +239,24 @@ class DeviceSource:
         frames = np.zeros(1, dtype=self._dtype)
         frames["sequence"] = self._sequence - 1
         frames["time_ns"] = now_ns
-        for field, port in self._measuring.items():
-            assert isinstance(port.lane, PolledLane)  # noqa: S101 - none is sampled here
+        for field, slot in self._measuring.items():
+            assert isinstance(slot.lane, PolledLane)  # noqa: S101 - none is sampled here
             try:
-                frames[field][0] = port.lane.last
+                frames[field][0] = slot.lane.last
             except (TypeError, ValueError) as error:
-                raise failure(port, error) from error
+                raise failure(slot, error) from error
         return frames
 
-    def _lose(self, port: Port, error: DeviceLost, now_ns: int) -> None:
+    def _lose(self, slot: Slot, error: DeviceLost, now_ns: int) -> None:
         if self._on_lost == "stop":
-            raise failure(port, error) from error
-        self._lost.append(port)
-        port.lose(now_ns, str(error))
-        self._watcher(True, f"{_name(port)} is lost: {error}")
+            raise failure(slot, error) from error
+        self._lost.append(slot)
+        slot.lose(now_ns, str(error))
+        self._watcher(True, f"{_name(slot)} is lost: {error}")
 
-    def _regain(self, port: Port) -> None:
-        self._lost.remove(port)
-        self._watcher(bool(self._lost), f"{_name(port)} is back")
+    def _regain(self, slot: Slot) -> None:
+        self._lost.remove(slot)
+        self._watcher(bool(self._lost), f"{_name(slot)} is back")
 
     @property
     def finished(self) -> bool:
@@ -275,7 +275,7 @@ class DeviceSource:
 
     def describe(self) -> str:
         """Name the devices."""
-        return "devices: " + ", ".join(port.describe() for port in self._all.values())
+        return "devices: " + ", ".join(slot.describe() for slot in self._all.values())
 
     def close(self) -> None:
         """Close every device, also when closing one of them fails.
@@ -288,14 +288,14 @@ class DeviceSource:
         self._prober.stop()
         self._retry.stop()
         problems = []
-        for port in self._all.values():
+        for slot in self._all.values():
             try:
-                port.close()
+                slot.close()
             except Exception as error:  # noqa: BLE001 - the others must still be closed
-                problems.append(str(failure(port, error)))
+                problems.append(str(failure(slot, error)))
         if problems:
             raise MmtError("; ".join(problems))
 
 
-def _name(port: Port) -> str:
-    return f"the {port.role} ({type(port.device).__name__})"
+def _name(slot: Slot) -> str:
+    return f"the {slot.role} ({type(slot.device).__name__})"

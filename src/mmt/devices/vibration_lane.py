@@ -1,10 +1,73 @@
 """A lane that keeps vibration: its value between two readings comes from nine of them."""
 
+from functools import lru_cache
 from typing import Final
 
-from mmt.devices.merging import WAITING, Lane, Waiting, on_line
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.devices.lanes import WAITING, Lane, Waiting, on_line
 from mmt.devices.protocols import Vector
-from mmt.devices.reconstruction import BEFORE, PHASES, Weights, band_of, weights
+
+BEFORE: Final = 8
+"""Readings before the instant that have a part in its value; one after it has."""
+
+PHASES: Final = 256
+"""Instants between two readings that have weights of their own; the nearest is taken."""
+
+BAND_HZ: Final = 500.0
+"""Half the session's rate: what lies above folds, whatever the weights."""
+
+_SHARE: Final = 0.42
+"""Of the sensor's rate: the band of a slow one. Near half its rate nothing can be had from
+readings of the past without amplifying what is between."""
+_NOISE: Final = 1e-3
+"""Power beside the band, over that within it."""
+
+Weights = tuple[tuple[float, ...], ...]
+"""Rows by the instant, 0 at the reading before it to `PHASES` at the one after it; columns by the
+reading, the oldest first."""
+
+
+def band_of(rate_hz: float) -> float:
+    """Return the band over a sensor's rate for which its weights are made."""
+    return min(BAND_HZ / rate_hz, _SHARE)
+
+
+@lru_cache(maxsize=8)
+def weights(band: float) -> Weights:
+    """Return the weights for a band from 0 up; some 0.3 ms.
+
+    Parameters
+    ----------
+    band
+        Highest frequency over the sensor's rate, above 0 and below 0.5.
+
+    Raises
+    ------
+    ValueError
+        There is no such band.
+    """
+    if not 0.0 < band < 0.5:
+        raise ValueError(f"band is {band}: it must lie within 0 to half the rate")
+    places = np.arange(1.0 - BEFORE, 2.0)
+    instants = np.arange(PHASES + 1) / PHASES
+    count = len(places)
+    exact: FloatArray = np.vstack((np.ones(count), places))
+    system = np.zeros((count + 2, count + 2))
+    system[:count, :count] = np.sinc(2.0 * band * (places[:, None] - places))
+    system[:count, :count] += _NOISE * np.eye(count)
+    system[:count, count:], system[count:, :count] = exact.T, exact
+    wanted = np.vstack(
+        (
+            np.sinc(2.0 * band * (places[:, None] - instants)),
+            np.ones(len(instants)),
+            instants,
+        )
+    )
+    solved = np.linalg.solve(system, wanted)[:count]
+    return tuple(tuple(row) for row in solved.T.tolist())
+
 
 _UNEVEN: Final = 0.5
 """Of a period, by which nine readings may be off an even spacing; a lost one makes a whole."""
@@ -15,7 +78,7 @@ _OTHER_RATE: Final = 0.05
 class VibrationLane(Lane):
     """Like a `Lane`, but a frame's value comes from eight readings before and one after it.
 
-    See `mmt.devices.reconstruction`. Where a reading is missing among them, and at the
+    See `mmt.devices.vibration_lane`. Where a reading is missing among them, and at the
     beginning, the value lies on the straight line between its two neighbours. A value takes
     twice as long as on that line.
     """

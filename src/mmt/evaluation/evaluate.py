@@ -17,9 +17,12 @@ from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.evaluation.coverage import coverage
 from mmt.evaluation.held_out import choose_held_out, outside
+from mmt.evaluation.recorded_surfaces import SurfaceParts, part_by_surface
 from mmt.evaluation.results import Evaluation
 from mmt.evaluation.scoring import Scorer
 from mmt.evaluation.truth import KnownTexture, known_texture
+from mmt.scene import Scene, Texture
+from mmt.scene.files import scene_from_tables
 from mmt.session.data import RecordedSession, missing_frames
 from mmt.texture.online.history import ModelHistory, build, update_blocks
 from mmt.texture.settings import Inputs, ModellingSettings
@@ -29,7 +32,7 @@ def evaluate_session(
     session: RecordedSession,
     settings: ModellingSettings | None = None,
     *,
-    period_s: float = 1.0,
+    period_s: float | None = None,
     step_s: float = 2.5,
     seed: int = 0,
 ) -> Evaluation:
@@ -40,14 +43,22 @@ def evaluate_session(
     session
         With position, force and acceleration.
     settings
-        Of the modelling.
+        How to model; None takes the scene that the session was recorded with, or the defaults
+        where it holds none.
     period_s
-        Time between two updates of the model. At any moment the leader has the model of its
-        last update: with updates every second, at 2.5 s the one of 2 s.
+        Time between two updates of the model; None as for `settings`. At any moment the leader
+        has the model of its last update: with updates every second, at 2.5 s the one of 2 s.
     step_s
         Time between two scores.
     seed
-        Of the choice of held-out segments and of the synthesis.
+        Seeds the choice of held-out segments and the synthesis.
+
+    Returns
+    -------
+    Evaluation
+        Its ``steps`` are the rows that ``mmt evaluate`` prints; ``print(evaluation)`` prints
+        them too. A session over several surfaces is evaluated as one: `evaluate_surfaces`
+        tells them apart.
 
     Raises
     ------
@@ -58,9 +69,19 @@ def evaluate_session(
     -----
     Costs two passes of the modelling, three on a texture that depends on the heading, and a
     few milliseconds for every moment scored.
+
+    Examples
+    --------
+    >>> import mmt
+    >>> frames, truth = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=6.0)
+    >>> result = mmt.evaluate_session(mmt.RecordedSession(frames, annotations=truth))
+    >>> [step.time_s for step in result.steps]
+    [2.5, 5.0]
     """
     started = time.perf_counter()
-    settings = settings or ModellingSettings()
+    recorded, recorded_period_s = modelling_of(recorded_scene(session))
+    settings = settings or recorded
+    period_s = recorded_period_s if period_s is None else period_s
     _check(session, period_s, step_s)
     blocks = list(update_blocks(session.frames, max(1, round(period_s * settings.rate_hz))))
     leader = build(blocks, settings)
@@ -117,6 +138,76 @@ def evaluate_session(
         power_map=errors,
         processing_s=time.perf_counter() - started,
     )
+
+
+def evaluate_surfaces(
+    session: RecordedSession,
+    scene: Scene | None = None,
+    *,
+    step_s: float = 2.5,
+    seed: int = 0,
+) -> tuple[list[Evaluation], SurfaceParts | None]:
+    """Evaluate a session; where its scene tells surfaces apart, the model of each.
+
+    Parameters
+    ----------
+    session
+        With position, force and acceleration.
+    scene
+        Says how to model; None takes the scene that the session was recorded with.
+    step_s, seed
+        As of `evaluate_session`.
+
+    Returns
+    -------
+    evaluations
+        One, or one for each surface in the order of their numbers.
+    parts
+        When the tool was on which surface; None where surfaces are not told apart.
+
+    Raises
+    ------
+    InputError
+        As of `evaluate_session`.
+    """
+    scene = recorded_scene(session) if scene is None else scene
+    settings, period_s = modelling_of(scene)
+
+    def evaluate(part: RecordedSession) -> Evaluation:
+        return evaluate_session(part, settings, period_s=period_s, step_s=step_s, seed=seed)
+
+    if settings.surfaces is None or not len(session.frames):
+        return [evaluate(session)], None
+    parts = part_by_surface(session, settings)
+    name = session.path.stem or "session"
+    evaluations = [
+        replace(
+            evaluate(part),
+            name=f"{name}, surface {number}",
+            missing_frames=parts.missing[number],
+        )
+        for number, part in parts.sessions.items()
+    ]
+    return evaluations, parts
+
+
+def recorded_scene(session: RecordedSession) -> Scene:
+    """Return the scene that a session was recorded with, or the default where it holds none.
+
+    Raises
+    ------
+    InputError
+        The recorded scene is not valid.
+    """
+    if session.scene is None:
+        return Scene()
+    return scene_from_tables(dict(session.scene), origin=f"the scene recorded in {session.path}")
+
+
+def modelling_of(scene: Scene) -> tuple[ModellingSettings, float]:
+    """Return how a scene models, or the defaults, and the time between two updates (s)."""
+    texture = scene.texture or Texture()
+    return texture.settings(float(scene.session.rate_hz)), texture.update_period_s
 
 
 def _of_other_inputs(

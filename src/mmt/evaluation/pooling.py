@@ -16,7 +16,7 @@ from mmt.texture.model.fits import automatic_order
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.segmentation.segmenter import segment, segmentation_of
+from mmt.texture.segmentation.segmenter import segment, segmentation_settings
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.selection import ModelPoints
 from mmt.texture.selection.leave_one_out import DelaunayNeighbours
@@ -68,7 +68,7 @@ def pool_sessions(sessions: Sequence[RecordedSession], settings: ModellingSettin
     space = InputSpace(settings.inputs)
     segments: list[Segment] = []
     origin: list[str] = []
-    cut = segmentation_of(settings)
+    cut = segmentation_settings(settings)
     for session in sessions:
         stream = StreamFilter(normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz)
         found = segment(stream.process(session.frames), cut)

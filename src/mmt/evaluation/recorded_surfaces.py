@@ -11,11 +11,9 @@ from mmt.core.arrays import IntArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.session.data import RecordedSession, missing_frames
 from mmt.testing.simulation.course import SurfaceCourse, course_from_annotations
-from mmt.texture.online.history import trials
-from mmt.texture.settings import ModellingSettings, SurfaceSettings
+from mmt.texture.online.history import surface_changes, trials
+from mmt.texture.settings import ModellingSettings
 from mmt.texture.surfaces import SurfaceChange
-from mmt.texture.surfaces.modeller import LOOK_S
-from mmt.texture.surfaces.tracking import SurfaceTracker
 
 
 @dataclass(frozen=True)
@@ -72,7 +70,7 @@ def part_by_surface(session: RecordedSession, settings: ModellingSettings) -> Su
         Of the modelling; ``surfaces`` says how they are told apart.
     """
     frames = session.frames
-    edges = _stays(_changes(frames, settings), frames)
+    edges = _stays(list(surface_changes(frames, settings)), frames)
     course = _course(session)
     truth = _truth(course, frames)
     sequence = frames["sequence"].astype(np.int64)
@@ -111,15 +109,6 @@ def part_by_surface(session: RecordedSession, settings: ModellingSettings) -> Su
         course=course,
         truth=truth,
     )
-
-
-def _changes(frames: RecordArray, settings: ModellingSettings) -> list[SurfaceChange]:
-    tracker = SurfaceTracker(settings, settings.surfaces or SurfaceSettings())
-    look = max(1, round(LOOK_S * settings.rate_hz))
-    found = []
-    for start in range(0, len(frames), look):
-        found += tracker.take(frames[start : start + look])
-    return found
 
 
 def _stays(

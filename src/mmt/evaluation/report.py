@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
 
-import mmt
+from mmt.core.version import __version__
 from mmt.evaluation import tables
 from mmt.evaluation.definitions import DEFINITIONS
 from mmt.evaluation.document import (
@@ -98,7 +98,7 @@ def write_report(
 
 def environment() -> dict[str, str]:
     """Return the versions and the machine that figures were computed with."""
-    versions = {"mmt": mmt.__version__, "python": platform.python_version()}
+    versions = {"mmt": __version__, "python": platform.python_version()}
     for package in _PACKAGES:
         try:
             versions[package] = version(package)
@@ -106,6 +106,25 @@ def environment() -> dict[str, str]:
             versions[package] = "unknown"
     machine = f"{platform.system()} {platform.release()}, {platform.machine()}"
     return {**versions, "machine": machine, "processors": str(os.cpu_count() or "unknown")}
+
+
+def machine() -> dict[str, str]:
+    """Return what the figures were measured on: processor, load, system and versions."""
+    known = hasattr(os, "getloadavg")
+    load = ", ".join(f"{value:.2f}" for value in os.getloadavg()) if known else "unknown"
+    return {"processor": _processor(), "load (1, 5, 15 min)": load, **environment()}
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or "unknown"
+    for line in lines:
+        key, _, value = line.partition(":")
+        if key.strip() == "model name":
+            return value.strip()
+    return platform.processor() or "unknown"
 
 
 def _overview(evaluations: Sequence[Evaluation]) -> list[Block]:

@@ -1,4 +1,4 @@
-"""What an evaluation found: plain values for tables, figures and JSON."""
+"""The results of an evaluation: plain values for tables, figures and JSON."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings
 
 Basis = Literal["truth", "held-out"]
-"""What the power error and the share within one JND are measured against."""
+"""The reference of the power error and of the share within one JND."""
 
 Limit = Literal["beyond the samples", "heading", "sparse", "fit", "interpolation"]
 """What limits a model where it is worst."""
@@ -52,7 +52,7 @@ class Worst:
     ``measure`` is "power" or "gfc". ``nearest_sample`` is the distance to the nearest sample
     in the normalised plane, ``heading_deg`` None where the texture is the same in all
     directions, ``boundary_share`` the weight of boundary points there.
-    ``limit`` names what limits the model, ``reason`` says it in a sentence.
+    ``limit`` names what limits the model, ``reason`` explains it in a sentence.
     """
 
     measure: Literal["power", "gfc"]
@@ -83,7 +83,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Coverage:
-    """Where in the plane the hand has been.
+    """The part of the plane that the hand has covered.
 
     ``speed_mm_s`` and ``force_n`` are the 5th and 95th percentile while the tool stroked
     the surface, None where it never did; ``stroking_s`` is how long it did.
@@ -98,7 +98,7 @@ class Coverage:
 
 @dataclass(frozen=True)
 class HeldOutSegment:
-    """A recorded segment that the rebuilt model has not seen, and what it says there.
+    """A recorded segment that the rebuilt model was built without, and its rendering of it.
 
     Spectra are amplitudes (roots of the power spectral density), m/s2 per root hertz:
     Welch's at ``frequencies_hz``, and exact at `mmt.evaluation.truth.DENSITY_HZ` for
@@ -129,9 +129,9 @@ class PowerMap:
     gfc: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Evaluation:
-    """One session, evaluated as in paper A.
+    """One session, evaluated as in paper A; ``print`` shows its table.
 
     ``start_s`` and ``stop_s`` are the session times at which the criteria were met, None
     where they were not. ``at_start``, ``at_stop`` and ``at_end`` are the figures at exactly
@@ -186,6 +186,24 @@ class Evaluation:
                 model = updated
         return model
 
+    def __repr__(self) -> str:
+        met = [
+            f"{name} {'never' if at_s is None else f'at {at_s:.1f} s'}"
+            for name, at_s in (("started", self.start_s), ("stopped", self.stop_s))
+        ]
+        error = self.final.power_error_db
+        level = "" if error is None else f", power error {error:.2f} dB"
+        return (
+            f"<Evaluation of {self.name}: {len(self.steps)} steps over {self.duration_s:.1f} s, "
+            f"{', '.join(met)}, {self.final.samples} samples{level}>"
+        )
+
+    def __str__(self) -> str:
+        """Return the table of the steps, as ``mmt evaluate`` prints it."""
+        from mmt.evaluation.table import as_text, evaluation_table, step_table
+
+        return f"{as_text(step_table(self))}\n{as_text(evaluation_table([self]))}"
+
     def as_dict(self) -> dict[str, Any]:
         """Return the evaluation for a program; the keys are documented for `mmt evaluate`."""
         return {
@@ -220,8 +238,8 @@ class Evaluation:
 def evaluations_as_dict(evaluations: Sequence[Evaluation]) -> dict[str, Any]:
     """Return what ``mmt evaluate --json`` writes.
 
-    ``sessions`` lists every session. Where there is one alone, its keys stand at the top as
-    well, so that a script reads ``start_s`` without a detour.
+    ``sessions`` lists every session. The keys of a single session are at the top level as
+    well, so that a script can read ``start_s`` directly.
     """
     sessions = [evaluation.as_dict() for evaluation in evaluations]
     only = sessions[0] if len(sessions) == 1 else {}

@@ -12,7 +12,7 @@ from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.results import HeldOutSegment, PowerMap, Score, Worst
 from mmt.evaluation.strokes import Strokes
 from mmt.evaluation.truth import DENSITY_HZ, KnownTexture
-from mmt.texture.completion.criteria import criterion_of
+from mmt.texture.completion.criteria import make_criterion
 from mmt.texture.completion.distance import cells_of
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.online.history import ModelHistory
@@ -71,7 +71,7 @@ class Scorer:
         self._grids: dict[int, GridErrors | None] = {}
         self._approximations: dict[int, list[Approximation]] = {}
         self._empty_distance = cells_of(self._space.dimensions).empty
-        self._empty = criterion_of(settings).progress.value
+        self._empty = make_criterion(settings).progress.value
 
     def score(self, time_s: float) -> Score:
         """Return the figures at a session time: those of the last update up to then."""

@@ -1,5 +1,6 @@
 """Evaluations as tables for the terminal, the same as in a report."""
 
+import io
 from collections.abc import Sequence
 
 import rich.box
@@ -25,10 +26,18 @@ def heading_tables(evaluations: Sequence[Evaluation]) -> list[rich.console.Group
     return [as_rich(tables.by_heading(each)) for each in evaluations if each.by_heading]
 
 
+def as_text(table: rich.console.RenderableType) -> str:
+    """Return a table as plain text of 80 columns."""
+    console = rich.console.Console(width=80, file=io.StringIO(), color_system=None)
+    with console.capture() as capture:
+        console.print(table)
+    return capture.get().rstrip()
+
+
 def as_rich(table: document.Table) -> rich.console.Group:
     """Return a report's table for the terminal, narrow enough for 80 columns.
 
-    The words of a heading stand below each other. Numbers stay whole, texts are folded.
+    The words of a heading are on lines of their own. Numbers are not broken, texts are.
     """
     result = rich.table.Table(
         box=rich.box.SIMPLE_HEAD,

@@ -4,9 +4,8 @@ import struct
 from collections.abc import Callable
 from typing import Any, Final, Literal
 
-from mmt.core.arrays import RecordArray
+from mmt.core.arrays import RecordArray, difference, towards
 from mmt.core.logs import RepeatLimit
-from mmt.core.vectors import difference, towards
 from mmt.devices.protocols import Vector
 from mmt.scene import Link
 
@@ -103,7 +102,7 @@ class CommandGuard:
         if self._measures_position:
             self._position, self._silent = None, False
 
-    def take(self, commands: RecordArray, arrival_ns: int) -> None:
+    def receive(self, commands: RecordArray, arrival_ns: int) -> None:
         """Take commands (n,), n >= 1, the newest last, with their arrival by this clock.
 
         The newest one counts, unless its round trip, which includes the frame that it

@@ -87,7 +87,7 @@ class PassiveFollower:
 
     def take_records(self, records: RecordArray) -> None:
         """Take what the hand has put in."""
-        self._given.take(records)
+        self._given.receive(records)
 
     def restart(self) -> None:
         """Go on counting from here if the next leader begins anew."""

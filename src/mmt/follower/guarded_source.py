@@ -50,8 +50,8 @@ class GuardedSource:
         """None where a recording is replayed, which follows no commands."""
         self._of_devices = source if isinstance(source, DeviceBackedSource) else None
         if self._of_devices is not None:
-            self._of_devices.watch(self._on_device)
-            self._of_devices.hand_on(self._take_late)
+            self._of_devices.on_loss(self._on_device)
+            self._of_devices.on_late_frames(self._take_late)
 
     @property
     def summary(self) -> dict[str, dict[str, Any]]:
@@ -62,10 +62,10 @@ class GuardedSource:
             "feedback": dict(self._feedback.summary) if self._feedback is not None else {},
         }
 
-    def take(self, commands: RecordArray, arrival_ns: int) -> None:
+    def receive(self, commands: RecordArray, arrival_ns: int) -> None:
         """Take commands (n,), the newest last, with their arrival."""
         if self.guard is not None:
-            self.guard.take(commands, arrival_ns)
+            self.guard.receive(commands, arrival_ns)
 
     def step(self, elapsed: int) -> tuple[RecordArray, RecordArray | None]:
         """Do the work of so many ticks, all but the last of which were missed.

@@ -123,7 +123,7 @@ class Follower:
                 await self._stream()
         finally:
             self.ticker.stop()
-            self.ending.settle()
+            self.ending.cancel_timeout()
             await self.client.end(self.ending.outcome)
             await self.client.disconnect()
             if listener is not None:
@@ -156,7 +156,7 @@ class Follower:
                 extra="" if feedback is None else feedback.event,
             ),
             FollowerEvents(
-                on_commands=self._guarded.take,
+                on_commands=self._guarded.receive,
                 on_session=self._take_session,
                 on_stop=self._on_stop,
                 on_lost=self._on_lost,
@@ -216,7 +216,7 @@ class Follower:
             self.ending.fail(error)
         finally:
             ended.cancel()
-        self.ending.raise_mistake()
+        self.ending.raise_unexpected()
 
     async def _open_devices(self) -> None:
         """Connect devices in a thread: some take seconds, and the leader must be answered."""
@@ -251,7 +251,7 @@ class Follower:
     def _on_lost(self, reason: str) -> None:
         patience_s = self._link.patience_s
         self._say(f"leader lost ({reason}), trying again for {patience_s:g} s")
-        self.ending.be_patient(patience_s, self._give_up)
+        self.ending.start_timeout(patience_s, self._give_up)
 
     def _give_up(self) -> None:
         if not self.client.connected:

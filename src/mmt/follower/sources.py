@@ -7,7 +7,7 @@ from mmt.devices.protocols import FollowerSource
 from mmt.scene import Devices, Driver, Replay, Scene, Simulated
 
 if TYPE_CHECKING:
-    from mmt.devices.table import Role
+    from mmt.devices.drivers import Role
 
 
 def build_source(scene: Scene) -> FollowerSource:
@@ -52,7 +52,7 @@ def _replay(scene: Scene, table: Replay) -> FollowerSource:
 
 
 def _devices(scene: Scene, table: Devices) -> FollowerSource:
-    from mmt.devices.loading import load_device
+    from mmt.devices.drivers import load_device
     from mmt.devices.source import DeviceSource
 
     def made(device: Driver | None, role: "Role") -> Any:

@@ -8,7 +8,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from mmt.contact.estimation import ContactEstimator, ContactModel, EstimationSettings
-from mmt.contact.memory import ForceMemory, SmoothSpeed
+from mmt.contact.force_map import ForceMap, SmoothSpeed
 from mmt.contact.passivity import PassivitySettings
 from mmt.contact.rendering import LocalContact, RenderingSettings
 from mmt.core.arrays import RecordArray
@@ -46,7 +46,7 @@ class ModelForce(StreamedForce):
     hand meets them, so that the force displayed is the one that the follower will measure.
     From place and force the surface itself is estimated, for the summary. Where the hand moves
     over places that the tool has met at a like speed, the force met there counts beside the
-    model (`mmt.contact.memory`). Until there is a
+    model (`mmt.contact.force_map`). Until there is a
     model the streamed force is displayed; along the surface it always is. Both pass the
     passive port of `ForcePort`, so that nothing that the estimate does can give the hand
     energy. About 20 us a tick, and 35 us a sample.
@@ -79,7 +79,7 @@ class ModelForce(StreamedForce):
         self._felt = ContactEstimator(settings.estimation)
         self._surface = ContactEstimator(settings.estimation)
         self._contact = LocalContact(settings.rendering)
-        self._memory = ForceMemory()
+        self._memory = ForceMap()
         self._command_speed, self._hand_speed = SmoothSpeed(), SmoothSpeed()
         self._normal = _AXES.index(settings.normal)
         self._tick_s = settings.passivity.tick_s
@@ -102,7 +102,7 @@ class ModelForce(StreamedForce):
             self._surface.update(-_M * place, force)
             self._samples += 1
             if self._samples % _RENEWAL == 0:
-                self._contact.aim(self._felt.best())
+                self._contact.set_target(self._felt.best())
 
     def tick(self, elapsed: int, state: InterfaceState | None) -> RecordArray | None:
         """Display the force for the elapsed ticks; nothing is sent."""
@@ -136,7 +136,7 @@ class ModelForce(StreamedForce):
         force_n = self._force[self._normal]
         force_n += self._share * (modelled - force_n)
         speed_m_s = self._hand_speed.step(depth_m, period_s)
-        remembered_n, weight = self._memory.recall(depth_m, speed_m_s)
+        remembered_n, weight = self._memory.look_up(depth_m, speed_m_s)
         return force_n + weight * (remembered_n - force_n)
 
     @property

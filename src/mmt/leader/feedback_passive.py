@@ -50,7 +50,7 @@ class PassiveForce(StreamedForce):
 
     def take_records(self, records: RecordArray) -> None:
         """Take what the follower says it gave back."""
-        self._given.take(records)
+        self._given.receive(records)
 
     def restart(self) -> None:
         """Go on counting from here if the next follower begins anew."""

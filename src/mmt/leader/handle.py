@@ -1,11 +1,11 @@
 """A real handle in the operator's hand, which may be lost and come back somewhere else."""
 
-from mmt.core.vectors import difference, towards
-from mmt.devices.mending import MendedHandle
+from mmt.core.arrays import difference, towards
 from mmt.devices.protocols import InterfaceState, LeaderInterface, Vector
+from mmt.devices.reconnection import ReconnectingHandle
 
 
-class OperatorHandle(MendedHandle):
+class OperatorHandle(ReconnectingHandle):
     """A handle, and what it has the follower do.
 
     While it is lost the command stays what it was: the robot holds. When it is back the

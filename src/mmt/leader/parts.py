@@ -17,7 +17,7 @@ from mmt.leader.stream import StreamedMotion, StreamedVibration
 from mmt.scene import Actuator, Handle, Link, Rendering, Scene, Simulated, Texture
 
 if TYPE_CHECKING:
-    from mmt.devices.mending import LossCallback, Mended, MendedActuator
+    from mmt.devices.reconnection import LossCallback, ReconnectingActuator, ReconnectingDevice
     from mmt.leader.handle import OperatorHandle
     from mmt.leader.model_crossfade import ModelCrossfade
     from mmt.leader.modelling import Modelling
@@ -36,7 +36,7 @@ class LeaderParts:
     handle: "OperatorHandle | None" = None
     """The hand, where it is a driver's handle that may be lost and come back."""
     actuator: VibrationActuator | None = None
-    mended: "MendedActuator | None" = None
+    mended: "ReconnectingActuator | None" = None
     """The actuator, where it is a driver's, which may be lost and come back."""
     playout: PlayoutBuffer | None = None
     streamed_vibration: StreamedVibration | None = None
@@ -129,7 +129,7 @@ class LeaderParts:
         return problems
 
     @property
-    def may_be_lost(self) -> "list[Mended[Any]]":
+    def may_be_lost(self) -> "list[ReconnectingDevice[Any]]":
         """The devices without which the session goes on."""
         return [device for device in (self.handle, self.mended) if device is not None]
 
@@ -197,7 +197,7 @@ def build_parts(scene: Scene, on_update: Callable[["ModelUpdate", float], None])
 
 
 def _build_handle(scene: Scene, table: Handle, parts: LeaderParts) -> None:
-    from mmt.devices.loading import load_device
+    from mmt.devices.drivers import load_device
 
     device: LeaderInterface = load_device(table.driver, table.options, role="handle")
     if table.on_lost == "stop":
@@ -214,10 +214,10 @@ def _make_actuator(table: Actuator, parts: LeaderParts) -> VibrationActuator:
         from mmt.testing.simulation.actuator import SimulatedActuator
 
         return SimulatedActuator(limit_m_s2=table.limit_m_s2)
-    from mmt.devices.loading import load_device
-    from mmt.devices.mending import MendedActuator
+    from mmt.devices.drivers import load_device
+    from mmt.devices.reconnection import ReconnectingActuator
 
-    parts.mended = MendedActuator(load_device(table.driver, table.options, role="actuator"))
+    parts.mended = ReconnectingActuator(load_device(table.driver, table.options, role="actuator"))
     return parts.mended
 
 

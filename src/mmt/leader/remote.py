@@ -128,7 +128,7 @@ class RemoteFollower:
 
     async def close(self) -> None:
         """Listen no more, and note how the clocks stood at the end."""
-        self._ending.settle()
+        self._ending.cancel_timeout()
         if self.server is not None:
             await self.server.stop()
         self.look(last=True)
@@ -151,7 +151,7 @@ class RemoteFollower:
     # --- what the link reports
 
     def _on_follower(self, hello: "FollowerHello") -> None:
-        self._ending.settle()
+        self._ending.cancel_timeout()
         self._numbering.reconnect(hello.run_id)
         self.backfill.connect(hello)
         if self._parts.recorder is not None and hello.annotations:
@@ -190,7 +190,7 @@ class RemoteFollower:
         self._journal.event(f"follower lost ({reason}), waiting {patience_s:g} s for its return")
         if self._parts.streamed_motion is not None:
             self._parts.streamed_motion.rest()
-        self._ending.be_patient(patience_s, lambda: self._ending.stop("follower lost"))
+        self._ending.start_timeout(patience_s, lambda: self._ending.stop("follower lost"))
 
     def _on_jump(self, jump: "ClockJump") -> None:
         if self._clock_notes is not None:

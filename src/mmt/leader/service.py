@@ -129,7 +129,7 @@ class LeaderService:
         recorder = self.parts.recorder
         found = {
             f"the session has ended: {self.ending.outcome}": self.ending.reached,
-            "the follower was lost": self.ending.patient,
+            "the follower was lost": self.ending.awaits_peer,
             f"recording: {recorder.error if recorder else None}": recorder and recorder.error,
         }
         lost = [device.problem for device in self.parts.may_be_lost if device.problem]
@@ -194,7 +194,7 @@ class LeaderService:
                 self.ending.fail(error)
         if self.remote is not None:
             await self.remote.dismiss()
-        self.ending.raise_mistake()
+        self.ending.raise_unexpected()
 
     async def _close(self) -> None:
         if self.monitor is not None:

@@ -18,7 +18,7 @@ def shipped_models() -> dict[str, Path]:
     return {path.stem: path for path in sorted(FOLDER.glob(f"*{SUFFIX}"))}
 
 
-def find_model(path: Path) -> Path:
+def find_model(path: str | Path) -> Path:
     """Return the file, or that of the shipped model of this name.
 
     Raises
@@ -26,6 +26,7 @@ def find_model(path: Path) -> Path:
     InputError
         It is the name of neither.
     """
+    path = Path(path)
     if path.exists() or path.suffix or path.name != str(path):
         return path
     shipped = shipped_models()

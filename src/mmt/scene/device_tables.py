@@ -31,6 +31,8 @@ class Driver(Table):
 class Handle(Driver, PartTable):
     """``[handle]``: the operator holds a real handle."""
 
+    model_config = ConfigDict(extra="allow")
+
     on_lost: Literal["hold", "stop"] = "hold"
 
 

@@ -13,9 +13,9 @@ import numpy as np
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
-from mmt import __version__
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.frames import Channel, channels_of
+from mmt.core.version import __version__
 from mmt.session.data import JsonObject, RecordedSession, to_json
 from mmt.session.files import replacing
 from mmt.session.messages import (

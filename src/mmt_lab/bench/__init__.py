@@ -1,6 +1,6 @@
 """Error against run time: the stages of ``mmt bench``, one file each.
 
-A stage is a module with a function ``run()`` that returns a `StageResult`; it is imported when
+A stage is a module with a function ``run()`` that returns a `Findings`; it is imported when
 it is run.
 """
 
@@ -8,7 +8,7 @@ import importlib
 from collections.abc import Callable
 from typing import Final, cast
 
-from mmt_lab.bench.results import StageResult
+from mmt_lab.harness.findings import Findings
 
 STAGES: Final = {
     "burg": "mmt_lab.bench.burg",
@@ -26,7 +26,7 @@ STAGES: Final = {
 """Modules by the name of their stage."""
 
 
-def run_stage(name: str) -> StageResult:
+def run_stage(name: str) -> Findings:
     """Run a stage by its name.
 
     Raises
@@ -34,5 +34,5 @@ def run_stage(name: str) -> StageResult:
     ImportError
         It needs a package that is not installed.
     """
-    run = cast(Callable[[], StageResult], importlib.import_module(STAGES[name]).run)
+    run = cast(Callable[[], Findings], importlib.import_module(STAGES[name]).run)
     return run()

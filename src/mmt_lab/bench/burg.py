@@ -12,16 +12,16 @@ from mmt_lab.bench import burg_methods, peers, references, signals
 from mmt_lab.bench.burg_methods import OURS, Method
 from mmt_lab.bench.loops import burg_loops
 from mmt_lab.bench.measuring import interleave
-from mmt_lab.bench.results import (
+from mmt_lab.harness.findings import (
     MICROSECONDS,
     TIME_US,
     Axis,
     Curve,
     Curves,
+    Findings,
     Panel,
     Records,
     Spread,
-    StageResult,
     Target,
 )
 
@@ -43,7 +43,7 @@ class Plan:
 
 
 @peers.quiet()
-def run(plan: Plan | None = None) -> StageResult:
+def run(plan: Plan | None = None) -> Findings:
     """Measure every implementation that is installed.
 
     Raises
@@ -57,7 +57,7 @@ def run(plan: Plan | None = None) -> StageResult:
     batch = _by_batch(methods, plan)
     stiff = _stiff(methods, plan)
     loops, without_loops = burg_loops(((1, plan.lengths[0]), plan.batch), plan.orders, plan.rounds)
-    return StageResult(
+    return Findings(
         name="burg",
         title="Burg's method",
         about=(

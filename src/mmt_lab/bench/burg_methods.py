@@ -11,7 +11,7 @@ from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.burg import burg, burg_batch
 from mmt.texture.autoregression.forms import reflection_to_ar
 from mmt_lab.bench import peers
-from mmt_lab.bench.results import LeftOut
+from mmt_lab.harness.findings import LeftOut
 
 OURS: Final = "mmt"
 

@@ -15,8 +15,8 @@ from mmt.leader.stream import StreamedVibration
 from mmt.texture.signals.amplitude_spectra import amplitude_spectra
 from mmt.texture.signals.metrics import gfc_of_rows, log_spectral_distance_db
 from mmt_lab.bench.measuring import spread
-from mmt_lab.bench.results import Axis, Cell, Curves, Panel, Records, StageResult, Target
 from mmt_lab.bench.textures import RATE_HZ, session
+from mmt_lab.harness.findings import Axis, Cell, Curves, Findings, Panel, Records, Target
 
 MODEL: Final = "mmt, model"
 BACKWARDS: Final = "mmt, repetition"
@@ -72,7 +72,7 @@ METHODS: Final[Mapping[str, Callable[[int, int], Concealment]]] = {
 """What bridges gaps of a length, with a seed, by name."""
 
 
-def run(plan: Plan | None = None) -> StageResult:
+def run(plan: Plan | None = None) -> Findings:
     """Bridge gaps of every length on every texture by every method; time the samples."""
     plan = plan or Plan()
     found = {
@@ -86,7 +86,7 @@ def run(plan: Plan | None = None) -> StageResult:
         alone.add(method, gap, gap, spread(np.array([e.alone for e in errors])))
         step.add(method, gap, gap, spread(np.array([e.step for e in errors])))
     times, first_us, next_us = _times(plan)
-    return StageResult(
+    return Findings(
         name="conceal",
         title="Concealment of gaps",
         about=(

@@ -10,19 +10,19 @@ from typing import Final
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from mmt.contact.integrators import INTEGRATORS, Step
 from mmt.contact.normal import ContactLaw, Drive
 from mmt.core.arrays import FloatArray
 from mmt.testing.simulation.robot import tip_drive
 from mmt_lab.bench.measuring import interleave
-from mmt_lab.bench.results import (
+from mmt_lab.contact.integrators import INTEGRATORS, Step
+from mmt_lab.harness.findings import (
     MICROSECONDS,
     Axis,
     Curve,
     Curves,
+    Findings,
     Panel,
     Records,
-    StageResult,
 )
 
 TIME: Final = Axis("time of a simulated millisecond (µs)", "µs")
@@ -58,13 +58,13 @@ class Plan:
     rounds: int = 5
 
 
-def run(plan: Plan | None = None) -> StageResult:
+def run(plan: Plan | None = None) -> Findings:
     """Measure every integrator on an impact and the contact that follows."""
     plan = plan or Plan()
     panels = [_panel(stiffness, plan) for stiffness in plan.stiffnesses_n_m]
     rows = [row for panel in panels for curve in panel.curves for row in _rows(panel, curve)]
     names = ", ".join(f"{stiffness / 1000:g}" for stiffness in plan.stiffnesses_n_m)
-    return StageResult(
+    return Findings(
         name="contact",
         title="Contact integration",
         about=(

@@ -6,8 +6,8 @@ from typing import Final
 
 from mmt.core.errors import MmtError
 from mmt.core.realtime import require_real_time
-from mmt_lab.bench.results import Cell, LeftOut, Records, StageResult, Target
 from mmt_lab.device_bench.running import Measured, SetUp, measure
+from mmt_lab.harness.findings import Cell, Findings, LeftOut, Records, Target
 
 SET_UPS: Final = (
     SetUp("virtual lab: Net F/T, ADXL335 on serial", "net_ft", "adxl335"),
@@ -34,7 +34,7 @@ class Plan:
     """Whether the follower's part and the emulated devices run by real-time scheduling."""
 
 
-def run(plan: Plan | None = None) -> StageResult:
+def run(plan: Plan | None = None) -> Findings:
     """Measure each set-up; one that cannot run here is left out.
 
     Raises
@@ -54,7 +54,7 @@ def run(plan: Plan | None = None) -> StageResult:
             )
         except MmtError as error:
             left_out.append(LeftOut(set_up.name, str(error), "see docs/reference/bench.md"))
-    return StageResult(
+    return Findings(
         name="devices",
         title="Devices",
         about=(

@@ -11,16 +11,16 @@ from mmt.texture.autoregression.forms import lsf_to_reflection
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.settings import Interpolated
 from mmt_lab.bench.measuring import interleave
-from mmt_lab.bench.results import (
+from mmt_lab.bench.textures import Truth, exact_samples, scattered
+from mmt_lab.harness.findings import (
     MICROSECONDS,
     Axis,
     Curves,
+    Findings,
     Panel,
     Records,
     Spread,
-    StageResult,
 )
-from mmt_lab.bench.textures import Truth, exact_samples, scattered
 
 Filters = tuple[FloatArray, FloatArray]
 """Line spectral frequencies (k, m) and variances (k,)."""
@@ -47,7 +47,7 @@ class Plan:
     rounds: int = 7
 
 
-def run(plan: Plan | None = None) -> StageResult:
+def run(plan: Plan | None = None) -> Findings:
     """Measure Delaunay interpolation, three ways, beside its alternatives."""
     plan = plan or Plan()
     truths = [Truth(name) for name in plan.surfaces]
@@ -61,7 +61,7 @@ def run(plan: Plan | None = None) -> StageResult:
             level.add(name, count, time, _mean([of[name][1] for of in errors]))
         if count == plan.table_count:
             rows = _rows(truths, errors, plan)
-    return StageResult(
+    return Findings(
         name="interpolation",
         title="Interpolation in the speed-force plane",
         about=(

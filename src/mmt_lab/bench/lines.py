@@ -18,14 +18,14 @@ from mmt_lab.bench import filters, peers, references
 from mmt_lab.bench.filters import Filters
 from mmt_lab.bench.loops import lines_loops
 from mmt_lab.bench.measuring import interleave
-from mmt_lab.bench.results import (
+from mmt_lab.harness.findings import (
     MICROSECONDS,
     TIME_US,
     Axis,
     Curves,
+    Findings,
     Panel,
     Records,
-    StageResult,
     Target,
 )
 
@@ -74,7 +74,7 @@ class Method:
 
 
 @peers.quiet()
-def run(plan: Plan | None = None) -> StageResult:
+def run(plan: Plan | None = None) -> Findings:
     """Measure every implementation that is installed.
 
     Raises
@@ -91,7 +91,7 @@ def run(plan: Plan | None = None) -> StageResult:
     largest = filters.spread(LARGEST, plan.looked_at)
     frequencies = {order: given.rounded_lsf for order, given in spread.items()}
     loops, without_loops = lines_loops(frequencies, plan.rounds)
-    return StageResult(
+    return Findings(
         name="lines",
         title="Line spectral frequencies",
         about=(

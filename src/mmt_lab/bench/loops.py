@@ -10,7 +10,7 @@ from mmt.texture.autoregression.burg_recursion import burg_each_into
 from mmt.texture.autoregression.lsf import lsf_to_ar_each_into
 from mmt_lab.bench import native, signals
 from mmt_lab.bench.measuring import interleave
-from mmt_lab.bench.results import MICROSECONDS, Cell, LeftOut, Records
+from mmt_lab.harness.findings import MICROSECONDS, Cell, LeftOut, Records
 
 Compared = tuple[tuple[Records, ...], tuple[LeftOut, ...]]
 """A table, or why there is none."""

@@ -7,19 +7,15 @@ same machine; what counts is the median over rounds, and ratios of medians.
 
 import gc
 import math
-import os
-import platform
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.evaluation.report import environment
-from mmt_lab.bench.results import Spread
+from mmt_lab.harness.findings import Spread
 
 Task = Callable[[], object]
 
@@ -73,12 +69,6 @@ def spread(values: FloatArray) -> Spread:
     return Spread(float(median), float(low), float(high))
 
 
-def machine() -> dict[str, str]:
-    """Return what the figures were measured on: processor, load, system and versions."""
-    load = ", ".join(f"{value:.2f}" for value in os.getloadavg()) if _has_load() else "unknown"
-    return {"processor": _processor(), "load (1, 5, 15 min)": load, **environment()}
-
-
 def _calls(task: Task, least_s: float) -> int:
     task()
     started = time.perf_counter()
@@ -98,19 +88,3 @@ def _no_collection() -> Iterator[None]:
     finally:
         if enabled:
             gc.enable()
-
-
-def _has_load() -> bool:
-    return hasattr(os, "getloadavg")
-
-
-def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return platform.processor() or "unknown"
-    for line in lines:
-        key, _, value = line.partition(":")
-        if key.strip() == "model name":
-            return value.strip()
-    return platform.processor() or "unknown"

@@ -19,7 +19,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.texture.model.texture_model import TextureModel
-from mmt_lab.bench.results import LeftOut
+from mmt_lab.harness.findings import LeftOut
 
 _SOURCE: Final = Path(__file__).with_name("loops.c")
 _FLAGS: Final = ("-O3", "-march=native", "-std=c99", "-shared", "-fPIC")

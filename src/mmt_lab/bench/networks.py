@@ -15,18 +15,18 @@ from mmt.texture.model.samples import TextureSamples
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
 from mmt_lab.bench.measuring import interleave, spread
 from mmt_lab.bench.network_methods import DELAUNAY, METHODS, OURS, Filters, part_of
-from mmt_lab.bench.results import (
+from mmt_lab.bench.textures import Known, exact_samples
+from mmt_lab.harness.findings import (
     MICROSECONDS,
     Axis,
     Cell,
     Curves,
+    Findings,
     Panel,
     Records,
     Spread,
-    StageResult,
     Target,
 )
-from mmt_lab.bench.textures import Known, exact_samples
 
 SAMPLES: Final = Axis("samples", "samples")
 BUILDING: Final = Axis("time to build (ms)", "build, ms")
@@ -54,7 +54,7 @@ class Plan:
     kept: int = 200
 
 
-def run(plan: Plan | None = None) -> StageResult:
+def run(plan: Plan | None = None) -> Findings:
     """Measure radial basis networks beside triangulations, in the plane and with headings."""
     plan = plan or Plan()
     panels: list[Panel] = []
@@ -64,7 +64,7 @@ def run(plan: Plan | None = None) -> StageResult:
     ):
         panels += _panels(words, name, has_heading, plan)
     cost, sequence = _cost(plan), _sequence(plan)
-    return StageResult(
+    return Findings(
         name="networks",
         title="Networks against triangles",
         about=(

@@ -12,8 +12,8 @@ from mmt.session.data import RecordedSession
 from mmt.texture.online.history import ModelHistory, build, update_blocks
 from mmt.texture.settings import ModellingSettings
 from mmt_lab.bench.measuring import spread
-from mmt_lab.bench.results import Axis, Curves, Panel, Records, Spread, StageResult
 from mmt_lab.bench.textures import session
+from mmt_lab.harness.findings import Axis, Curves, Findings, Panel, Records, Spread
 
 Order = int | Literal["auto"]
 
@@ -45,7 +45,7 @@ class Quality:
     seconds: float
 
 
-def run(plan: Plan | None = None) -> StageResult:
+def run(plan: Plan | None = None) -> Findings:
     """Build models of every order with every period, and compare them with the truth."""
     plan = plan or Plan()
     sessions = [session(name, plan.duration_s) for name in plan.surfaces]
@@ -60,7 +60,7 @@ def run(plan: Plan | None = None) -> StageResult:
             level.add(name, order, time, float(np.mean([q.level for q in found])))
         automatic = [_quality(one, "auto", period_s, plan) for one in sessions]
         chosen.append(_row(period_s, automatic))
-    return StageResult(
+    return Findings(
         name="order",
         title="Order and update period",
         about=(

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.errors import InputError
-from mmt_lab.bench.results import LeftOut
+from mmt_lab.harness.findings import LeftOut
 
 _MODULES: Final = {
     "librosa": "librosa",

@@ -13,15 +13,15 @@ from mmt.texture.online.history import ModelHistory, build, update_blocks
 from mmt.texture.settings import Interpolated, ModellingSettings
 from mmt.texture.signals.metrics import within_jnd
 from mmt_lab.bench.measuring import spread
-from mmt_lab.bench.results import (
+from mmt_lab.bench.textures import session
+from mmt_lab.harness.findings import (
     Axis,
     Curves,
+    Findings,
     Panel,
     Records,
     Spread,
-    StageResult,
 )
-from mmt_lab.bench.textures import session
 
 SESSION: Final = Axis("session time (s)", "s", logarithmic=False)
 PROCESSING: Final = Axis("processing time (ms)", "ms")
@@ -52,7 +52,7 @@ class Plan:
     rounds: int = 3
 
 
-def run(plan: Plan | None = None) -> StageResult:
+def run(plan: Plan | None = None) -> Findings:
     """Build every session's model as the leader does, and compare each state with the truth."""
     plan = plan or Plan()
     sessions = [session(name, plan.duration_s) for name in plan.surfaces]
@@ -71,7 +71,7 @@ def run(plan: Plan | None = None) -> StageResult:
                 if time.median > 0.0:  # not before the first update
                     by_processing[name].add(method, moment, time, value)
         rows += [_row(method, run, plan) for run in runs]
-    return StageResult(
+    return Findings(
         name="pipeline",
         title="Whole pipeline",
         about=(

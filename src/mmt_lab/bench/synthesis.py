@@ -18,17 +18,17 @@ from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.bench import native
 from mmt_lab.bench.measuring import call_times, interleave, spread
-from mmt_lab.bench.results import (
+from mmt_lab.bench.textures import exact_samples, scattered, session
+from mmt_lab.harness.findings import (
     Axis,
     Cell,
     Curves,
+    Findings,
     LeftOut,
     Panel,
     Records,
-    StageResult,
     Target,
 )
-from mmt_lab.bench.textures import exact_samples, scattered, session
 
 OURS: Final = "mmt"
 SCIPY: Final = "scipy, direct form"
@@ -58,7 +58,7 @@ class Plan:
     rounds: int = 7
 
 
-def run(plan: Plan | None = None) -> StageResult:
+def run(plan: Plan | None = None) -> Findings:
     """Measure blocks at every renewal, one-sample calls, and the same loop in C."""
     plan = plan or Plan()
     surface = get_surface(plan.surface)
@@ -81,7 +81,7 @@ def run(plan: Plan | None = None) -> StageResult:
                 if name != EXCITATION:
                     curves.add(name, renewal, one, errors.get(name, own))
     calls, p99_us = _calls(model, motion, plan)
-    return StageResult(
+    return Findings(
         name="synthesis",
         title="Synthesis",
         about=(

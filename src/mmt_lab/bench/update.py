@@ -11,7 +11,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.testing.simulation.textures import get_surface
-from mmt.texture.autoregression.effective_length import UNKNOWN
+from mmt.texture.autoregression.effective_sample_size import UNKNOWN
 from mmt.texture.model.fits import Fit
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.online.modeller import OnlineModeller
@@ -19,17 +19,17 @@ from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.bench.measuring import interleave, spread
-from mmt_lab.bench.results import (
+from mmt_lab.bench.textures import exact_samples, scattered, session
+from mmt_lab.harness.findings import (
     MICROSECONDS,
     Axis,
     Cell,
     Curves,
+    Findings,
     Panel,
     Records,
-    StageResult,
     Target,
 )
-from mmt_lab.bench.textures import exact_samples, scattered, session
 
 SAMPLES: Final = Axis("samples of the model", "samples")
 TIME_MS: Final = Axis("time (ms)", "ms")
@@ -59,13 +59,13 @@ class Plan:
     rounds: int = 7
 
 
-def run(plan: Plan | None = None) -> StageResult:
+def run(plan: Plan | None = None) -> Findings:
     """Measure updates of models of every size, and calls for one sample from them."""
     plan = plan or Plan()
     blocks = _blocks(plan)
     stages = _stages(blocks, plan)
     calls = _calls(plan)
-    return StageResult(
+    return Findings(
         name="update",
         title="Model update",
         about=(

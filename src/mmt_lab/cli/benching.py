@@ -4,33 +4,28 @@ import asyncio
 import statistics
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from mmt.cli.common import messages, output
+from mmt.cli.common import messages
 from mmt.core.errors import InputError, MmtError
-from mmt.evaluation.document import Table
-from mmt.evaluation.table import as_rich
-from mmt.scene import Scene
+from mmt.evaluation.document import Block, Paragraph, Table
+from mmt.evaluation.report import machine
 from mmt.scene.files import example_scenes, load_scene
 from mmt_lab.bench import STAGES, run_stage
-from mmt_lab.bench.measuring import machine
-from mmt_lab.bench.presenting import (
-    as_dict,
-    stage_tables,
-    targets_table,
-    write_bench_report,
-)
-from mmt_lab.bench.results import LeftOut, Records, Side, StageResult, Target
 from mmt_lab.cli.realtime_gain import compare
+from mmt_lab.harness.findings import Findings, LeftOut, Records, Side, Target
+from mmt_lab.harness.report import print_findings, print_targets, write_joint_report
 
 EVALUATIONS: Final = 5
 """Repetitions of the evaluation; the median counts."""
 
 SUSTAINED_P99_MS: Final = 10.0
 """Bound on the latency at the sustained rate: what waits longer piles up."""
+
+TITLE: Final = "Error against run time"
 
 EXTRA: Final = "pip install 'mmt-haptics[bench]'"
 
@@ -40,7 +35,7 @@ Row = tuple[str, float | int | None] | tuple[str, float | int | None, Side, floa
 
 def run_benches(
     names: list[str], duration_s: float, report: Path | None = None, *, realtime: bool = False
-) -> tuple[list[StageResult], dict[str, Any]]:
+) -> tuple[list[Findings], dict[str, Any]]:
     """Run the named stages, all of them where none is named; print each as it is done.
 
     Parameters
@@ -73,14 +68,13 @@ def run_benches(
     for name in dict.fromkeys(names or stages):
         messages.print(f"measuring: {name}")
         try:
-            results.append(stages[name]())
+            results.append(replace(stages[name](), name=name))
         except MmtError as error:  # what the others measure, which may take an hour, is kept
             failed[name] = str(error)
             messages.print(f"{name}: {error}", highlight=False)
         else:
-            _print_stage(results[-1])
-    if any(result.targets for result in results):
-        _print_table(targets_table(results))
+            print_findings(results[-1])
+    print_targets(results)
     about = machine()
     if report is not None:
         page = write_bench_report(report, results, about)
@@ -88,8 +82,35 @@ def run_benches(
     return results, as_dict(results, about) | ({"failed": failed} if failed else {})
 
 
-def _stages(duration_s: float, realtime: bool) -> dict[str, Callable[[], StageResult]]:
-    stages: dict[str, Callable[[], StageResult]] = {
+def as_dict(results: Sequence[Findings], machine: Mapping[str, str]) -> dict[str, Any]:
+    """Return a run for a program: the machine, and every stage by its name."""
+    return {"machine": dict(machine), **{result.name: result.as_dict() for result in results}}
+
+
+def write_bench_report(
+    directory: Path, results: Sequence[Findings], machine: Mapping[str, str]
+) -> Path:
+    """Write ``report.md``, ``report.html``, ``figures/`` and ``bench.json``; return the page.
+
+    Raises
+    ------
+    InputError
+        The directory cannot be written.
+    """
+    opening: list[Block] = [
+        Paragraph(
+            "Methods took turns on the machine below; times are medians over rounds, with half "
+            "the distance of the quartiles behind them. Trust the ratios within this run more "
+            "than the times."
+        ),
+        Table(("what", "value"), list(machine.items()), "Machine"),
+    ]
+    data = as_dict(results, machine)
+    return write_joint_report(directory, TITLE, opening, results, "bench.json", data)
+
+
+def _stages(duration_s: float, realtime: bool) -> dict[str, Callable[[], Findings]]:
+    stages: dict[str, Callable[[], Findings]] = {
         name: lambda name=name: _or_left_out(name)  # type: ignore[misc]
         for name in STAGES
     }
@@ -102,35 +123,21 @@ def _stages(duration_s: float, realtime: bool) -> dict[str, Callable[[], StageRe
     }
 
 
-def _or_left_out(name: str) -> StageResult:
+def _or_left_out(name: str) -> Findings:
     """Run a stage, or say that it needs a package that is not there."""
     try:
         return run_stage(name)
     except ImportError as error:
         missing = error.name or str(error)
         left_out = LeftOut(missing, "the stage needs it for its reference", EXTRA)
-        return StageResult(name, name, "Not measured.", left_out=(left_out,))
+        return Findings(name, "Not measured.", left_out=(left_out,))
 
 
-def _print_stage(result: StageResult) -> None:
-    output.print(result.title, style="bold")
-    output.print(result.about, highlight=False)
-    for table in stage_tables(result, narrow=True):
-        _print_table(table)
-
-
-def _print_table(table: Table) -> None:
-    """Print a table with its title above."""
-    output.print(f"\n{table.caption}", style="italic", highlight=False)
-    output.print(as_rich(replace(table, caption="")))
-
-
-def _figures(name: str, title: str, about: str, rows: dict[str, Row]) -> StageResult:
+def _figures(title: str, about: str, rows: dict[str, Row]) -> Findings:
     """Return single figures as a stage."""
     targets = tuple(Target(row[0], row[1], row[2], row[3]) for row in rows.values() if len(row) > 2)
     table = tuple({"what": row[0], "measured": row[1]} for row in rows.values())
-    return StageResult(
-        name,
+    return Findings(
         title,
         about,
         records=(Records("figures", title, table),),
@@ -139,7 +146,7 @@ def _figures(name: str, title: str, about: str, rows: dict[str, Row]) -> StageRe
     )
 
 
-def _services(duration_s: float) -> StageResult:
+def _services(duration_s: float) -> Findings:
     """Run the demo's scene with both services as processes."""
     from mmt.cli.demo import run_services
 
@@ -179,27 +186,27 @@ def _services(duration_s: float) -> StageResult:
         rows[f"{name}_core"] = (f"{name}, share of a core", process["core_share"], "at most", 0.6)
         rows[f"{name}_mb"] = (f"{name}, memory (MB)", process["memory_mb"], "at most", megabytes)
     about = f"The demo's scene, leader and follower as two processes, {duration_s:g} s."
-    return _figures("services", "Services", about, rows)
+    return _figures("Services", about, rows)
 
 
-def _devices(realtime: bool) -> StageResult:
+def _devices(realtime: bool) -> Findings:
     """Read emulated devices by their drivers."""
     from mmt_lab.bench.devices import Plan, run
 
     return run(Plan(realtime=realtime))
 
 
-def _evaluate() -> StageResult:
+def _evaluate() -> Findings:
     """Evaluate a simulated session several times."""
-    from mmt.cli.reporting import evaluate
+    from mmt.evaluation.evaluate import evaluate_session
     from mmt_lab.bench.textures import session
 
-    recorded, scene = session("wood", 18.0), Scene()
-    evaluate(recorded, scene)
+    recorded = session("wood", 18.0)
+    evaluate_session(recorded)
     times_s = []
     for _round in range(EVALUATIONS):
         started = time.perf_counter()
-        evaluate(recorded, scene)
+        evaluate_session(recorded)
         times_s.append(time.perf_counter() - started)
     median_s = statistics.median(times_s)
     rows: dict[str, Row] = {
@@ -213,10 +220,10 @@ def _evaluate() -> StageResult:
         "spread_s": ("longest less shortest (s)", max(times_s) - min(times_s)),
     }
     about = f"An 18 s session, evaluated {EVALUATIONS} times as mmt evaluate does."
-    return _figures("evaluate", "Evaluation", about, rows)
+    return _figures("Evaluation", about, rows)
 
 
-def _link(duration_s: float, realtime: bool) -> StageResult:
+def _link(duration_s: float, realtime: bool) -> Findings:
     """Compare the link with a bare WebSocket in the same run."""
     from mmt_lab.link_bench import bench_link
 
@@ -251,4 +258,4 @@ def _link(duration_s: float, realtime: bool) -> StageResult:
         f"with a bare WebSocket, {duration_s:g} s each; ratios are medians over neighbouring turns."
         + (" By real-time scheduling." if realtime else "")
     )
-    return _figures("link", "Link", about, rows)
+    return _figures("Link", about, rows)

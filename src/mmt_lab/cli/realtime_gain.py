@@ -14,7 +14,7 @@ from mmt.cli.demo import DemoRun, run_services
 from mmt.core.errors import MmtError
 from mmt.core.realtime import require_real_time
 from mmt.scene.files import example_scenes, load_scene
-from mmt_lab.bench.results import Records, StageResult
+from mmt_lab.harness.findings import Findings, Records
 
 ROUND_S: Final = 5.0
 """Longest run of the services; the two ways take turns."""
@@ -31,7 +31,7 @@ _FIGURES: Final = (
 )
 
 
-def compare(duration_s: float) -> StageResult:
+def compare(duration_s: float) -> Findings:
     """Run the demo's services by ordinary and by real-time scheduling, in turns.
 
     As many processes as there are processors are busy beside them all the while, so that the
@@ -70,7 +70,7 @@ def compare(duration_s: float) -> StageResult:
     )
     title = "Services by ordinary and by real-time scheduling"
     records = (Records("realtime", title, tuple(rows)),)
-    return StageResult("services", title, about, records=records, figures=figures)
+    return Findings(title, about, records=records, figures=figures)
 
 
 def _run(duration_s: float, realtime: bool) -> DemoRun:

@@ -24,7 +24,7 @@ from mmt.testing.emulated.digital_ft import EmulatedDigitalFt
 from mmt.testing.emulated.labjack_u6 import EmulatedU6
 from mmt.testing.emulated.net_ft import EmulatedNetFt
 from mmt.testing.emulated.remote_u6 import U6Server
-from mmt.testing.emulated.robot_link import RobotLink
+from mmt.testing.emulated.robot import RobotLink
 from mmt_lab.device_bench.children import say
 from mmt_lab.device_bench.measures import pauses_of_device
 from mmt_lab.device_bench.motion import Motion

@@ -18,11 +18,11 @@ from mmt.core.frames import CHANNELS
 from mmt.core.process import prefer_even_ticks
 from mmt.core.realtime import be_real_time
 from mmt.core.ticking import Ticker
-from mmt.devices.loading import load_device
+from mmt.devices.drivers import load_device
 from mmt.devices.source import PERIOD_NS, DeviceSource
 from mmt.testing.emulated.hd import EmulatedHd
 from mmt.testing.emulated.remote_u6 import RemoteU6
-from mmt.testing.emulated.robot_driver import DatagramRobot
+from mmt.testing.emulated.robot import DatagramRobot
 from mmt_lab.device_bench.children import say
 
 _COMMAND_MM: Final = (0.0, 0.0, 5.0)
@@ -56,8 +56,8 @@ class Reader:
         )
         self.sensors = {"force_sensor": force, "accelerometer": acceleration}
         self.source = DeviceSource(robot, force, acceleration, CHANNELS, on_lost="hold")
-        self.source.watch(self._note)
-        self.source.hand_on(self._take)
+        self.source.on_loss(self._note)
+        self.source.on_late_frames(self._take)
         self.ticker = Ticker(PERIOD_NS, self._tick)
         self._frames: list[RecordArray] = []
         self._formed: list[tuple[int, int]] = []

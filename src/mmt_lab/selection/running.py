@@ -11,7 +11,7 @@ from mmt.core.arrays import BoolArray, FloatArray
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt.texture.selection import ModelPoints, select, select_published
-from mmt.texture.selection.enclosing import enclose_each
+from mmt.texture.selection.enclosing_simplex import enclose_each
 from mmt.texture.signals.amplitude_spectra import expected_amplitude
 from mmt.texture.signals.metrics import gfc_of_rows
 from mmt_lab.selection.trials import Trials, points_of, simulate_trials
@@ -94,7 +94,7 @@ def run_seed(row: Row, seed: int, recorded: Sequence[FloatArray] = ()) -> list[S
         started = time.perf_counter()
         outlier, kept = _run(method, trials.data)
         seconds = time.perf_counter() - started
-        again = _run(method, trials.data.taken(order))
+        again = _run(method, trials.data.subset(order))
         score = probes.score(kept)
         results.append(
             SelectionResult(

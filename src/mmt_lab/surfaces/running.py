@@ -129,7 +129,7 @@ def run_session(
     found = []
     for start in range(0, len(frames), LOOK_FRAMES):
         part = frames[start : start + LOOK_FRAMES]
-        found += [Found(change, start + len(part)) for change in tracker.take(part)]
+        found += [Found(change, start + len(part)) for change in tracker.update(part)]
     force_n = frames["force_n"][:, 2].astype(np.float64)
     stroking = np.zeros(len(frames), dtype=np.bool_)
     aligned = StreamFilter(modelling.normal, modelling.axis, modelling.rate_hz).process(frames)

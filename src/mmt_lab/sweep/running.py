@@ -4,16 +4,13 @@ Both call `mmt_lab.sweep.combinations.evaluate_job` with the same arguments, and
 numbers.
 """
 
-import multiprocessing
-import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from typing import Any, Final, TypeVar
 
 import mmt
 from mmt.core.errors import InputError, MmtError
 from mmt.session.data import RecordedSession
+from mmt_lab.harness.processes import in_processes
 from mmt_lab.sweep.combinations import Job, Outcome, evaluate_job
 
 CONNECT_S: Final = 10
@@ -43,42 +40,6 @@ def run_locally(
     calls = {number: (sessions[job.path], job) for number, job in enumerate(jobs)}
     for number, future in in_processes(evaluate_job, calls, workers):
         yield _outcome(jobs[number], future.result)
-
-
-def in_processes(
-    function: Callable[..., Result], calls: Mapping[int, tuple[Any, ...]], workers: int
-) -> Iterator[tuple[int, Future[Result]]]:
-    """Call a function in processes of this machine; yield each call's number as it is done.
-
-    Parameters
-    ----------
-    function
-        Of a module, with arguments and a result that can be pickled.
-    calls
-        Arguments by number.
-    workers
-        Number of processes.
-
-    Raises
-    ------
-    MmtError
-        A process has died.
-    """
-    pool = ProcessPoolExecutor(
-        max_workers=workers,
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=_leave_interrupts,
-    )
-    try:
-        futures = {pool.submit(function, *call): number for number, call in calls.items()}
-        for future in as_completed(futures):
-            if isinstance(future.exception(), BrokenProcessPool):
-                raise MmtError("a process has died; start it again to go on")
-            yield futures[future], future
-    except BrokenProcessPool as error:
-        raise MmtError("a process has died; start it again to go on") from error
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
 
 
 def in_order(
@@ -164,8 +125,3 @@ def _check_version(outcome: Outcome) -> None:
     version = (outcome.evaluation or {}).get("version", mmt.__version__)
     if version != mmt.__version__:
         raise MmtError(f"--dask: a worker has mmt {version}, this is {mmt.__version__}")
-
-
-def _leave_interrupts() -> None:
-    """Leave Ctrl-C to the process that started the sweep."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -15,8 +15,8 @@ from mmt.evaluation.report import write_report
 from mmt.scene import Scene
 from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
-from mmt_lab.bench.presenting import write_bench_report
-from mmt_lab.bench.results import Axis, Curves, Panel, Spread, StageResult
+from mmt_lab.cli.benching import write_bench_report
+from mmt_lab.harness.findings import Axis, Curves, Findings, Panel, Spread
 from mmt_lab.stability.cases import Row
 from mmt_lab.stability.running import write_stability_report
 
@@ -68,7 +68,7 @@ def reports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         curves.add("mmt", order, Spread(2.0, 1.9, 2.1), 1e-15 * order)
     panel = Panel("p", "By order", "order", Axis("time (µs)", "µs"), Axis("error", "error"),
                   curves.done())  # fmt: skip
-    stage = StageResult("burg", "Burg's method", "What was measured.", panels=(panel,))
+    stage = Findings("Burg's method", "What was measured.", panels=(panel,), name="burg")
     walls, delays = [0.1, 1.0, 10.0], [0.0, 10.0, 100.0]
     loop = {"wall_n_mm": walls, "delay_ms": delays,
             "grows": (np.outer(delays, walls) > 10.0).tolist()}  # fmt: skip

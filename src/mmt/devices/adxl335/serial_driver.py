@@ -1,18 +1,86 @@
 """``adxl335-serial``: an ADXL335 behind a microcontroller that sends frames over USB serial."""
 
+import os
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+import serial
+from serial.tools import list_ports
+
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.devices.adxl335.board import SerialBoard
-from mmt.devices.adxl335.framing import Counts, Frame, FrameDecoder
+from mmt.devices.adxl335.framing import Counts, Frame, FrameDecoder, Timeline
 from mmt.devices.adxl335.options import SerialOptions
 from mmt.devices.adxl335.sensor import Adxl335
-from mmt.devices.adxl335.timeline import Timeline
-from mmt.devices.loading import read_options
+from mmt.devices.drivers import read_options
 from mmt.devices.protocols import SensorReading, Vector
+from mmt.devices.serial_ports import close_port, empty_port, open_port, read_waiting
+
+_AT_ONCE: Final = 16384
+
+
+class SerialBoard:
+    """The bytes of a microcontroller.
+
+    Parameters
+    ----------
+    port, baud_rate
+        As in `mmt.devices.adxl335.options.SerialOptions`.
+    """
+
+    def __init__(self, port: str, baud_rate: int) -> None:
+        self.name = port
+        self._baud_rate = baud_rate
+        self._port: serial.Serial | None = None
+
+    def open(self) -> None:
+        """Open the port, and throw away what waits in it.
+
+        Raises
+        ------
+        MmtError
+            There is none, somebody else has it, or it is not permitted.
+        """
+        self.close()
+        try:
+            self._port = open_port(self.name, self._baud_rate)
+        except MmtError as error:
+            raise MmtError(f"the accelerometer's port {self.name}: {error}") from error
+        empty_port(self._port)
+
+    def read(self) -> bytes:
+        """Return what has come.
+
+        Raises
+        ------
+        DeviceLost
+            It is not open, or was unplugged.
+        """
+        if self._port is None:
+            raise DeviceLost(f"the accelerometer's port {self.name} is not open")
+        try:
+            return read_waiting(self._port, _AT_ONCE)
+        except (serial.SerialException, OSError, TypeError) as error:
+            raise DeviceLost(
+                f"the accelerometer's board on {self.name} is gone: plug it in again, and check "
+                "that no other program reads the port"
+            ) from error
+
+    def close(self) -> None:
+        """Close the port; calling it twice is harmless."""
+        port, self._port = self._port, None
+        close_port(port)
+
+    def serial_number(self) -> str | None:
+        """Return the number that the board gives over USB, None where there is none."""
+        here = os.path.realpath(self.name)
+        for info in list_ports.comports():
+            if os.path.realpath(info.device) == here:
+                number: str | None = info.serial_number
+                return number
+        return None
+
 
 NAME: Final = "adxl335-serial"
 _FIRST_FRAMES: Final = 3

@@ -7,9 +7,9 @@ from pydantic import Field, field_validator
 
 from mmt.devices.adxl335.options import Adxl335Options
 from mmt.devices.adxl335.sensor import Adxl335
+from mmt.devices.drivers import read_options
+from mmt.devices.labjack.board import U6Voltages
 from mmt.devices.labjack.packets import Channel
-from mmt.devices.labjack.voltages import U6Voltages
-from mmt.devices.loading import read_options
 from mmt.devices.protocols import Vector
 
 NAME: Final = "adxl335-u6"

@@ -1,10 +1,111 @@
-"""What a calibration says of a sensor, and whether it is the one that the scene expects."""
+"""What a scene expects of a force sensor by ATI, and what its calibration says."""
 
 from dataclasses import dataclass
+from typing import Annotated, Final, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
 
 from mmt.core.errors import InputError
-from mmt.devices.ati.options import AtiOptions
 from mmt.devices.protocols import Vector
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Angle = Annotated[float, Field(ge=-360, le=360)]
+
+
+class AtiOptions(BaseModel):
+    """What the sensor is expected to be, and how it is mounted."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    serial: str | None = None
+    """Serial number that the calibration must have, as ``FT12345``."""
+    calibration: str | None = None
+    """Name that the calibration must have, as ``SI-12-0.12``."""
+    force_unit: str | None = None
+    """Unit of force that the device must be set to; any known one is converted where None."""
+    range_n: tuple[Positive, Positive, Positive] | None = None
+    """Calibrated range of Fx, Fy, Fz (N) that the device must have."""
+    mounted: Literal["tool", "surface"] = "tool"
+    """Whether the sensor carries the tool or the surface, whose force is of the other sign."""
+    rotation_deg: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
+    """Turns the sensor's axes into the scene's: about x, then y, then z of the scene."""
+    latency_ms: float | None = Field(default=None, ge=0, le=1000)
+    """From the force to the sensor's stamp; None for what the driver knows of it."""
+    silence_ms: float = Field(default=200, ge=20, le=10_000)
+    """Without a record for so long, the sensor is lost."""
+    stuck_ms: float = Field(default=500, ge=0, le=60_000)
+    """With the very same values for so long, the sensor is lost; 0 for never."""
+
+
+_FORCES_N: Final = {
+    "n": 1.0,
+    "newton": 1.0,
+    "kn": 1e3,
+    "lbf": 4.4482216152605,
+    "lb": 4.4482216152605,
+    "klbf": 4448.2216152605,
+    "klb": 4448.2216152605,
+    "kgf": 9.80665,
+    "kg": 9.80665,
+    "gf": 9.80665e-3,
+    "g": 9.80665e-3,
+}
+_LENGTHS_MM: Final = {
+    "mm": 1.0,
+    "cm": 10.0,
+    "m": 1000.0,
+    "in": 25.4,
+    "ft": 304.8,
+}
+
+
+def force_in_newton(unit: str, device: str) -> float:
+    """Return how many newton one of the unit is.
+
+    Raises
+    ------
+    InputError
+        The unit is not known.
+    """
+    factor = _FORCES_N.get(unit.strip().lower())
+    if factor is None:
+        raise InputError(
+            f"{device}: the unit of force {unit!r} is not known; set it to N in the device"
+        )
+    return factor
+
+
+def torque_in_newton_mm(unit: str, device: str) -> float:
+    """Return how many newton millimetres one of the unit is: ``Nm``, ``N-mm``, ``lbf-in`` ...
+
+    Raises
+    ------
+    InputError
+        The unit is not known.
+    """
+    name = unit.strip().lower().replace("-", "").replace("*", "").replace(" ", "")
+    for length, millimetres in _LENGTHS_MM.items():
+        force = name.removesuffix(length)
+        if force != name and force in _FORCES_N:
+            return _FORCES_N[force] * millimetres
+    raise InputError(
+        f"{device}: the unit of torque {unit!r} is not known; set it to N-m or N-mm in the device"
+    )
+
+
+def length_in_mm(unit: str, device: str) -> float:
+    """Return how many millimetres one of the unit is.
+
+    Raises
+    ------
+    InputError
+        The unit is not known.
+    """
+    factor = _LENGTHS_MM.get(unit.strip().lower())
+    if factor is None:
+        raise InputError(f"{device}: the unit of length {unit!r} is not known")
+    return factor
+
 
 RANGE_TOLERANCE = 0.01
 

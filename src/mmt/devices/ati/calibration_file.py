@@ -7,8 +7,12 @@ from pathlib import Path
 from typing import Final
 
 from mmt.core.errors import InputError
-from mmt.devices.ati.calibration import Calibration
-from mmt.devices.ati.units import force_in_newton, length_in_mm, torque_in_newton_mm
+from mmt.devices.ati.calibration import (
+    Calibration,
+    force_in_newton,
+    length_in_mm,
+    torque_in_newton_mm,
+)
 from mmt.devices.ati.wrench import Matrix, matrix_of
 
 _AXES: Final = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")

@@ -6,10 +6,8 @@ from typing import Any, Final, Literal
 from pydantic import Field
 
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.devices.ati.calibration import check_calibration
-from mmt.devices.ati.digital_clock import CountingClock
+from mmt.devices.ati.calibration import AtiOptions, check_calibration
 from mmt.devices.ati.digital_line import DigitalLine
-from mmt.devices.ati.digital_records import SIZE, Gauges, RecordStream
 from mmt.devices.ati.digital_registers import (
     CALIBRATION_REGISTERS,
     CALIBRATIONS,
@@ -24,11 +22,11 @@ from mmt.devices.ati.digital_registers import (
     explain_status,
     parse_calibration,
 )
-from mmt.devices.ati.modbus import NoFrame
-from mmt.devices.ati.options import AtiOptions
+from mmt.devices.ati.digital_wire import SIZE, Gauges, NoFrame, RecordStream
+from mmt.devices.ati.record_clocks import CountingClock
 from mmt.devices.ati.sensor import AtiSensor, Stamped
 from mmt.devices.ati.wrench import WrenchConverter
-from mmt.devices.loading import read_options
+from mmt.devices.drivers import read_options
 
 DRIVER: Final = "ati-digital-ft"
 

@@ -8,7 +8,7 @@ import serial
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.ati.digital_registers import DEVICE
-from mmt.devices.ati.modbus import (
+from mmt.devices.ati.digital_wire import (
     LONGEST_READ,
     NoFrame,
     answer_length,
@@ -18,7 +18,7 @@ from mmt.devices.ati.modbus import (
     registers_of,
     write_request,
 )
-from mmt.devices.serial_ports import explain_refusal, read_waiting
+from mmt.devices.serial_ports import open_port, read_waiting
 
 _ANSWER_S: Final = 0.15
 _ATTEMPTS: Final = 3
@@ -52,13 +52,9 @@ class DigitalLine:
         self._surplus = b""
         self._garbage = 0  # bytes that were no answers
         try:
-            self._serial = serial.Serial(
-                port, baud, parity=serial.PARITY_EVEN, timeout=0, write_timeout=1, exclusive=True
-            )
-        except Exception as error:  # pyserial lets termios.error through, which is no OSError
-            raise MmtError(f"{name}: its serial port: {explain_refusal(error)}") from error
-        with contextlib.suppress(OSError, ValueError, NotImplementedError, AttributeError):
-            self._serial.set_low_latency_mode(True)  # where the adapter knows it
+            self._serial = open_port(port, baud, parity=serial.PARITY_EVEN, write_timeout=1)
+        except MmtError as error:
+            raise MmtError(f"{name}: its serial port: {error}") from error
 
     def read(self) -> bytes:
         """Return what has come, without waiting.

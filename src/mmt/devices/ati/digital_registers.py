@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from mmt.core.errors import MmtError
-from mmt.devices.ati.calibration import Calibration
-from mmt.devices.ati.units import force_in_newton, torque_in_newton_mm
+from mmt.devices.ati.calibration import Calibration, force_in_newton, torque_in_newton_mm
 from mmt.devices.ati.wrench import Matrix, matrix_of
 
 DEVICE: Final = 10

@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
-from mmt.devices.ati.calibration import check_calibration
+from mmt.devices.ati.calibration import AtiOptions, check_calibration
 from mmt.devices.ati.calibration_file import FileCalibration, load_calibration_file
-from mmt.devices.ati.options import AtiOptions
 from mmt.devices.ati.sensor import AtiSensor, Stamped
 from mmt.devices.ati.wrench import WrenchConverter
-from mmt.devices.loading import load_device, read_options
-from mmt.devices.voltages import VoltageBoard
+from mmt.devices.drivers import load_device, read_options
+from mmt.devices.protocols import VoltageBoard
 from mmt.scene import Driver
 
 DRIVER: Final = "ati-gauges"

@@ -8,9 +8,8 @@ from typing import Any, Final
 from pydantic import Field
 
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.devices.ati.calibration import check_calibration
-from mmt.devices.ati.clock import SequenceClock
-from mmt.devices.ati.net_records import (
+from mmt.devices.ati.calibration import AtiOptions, check_calibration
+from mmt.devices.ati.net_wire import (
     PORT,
     RDT_ERROR,
     RECORD,
@@ -18,16 +17,18 @@ from mmt.devices.ati.net_records import (
     SATURATED,
     START,
     STOP,
+    NetPages,
+    NetSettings,
     explain_status,
+    filter_delay_ns,
     is_broken,
     request,
 )
-from mmt.devices.ati.net_settings import NetPages, NetSettings, filter_delay_ns
-from mmt.devices.ati.options import AtiOptions
+from mmt.devices.ati.record_clocks import SequenceClock
 from mmt.devices.ati.sensor import AtiSensor, Stamped
 from mmt.devices.ati.wrench import WrenchConverter
 from mmt.devices.datagrams import StampedSocket
-from mmt.devices.loading import read_options
+from mmt.devices.drivers import read_options
 
 DRIVER: Final = "ati-net-ft"
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.devices.ati.options import AtiOptions
+from mmt.devices.ati.calibration import AtiOptions
 from mmt.devices.ati.wrench import Six, WrenchConverter
 from mmt.devices.overload import OverloadNotice
 from mmt.devices.protocols import SensorReading

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from mmt.core.errors import MmtError
-from mmt.devices.ati.options import AtiOptions
+from mmt.devices.ati.calibration import AtiOptions
 from mmt.devices.protocols import Vector
 
 Six = tuple[float, float, float, float, float, float]

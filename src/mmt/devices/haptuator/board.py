@@ -1,6 +1,5 @@
 """The serial port of a board that plays samples: bytes in and out, without waiting."""
 
-import contextlib
 import os
 from collections import Counter
 from collections.abc import Sequence
@@ -10,7 +9,7 @@ import serial
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.haptuator.framing import Decoder, Message, encode
-from mmt.devices.serial_ports import explain_refusal
+from mmt.devices.serial_ports import close_port, empty_port, open_port
 
 _AT_ONCE: Final = 16384
 _LARGEST_BACKLOG: Final = 8192
@@ -46,16 +45,10 @@ class HaptuatorBoard:
         """
         self.close()
         try:
-            self._port = serial.Serial(
-                self._path, self._baud_rate, timeout=0, write_timeout=0, exclusive=True
-            )
-        except (serial.SerialException, OSError, ValueError) as error:
-            raise MmtError(f"{self.name}: {explain_refusal(error)}") from error
-        # A converter from USB to serial gathers bytes for 16 ms unless told otherwise.
-        with contextlib.suppress(AttributeError, NotImplementedError, ValueError, OSError):
-            self._port.set_low_latency_mode(True)
-        with contextlib.suppress(OSError, serial.SerialException):
-            self._port.reset_input_buffer()
+            self._port = open_port(self._path, self._baud_rate, write_timeout=0)
+        except MmtError as error:
+            raise MmtError(f"{self.name}: {error}") from error
+        empty_port(self._port)
         self._decoder = Decoder()
         self._backlog = bytearray(b"\0")  # ends whatever the board has half of
 
@@ -103,9 +96,7 @@ class HaptuatorBoard:
     def close(self) -> None:
         """Close the port; calling it twice is harmless."""
         port, self._port = self._port, None
-        if port is not None:
-            with contextlib.suppress(OSError, serial.SerialException):
-                port.close()
+        close_port(port)
 
     def _opened(self) -> serial.Serial:
         if self._port is None:

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from mmt.devices.cobs import stuff, unstuff
+from mmt.devices.serial_ports import stuff, unstuff
 
 VERSION: Final = 1
 MOST_SAMPLES: Final = 120

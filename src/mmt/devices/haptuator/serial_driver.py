@@ -10,13 +10,13 @@ from pydantic import Field
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import DeviceLost, MmtError
+from mmt.devices.drivers import read_options
 from mmt.devices.haptuator.board import HaptuatorBoard
+from mmt.devices.haptuator.board_resampler import BoardResampler
+from mmt.devices.haptuator.driver import RATE_HZ, SILENCE_NS, HaptuatorDriver
 from mmt.devices.haptuator.framing import FULL_SCALE, MOST_SAMPLES, Report, Reset, Samples
-from mmt.devices.haptuator.interpolation import AFTER
 from mmt.devices.haptuator.options import HaptuatorOptions
-from mmt.devices.haptuator.playing import RATE_HZ, SILENCE_NS, PlayingHaptuator
-from mmt.devices.haptuator.pushing import Pusher
-from mmt.devices.loading import read_options
+from mmt.devices.haptuator.resampling import AFTER
 from mmt.devices.protocols import ActuatorStatistics
 
 DRIVER: Final = "haptuator-serial"
@@ -67,12 +67,12 @@ def haptuator_serial(**options: Any) -> "SerialHaptuator":
     return SerialHaptuator(read_options(SerialOptions, DRIVER, options))
 
 
-class SerialHaptuator(PlayingHaptuator):
+class SerialHaptuator(HaptuatorDriver):
     """A `VibrationActuator` that sends samples to a board's buffer.
 
     How far the board's buffer is filled is known from its newest report, from what was sent after
-    that, and from what has been played since; a `Pusher` follows it. The wire is described in
-    ``docs/reference/haptuator-framing.md``. Counts go on when it is connected again.
+    that, and from what has been played since; a `BoardResampler` follows it. The wire is
+    described in ``docs/reference/haptuator-framing.md``. Counts go on when it is connected again.
     """
 
     def __init__(self, options: SerialOptions) -> None:
@@ -82,7 +82,7 @@ class SerialHaptuator(PlayingHaptuator):
         self.port = options.port
         self.name = self._board.name
         self._target = round(options.buffer_ms * options.board_rate_hz / 1000.0)
-        self._pusher = self._new_pusher()
+        self._resampler = self._new_resampler()
         self._report = Report(options.board_rate_hz, 0, 0, 0, 0, 0)
         self._report_ns = self._taken_ns = 0
         self._sequence = 0
@@ -105,13 +105,13 @@ class SerialHaptuator(PlayingHaptuator):
         except Exception:
             self._board.close()
             raise
-        previous = self._pusher
+        previous = self._resampler
         self._earlier = (
             self._earlier[0] + self._report.underruns,
             self._earlier[1] + self._report.lost,
         )
-        self._pusher = self._new_pusher()
-        self._pusher.follower, self._pusher.slips = previous.follower, previous.slips
+        self._resampler = self._new_resampler()
+        self._resampler.follower, self._resampler.slips = previous.follower, previous.slips
         self._drive.rest()
         self._report, self._report_ns = report, time.monotonic_ns()
         self._taken_ns = self._report_ns
@@ -140,7 +140,7 @@ class SerialHaptuator(PlayingHaptuator):
 
     def _play(self, volts: list[float]) -> None:
         ahead = self._ahead(time.monotonic_ns() - self._report_ns)
-        self._send(self._pusher.push(volts, ahead))
+        self._send(self._resampler.push(volts, ahead))
         self._note_latency(AFTER / RATE_HZ + ahead / self._options.board_rate_hz)
 
     def close(self) -> None:
@@ -150,7 +150,7 @@ class SerialHaptuator(PlayingHaptuator):
     @property
     def statistics(self) -> SerialStatistics:
         """Counts and levels since it was made."""
-        drive, pusher = self._drive.statistics, self._pusher
+        drive, pusher = self._drive.statistics, self._resampler
         return SerialStatistics(
             samples=drive.samples,
             clipped=drive.clipped,
@@ -165,8 +165,8 @@ class SerialHaptuator(PlayingHaptuator):
             latency_ms=self._latency_ms,
         )
 
-    def _new_pusher(self) -> Pusher:
-        return Pusher(RATE_HZ, float(self._options.board_rate_hz), self._options.buffer_ms)
+    def _new_resampler(self) -> BoardResampler:
+        return BoardResampler(RATE_HZ, float(self._options.board_rate_hz), self._options.buffer_ms)
 
     def _reset(self) -> Report:
         """Have the board begin anew, and return its first report after that."""

@@ -10,13 +10,81 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from mmt.core.errors import DeviceLost, MmtError
-from mmt.devices.haptuator.library import find_output, load_sounddevice
+from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.devices.drivers import read_options
+from mmt.devices.haptuator.card_buffer import CardBuffer
+from mmt.devices.haptuator.driver import RATE_HZ, SILENCE_NS, HaptuatorDriver
 from mmt.devices.haptuator.options import HaptuatorOptions
-from mmt.devices.haptuator.playing import RATE_HZ, SILENCE_NS, PlayingHaptuator
-from mmt.devices.haptuator.pulling import Puller
-from mmt.devices.loading import read_options
 from mmt.devices.protocols import ActuatorStatistics
+
+
+def load_sounddevice() -> Any:
+    """Import the library.
+
+    Raises
+    ------
+    MmtError
+        It is not installed, or lacks PortAudio.
+    """
+    try:
+        import sounddevice
+    except ImportError as error:
+        raise MmtError(
+            "the sound card needs the package 'sounddevice': pip install \"mmt-haptics[sound]\""
+        ) from error
+    except OSError as error:
+        raise MmtError(
+            f"the sound card needs PortAudio ({error}): install the system's package for it, "
+            "on Debian and Ubuntu libportaudio2"
+        ) from error
+    return sounddevice
+
+
+def find_output(library: Any, device: str | int | None, channel: int) -> int:
+    """Return the number of an output that has the channel.
+
+    A card that was plugged in after PortAudio had looked is unknown to it: where none is found,
+    it looks again.
+
+    Raises
+    ------
+    InputError
+        There is none, or several of that name, or it has fewer channels; the message lists what
+        there is.
+    """
+    try:
+        found = library.query_devices(device, "output")
+    except (ValueError, library.PortAudioError):
+        _look_again(library)
+        try:
+            found = library.query_devices(device, "output")
+        except (ValueError, library.PortAudioError) as error:
+            wanted = "no default output" if device is None else f"no single output {device!r}"
+            raise InputError(f"sound card: there is {wanted}; {_outputs(library)}") from error
+    channels = int(found["max_output_channels"])
+    if channel > channels:
+        raise InputError(
+            f"sound card {found['name']!r} has {channels} output channels, 'channel' is {channel}"
+        )
+    return int(found["index"])
+
+
+def _look_again(library: Any) -> None:
+    # The library has no public call for this; these two are what its author recommends.
+    library._terminate()
+    library._initialize()
+
+
+def _outputs(library: Any) -> str:
+    names = [
+        f"{entry['index']} {entry['name']!r}"
+        for entry in library.query_devices()
+        if entry["max_output_channels"] > 0
+    ]
+    if not names:
+        return "PortAudio sees no output at all: check the cable, and your right to use sound"
+    return f"outputs are {', '.join(names)}"
+
 
 DRIVER: Final = "haptuator-sound"
 
@@ -67,10 +135,10 @@ def haptuator_sound(**options: Any) -> "SoundHaptuator":
     return SoundHaptuator(read_options(SoundOptions, DRIVER, options))
 
 
-class SoundHaptuator(PlayingHaptuator):
+class SoundHaptuator(HaptuatorDriver):
     """A `VibrationActuator` at a sound card.
 
-    The card's thread takes blocks from a `Puller` that `write` fills. Counts go on when it is
+    The card's thread takes blocks from a `CardBuffer` that `write` fills. Counts go on when it is
     connected again.
 
     Parameters
@@ -95,7 +163,7 @@ class SoundHaptuator(PlayingHaptuator):
         self._library = library
         self._clock_ns = clock_ns
         self._block_frames = max(1, round(options.block_ms * options.card_rate_hz / 1000.0))
-        self._puller = self._new_puller()
+        self._buffer = self._new_buffer()
         self._stream: Any = None
         self._ended = False
         self._called_ns = 0
@@ -117,10 +185,10 @@ class SoundHaptuator(PlayingHaptuator):
             self._library = load_sounddevice()
         library, options = self._library, self._options
         device = find_output(library, options.device, options.channel)
-        previous = self._puller
-        self._puller = self._new_puller()
-        self._puller.follower = previous.follower
-        self._puller.underruns, self._puller.slips = previous.underruns, previous.slips
+        previous = self._buffer
+        self._buffer = self._new_buffer()
+        self._buffer.follower = previous.follower
+        self._buffer.underruns, self._buffer.slips = previous.underruns, previous.slips
         self._drive.rest()
         self._ended = False
         self._called_ns = self._clock_ns()
@@ -155,23 +223,23 @@ class SoundHaptuator(PlayingHaptuator):
             )
 
     def _play(self, volts: list[float]) -> None:
-        self._puller.write(volts)
+        self._buffer.write(volts)
 
     def close(self) -> None:
         """Fade out and release the card; calling it twice is harmless."""
         if self._stream is None:
             return
         if not self._ended:
-            self._puller.mute()
+            self._buffer.mute()
             give_up = time.monotonic() + _FADE_PATIENCE_S
-            while not self._puller.silent and time.monotonic() < give_up:
+            while not self._buffer.silent and time.monotonic() < give_up:
                 time.sleep(0.001)
         self._release()
 
     @property
     def statistics(self) -> SoundStatistics:
         """Counts and levels since it was made."""
-        drive, puller = self._drive.statistics, self._puller
+        drive, puller = self._drive.statistics, self._buffer
         return SoundStatistics(
             samples=drive.samples,
             clipped=drive.clipped,
@@ -185,9 +253,11 @@ class SoundHaptuator(PlayingHaptuator):
             latency_ms=self._latency_ms,
         )
 
-    def _new_puller(self) -> Puller:
+    def _new_buffer(self) -> CardBuffer:
         options = self._options
-        return Puller(RATE_HZ, float(options.card_rate_hz), self._block_frames, options.buffer_ms)
+        return CardBuffer(
+            RATE_HZ, float(options.card_rate_hz), self._block_frames, options.buffer_ms
+        )
 
     def _release(self) -> None:
         stream, self._stream = self._stream, None
@@ -202,15 +272,15 @@ class SoundHaptuator(PlayingHaptuator):
         if status.output_underflow:
             self._card_underflows += 1
         self._called_ns = self._clock_ns()
-        volts = self._puller.read(frames)
+        volts = self._buffer.read(frames)
         self._limit(volts)
         block.fill(0.0)
         block[:, -1] = volts / self._options.full_scale_v
-        if not self._puller.silent:
+        if not self._buffer.silent:
             ahead_s = times.outputBufferDacTime - times.currentTime
             if not 0.0 < ahead_s < _LONGEST_AHEAD_S:  # not every system fills both in
                 ahead_s = self._card_latency_s
-            self._note_latency(ahead_s + self._puller.fill / RATE_HZ)
+            self._note_latency(ahead_s + self._buffer.fill / RATE_HZ)
 
     def _on_finished(self) -> None:
         self._ended = True

@@ -13,8 +13,6 @@ from itertools import count
 from typing import Any, Final
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
-from mmt.devices.labjack.decoding import StreamDecoder
-from mmt.devices.labjack.gains import BLOCKS, Line, read_lines
 from mmt.devices.labjack.packets import (
     READ_CALIBRATION,
     STREAM_CONFIG,
@@ -22,8 +20,9 @@ from mmt.devices.labjack.packets import (
     plan,
     stream_config,
 )
+from mmt.devices.labjack.scans import BLOCKS, Line, StreamDecoder, read_lines
 from mmt.devices.labjack.usb_link import U6Link, check_alone, find_boxes
-from mmt.devices.voltages import VoltageReading
+from mmt.devices.protocols import VoltageReading
 
 INPUTS: Final = 14
 MOST_SAMPLES_HZ: Final = 50_000
@@ -157,7 +156,7 @@ class SharedU6:
             link, self._link = self._link, None
             link.close()
 
-    def take(self, reader: Reader) -> list[VoltageReading]:
+    def read(self, reader: Reader) -> list[VoltageReading]:
         """Return what has come for a reader, oldest first; never blocks.
 
         Raises

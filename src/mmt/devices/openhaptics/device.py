@@ -10,9 +10,9 @@ from typing import Final, Generic, TypeVar
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.openhaptics import constants as hd
+from mmt.devices.openhaptics.constants import HdError, explain
 from mmt.devices.openhaptics.library import CALLBACK, Stack, open_stack
 from mmt.devices.openhaptics.options import HdOptions
-from mmt.devices.openhaptics.sentences import HdError, explain
 from mmt.devices.openhaptics.servo import Servo
 
 LOG: Final = logging.getLogger("mmt.devices.openhaptics")
@@ -90,10 +90,10 @@ class HdDevice(Generic[AnyServo]):
         atexit.register(self.close)
 
     def _open(self, stack: Stack) -> None:
-        stack.take_errors()  # of a device that was closed
+        stack.pop_errors()  # of a device that was closed
         name = self._options.device
         handle = stack.hd.hdInitDevice(name.encode() if name is not None else None)
-        errors = stack.take_errors()
+        errors = stack.pop_errors()
         if errors or handle == hd.INVALID_HANDLE:
             seen = explain(self.name, errors[0] if errors else HdError(hd.DEVICE_FAULT, 0))
             raise MmtError(seen + _closed_ports())
@@ -197,7 +197,7 @@ class HdDevice(Generic[AnyServo]):
         if reset or (status == hd.CALIBRATION_NEEDS_UPDATE and style != hd.ENCODER_RESET):
             stack.hd.hdUpdateCalibration(style)
         self.servo.measure_anew()
-        errors = stack.take_errors()
+        errors = stack.pop_errors()
         return MmtError(explain(self.name, errors[0])) if errors else status
 
     def close(self) -> None:
@@ -218,7 +218,7 @@ class HdDevice(Generic[AnyServo]):
         stack.hd.hdMakeCurrentDevice(self._handle)
         stack.hd.hdDisable(hd.FORCE_OUTPUT)
         stack.hd.hdDisableDevice(self._handle)
-        stack.take_errors()  # a device that is gone complains about each of them
+        stack.pop_errors()  # a device that is gone complains about each of them
         self._scheduled = self._callback = None
         self._handle = hd.INVALID_HANDLE
 

@@ -3,8 +3,8 @@
 import math
 from typing import Any, Final
 
-from mmt.devices.loading import read_options
-from mmt.devices.openhaptics.driving import HdDriver
+from mmt.devices.drivers import read_options
+from mmt.devices.openhaptics.driver import HdDriver
 from mmt.devices.openhaptics.library import Stack
 from mmt.devices.openhaptics.options import HandleOptions
 from mmt.devices.openhaptics.servo import Servo

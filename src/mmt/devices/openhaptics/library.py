@@ -11,10 +11,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from mmt.core.errors import InputError, MmtError
-from mmt.devices.openhaptics.sentences import HdError, explain
-
-EMULATED: Final = "emulated"
-"""In the place of a path: the library that emulates a device."""
+from mmt.devices.drivers import library_file
+from mmt.devices.openhaptics.constants import HdError, explain
 
 CALLBACK: Final = ctypes.CFUNCTYPE(ctypes.c_uint32, ctypes.c_void_p)
 Vector3: Final[Any] = ctypes.c_double * 3
@@ -117,7 +115,7 @@ class Stack:
                     self.hd.hdStartScheduler()
                     self.running_since_ns = time.monotonic_ns()
 
-    def take_errors(self) -> list[HdError]:
+    def pop_errors(self) -> list[HdError]:
         """Return what lies on the stack of errors, newest first, and empty it."""
         errors = []
         for _ in range(_MOST_ERRORS):
@@ -135,7 +133,7 @@ class Stack:
         MmtError
             There is one.
         """
-        errors = self.take_errors()
+        errors = self.pop_errors()
         if errors:
             raise MmtError(explain(device, errors[0]))
 
@@ -153,10 +151,7 @@ def open_stack(path: str) -> Stack:
         The library cannot be used, or this process has another one.
     """
     global _stack  # noqa: PLW0603 - a process has one, and it cannot be unloaded
-    if path == EMULATED:
-        from mmt.testing.emulated.hd import build_library
-
-        path = str(build_library())
+    path = library_file(path)
     with _stack_lock:
         if _stack is None:
             _stack = Stack(path)

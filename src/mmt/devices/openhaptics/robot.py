@@ -4,12 +4,11 @@ import math
 from typing import Any, Final
 
 from mmt.core.errors import InputError
-from mmt.devices.loading import read_options
-from mmt.devices.openhaptics.driving import HdDriver
+from mmt.devices.drivers import read_options
+from mmt.devices.openhaptics.driver import HdDriver
 from mmt.devices.openhaptics.library import Stack
-from mmt.devices.openhaptics.measuring import STUCK
 from mmt.devices.openhaptics.options import RobotOptions
-from mmt.devices.openhaptics.servo import Servo
+from mmt.devices.openhaptics.servo import STUCK, Servo
 from mmt.devices.protocols import Vector
 
 _LONGEST_STEP_S: Final = 0.005

@@ -11,9 +11,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from mmt.devices.adxl335.conversion import TYPICAL_RANGE_M_S2
 from mmt.devices.adxl335.framing import Counts, Frame, encode_frame
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, Calibration, nominal
+from mmt.devices.adxl335.sensor import TYPICAL_RANGE_M_S2
 from mmt.devices.protocols import Vector
 
 NOISE_DENSITY: Final = 150e-6 * GRAVITY_M_S2

@@ -7,7 +7,6 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.devices.ati.digital_ft import record_rate_hz
-from mmt.devices.ati.digital_records import SIZE, Gauges, pack_record
 from mmt.devices.ati.digital_registers import (
     CALIBRATION_REGISTERS,
     DEVICE,
@@ -15,9 +14,17 @@ from mmt.devices.ati.digital_registers import (
     calibration_start,
     pack_calibration,
 )
-from mmt.devices.ati.modbus import READ_REGISTERS, WRITE_REGISTERS, checksum, frame
+from mmt.devices.ati.digital_wire import (
+    READ_REGISTERS,
+    SIZE,
+    WRITE_REGISTERS,
+    Gauges,
+    checksum,
+    frame,
+    pack_record,
+)
+from mmt.testing.emulated import Truth
 from mmt.testing.emulated.serial_port import EmulatedPort
-from mmt.testing.emulated.truth import Truth
 
 _COUNTS: Final = 1_000_000
 _COUNTS_A_NEWTON: Final = 1000.0

@@ -7,16 +7,16 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import DeviceLost
-from mmt.devices.loading import load_device, read_options
+from mmt.devices.drivers import load_device, read_options
 from mmt.devices.protocols import (
     ActuatorStatistics,
-    Remarking,
     SampledSensor,
     SensorReading,
+    SetupRemarks,
     Vector,
 )
 from mmt.testing.emulated.lab_process import LabProcess
-from mmt.testing.emulated.robot_driver import DatagramRobot
+from mmt.testing.emulated.robot import DatagramRobot
 
 if TYPE_CHECKING:
     from mmt.devices.haptuator.serial_driver import SerialHaptuator
@@ -141,7 +141,7 @@ class VirtualSensor:
 
     def remarks(self) -> Sequence[str]:
         """Of the real driver."""
-        return self._device.remarks() if isinstance(self._device, Remarking) else []
+        return self._device.remarks() if isinstance(self._device, SetupRemarks) else []
 
     def connect(self) -> None:
         """Start the lab, and connect the real driver to it."""

@@ -2,8 +2,8 @@
 
 from typing import Any
 
+from mmt.devices.drivers import read_options
 from mmt.devices.haptuator.sound import DRIVER, SoundHaptuator, SoundOptions
-from mmt.devices.loading import read_options
 from mmt.testing.emulated.sound_card import EmulatedSoundCard
 
 

@@ -11,7 +11,7 @@ from typing import Final
 from mmt.core.process import SWITCH_INTERVAL_S, ask_for_short_turns
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
 from mmt.testing.emulated.net_ft import EmulatedNetFt
-from mmt.testing.emulated.robot_link import RobotLink
+from mmt.testing.emulated.robot import RobotLink
 from mmt.testing.emulated.world import World
 
 ACCELEROMETER_HZ: Final = 2000.0

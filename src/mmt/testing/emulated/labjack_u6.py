@@ -10,7 +10,6 @@ from typing import Any, Final
 
 import usb.core
 
-from mmt.devices.labjack.gains import Line, nominal_lines, write_lines
 from mmt.devices.labjack.packets import (
     BAD_CHECKSUM,
     BAD_STREAM,
@@ -30,6 +29,7 @@ from mmt.devices.labjack.packets import (
     encode_stream,
     is_sound,
 )
+from mmt.devices.labjack.scans import Line, nominal_lines, write_lines
 from mmt.devices.labjack.usb_link import PRODUCT, VENDOR
 from mmt.testing.emulated.usb_backend import Handle, OneDeviceBackend
 

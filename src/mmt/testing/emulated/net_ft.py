@@ -8,8 +8,8 @@ import time
 from typing import Any, Final
 from urllib.parse import parse_qsl, urlsplit
 
-from mmt.devices.ati.net_records import START, STOP, Record, pack_record, parse_request
-from mmt.testing.emulated.truth import Truth
+from mmt.devices.ati.net_wire import START, STOP, Record, pack_record, parse_request
+from mmt.testing.emulated import Truth
 
 _BOX_RATE_HZ: Final = 7000
 _PAUSE_S: Final = 0.02

@@ -117,7 +117,7 @@ class SimulatedHand:
         self._felt_n = force_n[2]
 
     def _advance(self) -> None:
-        noise = self._noise.take()
+        noise = self._noise.next()
         speed, force, clearance = self._intended()
         speed *= self._speed_factor.step(noise[:3])
         force *= max(self._force_factor.step(noise[3:]), 0.0)

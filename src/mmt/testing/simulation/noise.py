@@ -19,7 +19,7 @@ class NoiseRows:
         self._shape = (BLOCK_ROWS, width)
         self._rows: list[list[float]] = []
 
-    def take(self) -> list[float]:
+    def next(self) -> list[float]:
         """Return the next row, `width` numbers."""
         if not self._rows:
             self._rows = self._generator.standard_normal(self._shape).tolist()

@@ -64,7 +64,7 @@ class ForceGauge:
         """Return the force (N) as the sensor gives it."""
         if self._exact:
             return force_n
-        noise = self._noise.take()
+        noise = self._noise.next()
         x, y, z = (
             _limited(quantise(force + FORCE_NOISE_N * error, FORCE_RESOLUTION_N), limit)
             for force, error, limit in zip(force_n, noise, FORCE_RANGE_N, strict=True)
@@ -102,7 +102,7 @@ class TiltedAccelerometer:
         z += GRAVITY_M_S2 * cos(lean_x) * cos(lean_y)
         if self._exact:
             return x, y, z
-        noise = self._noise.take()
+        noise = self._noise.next()
         x, y, z = (_sampled(a, e) for a, e in zip((x, y, z), noise, strict=True))
         return x, y, z
 

@@ -51,7 +51,7 @@ class Vibration:
             The unit vector of its velocity in the plane.
         """
         cosine, sine = heading
-        noise = self._noise.take()
+        noise = self._noise.next()
         normal = along = 0.0
         for index, mode in enumerate(self._modes):
             power, frequency, bandwidth = maps_at(mode, speed_mm_s, force_n, cosine, sine)

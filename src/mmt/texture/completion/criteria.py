@@ -4,7 +4,7 @@ from mmt.texture.completion.criterion import Criterion
 from mmt.texture.settings import ModellingSettings
 
 
-def criterion_of(settings: ModellingSettings) -> Criterion:
+def make_criterion(settings: ModellingSettings) -> Criterion:
     """Return the criterion that settings ask for; the other one's module is not imported."""
     if settings.criterion == "uncertainty":
         from mmt.texture.completion.uncertainty import UncertaintyCriterion

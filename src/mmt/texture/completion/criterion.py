@@ -67,7 +67,7 @@ class Criterion(Protocol):
     def update(self, model: "TextureModel | None", time_s: float) -> None:
         """Take the model, None where there is none, at a session time in seconds."""
 
-    def take_back(self, since_s: float) -> None:
+    def revoke_since(self, since_s: float) -> None:
         """Count a threshold that was met later than `since_s` as not met where it is not."""
 
     @property
@@ -99,7 +99,7 @@ class Thresholds:
         """Whether modelling is to end."""
         return self.stop_s is not None
 
-    def take_back(self, since_s: float) -> None:
+    def revoke_since(self, since_s: float) -> None:
         """Count a threshold that was met later than `since_s` as not met where it is not."""
         value, scale = self.progress.value, self.scale
         if self.start_s is not None and self.start_s > since_s:

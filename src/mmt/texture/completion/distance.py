@@ -186,9 +186,11 @@ class CompletionMonitor(Thresholds):
 
     def update(self, model: "TextureModel | None", time_s: float) -> None:
         """Take the model at a session time in seconds."""
-        self.take(np.empty((0, self._dimensions)) if model is None else model.points, time_s)
+        self.update_points(
+            np.empty((0, self._dimensions)) if model is None else model.points, time_s
+        )
 
-    def take(self, points: FloatArray, time_s: float) -> None:
+    def update_points(self, points: FloatArray, time_s: float) -> None:
         """Take the samples (n, d) of the model at a session time in seconds."""
         self.progress = self._at(points)
         self.meet(self.progress.value, time_s)

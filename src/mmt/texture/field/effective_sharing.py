@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.autoregression.effective_length import LEAST
+from mmt.texture.autoregression.effective_sample_size import LEAST
 from mmt.texture.field.level_covariance import features
 
 LARGEST: Final = 200

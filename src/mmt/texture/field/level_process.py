@@ -1,10 +1,10 @@
 """The level of a texture over speed, force and heading, with its uncertainty.
 
-A model's segments tell their power with sampling noise that is known from their effective
-length (`mmt.texture.autoregression.effective_length`), and power is smooth in the logarithms of
-speed and force. So the level is estimated as a Gaussian process whose noise differs from sample to
-sample (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, sections 2.2 and
-5.4; the prior is in `mmt.texture.field.level_covariance`).
+A model's segments tell their power with sampling noise that is known from their effective length
+(`mmt.texture.autoregression.effective_sample_size`), and power is smooth in the logarithms of speed
+and force. So the level is estimated as a Gaussian process whose noise differs from sample to sample
+(Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, sections 2.2 and 5.4; the
+prior is in `mmt.texture.field.level_covariance`).
 
 Assumptions: within a segment the vibration is stationary and Gaussian; segments are independent;
 the level's logarithm has the prior's smoothness. What speed and force vary within a segment, and
@@ -23,9 +23,8 @@ from scipy.linalg import cho_solve, cholesky, solve_triangular
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.effective_length import UNKNOWN, log_power_scatter
+from mmt.texture.autoregression.effective_sample_size import UNKNOWN, log_power_scatter
 from mmt.texture.field.effective_sharing import shared_effective
-from mmt.texture.field.level_choice import BOUND, add_noise, choose_hyperparameters
 from mmt.texture.field.level_covariance import (
     NOISE,
     PLANAR,
@@ -41,6 +40,7 @@ from mmt.texture.field.level_covariance import (
     mean_on_grid,
     nodes,
 )
+from mmt.texture.field.level_hyperparameters import BOUND, add_noise, choose_hyperparameters
 from mmt.texture.field.level_pooling import LevelSamples, pooled
 from mmt.texture.field.level_table import table_grid
 from mmt.texture.model.samples import TextureSamples

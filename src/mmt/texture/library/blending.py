@@ -6,8 +6,8 @@ Either departure is a Gaussian process over ln(speed) and ln(force), and over th
 it counts: a constant, a slope in each, and a smooth part (Rasmussen and Williams, Gaussian
 Processes for Machine Learning, 2006, sections 2.2 and 2.7). Its posterior mean is added to the
 known texture. Beside a sample that is sure the result is the sample; far from all of them it is
-the known texture, moved by what all have in common. A power's noise follows from the length that
-it is worth (`mmt.texture.autoregression.effective_length`), a coefficient's from the same number.
+the known texture, moved by what all have in common. A power's noise follows from its effective
+sample size (`mmt.texture.autoregression.effective_sample_size`), and so does a coefficient's.
 
 Filters of different orders meet without an error: further reflection coefficients of zero leave
 a filter as it is. Cost: O(n^3) for n samples, of which the newest `LARGEST` count.
@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.autoregression.effective_length import UNKNOWN, log_power_scatter
+from mmt.texture.autoregression.effective_sample_size import UNKNOWN, log_power_scatter
 from mmt.texture.autoregression.forms import lsf_to_reflection
 from mmt.texture.library.conversion import Field, field, grid, model_of
 from mmt.texture.model.inputs import InputSpace

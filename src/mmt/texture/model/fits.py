@@ -3,10 +3,10 @@
 Burg's method for each (`mmt.texture.autoregression.burg`), the order chosen from the newest of
 them where it is not given. Cost: O(samples x order).
 
-What a segment's power is worth (`mmt.texture.autoregression.effective_length`) follows from the
-same recursion led on to the highest automatic order: the common order is no higher than the shape
-of a few hundred samples bears, and so shows narrow lines broader than they are, and powers worth
-more.
+A power's effective sample size (`mmt.texture.autoregression.effective_sample_size`) follows from
+the same recursion led on to the highest automatic order: the common order is no higher than the
+shape of a few hundred samples bears, and so shows narrow lines broader than they are, and powers
+worth more.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,9 +17,9 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.burg import ReflectionFits, burg_batch
-from mmt.texture.autoregression.effective_length import effective_samples
+from mmt.texture.autoregression.effective_sample_size import effective_samples
 from mmt.texture.autoregression.forms import reflection_to_lsf
-from mmt.texture.autoregression.ordering import choose_order
+from mmt.texture.autoregression.order_selection import choose_order
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.segmentation.segments import Segment

@@ -101,11 +101,15 @@ class InputSpace:
     def stack(self, *channels: npt.ArrayLike) -> FloatArray:
         """Return the inputs (n, d) from d channels, each shape (n,) or scalar.
 
+        Speed and force alone are a stroke along x in a space of velocity and force.
+
         Raises
         ------
         InputError
             There are not d channels.
         """
+        if self.directed and len(channels) == 2:
+            channels = (channels[0], 0.0, channels[1])
         if len(channels) != self.dimensions:
             raise InputError(
                 f"{len(channels)} inputs were given: an {self.name} model takes "

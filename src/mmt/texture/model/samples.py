@@ -8,7 +8,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.effective_length import lengths
+from mmt.texture.autoregression.effective_sample_size import lengths
 from mmt.texture.model.inputs import ISOTROPIC, InputSpace
 from mmt.texture.settings import LARGEST_ORDER
 
@@ -31,7 +31,7 @@ class TextureSamples:
         What the inputs are.
     effective
         Independent samples that each power is worth, shape (n,), positive; None where it is
-        not known. See `mmt.texture.autoregression.effective_length`.
+        not known. See `mmt.texture.autoregression.effective_sample_size`.
     noise_power
         Of the accelerometer, which is in every power, in (m/s2)^2; 0 where it is not known.
     counts

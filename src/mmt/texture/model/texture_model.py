@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
+from mmt.models import find_model
 from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt.texture.field.level_table import TABLE, TABLE_SIZES
 from mmt.texture.field.trend import NO_TREND, fit_trend, without_trend
@@ -43,7 +44,7 @@ from mmt.texture.settings import Interpolated, Level, Shape
 if TYPE_CHECKING:
     from mmt.texture.field.level_process import LevelProcess
 
-__all__ = ["LEVELS", "TextureModel", "TextureSamples"]
+__all__ = ["LEVELS", "TextureModel", "TextureSamples", "load_model"]
 
 
 class TextureModel:
@@ -176,7 +177,7 @@ class TextureModel:
         """The level with its uncertainty, whatever is rendered; None where no sample has power.
 
         A sample whose length is not known counts as
-        `mmt.texture.autoregression.effective_length.UNKNOWN`.
+        `mmt.texture.autoregression.effective_sample_size.UNKNOWN`.
         """
         from mmt.texture.field.level_process import level_process
 
@@ -339,3 +340,23 @@ class TextureModel:
             rate_hz=contents.rate_hz,
             fitted=contents.fitted,
         )
+
+
+def load_model(source: str | Path) -> TextureModel:
+    """Load a texture model: a shipped one by its name, or a ``.npz`` file.
+
+    Raises
+    ------
+    InputError
+        It is neither, or the file is not a texture model; the message lists the shipped names.
+
+    Examples
+    --------
+    >>> import mmt
+    >>> import numpy as np
+    >>> model = mmt.load_model("oak")
+    >>> vibration_m_s2 = mmt.Synthesizer(model, seed=1).render(np.full(500, 100.0), np.ones(500))
+    >>> vibration_m_s2.shape
+    (500,)
+    """
+    return TextureModel.load(find_model(Path(source)))

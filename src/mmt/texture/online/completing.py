@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mmt.texture.completion.criteria import criterion_of
+from mmt.texture.completion.criteria import make_criterion
 from mmt.texture.completion.criterion import Criterion
 from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.fits import samples_of
@@ -23,7 +23,7 @@ class CompletionStage:
     def __init__(self, settings: ModellingSettings) -> None:
         self._space = InputSpace(settings.inputs)
         self._rate_hz = settings.rate_hz
-        self.criterion: Criterion = criterion_of(settings)
+        self.criterion: Criterion = make_criterion(settings)
 
     def judge(self, work: Work, first_sequence: int) -> None:
         """Judge the model of an update, and set what has come of the update.
@@ -44,7 +44,7 @@ class CompletionStage:
             self.criterion.update(work.model, work.time_s)
         elif work.removed_count:
             self.criterion.update(work.model, work.time_s)
-            self.criterion.take_back((work.forget_from - first_sequence) / self._rate_hz)
+            self.criterion.revoke_since((work.forget_from - first_sequence) / self._rate_hz)
         clock.lap("completion")
         points = np.empty((0, self._space.dimensions))
         if work.chosen:

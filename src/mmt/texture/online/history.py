@@ -1,31 +1,44 @@
-"""Build a session's model as the live leader does, and keep every state that it had."""
+"""Build the models of a recorded session as the live leader does, and keep every state.
+
+`build_model` gives the model as it grew, `follow_surfaces` when the tool came onto another
+surface. Both read a session faster than real time.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
 from mmt.core.arrays import RecordArray
+from mmt.core.errors import InputError
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
-from mmt.texture.segmentation.pieces import CELL
+from mmt.texture.segmentation.bottom_up import CELL
 from mmt.texture.segmentation.segments import Segment
-from mmt.texture.settings import ModellingSettings
+from mmt.texture.settings import ModellingSettings, SurfaceSettings
+
+if TYPE_CHECKING:
+    from mmt.texture.surfaces.changes import SurfaceChange
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ModelHistory:
-    """Every update of one pass over a session.
-
-    ``finished`` holds the segments of the finished model: that at the stop criterion, or at
-    the end where it was never met. ``start_s`` and ``stop_s`` are the session times at which
-    the criteria were met, None where they were not.
-    """
+    """A model as it grew over a session: every update, and when its criteria were met."""
 
     updates: tuple[ModelUpdate, ...]
+    """In order, each with its session time ``time_s`` and its ``model``, None without samples."""
     finished: tuple[Segment, ...]
+    """The segments of the finished model: that at the stop criterion, or at the end of the
+    session where the criterion was never met."""
     start_s: float | None
+    """Session time at which the start criterion was met, None where it never was."""
     stop_s: float | None
+    """The same of the stop criterion."""
+
+    def model_at(self, time_s: float) -> TextureModel | None:
+        """Return the model as it was at a session time, None before it had any sample."""
+        return self.model(self.number(time_s))
 
     def number(self, time_s: float) -> int:
         """Return the number of the last update up to a session time, -1 before the first."""
@@ -36,12 +49,119 @@ class ModelHistory:
         """Return the model after an update by its number, None before the first."""
         return self.updates[number].model if number >= 0 else None
 
+    def __repr__(self) -> str:
+        last = self.updates[-1] if self.updates else None
+        samples = len(last.model.samples) if last is not None and last.model is not None else 0
+        met = [
+            f"{name} {'never' if at_s is None else f'at {at_s:.1f} s'}"
+            for name, at_s in (("started", self.start_s), ("stopped", self.stop_s))
+        ]
+        end_s = 0.0 if last is None else last.time_s
+        return (
+            f"<ModelHistory: {len(self.updates)} updates to {end_s:.1f} s, "
+            f"{samples} samples at the end, {', '.join(met)}>"
+        )
+
+
+class FoundSurface(NamedTuple):
+    """A change of surface, as it was found while the session ran."""
+
+    time_s: float
+    """Session time at which the change was found."""
+    surface: int
+    """The number of the surface that the tool is on; a session begins on surface 1."""
+    kind: Literal["new", "recalled", "identified"]
+    """``"new"``: a surface not met before; ``"recalled"``: one met before; ``"identified"``: the
+    new surface, until now on trial, is one met before."""
+    from_s: float
+    """Session time of the change itself, before it was found."""
+
+
+def build_model(
+    frames: RecordArray, settings: ModellingSettings | None = None, update_s: float = 1.0
+) -> ModelHistory:
+    """Build a session's model as the live leader does, to the end of the session.
+
+    Parameters
+    ----------
+    frames
+        Shape (n,), with position, force and acceleration, as `mmt.read_session` gives them.
+    settings
+        How to model; None takes the defaults.
+    update_s
+        Session time between two updates of the model.
+
+    Raises
+    ------
+    InputError
+        There are no frames, a channel is missing, or `update_s` is not positive.
+
+    Examples
+    --------
+    >>> import mmt
+    >>> frames, truth = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=6.0)
+    >>> history = mmt.build_model(frames)
+    >>> len(history.updates)
+    6
+    >>> history.model_at(0.5) is None
+    True
+    """
+    settings = settings or ModellingSettings()
+    if not (np.isfinite(update_s) and update_s > 0):
+        raise InputError(f"update_s is {update_s}: it must be positive and finite")
+    if len(frames) == 0:
+        raise InputError("there are no frames, so no model can be built")
+    period_frames = max(1, round(update_s * settings.rate_hz))
+    return build(list(update_blocks(frames, period_frames)), settings)
+
+
+def follow_surfaces(
+    frames: RecordArray, settings: ModellingSettings | None = None
+) -> Iterator[FoundSurface]:
+    """Yield each change of surface in a session, as the live leader finds it.
+
+    Parameters
+    ----------
+    frames
+        Shape (n,), with position, force and acceleration.
+    settings
+        How to model; its ``surfaces`` says how surfaces are told apart, None takes the
+        defaults.
+
+    Examples
+    --------
+    >>> import mmt
+    >>> wood, truth = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=4.0)
+    >>> list(mmt.follow_surfaces(wood))
+    []
+    """
+    settings = settings or ModellingSettings()
+    first = int(frames["sequence"][0]) if len(frames) else 0
+    for change in surface_changes(frames, settings):
+        yield FoundSurface(
+            time_s=(change.at_sample - first) / settings.rate_hz,
+            surface=change.surface,
+            kind=change.kind,
+            from_s=(change.from_sample - first) / settings.rate_hz,
+        )
+
+
+def surface_changes(frames: RecordArray, settings: ModellingSettings) -> Iterator["SurfaceChange"]:
+    """Yield each change of surface in frames (n,) by sample numbers, see `follow_surfaces`."""
+    from mmt.texture.surfaces.modeller import LOOK_S
+    from mmt.texture.surfaces.tracking import SurfaceTracker
+
+    tracker = SurfaceTracker(settings, settings.surfaces or SurfaceSettings())
+    look = max(1, round(LOOK_S * settings.rate_hz))
+    for start in range(0, len(frames), look):
+        yield from tracker.update(frames[start : start + look])
+
 
 def update_blocks(frames: RecordArray, period_frames: int) -> Iterator[RecordArray]:
-    """Cut a session into the blocks that a live leader hands to its modelling.
+    """Cut a session into the blocks that a live leader models at a time.
 
-    A block is full when its newest sequence number is a period ahead of its first one; what
-    is left at the end comes as a last, shorter block.
+    A block is full when its newest sequence number is a period ahead of its first one; the
+    rest at the end is a last, shorter block.
     """
     newest = np.maximum.accumulate(frames["sequence"].astype(np.int64))
     start = 0
@@ -54,11 +174,11 @@ def update_blocks(frames: RecordArray, period_frames: int) -> Iterator[RecordArr
 
 
 def trials(sessions: Sequence[RecordArray]) -> list[RecordArray]:
-    """Return the frames of several sessions as blocks of one, a block for each.
+    """Return the frames of several sessions as blocks of one session, a block for each.
 
-    They are numbered on, with frames left out in between: there filters start anew, and no
+    Their sequence numbers continue, with a gap in between: filters start again there, and no
     segment reaches from one session into the next. Each begins on the segmentation's grid, so
-    that it gives the same segments whatever comes before it.
+    that its segments do not depend on the sessions before it.
     """
     blocks, following = [], 0
     for frames in sessions:
@@ -75,18 +195,18 @@ def build(
     settings: ModellingSettings,
     accept: Callable[[Segment], bool] | None = None,
 ) -> ModelHistory:
-    """Feed blocks to a modeller, one update each, on to the end of the session.
+    """Build a model from blocks of frames, one update each, to the end of the session.
 
-    Unlike the live leader, and like paper A's Table I, it does not end at the stop criterion.
+    Unlike the live leader, and like paper A's Table I, it continues after the stop criterion.
 
     Parameters
     ----------
     blocks
-        Of frames, at least one.
+        At least one, of at least one frame each; see `update_blocks`.
     settings
-        Of the modelling.
+        How to model.
     accept
-        Which segments may enter the model; None accepts all.
+        Says which segments may enter the model; None accepts all.
     """
     modeller = OnlineModeller(settings, accept)
     updates: list[ModelUpdate] = []

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 
 from mmt.core.arrays import RecordArray
 from mmt.texture.online.work import Stopwatch, Work
-from mmt.texture.segmentation.segmenter import OnlineSegmenter, segmentation_of
+from mmt.texture.segmentation.low_band import LowBand
+from mmt.texture.segmentation.segmenter import OnlineSegmenter, segmentation_settings
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
-from mmt.texture.signals.low_band import LowBand
 from mmt.texture.signals.noise_floor import NoiseFloor
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class SegmentingStage:
             normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz
         )
         self._segmenter = OnlineSegmenter(
-            segmentation_of(settings), overlap_samples=settings.overlap_samples
+            segmentation_settings(settings), overlap_samples=settings.overlap_samples
         )
         self._noise = NoiseFloor()
         by_process = settings.level != "interpolated"

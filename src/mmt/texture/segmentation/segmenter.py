@@ -26,7 +26,12 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, IntArray
 from mmt.core.errors import InputError
-from mmt.texture.segmentation.pieces import CELL, cell_moments, stationary_pieces, straight_pieces
+from mmt.texture.segmentation.bottom_up import (
+    CELL,
+    cell_moments,
+    stationary_pieces,
+    straight_pieces,
+)
 from mmt.texture.segmentation.segments import SampleRange, Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
@@ -68,7 +73,7 @@ class SegmentationSettings:
             )
 
 
-def segmentation_of(settings: ModellingSettings) -> SegmentationSettings:
+def segmentation_settings(settings: ModellingSettings) -> SegmentationSettings:
     """Return what a modelling's settings say of segments."""
     return SegmentationSettings(
         straightness_mm=settings.straightness_mm,
@@ -91,10 +96,10 @@ class SegmentChange(NamedTuple):
 class OnlineSegmenter:
     """Segment a stream of aligned blocks, update by update.
 
-    Samples that are not valid, too slow or too light, and jumps in the index, end a stretch.
-    The grid of `mmt.texture.segmentation.pieces.CELL` samples is absolute; a cell is used when all
-    its samples and both neighbouring cells are usable, which keeps segments 10 to 20 samples clear
-    of the edges of contact, over which the filters smear.
+    Samples that are not valid, too slow or too light, and jumps in the index, end a stretch. The
+    grid of `bottom_up.CELL` samples is absolute; a cell is used when all its samples and both
+    neighbouring cells are usable, which keeps segments 10 to 20 samples clear of the edges of
+    contact, over which the filters smear.
 
     It remembers at most about ``3 longest_samples + overlap_samples`` samples. Cost of an
     update: about 0.2 ms plus that of `straight_pieces` and `stationary_pieces` over the

@@ -15,9 +15,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
-from mmt.texture.selection.consensus import Consensus, Neighbours
-from mmt.texture.selection.enclosing import enclose_each
+from mmt.texture.selection.enclosing_simplex import enclose_each
 from mmt.texture.selection.leave_one_out import hull_of
+from mmt.texture.selection.neighbour_prediction import NeighbourPrediction, NeighbourPredictor
 from mmt.texture.selection.points import ModelPoints, amplitude_of, log_density_of
 from mmt.texture.selection.published import spectral_error
 
@@ -64,8 +64,8 @@ def condense(data: ModelPoints, tau: float = TAU, largest: int | None = None) ->
     if minimal.all() or n < 3:
         return Condensed(minimal, np.ones(n, dtype=np.bool_), np.zeros(n))
     logarithm = log_density_of(data.lsf, data.variance)
-    asked = Neighbours(data.points, data.fit_variances(), logarithm)
-    neighbours = asked.consensus(np.ones(n, dtype=np.bool_))
+    asked = NeighbourPredictor(data.points, data.fit_variances(), logarithm)
+    neighbours = asked.predict_from(np.ones(n, dtype=np.bool_))
     agreed = _agreed(logarithm, neighbours)
     thin = _Thin(data, agreed, minimal.copy())
     near = _NEAR * (data.points.shape[1] + 1)
@@ -83,7 +83,7 @@ def condense(data: ModelPoints, tau: float = TAU, largest: int | None = None) ->
     return Condensed(minimal, thin.kept, thin.error)
 
 
-def _agreed(logarithm: FloatArray, neighbours: Consensus) -> FloatArray:
+def _agreed(logarithm: FloatArray, neighbours: NeighbourPrediction) -> FloatArray:
     """Return the amplitude spectra (n, f) that each point and its neighbours agree on."""
     others = neighbours.of(logarithm)
     share = neighbours.scatter(np.ones(len(logarithm))) - 1.0  # variance of the others' word

@@ -1,7 +1,7 @@
 """What the other points say at the place of one, for interpolators that need no retraining.
 
 Selection asks one question again and again: what would a model of the points that are present,
-but for one, give at that one's place? A `Neighbours` answers it while points leave and join.
+but for one, give at that one's place? A `LeaveOneOutModel` answers it while points leave and join.
 """
 
 from collections.abc import Callable
@@ -11,10 +11,10 @@ import numpy as np
 from scipy.spatial import ConvexHull, Delaunay, QhullError
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
-from mmt.texture.selection.enclosing import enclose, enclose_each
+from mmt.texture.selection.enclosing_simplex import enclose, enclose_each
 
 
-class Neighbours(Protocol):
+class LeaveOneOutModel(Protocol):
     """A model of the points that are present, asked at the place of a point."""
 
     def predict(self, index: int) -> FloatArray | None:
@@ -33,7 +33,7 @@ class Neighbours(Protocol):
         ...
 
 
-Interpolator = Callable[[FloatArray, FloatArray, BoolArray], Neighbours]
+Interpolator = Callable[[FloatArray, FloatArray, BoolArray], LeaveOneOutModel]
 """From points (n, d), values (n, v) and which are present (n,): `delaunay`, `nearest`, or
 what `retrained` returns."""
 
@@ -55,7 +55,7 @@ class DelaunayNeighbours:
 
     Nothing is triangulated again. Each point has candidates, in the beginning its neighbours
     in the triangulation: the simplex around its place, when it is gone, has its corners among
-    them (see `mmt.texture.selection.enclosing`). Where a point leaves, edges grow between its
+    them (see `enclosing_simplex`). Where a point leaves, edges grow between its
     neighbours alone: they become candidates of each other. Where one joins, it becomes a
     candidate of all.
 
@@ -103,7 +103,7 @@ class DelaunayNeighbours:
         return (self._members.copy(), self._weights.copy()) if found else None
 
     def predict(self, index: int) -> FloatArray | None:
-        """See `Neighbours`."""
+        """See `LeaveOneOutModel`."""
         simplex = self.simplex(index)
         if simplex is None:
             return None
@@ -112,7 +112,7 @@ class DelaunayNeighbours:
         return result
 
     def remove(self, index: int) -> None:
-        """See `Neighbours`."""
+        """See `LeaveOneOutModel`."""
         self._present[index] = False
         if self._candidates is None:
             return
@@ -122,7 +122,7 @@ class DelaunayNeighbours:
             self._candidates[other] -= {index, other}
 
     def add(self, index: int) -> None:
-        """See `Neighbours`."""
+        """See `LeaveOneOutModel`."""
         self._present[index] = True
         self._candidates = None
 
@@ -194,7 +194,7 @@ class NearestNeighbour:
         self._present = np.array(present, dtype=np.bool_)
 
     def predict(self, index: int) -> FloatArray | None:
-        """See `Neighbours`."""
+        """See `LeaveOneOutModel`."""
         squares = ((self._points - self._points[index]) ** 2).sum(axis=1)
         squares[~self._present] = np.inf
         squares[index] = np.inf
@@ -202,11 +202,11 @@ class NearestNeighbour:
         return self._values[nearest] if np.isfinite(squares[nearest]) else None
 
     def remove(self, index: int) -> None:
-        """See `Neighbours`."""
+        """See `LeaveOneOutModel`."""
         self._present[index] = False
 
     def add(self, index: int) -> None:
-        """See `Neighbours`."""
+        """See `LeaveOneOutModel`."""
         self._present[index] = True
 
 
@@ -235,7 +235,7 @@ class Retrained:
         self._train = train
 
     def predict(self, index: int) -> FloatArray | None:
-        """See `Neighbours`."""
+        """See `LeaveOneOutModel`."""
         others = self._present.copy()
         others[index] = False
         try:
@@ -246,11 +246,11 @@ class Retrained:
         return values if np.isfinite(values).all() else None
 
     def remove(self, index: int) -> None:
-        """See `Neighbours`."""
+        """See `LeaveOneOutModel`."""
         self._present[index] = False
 
     def add(self, index: int) -> None:
-        """See `Neighbours`."""
+        """See `LeaveOneOutModel`."""
         self._present[index] = True
 
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.texture.model.samples import TextureSamples
+from mmt.texture.selection.cache import SearchCache
 from mmt.texture.selection.leave_one_out import leave_each_out
-from mmt.texture.selection.memory import Memory
 from mmt.texture.selection.outliers import find_outliers
 from mmt.texture.selection.points import ModelPoints, amplitude_of
 from mmt.texture.selection.published import spectral_error
@@ -42,7 +42,7 @@ class OnlineSelection:
 
     def __init__(self, settings: OnlineSelectionSettings) -> None:
         self._settings = settings
-        self._memory = Memory()
+        self._memory = SearchCache()
 
     def choose(
         self,
@@ -72,7 +72,7 @@ class OnlineSelection:
             points[sound], lsf[sound], variance[sound], [segments[i] for i in sound.tolist()]
         )
         order = data.canonical()
-        data, sound = data.taken(order), sound[order]
+        data, sound = data.subset(order), sound[order]
         self._memory.name([numbers[i] for i in sound.tolist()])
         found = find_outliers(data, self._settings.limit, self._memory)
         if found is not None:

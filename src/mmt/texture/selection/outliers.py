@@ -17,10 +17,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray
-from mmt.texture.selection.blows import Heard, blow_evidence, learn
-from mmt.texture.selection.consensus import Consensus, Neighbours
+from mmt.texture.selection.cache import SearchCache
+from mmt.texture.selection.knocks import WhitenedSegments, knock_evidence, learn_wave
 from mmt.texture.selection.likeness import LEAST, likeness
-from mmt.texture.selection.memory import Memory
+from mmt.texture.selection.neighbour_prediction import NeighbourPrediction, NeighbourPredictor
 from mmt.texture.selection.points import ModelPoints, log_density_of
 from mmt.texture.selection.transients import bursts, whitening
 
@@ -75,7 +75,7 @@ class Outliers(NamedTuple):
 
     outlier: BoolArray
     evidence: Evidence
-    neighbours: Consensus
+    neighbours: NeighbourPrediction
 
 
 def least_points(dimensions: int) -> int:
@@ -84,7 +84,7 @@ def least_points(dimensions: int) -> int:
 
 
 def find_outliers(
-    data: ModelPoints, limit: float | None = None, memory: Memory | None = None
+    data: ModelPoints, limit: float | None = None, memory: SearchCache | None = None
 ) -> Outliers | None:
     """Say which points contradict their neighbours; None where there are too few to say.
 
@@ -109,12 +109,12 @@ def find_outliers(
         return None
     few = memory is not None
     if memory is None:
-        memory = Memory()
+        memory = SearchCache()
         memory.name(range(n))
     witness = _Witness(data, limit, memory, few=few)
     present = ~memory.suspects()
     for _ in range(_ROUNDS):
-        neighbours = witness.neighbours.consensus(present)
+        neighbours = witness.neighbours.predict_from(present)
         evidence = witness.hear(neighbours)
         leaving = _worst(evidence, neighbours, present)
         if not leaving.any() or (present & ~leaving).sum() < (1.0 - MOST) * n:
@@ -134,7 +134,7 @@ class _Witness:
     """Gathers evidence, and remembers that of points whose neighbours stay the same."""
 
     def __init__(
-        self, data: ModelPoints, limit: float | None, memory: Memory, *, few: bool
+        self, data: ModelPoints, limit: float | None, memory: SearchCache, *, few: bool
     ) -> None:
         self._data = data
         self._memory = memory
@@ -147,9 +147,9 @@ class _Witness:
         self._limit = usual_limit if limit is None else limit
         self._variances = data.fit_variances()
         self._growth = -np.log(self._variances)  # but for a constant, of the lengths
-        self.neighbours = Neighbours(data.points, self._variances, self._logarithm, few=few)
+        self.neighbours = NeighbourPredictor(data.points, self._variances, self._logarithm, few=few)
 
-    def hear(self, neighbours: Consensus) -> Evidence:
+    def hear(self, neighbours: NeighbourPrediction) -> Evidence:
         """Return the evidence against every point from its neighbours."""
         predicted = neighbours.of(self._logarithm)
         excess = np.maximum(self._logarithm - predicted, 0.0)
@@ -164,7 +164,9 @@ class _Witness:
         score = (np.maximum(parts, 0.0) ** 2).sum(axis=1)
         return Evidence(self._kinds, parts, score, self._limit)
 
-    def compare(self, neighbours: Consensus, evidence: Evidence, accused: BoolArray) -> Evidence:
+    def compare(
+        self, neighbours: NeighbourPrediction, evidence: Evidence, accused: BoolArray
+    ) -> Evidence:
         """Return the evidence with what every point has in common with the accused."""
         predicted = neighbours.of(self._logarithm)
         if self._data.segments is None:
@@ -180,17 +182,19 @@ class _Witness:
         return Evidence(kinds, np.hstack([evidence.parts, parts]), score, evidence.limit)
 
     def _heard_blow(
-        self, predicted: FloatArray, neighbours: Consensus, accused: BoolArray
+        self, predicted: FloatArray, neighbours: NeighbourPrediction, accused: BoolArray
     ) -> FloatArray:
         assert self._data.segments is not None  # noqa: S101 - asked for with segments alone
         filters = whitening(np.exp(predicted), self._data.lsf.shape[1])
-        heard = Heard.through(self._data.segments, filters)
+        heard = WhitenedSegments.through(self._data.segments, filters)
         rings = np.exp(self._heard_bursts(predicted, neighbours)[accused, _LOUD_RING])
-        blow = learn(heard.taken(np.flatnonzero(accused)), rings, self._memory.wave(len(rings)))
+        blow = learn_wave(
+            heard.subset(np.flatnonzero(accused)), rings, self._memory.wave(len(rings))
+        )
         self._memory.hear(blow.wave, len(rings))
-        return blow_evidence(heard, accused, blow)
+        return knock_evidence(heard, accused, blow)
 
-    def _heard_bursts(self, predicted: FloatArray, neighbours: Consensus) -> FloatArray:
+    def _heard_bursts(self, predicted: FloatArray, neighbours: NeighbourPrediction) -> FloatArray:
         assert self._data.segments is not None  # noqa: S101 - asked for with segments alone
         keys = self._memory.keys(neighbours.members)
         rows = [self._memory.get(key) for key in keys]
@@ -226,7 +230,7 @@ def _deviation(centred: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(1.4826 * np.median(np.abs(centred), axis=0), _LEAST_SCALE))
 
 
-def _worst(evidence: Evidence, neighbours: Consensus, present: BoolArray) -> BoolArray:
+def _worst(evidence: Evidence, neighbours: NeighbourPrediction, present: BoolArray) -> BoolArray:
     """Return the present points above the limit that no neighbour above it exceeds."""
     score = np.where(present & (evidence.score > evidence.limit), evidence.score, 0.0)
     highest = score[neighbours.members].max(axis=1)

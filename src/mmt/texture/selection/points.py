@@ -78,7 +78,7 @@ class ModelPoints:
         order: IntArray = np.lexsort(keys.T[::-1])
         return order
 
-    def taken(self, numbers: IntArray | BoolArray) -> Self:
+    def subset(self, numbers: IntArray | BoolArray) -> Self:
         """Return some of the points, by number or mask."""
         numbers = np.arange(len(self))[numbers]
         return type(self)(
@@ -92,7 +92,7 @@ class ModelPoints:
         """Return the mean square scatter of the logarithms of each fit's spectrum, shape (n,).
 
         That of an autoregressive fit to the segment's samples (see
-        `mmt.texture.selection.consensus`), where they are not at hand to `USUAL_SAMPLES`.
+        `neighbour_prediction`), where they are not at hand to `USUAL_SAMPLES`.
         """
         samples = np.full(len(self), USUAL_SAMPLES)
         if self.segments is not None:

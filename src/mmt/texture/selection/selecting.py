@@ -107,14 +107,14 @@ def select(data: ModelPoints, settings: SelectionSettings | None = None) -> Sele
     settings = settings or SelectionSettings()
     n = len(data)
     order = data.canonical()
-    sorted_data = data.taken(order)
+    sorted_data = data.subset(order)
     found = find_outliers(sorted_data, settings.limit)
     outlier = np.zeros(n, dtype=np.bool_) if found is None else found.outlier
     good = np.flatnonzero(~outlier)
     kept, minimal = ~outlier, np.zeros(n, dtype=np.bool_)
     error = np.zeros(n)
     if settings.tau > 0 or settings.largest is not None:
-        thin = condense(sorted_data.taken(good), settings.tau, settings.largest)
+        thin = condense(sorted_data.subset(good), settings.tau, settings.largest)
         kept[good], minimal[good], error[good] = thin.kept, thin.minimal, thin.error
     score = np.zeros(n) if found is None else found.evidence.score
     words = [""] * n if found is None else reasons(found)

@@ -14,8 +14,8 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
+from mmt.texture.selection.damped_tones import ComplexArray, loudest_tone_energy, modes
 from mmt.texture.selection.points import band
-from mmt.texture.selection.ringing import ComplexArray, loudest_ring, modes
 
 SHORT: Final = 16
 LONG: Final = 32
@@ -110,7 +110,7 @@ def _bursts(
             continue
         squares = error * error
         short, long = _means(squares, SHORT), _means(squares, LONG)
-        ring = loudest_ring(error, ar[row], grid)
+        ring = loudest_tone_energy(error, ar[row], grid)
         rest = max(squares.sum() - ring, 0.0) / error.size
         expected = max(variance[row], _TINY)
         result[row, 0] = math.log(max(short.max(), _TINY) / max(np.median(short), _TINY))
@@ -124,7 +124,7 @@ def bursts(segments: Sequence[FloatArray], filters: Whitening) -> FloatArray:
 
     The loudest `SHORT` samples of the prediction error over the median such stretch; the
     loudest `LONG` over the variance that was expected; the energy that the loudest damped tone
-    explains (see `mmt.texture.selection.ringing`) over the same, and over what the rest of the
+    explains (see `mmt.texture.selection.damped_tones`) over the same, and over what the rest of the
     segment has. Zero where a segment is too short to tell.
     """
     result = np.zeros((len(segments), 4))

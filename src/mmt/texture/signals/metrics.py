@@ -15,7 +15,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import ar_to_reflection
-from mmt.texture.autoregression.realisation import realise
+from mmt.texture.autoregression.simulation import simulate_ar
 from mmt.texture.signals.amplitude_spectra import amplitude_spectrum, scaled_rows
 
 JND_DB: Final = 20.0 * math.log10(1.17)
@@ -129,8 +129,8 @@ def gfc_ceiling(
     level = float(variance > 0.0)
     scores = [
         gfc_of_signals(
-            realise(reflection, level, samples, generator),
-            realise(reflection, level, samples, generator),
+            simulate_ar(reflection, level, samples, generator),
+            simulate_ar(reflection, level, samples, generator),
             nperseg,
         )
         for _ in range(pairs)

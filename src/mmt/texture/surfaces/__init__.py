@@ -3,6 +3,6 @@
 from mmt.texture.surfaces.blocks import BlockCutter, SurfaceBlock
 from mmt.texture.surfaces.changes import SurfaceChange
 from mmt.texture.surfaces.detection import SurfaceDetector
-from mmt.texture.surfaces.knowledge import SurfaceKnowledge
+from mmt.texture.surfaces.posterior import SurfacePosterior
 
-__all__ = ["BlockCutter", "SurfaceBlock", "SurfaceChange", "SurfaceDetector", "SurfaceKnowledge"]
+__all__ = ["BlockCutter", "SurfaceBlock", "SurfaceChange", "SurfaceDetector", "SurfacePosterior"]

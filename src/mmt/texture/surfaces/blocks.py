@@ -97,14 +97,14 @@ class BlockCutter:
         found: list[SurfaceBlock] = []
         whole = len(aligned) // _CELL * _CELL if len(aligned) else 0
         for begin in range(0, whole, _CELL):
-            block = self._take(aligned[begin : begin + _CELL])
+            block = self._add_cell(aligned[begin : begin + _CELL])
             if block is not None:
                 found.append(block)
         if len(aligned):
             self._rest = aligned[whole:]
         return found
 
-    def _take(self, cell: AlignedBlock) -> SurfaceBlock | None:
+    def _add_cell(self, cell: AlignedBlock) -> SurfaceBlock | None:
         """Take the next ten samples; return the block that they complete."""
         start, stop = int(cell.index[0]), int(cell.index[-1]) + 1
         whole = stop - start == _CELL and bool(cell.valid.all())

@@ -20,7 +20,7 @@ _CONTRAST: Final = 0.5
 """How differently the law of a crossed grain may follow both speeds, as a share of its slope."""
 
 
-class Places:
+class SettingInputs:
     """Inputs of n blocks, (n, 2) or (n, 4), as k settings take them.
 
     ``across`` and ``along`` (k, n): the logarithms of the speeds that are heard across a grain and
@@ -46,7 +46,7 @@ class Places:
         self.along = speed + 0.5 * np.log(aside + share * (1.0 - aside))
         self.law = np.where(angle > 0.0, 0.5 * (self.across + self.along), self.across)
 
-    def under(self, numbers: Sequence[int]) -> "Places":
+    def under(self, numbers: Sequence[int]) -> "SettingInputs":
         """Return the same for some of the settings."""
         if len(numbers) == len(self.settings):
             return self
@@ -66,7 +66,7 @@ class Places:
 class Covariances:
     """What covariances between n blocks and m others are made of, under the same k settings."""
 
-    def __init__(self, one: Places, other: Places) -> None:
+    def __init__(self, one: SettingInputs, other: SettingInputs) -> None:
         self._of = {name: one.settings[name][:, None, None] for name in Setting._fields}
         self._crossed = self._of["crossed"] > 0.0
         self._forces = np.outer(one.inputs[:, 1], other.inputs[:, 1])
@@ -86,7 +86,7 @@ class Covariances:
         total *= prior.scale
         return total
 
-    def _residuals(self, one: Places, other: Places) -> FloatArray:
+    def _residuals(self, one: SettingInputs, other: SettingInputs) -> FloatArray:
         """Return the covariance of what is smooth in the logarithms and of lines."""
         of, crossed = self._of, self._crossed
         smooth = -0.5 / np.square(of["length"])
@@ -108,7 +108,7 @@ class Covariances:
             total[ridged] += np.square(of["lines"][ridged]) * np.exp(exponent)
         return total
 
-    def _follow_heading(self, one: Places, other: Places) -> None:
+    def _follow_heading(self, one: SettingInputs, other: SettingInputs) -> None:
         """Let the residual, and a part besides, vary with the heading."""
         of = self._of
         cosine = one.inputs[:, 2:] @ other.inputs[:, 2:].T

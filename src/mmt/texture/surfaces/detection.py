@@ -2,7 +2,7 @@
 
 For each moment in the last seconds the hypothesis that the tool has been on another surface ever
 since, a known one or a new one, stands against the one that it has stayed on the current one. The
-evidence is the Bayes factor of all blocks since that moment (`mmt.texture.surfaces.knowledge`),
+evidence is the Bayes factor of all blocks since that moment (`mmt.texture.surfaces.posterior`),
 and the largest counts: a generalised CUSUM (Page 1954; Lorden, "Procedures for reacting to a
 change in distribution", Annals of Mathematical Statistics 42, 1971).
 
@@ -15,12 +15,12 @@ touchdowns, which are few, and half on all the other blocks.
 Moments within contact in the first `YOUNG` blocks of a stay get less, by e^-`EARLY`: what is known
 of a surface by then is mostly the prior.
 
-The evidence must hold with some blocks left out (`mmt.texture.surfaces.held`), and where blocks
+The evidence must hold with some blocks left out (`robustness`), and where blocks
 have headings more is asked for.
 
 *Afterwards.* The alternative of most evidence is taken. It learns what came after the last moment
 that is plausible, the former one what came before the likeliest. A new surface is on trial for its
-first blocks (`mmt.texture.surfaces.trial`): where a known one predicts all of them better than
+first blocks (`mmt.texture.surfaces.candidate`): where a known one predicts all of them better than
 nothing known by `SURE`, and better than every other known one, it was that one. Where blocks have
 headings a known surface is not recalled from a few, in which it may look like another; till then
 the surface is a new one.
@@ -35,13 +35,13 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
+from mmt.texture.surfaces.block_likelihood import PreparedBlocks
 from mmt.texture.surfaces.blocks import BLOCK, SurfaceBlock
+from mmt.texture.surfaces.candidate import LONGEST, Candidate
 from mmt.texture.surfaces.changes import SurfaceChange, change_point
-from mmt.texture.surfaces.heard import HeardBlocks
-from mmt.texture.surfaces.held import HeldEvidence
-from mmt.texture.surfaces.knowledge import SurfaceKnowledge
+from mmt.texture.surfaces.posterior import SurfacePosterior
 from mmt.texture.surfaces.prior import GRAINED, SETTINGS
-from mmt.texture.surfaces.trial import LONGEST, Trial
+from mmt.texture.surfaces.robustness import RobustnessCheck
 
 WINDOW: Final = 20
 """Blocks that are looked back; older ones are what the current surface is learned from."""
@@ -116,16 +116,16 @@ class SurfaceDetector:
         self._caution = _Caution() if by_heading else _Caution(0.0, 0.0, 0.0, 0)
         self._numbers = itertools.count(1)
         self.current = next(self._numbers)
-        self.surfaces: dict[int, SurfaceKnowledge] = {
-            self.current: SurfaceKnowledge(self._settings)
+        self.surfaces: dict[int, SurfacePosterior] = {
+            self.current: SurfacePosterior(self._settings)
         }
         """Those that are known, by number; the one that the tool was on last stands last."""
         self._stayed = 0  # blocks of this stay
         self._window: list[SurfaceBlock] = []  # the newest of the current surface, oldest first
-        self._trial: Trial | None = Trial()
-        self._unknown = SurfaceKnowledge(self._settings)
+        self._trial: Candidate | None = Candidate()
+        self._unknown = SurfacePosterior(self._settings)
 
-    def take(self, block: SurfaceBlock) -> SurfaceChange | None:
+    def update(self, block: SurfaceBlock) -> SurfaceChange | None:
         """Take the next block; return the change that it brings to light."""
         window = self._window
         window.append(block)
@@ -159,8 +159,8 @@ class SurfaceDetector:
 
         Of the newest block, the newest two, and so on, given what came before them.
         """
-        newest_first = HeardBlocks.of(self._window[::-1], self._settings)
-        oldest_first = HeardBlocks.of(self._window, self._settings)
+        newest_first = PreparedBlocks.of(self._window[::-1], self._settings)
+        oldest_first = PreparedBlocks.of(self._window, self._settings)
         stayed = self.surfaces[self.current].log_likelihood_after(oldest_first)[::-1]
         others = {n: k for n, k in self.surfaces.items() if n != self.current}
         if self._trial is not None and others:
@@ -192,7 +192,7 @@ class SurfaceDetector:
         if since < 2 or evidence[number][since - 1] <= threshold:
             return None
         other = self.surfaces[number] if number else self._unknown
-        held = HeldEvidence(blocks, since, self.surfaces[self.current], other)
+        held = RobustnessCheck(blocks, since, self.surfaces[self.current], other)
         if not held.above(threshold, at_any_heading=bool(number) and blocks[-since].touchdown):
             return None
         if named and self._trial is not None and (gain := self._trial.gains()[named]) > 0.0:
@@ -229,13 +229,13 @@ class SurfaceDetector:
         self.surfaces[self.current].add(blocks[: max(earliest - 1, 0)])
         self._window = blocks[alone:]
         self._stayed = len(self._window)
-        self._trial = None if number else Trial(self._window)
+        self._trial = None if number else Candidate(self._window)
         self._go_to(change.surface)
         return change
 
     def _go_to(self, number: int) -> None:
         self.current = number
-        self.surfaces[number] = self.surfaces.pop(number, SurfaceKnowledge(self._settings))
+        self.surfaces[number] = self.surfaces.pop(number, SurfacePosterior(self._settings))
         if len(self.surfaces) > self._most:
             del self.surfaces[next(iter(self.surfaces))]
 

@@ -84,7 +84,7 @@ class SurfaceModeller:
         for start in range(0, len(frames), self._look_frames):
             look = frames[start : start + self._look_frames]
             self._remember(look)
-            found = self._tracker.take(look)
+            found = self._tracker.update(look)
             yield None
             for change in found:
                 yield from self._leave(change, left)

@@ -147,7 +147,7 @@ GRAINED: Final = settings_of(
 
 
 @cache
-def turning() -> FloatArray:
+def cosine_transform() -> FloatArray:
     """Return the orthonormal transform (`BANDS`, `BANDS`); its first row is the level's."""
     order, band = np.arange(BANDS)[:, None], np.arange(BANDS)[None, :]
     rows: FloatArray = np.sqrt(2.0 / BANDS) * np.cos(np.pi * order * (band + 0.5) / BANDS)

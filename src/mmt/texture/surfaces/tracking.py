@@ -42,12 +42,12 @@ class SurfaceTracker:
         """The number of the surface that the tool is taken to be on."""
         return self.detector.current
 
-    def take(self, frames: RecordArray) -> list[SurfaceChange]:
+    def update(self, frames: RecordArray) -> list[SurfaceChange]:
         """Take the newest frames (n,); return the changes that they bring to light."""
         changes = []
         for block in self._cutter.cut(self._filter.process(frames)):
             self.stroked_s += BLOCK / 1000.0
-            change = self.detector.take(block)
+            change = self.detector.update(block)
             if change is not None:
                 changes.append(change)
         return changes

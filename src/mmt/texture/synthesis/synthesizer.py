@@ -90,10 +90,10 @@ class Synthesizer:
         Parameters
         ----------
         *inputs
-            What the hand does at each sample, in the model's input space: its speed and
-            normal force, or its velocity x, y and normal force; each of shape (n,), float64,
-            a column of an array too. Brought to the end of the space where beyond; a speed or
-            force that is negative, and what is no number, count as zero.
+            The hand's motion at each sample, in the model's input space: speed and normal
+            force, or velocity x, y and normal force, where speed and normal force alone are a
+            stroke along x; each of shape (n,), float64, a column of an array too. Values beyond
+            the space are limited to its end; a negative speed or force, and NaN, count as zero.
 
         Raises
         ------
@@ -106,6 +106,8 @@ class Synthesizer:
         if model is None:
             generator.use(None)
             return generator.generate(count)
+        if model.space.directed and len(inputs) == 2:
+            inputs = (inputs[0], np.zeros(count), inputs[1])
         if len(inputs) != model.dimensions:
             raise InputError(
                 f"{len(inputs)} inputs were given: the model takes "

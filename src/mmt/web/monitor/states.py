@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy.typing as npt
 
-import mmt
+from mmt.core.version import __version__
 from mmt.scene import Scene, Texture
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
 from mmt.web.binary_messages import pack
@@ -35,7 +35,7 @@ def hello_header(scene: Scene, session_id: str) -> dict[str, Any]:
     return {
         "session": scene.session.name,
         "id": session_id,
-        "version": mmt.__version__,
+        "version": __version__,
         "parts": [name for name, runs in scene.parts().items() if runs],
         "rate_hz": scene.session.rate_hz,
         "inputs": (scene.texture or Texture()).inputs,

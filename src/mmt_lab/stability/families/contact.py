@@ -9,13 +9,13 @@ from typing import Final
 import numpy as np
 
 from mmt.contact.friction import SMOOTHING_M_S, friction_slope_n_s_m, step_tangential
-from mmt.contact.integrators import INTEGRATORS, Integrator, total_energy_j
 from mmt.contact.normal import ContactLaw, Drive
 from mmt.core.arrays import FloatArray
 from mmt.evaluation.document import Picture
 from mmt.evaluation.report_files import picture
 from mmt.scene import Simulated
 from mmt.testing.simulation.robot import SimulatedRobot, tip_drive
+from mmt_lab.contact.integrators import INTEGRATORS, Integrator, total_energy_j
 from mmt_lab.stability.cases import Case, Family, Figures, Outcome
 
 STIFFNESSES_N_M: Final = (1e2, 1e3, 1e4, 1e5, 1e6, 1e7)

@@ -1,0 +1,249 @@
+"""Bytes of the Net F/T: the page of settings, and the records that it streams."""
+
+import http.client
+import re
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from mmt.core.errors import MmtError
+from mmt.devices.ati.calibration import Calibration, force_in_newton, torque_in_newton_mm
+from mmt.devices.ati.wrench import Matrix, diagonal
+from mmt.devices.protocols import Vector
+
+PORT: Final = 49152
+
+STOP: Final = 0x0000
+START: Final = 0x0002
+"""Send records as they are measured, each in a packet of its own."""
+RESET_LATCH: Final = 0x0041
+
+RECORD: Final = struct.Struct(">3I6i")
+"""RDT sequence, F/T sequence, status, then Fx Fy Fz Tx Ty Tz in counts."""
+
+ERROR: Final = 0x80000000
+RDT_ERROR: Final = 0x00100000
+SATURATED: Final = 0x00020000
+MONITOR_LATCHED: Final = 0x00010000
+
+_REQUEST: Final = struct.Struct(">HHI")
+_MARK: Final = 0x1234
+_HARMLESS: Final = ERROR | SATURATED | MONITOR_LATCHED
+_NAMES: Final = {
+    RDT_ERROR: "an error of its data transfer",
+    SATURATED: "saturation of the transducer",
+    MONITOR_LATCHED: "a latched monitor condition",
+}
+
+
+class Record(NamedTuple):
+    """One measurement of the box."""
+
+    sequence: int
+    """Number of the record in this stream, from 1, unsigned 32-bit."""
+    measurement: int
+    """Number of the measurement by the box's own rate, unsigned 32-bit."""
+    status: int
+    counts: tuple[int, int, int, int, int, int]
+
+
+def request(command: int, count: int = 0) -> bytes:
+    """Return a request; a count of 0 means without end."""
+    return _REQUEST.pack(_MARK, command, count)
+
+
+def parse_request(packet: bytes) -> tuple[int, int] | None:
+    """Return command and count of a request; None where it is none."""
+    if len(packet) != _REQUEST.size:
+        return None
+    mark, command, count = _REQUEST.unpack(packet)
+    return (command, count) if mark == _MARK else None
+
+
+def pack_record(record: Record) -> bytes:
+    """Return the record's 36 bytes."""
+    return RECORD.pack(record.sequence, record.measurement, record.status, *record.counts)
+
+
+def is_broken(status: int) -> bool:
+    """Whether a record of this status is not to be used."""
+    return status & ~_HARMLESS != 0
+
+
+def explain_status(status: int) -> str:
+    """Return what a status says, for a person."""
+    causes = [name for bit, name in _NAMES.items() if status & bit]
+    if status & ~(ERROR | RDT_ERROR | SATURATED | MONITOR_LATCHED):
+        causes.append("see the System Information page of the box")
+    return f"status 0x{status:08X}" + (f" ({'; '.join(causes)})" if causes else "")
+
+
+TIMEOUT_S: Final = 2.0
+_LARGEST_PAGE: Final = 65_536
+
+FIRST_ORDER: Final = range(1, 9)
+"""Filters whose cut-offs are those of ``y += (x - y) / 2**k`` at 7 kHz within 15 %."""
+_BOX_RATE_HZ: Final = 7000.0
+
+
+@dataclass(frozen=True, slots=True)
+class NetSettings:
+    """What the box says of itself."""
+
+    calibration: Calibration
+    matrix: Matrix
+    """From counts to N and N mm."""
+    rate_hz: float
+    """Records a second."""
+    filter: int
+    """Number of the low-pass filter."""
+    bias: str
+    """The gauges' software bias, as the box writes it."""
+
+
+def filter_delay_ns(number: int) -> int:
+    """Return a filter's delay of slow signals (ns), 0 where it is not known.
+
+    The maker states none. Filter k of 1 to 8 halves its cut-off from one to the next as the
+    recursion ``y += (x - y) / 2**k`` at the box's 7 kHz does, whose group delay at low
+    frequencies is ``2**k - 1`` measurements. Those above 1 kHz delay by a fraction of that of
+    the first.
+    """
+    if number not in FIRST_ORDER:
+        return 0
+    return round(((1 << number) - 1) * 1e9 / _BOX_RATE_HZ)
+
+
+def parse_page(text: str) -> dict[str, str]:
+    """Return the values of a flat XML page by their names."""
+    return {name: value.strip() for name, value in re.findall(r"<(\w+)>([^<]*)</\1>", text)}
+
+
+def parse_settings(
+    page: Mapping[str, str], calibration_page: Mapping[str, str], device: str
+) -> NetSettings:
+    """Read the settings out of ``netftapi2.xml`` and ``netftcalapi.xml``.
+
+    Raises
+    ------
+    MmtError
+        A value is missing or not usable, or RDT is switched off.
+    """
+    if page.get("comrdte", "1").lower() not in {"1", "enabled", "true", "on"}:
+        raise MmtError(
+            f"{device}: RDT is switched off in the box: enable it on its Communications page"
+        )
+    force_unit, torque_unit = _value(page, "scfgfu", device), _value(page, "scfgtu", device)
+    newton = force_in_newton(force_unit, device)
+    newton_mm = torque_in_newton_mm(torque_unit, device)
+    ranges = [_number(part, "cfgmr", device) for part in _value(page, "cfgmr", device).split(";")]
+    if len(ranges) != 6 or min(ranges) <= 0:
+        raise MmtError(f"{device}: its ranges 'cfgmr' are {page['cfgmr']!r}, six are expected")
+    x, y, z = (newton * value for value in ranges[:3])
+    tx, ty, tz = (newton_mm * value for value in ranges[3:])
+    range_n: Vector = (x, y, z)
+    return NetSettings(
+        calibration=Calibration(
+            serial=calibration_page.get("calsn", ""),
+            part=calibration_page.get("calpn", ""),
+            force_unit=force_unit,
+            torque_unit=torque_unit,
+            range_n=range_n,
+            range_n_mm=(tx, ty, tz),
+        ),
+        matrix=diagonal(
+            newton / _positive(page, "cfgcpf", device),
+            newton_mm / _positive(page, "cfgcpt", device),
+        ),
+        rate_hz=_positive(page, "comrdtrate", device),
+        filter=int(_number(page.get("setuserfilter", "0"), "setuserfilter", device)),
+        bias=page.get("setbias", ""),
+    )
+
+
+class NetPages:
+    """The box's web server.
+
+    Parameters
+    ----------
+    host, port
+        Its address.
+    device
+        What a person calls the box.
+    """
+
+    def __init__(self, host: str, port: int, device: str) -> None:
+        self._host = host
+        self._port = port
+        self._device = device
+
+    def settings(self) -> NetSettings:
+        """Read the settings of the active configuration.
+
+        Raises
+        ------
+        MmtError
+            The box does not answer, or not as a Net F/T does.
+        """
+        page = parse_page(self._get("/netftapi2.xml"))
+        calibration: dict[str, str] = {}
+        if page.get("cfgcalsel", "").isdigit():
+            calibration = parse_page(self._get(f"/netftcalapi.xml?index={page['cfgcalsel']}"))
+        return parse_settings(page, calibration, self._device)
+
+    def set_rate(self, rate_hz: int) -> None:
+        """Set how many records a second come; the box may round up."""
+        self._get(f"/comm.cgi?comrdtrate={rate_hz}")
+
+    def set_filter(self, number: int) -> None:
+        """Choose the low-pass filter."""
+        self._get(f"/setting.cgi?setuserfilter={number}")
+
+    def set_bias(self, bias: str) -> None:
+        """Write the gauges' software bias, as `NetSettings` has it."""
+        query = "&".join(f"setbias{i}={part.strip()}" for i, part in enumerate(bias.split(";")))
+        self._get(f"/setting.cgi?{query}")
+
+    def _get(self, path: str) -> str:
+        connection = http.client.HTTPConnection(self._host, self._port, timeout=TIMEOUT_S)
+        try:
+            connection.request("GET", path)
+            answer = connection.getresponse()
+            content = answer.read(_LARGEST_PAGE)
+        except (OSError, http.client.HTTPException, ValueError) as error:
+            raise MmtError(
+                f"{self._device}: its web page http://{self._host}:{self._port}{path} does not "
+                f"answer ({error}); check power, cable, 'host', and that this machine has an "
+                "address in the box's network (192.168.1.x as it is shipped)"
+            ) from error
+        finally:
+            connection.close()
+        if answer.status >= http.client.BAD_REQUEST:
+            raise MmtError(
+                f"{self._device}: its web page {path} answers {answer.status} {answer.reason}; "
+                "check that 'host' is a Net F/T box"
+            )
+        return content.decode("latin-1")
+
+
+def _value(page: Mapping[str, str], name: str, device: str) -> str:
+    if not page.get(name):
+        raise MmtError(
+            f"{device}: its page netftapi2.xml has no {name!r}; check that 'host' is a Net F/T box"
+        )
+    return page[name]
+
+
+def _number(text: str, name: str, device: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise MmtError(f"{device}: {name!r} of its page is {text!r}, not a number") from None
+
+
+def _positive(page: Mapping[str, str], name: str, device: str) -> float:
+    number = _number(_value(page, name, device), name, device)
+    if not 0 < number < float("inf"):
+        raise MmtError(f"{device}: {name!r} of its page is {number}, not above zero")
+    return number

@@ -1,0 +1,175 @@
+"""A sensor's clock from the number of its records, which each carries or which are counted."""
+
+import math
+from typing import Final
+
+_SLACK_NS: Final = 250_000_000
+"""A number may be ahead of the host's clock by so much: records come in clumps."""
+_BEHIND: Final = 1000
+"""Records so far behind the newest are late ones, not a new count."""
+_STRANGE_RUN: Final = 5
+_LATE_RUN: Final = 50
+"""So many strange or late records in a row that agree with one another begin a new count."""
+
+
+class SequenceClock:
+    """Unwrap a record's number and turn it into the sensor's time.
+
+    A number that the host's clock contradicts is not believed, since a flipped bit must not
+    move the clock. Where several in a row agree with one another, the sensor counts anew, as after
+    its restart; its time then goes on by what has passed on the host.
+
+    Parameters
+    ----------
+    rate_hz
+        Records a second.
+    bits
+        Width of the number.
+    """
+
+    def __init__(self, rate_hz: float, bits: int = 32) -> None:
+        self.period_ns = 1e9 / rate_hz
+        self.lost = 0
+        """Records that were numbered but did not come; one that comes late counts as lost."""
+        self.late = 0
+        """Records that came after a newer one, or twice."""
+        self.strange = 0
+        """Records whose number cannot be right."""
+        self.restarts = 0
+        self._modulus = 1 << bits
+        self._sequence: int | None = None
+        self._index = 0
+        self._arrival_ns = 0
+        self._expected = -1
+        self._agreeing = 0
+        self._interrupted = False
+
+    def interrupt(self) -> None:
+        """Believe the next number, whatever it is: the stream may have begun anew."""
+        self._interrupted = True
+
+    def stamp(self, sequence: int, arrival_ns: int) -> int | None:
+        """Return the sensor's time (ns) of a record; None for one that is late or strange.
+
+        Parameters
+        ----------
+        sequence
+            Its number, unsigned.
+        arrival_ns
+            The host's monotonic time.
+        """
+        if self._sequence is None:
+            return self._begin(sequence, arrival_ns)
+        step = (sequence - self._sequence) % self._modulus
+        if self._interrupted:
+            self._interrupted = False
+            ahead_ns = step * self.period_ns - (arrival_ns - self._arrival_ns)
+            if abs(ahead_ns) > _SLACK_NS:
+                return self._begin(sequence, arrival_ns)
+        if step != 1:
+            if self._modulus - step <= _BEHIND or step == 0:
+                self.late += 1
+                return self._doubt(sequence, arrival_ns, _LATE_RUN)
+            if (step - 1) * self.period_ns > arrival_ns - self._arrival_ns + _SLACK_NS:
+                self.strange += 1
+                return self._doubt(sequence, arrival_ns, _STRANGE_RUN)
+            self.lost += step - 1
+        self._agreeing = 0
+        self._sequence = sequence
+        self._index += step
+        self._arrival_ns = arrival_ns
+        return round(self._index * self.period_ns)
+
+    def _doubt(self, sequence: int, arrival_ns: int, longest_run: int) -> int | None:
+        self._agreeing = self._agreeing + 1 if sequence == self._expected else 1
+        self._expected = (sequence + 1) % self._modulus
+        if self._agreeing < longest_run:
+            return None
+        return self._begin(sequence, arrival_ns)
+
+    def _begin(self, sequence: int, arrival_ns: int) -> int:
+        if self._sequence is not None:
+            passed = round((arrival_ns - self._arrival_ns) / self.period_ns)
+            self._index += max(1, passed)
+            self.restarts += 1
+        self._sequence = sequence
+        self._arrival_ns = arrival_ns
+        self._agreeing = 0
+        return round(self._index * self.period_ns)
+
+
+_SILENCE_NS: Final = 30_000_000
+"""Shorter silences come from the line and the host."""
+_BLOCK_NS: Final = 100_000_000
+"""The least lag is taken of so long before a silence, and of so long after it."""
+_MISSING: Final = 0.3
+"""Of a silence: a lag that grew by less is the host's, or from another rate than nominal."""
+
+
+class CountingClock:
+    """Count records, also those that a silence has swallowed.
+
+    The lag is how far the count is behind the host's clock. What a stall of the host or the line
+    holds back comes later and leaves the least lag as it was; what is lost makes it grow for
+    good. Bytes that were lost without a silence make the clock late by a record at most each
+    time; whoever compares it with another clock follows that.
+
+    Parameters
+    ----------
+    rate_hz
+        Records a second.
+    """
+
+    def __init__(self, rate_hz: float) -> None:
+        self.period_ns = 1e9 / rate_hz
+        self.missing = 0
+        """Records that a silence has swallowed."""
+        self._index = -1
+        self._arrival_ns: int | None = None
+        self._interrupted = False
+        self._block_ends_ns = 0
+        self._least = math.inf  # lag in this block
+        self._usual = math.inf  # least lag before
+        self._silent_ns = 0  # in silences that are not judged yet
+
+    def interrupt(self) -> None:
+        """Go on by what has passed on the host when the next record comes."""
+        self._interrupted = True
+
+    def arrive(self, records: int, now_ns: int) -> None:
+        """Note that records are there, before they are counted."""
+        if not records:
+            return
+        last_ns, self._arrival_ns = self._arrival_ns, now_ns
+        if last_ns is not None:
+            pause_ns = now_ns - last_ns
+            if self._interrupted:
+                self._index += max(0, round(pause_ns / self.period_ns) - records)
+                self._usual = self._least = math.inf
+                self._silent_ns = 0
+            elif pause_ns > _SILENCE_NS:
+                if not self._silent_ns:
+                    self._usual = min(self._usual, self._least)
+                self._silent_ns += pause_ns
+                self._least = math.inf
+                self._block_ends_ns = now_ns + _BLOCK_NS
+        self._interrupted = False
+        self._least = min(self._least, now_ns - (self._index + records) * self.period_ns)
+        if now_ns >= self._block_ends_ns:
+            self._end_block(now_ns)
+
+    def next(self) -> int:
+        """Count a record and return the sensor's time of it (ns)."""
+        self._index += 1
+        return round(self._index * self.period_ns)
+
+    def _end_block(self, now_ns: int) -> None:
+        grown_ns = self._least - self._usual  # -inf where there is no lag to compare with
+        if self._silent_ns and grown_ns > _MISSING * self._silent_ns:
+            lost = round(grown_ns / self.period_ns)
+            self._index += lost
+            self.missing += lost
+            self._least -= lost * self.period_ns
+        self._silent_ns = 0
+        self._usual, self._least = self._least, math.inf
+        self._block_ends_ns = now_ns + _BLOCK_NS

@@ -1,0 +1,285 @@
+"""Watch one device for a while: its values, its rate and jitter, and what is wrong with it."""
+
+import inspect
+import math
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from typing import Any, Final
+
+import numpy as np
+
+from mmt.core.errors import MmtError
+from mmt.devices.protocols import SensorReading, SetupRemarks
+
+UNITS: Final = {
+    "robot": "mm",
+    "handle": "mm",
+    "force_sensor": "N",
+    "accelerometer": "m/s2",
+    "board": "V",
+    "actuator": "",
+    "device": "",
+}
+"""What a device measures in its role; "device" is one whose driver does not tell its role."""
+
+Values = tuple[float, ...]
+"""Three, but of a board as many as it has inputs."""
+
+_LONGEST_WAIT_S: Final = 1.5
+_STUCK_S: Final = 1.0
+_STANDARD_GRAVITY: Final = 9.80665
+_KEPT: Final = 1_000_000
+_BUSY_MS: Final = 5.0
+_BURST_MS: Final = 10.0
+_RATE_HZ: Final = 1000
+
+
+@dataclass
+class DeviceCheck:
+    """What was seen of a device."""
+
+    role: str
+    driver: str
+    readings: int = 0
+    duration_s: float = 0.0
+    newest: Values | None = None
+    mean: Values | None = None
+    deviation: Values | None = None
+    least: Values | None = None
+    most: Values | None = None
+    rate_hz: float | None = None
+    """Of a sensor on a clock of its own: by this machine's clock."""
+    spacing_p50_ms: float | None = None
+    spacing_p99_ms: float | None = None
+    """Between its stamps."""
+    arrival_p99_ms: float | None = None
+    """Longest wait for something new from it, but for one in a hundred."""
+    latency_ms: float | None = None
+    waited_p99_ms: float | None = None
+    """How long this program itself waited for its turn, but for one time in a hundred."""
+    played: dict[str, float | int | None] = field(default_factory=dict)
+    """What an actuator counted while it played silence."""
+    faults: dict[str, int] = field(default_factory=dict)
+    problems: list[str] = field(default_factory=list)
+    """Sentences: what is wrong, and what to do."""
+
+    @property
+    def unit(self) -> str:
+        """Of the values."""
+        return UNITS[self.role]
+
+
+def observe(
+    role: str,
+    driver: str,
+    device: Any,
+    *,
+    duration_s: float,
+    calibrate: bool = False,
+    show: Callable[[DeviceCheck], None] = lambda _: None,
+) -> DeviceCheck:
+    """Connect a device, read it once a millisecond, close it; nothing moves or sounds.
+
+    Parameters
+    ----------
+    role
+        A key of `UNITS`.
+    driver
+        Its name.
+    device
+        Any device of `mmt.devices.protocols`, or a board of `mmt.devices.protocols`; an
+        actuator plays silence.
+    duration_s
+        How long to read it.
+    calibrate
+        Whether to take biases first; the tool must be free and at rest.
+    show
+        Called once a second with what was seen so far.
+
+    Returns
+    -------
+    observation
+        Also where the device failed: its problems say how.
+    """
+    seen = DeviceCheck(role, driver)
+    watching = _Watching(seen, device)
+    try:
+        device.connect()
+        if calibrate and hasattr(device, "calibrate"):
+            device.calibrate()
+        if hasattr(device, "read") or hasattr(device, "write"):
+            watching.run(duration_s, show)
+    except Exception as error:  # noqa: BLE001 - whatever a driver raises is what is wrong
+        seen.problems.append(str(error) or type(error).__name__)
+    finally:
+        watching.finish()
+        try:
+            device.close()
+        except Exception as error:  # noqa: BLE001 - as above
+            seen.problems.append(f"it cannot be closed: {error}")
+    seen.problems += _judge(seen, watching)
+    return seen
+
+
+class _Watching:
+    """Reads the device and keeps what is needed for the figures."""
+
+    def __init__(self, seen: DeviceCheck, device: Any) -> None:
+        self.seen = seen
+        self.sampled = hasattr(device, "latency_ns")
+        self.values: deque[Values] = deque(maxlen=_KEPT)
+        self.stamps_ns: deque[int] = deque(maxlen=_KEPT)
+        self.arrivals_ns: deque[int] = deque(maxlen=_KEPT)
+        self._device = device
+        self._read = _reader(device) if hasattr(device, "read") else None
+        self._waits_ms: deque[float] = deque(maxlen=_KEPT)
+        self._written = 0
+
+    def run(self, duration_s: float, show: Callable[[DeviceCheck], None]) -> None:
+        begun = time.monotonic()
+        next_s = 1.0
+        looked = begun
+        while (passed_s := time.monotonic() - begun) < duration_s:
+            now = time.monotonic()
+            self._waits_ms.append(1e3 * (now - looked))
+            looked = now
+            self._look(passed_s)
+            self.seen.duration_s = passed_s
+            if self._read is not None and not self.values and passed_s > _LONGEST_WAIT_S:
+                raise MmtError(
+                    "it is connected but gives no reading: check its cable, its power and the "
+                    "rate or baud rate that is set"
+                )
+            if passed_s >= next_s:
+                next_s += 1.0
+                self._glance()
+                show(self.seen)
+            time.sleep(0.001)
+
+    def _look(self, passed_s: float) -> None:
+        if self._read is None:
+            due = int(passed_s * _RATE_HZ) - self._written
+            if due > 0:
+                self._device.write([0.0] * due)
+                self._written += due
+            return
+        readings = self._read()
+        now_ns = time.monotonic_ns()
+        for time_ns, value in readings:
+            self.values.append(tuple(float(each) for each in value))
+            self.stamps_ns.append(time_ns)
+        if readings:
+            self.seen.readings += len(readings)
+            self.arrivals_ns.append(now_ns)
+
+    def _glance(self) -> None:
+        """Work out what is cheap."""
+        if self.values:
+            self.seen.newest = self.values[-1]
+        if self._read is None and hasattr(self._device, "statistics"):
+            self.seen.played = asdict(self._device.statistics)
+        if self.sampled and len(self.arrivals_ns) >= 3:
+            span_s = (self.arrivals_ns[-1] - self.arrivals_ns[0]) / 1e9
+            self.seen.rate_hz = self.seen.readings / span_s if span_s > 0 else None
+
+    def finish(self) -> None:
+        """Work out the figures."""
+        seen = self.seen
+        seen.faults = dict(getattr(self._device, "faults", {}))
+        if isinstance(self._device, SetupRemarks):
+            seen.problems += self._device.remarks()
+        if self._waits_ms:
+            seen.waited_p99_ms = float(np.percentile(np.array(self._waits_ms), 99))
+        self._glance()
+        if not self.values:
+            return
+        values = np.array(self.values)
+        with np.errstate(invalid="ignore", over="ignore"):
+            seen.mean, seen.deviation, seen.least, seen.most = (
+                _vector(figure(values, axis=0)) for figure in (np.mean, np.std, np.min, np.max)
+            )
+        if not self.sampled or len(self.arrivals_ns) < 3:
+            return
+        seen.latency_ms = self._device.latency_ns / 1e6
+        spacing_ms = np.diff(np.array(self.stamps_ns)) / 1e6
+        seen.spacing_p50_ms, seen.spacing_p99_ms = np.percentile(spacing_ms, [50, 99]).tolist()
+        waits_ms = np.diff(np.array(self.arrivals_ns)) / 1e6
+        seen.arrival_p99_ms = float(np.percentile(waits_ms, 99))
+
+
+def _reader(device: Any) -> Callable[[], list[SensorReading]]:
+    """Return a function that reads any device as if it had a clock."""
+    if hasattr(device, "latency_ns"):
+        return lambda: [SensorReading(*reading) for reading in device.read()]
+    if inspect.signature(device.read).parameters:  # a leader's interface, told the ticks
+
+        def read() -> list[SensorReading]:
+            return [SensorReading(time.monotonic_ns(), device.read(1).position_mm)]
+
+        return read
+    return lambda: [SensorReading(time.monotonic_ns(), device.read())]
+
+
+def _vector(values: Any) -> Values:
+    return tuple(values.tolist())
+
+
+def _judge(seen: DeviceCheck, watching: _Watching) -> list[str]:
+    """Return what is wrong with what was read or played."""
+    busy = seen.waited_p99_ms is not None and seen.waited_p99_ms > _BUSY_MS
+    problems = _judge_played(seen) + _judge_values(seen, watching)
+    if seen.rate_hz is not None and seen.rate_hz < 800:
+        problems.append(
+            f"it gives {seen.rate_hz:.0f} readings a second, less than the session's thousand: "
+            "raise its rate or its baud rate"
+        )
+    if seen.arrival_p99_ms is not None and seen.arrival_p99_ms > _BURST_MS and not busy:
+        problems.append(
+            f"its readings come in bursts, up to {seen.arrival_p99_ms:.0f} ms apart: lower the "
+            "latency timer of a serial adapter, connect a network's box without a switch between"
+        )
+    problems += [f"{_often(count)}: {what}" for what, count in seen.faults.items() if count]
+    if busy and (problems or (seen.arrival_p99_ms or 0.0) > _BURST_MS):
+        problems.append(
+            f"this machine is busy, the test itself had to wait up to {seen.waited_p99_ms:.0f} ms "
+            "for its turn: end other programs and test again before you look for a fault"
+        )
+    return problems
+
+
+def _judge_values(seen: DeviceCheck, watching: _Watching) -> list[str]:
+    if seen.mean is None:
+        return []
+    finite = all(map(math.isfinite, seen.mean))
+    problems = []
+    if not finite:
+        problems.append("it gives values that are no numbers: check its calibration and range")
+    elif seen.duration_s >= _STUCK_S and watching.sampled and seen.least == seen.most:
+        problems.append(
+            "its value never changes, as no real sensor's does: check that it is wired and powered"
+        )
+    if seen.role == "accelerometer" and finite:
+        gravity = math.hypot(*seen.mean)
+        if not 0.7 * _STANDARD_GRAVITY < gravity < 1.3 * _STANDARD_GRAVITY:
+            unit = " (it may be in g)" if 0.7 < gravity < 1.3 else ""
+            problems.append(
+                f"at rest it must feel 9.8 m/s2 and feels {gravity:.3g}{unit}: keep it still, "
+                "calibrate it, check its supply and its unit"
+            )
+    return problems
+
+
+def _judge_played(seen: DeviceCheck) -> list[str]:
+    underruns = seen.played.get("underruns")
+    if not underruns:
+        return []
+    return [
+        f"it ran out of samples {underruns} times in {seen.duration_s:.0f} s: raise 'buffer_ms', "
+        "or take load off this machine"
+    ]
+
+
+def _often(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"

@@ -1,0 +1,161 @@
+"""Between a session that writes a sample a millisecond and a card that asks for blocks.
+
+The two run on clocks of their own. A ring takes the session's samples; the card's blocks are
+interpolated from it. How far the ring is filled tells which clock is ahead, and the step from
+instant to instant follows it: a proportional-integral controller, critically damped with a time
+constant of 2 s, that learns the drift and changes the pitch by 0.5 % at most. What is beyond that
+is a slip: the reading jumps, under a crossfade of one block, and is counted.
+
+One thread writes and another reads. Each index is changed by one of them alone, after the samples
+that it speaks of; the interpreter makes each assignment whole.
+"""
+
+import math
+from collections.abc import Iterable
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.devices.haptuator.resampling import AFTER, BEFORE, FillController, Interpolator
+
+_CAPACITY: Final = 4096
+_LEAST_SLACK: Final = 20.0
+"""Samples beyond the wanted fill before the reading jumps."""
+_FADE_S: Final = 0.002
+
+
+class CardBuffer:
+    """Hold the session's samples until the card asks for them.
+
+    `write` takes about 0.5 us a sample, `read` some 50 us for a block of 96 frames.
+
+    Parameters
+    ----------
+    rate_hz
+        Of what is written.
+    card_rate_hz
+        Of what is read.
+    block_frames
+        Read at a time, as a rule.
+    buffer_ms
+        How late a sample may be written.
+    """
+
+    def __init__(
+        self, rate_hz: float, card_rate_hz: float, block_frames: int, buffer_ms: float
+    ) -> None:
+        self._ring = np.zeros(_CAPACITY)
+        self._interpolator = Interpolator(self._ring)
+        self._rate_hz = rate_hz
+        self._card_rate_hz = card_rate_hz
+        block = block_frames * rate_hz / card_rate_hz
+        self.target = block + AFTER + buffer_ms * rate_hz / 1000.0
+        """Samples that lie ahead of the reading when a block is asked for."""
+        self._most = self.target + max(_LEAST_SLACK, self.target)
+        self._fade = max(1, round(_FADE_S * card_rate_hz))
+        self._written = 0
+        self._position = 0.0
+        self._playing = False
+        self._idle_since = 0
+        self._last = 0.0
+        self._tail = np.zeros(0)
+        self._muted = False
+        self._rise = False
+        self.follower = FillController(rate_hz)
+        self.fill = 0.0
+        """Samples that lay ahead of the reading at the last block."""
+        self.underruns = 0
+        """How often the card asked for what was not yet written."""
+        self.slips = 0
+        """How often the reading jumped."""
+
+    @property
+    def silent(self) -> bool:
+        """Whether nothing is being played."""
+        return not self._playing and not self._tail.size
+
+    def write(self, samples: Iterable[float]) -> None:
+        """Append samples; those that are never read are written over."""
+        ring, written, mask = self._ring, self._written, _CAPACITY - 1
+        for sample in samples:
+            ring[written & mask] = sample
+            written += 1
+        self._written = written
+
+    def mute(self) -> None:
+        """Fade to silence and stay there."""
+        self._muted = True
+
+    def read(self, frames: int) -> FloatArray:
+        """Return the next `frames` frames for the card, shape (frames,)."""
+        written = self._written
+        if not self._playing and not self._begin(written):
+            return self._silence(frames)
+        if self._muted:
+            self._stop(written)
+            return self._silence(frames)
+        fill = written - self._position
+        if fill > self._most:
+            return self._jump(frames, written)
+        self.fill = fill
+        step = self._step(fill, frames)
+        ready = math.floor((written - AFTER - self._position) / step)
+        ready = max(0, min(frames, ready))
+        block = self._interpolator.read(self._position, step, ready)
+        self._position += step * ready
+        if self._rise:
+            block *= np.linspace(0.0, 1.0, ready)
+            self._rise = False
+        if ready:
+            self._last = float(block[-1])
+        if ready == frames:
+            return block
+        self.underruns += 1
+        self._stop(written)
+        return np.concatenate([block, self._silence(frames - ready)])
+
+    def _begin(self, written: int) -> bool:
+        if self._muted or self._tail.size or written - self._idle_since < self.target + BEFORE:
+            return False
+        self._position = written - self.target
+        self._playing = self._rise = True
+        return True
+
+    def _stop(self, written: int) -> None:
+        """Let what sounds fade; begin again once enough has been written anew."""
+        self._playing = False
+        self._idle_since = written
+        self._tail = self._last * np.linspace(1.0, 0.0, self._fade + 1)[1:]
+        self._last = 0.0
+
+    def _silence(self, frames: int) -> FloatArray:
+        block = np.zeros(frames)
+        tail = self._tail[:frames]
+        block[: len(tail)] = tail
+        self._tail = self._tail[len(tail) :]
+        return block
+
+    def _jump(self, frames: int, written: int) -> FloatArray:
+        """Go to where the reading should be, under a crossfade from where it was."""
+        self.slips += 1
+        step = self._rate_hz / self._card_rate_hz
+        aim = written - self.target
+        share = np.linspace(0.0, 1.0, frames)
+        there = (written - AFTER - aim) / step >= frames
+        if not there or written - self._position > _CAPACITY // 2:
+            # what lay there is written over, or the block is longer than agreed: start anew
+            self._stop(written)
+            self._idle_since = written - math.ceil(self.target) - BEFORE
+            return self._silence(frames)
+        old = self._interpolator.read(self._position, step, frames)
+        new = self._interpolator.read(aim, step, frames)
+        self._position = aim + step * frames
+        block: FloatArray = old + share * (new - old)
+        self._last = float(block[-1])
+        return block
+
+    def _step(self, fill: float, frames: int) -> float:
+        """Return the step from instant to instant (samples), and learn from the fill."""
+        correction = self.follower.correction(fill - self.target, frames / self._card_rate_hz)
+        return self._rate_hz / self._card_rate_hz * (1.0 + correction)

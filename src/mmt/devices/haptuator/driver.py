@@ -1,0 +1,89 @@
+"""What every way to a Haptuator shares: from m/s2 or volts to bounded voltages, and counts."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.devices.haptuator.drive import VoltageDrive
+from mmt.devices.haptuator.options import HaptuatorOptions
+
+RATE_HZ: Final = 1000.0
+"""Of the session, which has no other."""
+SILENCE_NS: Final = 500_000_000
+"""What asks for nothing, or says nothing, for so long is lost."""
+
+_SMOOTHING: Final = 0.02
+
+
+class HaptuatorDriver(ABC):
+    """A `VoltageActuator`; a driver adds how voltages get to the converter.
+
+    Parameters
+    ----------
+    options
+        Level, band and limits.
+    """
+
+    def __init__(self, options: HaptuatorOptions) -> None:
+        self._drive = VoltageDrive(options, RATE_HZ)
+        self._to_volts = options
+        self._limited = 0
+        self._latency_s: float | None = None
+
+    @abstractmethod
+    def _check(self) -> None:
+        """Raise `DeviceLost` where nothing can be played."""
+
+    @abstractmethod
+    def _play(self, volts: list[float]) -> None:
+        """Play voltages (n,), V, at the session's rate, after those before; never blocks."""
+
+    def calibrate(self) -> None:  # noqa: B027 - nothing is missing
+        """Do nothing: what the actuator makes of a volt is an option."""
+
+    def write(self, samples_m_s2: Sequence[float] | FloatArray) -> None:
+        """Play samples (n,), m/s2; never blocks.
+
+        Raises
+        ------
+        DeviceLost
+            What plays them is gone, or takes nothing any more.
+        """
+        self._check()
+        self._play(self._drive.convert(samples_m_s2))
+
+    @property
+    def largest_v(self) -> float:
+        """Largest voltage (V) that the actuator may get."""
+        return self._to_volts.largest_v
+
+    def write_volts(self, volts: Sequence[float] | FloatArray) -> None:
+        """Play voltages (n,), V, as they are; see `VoltageActuator`.
+
+        Raises
+        ------
+        DeviceLost
+            As by `write`.
+        """
+        self._check()
+        self._play(self._to_volts.cut(volts))
+
+    def _limit(self, volts: FloatArray) -> None:
+        """Cut, in place, and count what goes beyond the limit between the session's samples."""
+        largest_v = self._to_volts.largest_v
+        beyond = int(np.count_nonzero(np.abs(volts) > largest_v))
+        if beyond:
+            self._limited += beyond
+            np.clip(volts, -largest_v, largest_v, out=volts)
+
+    def _note_latency(self, latency_s: float) -> None:
+        known = self._latency_s
+        self._latency_s = latency_s if known is None else known + _SMOOTHING * (latency_s - known)
+
+    @property
+    def _latency_ms(self) -> float | None:
+        """The mean of the last ones, None before any."""
+        return None if self._latency_s is None else round(1e3 * self._latency_s, 2)

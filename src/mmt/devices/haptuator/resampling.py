@@ -1,0 +1,107 @@
+"""Samples between samples: a short windowed sinc, for a card that runs faster than the session.
+
+Six taps lie around each instant, so that it can be computed once the third sample after it is
+there: the delay is three samples. The taps of an instant sum to 1. Between 64 tabulated instants
+they are interpolated linearly, which leaves an error under 1e-3 of the signal.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+
+TAPS: Final = 6
+BEFORE: Final = TAPS // 2 - 1
+"""Samples that are needed before the one just at or before an instant."""
+AFTER: Final = TAPS // 2
+"""Samples that are needed after it."""
+
+_PHASES: Final = 64
+_KAISER_BETA: Final = 3.0
+"""Flat within 0.2 dB to 0.3 of the rate; 1.4 dB are lost at 0.4 of it."""
+
+
+def tap_table() -> FloatArray:
+    """Return the taps at each tabulated fraction of a sample, shape (65, 6), ends included."""
+    fractions = np.arange(_PHASES + 1)[:, np.newaxis] / _PHASES
+    offsets = np.arange(-BEFORE, AFTER + 1)[np.newaxis, :] - fractions
+    within = np.sqrt(np.clip(1.0 - (offsets / AFTER) ** 2, 0.0, 1.0))
+    taps = np.sinc(offsets) * np.i0(_KAISER_BETA * within)
+    normalised: FloatArray = taps / taps.sum(axis=1, keepdims=True)
+    return normalised
+
+
+class Interpolator:
+    """Read a ring of samples at instants between them.
+
+    Parameters
+    ----------
+    ring
+        Shape (n,), n a power of two; sample k lies at k modulo n.
+    """
+
+    def __init__(self, ring: FloatArray) -> None:
+        if ring.ndim != 1 or len(ring) < TAPS or len(ring) & (len(ring) - 1):
+            message = "a ring holds a power of two of samples"
+            raise ValueError(message)
+        self._ring = ring
+        self._mask = len(ring) - 1
+        self._table = tap_table()
+        self._slopes = np.diff(self._table, axis=0)
+        self._offsets = np.arange(-BEFORE, AFTER + 1)
+
+    def read(self, position: float, step: float, count: int) -> FloatArray:
+        """Return the signal at `count` instants, the first at `position`, shape (count,).
+
+        Parameters
+        ----------
+        position
+            In samples, at least `BEFORE`; the sample `AFTER` the last instant must be there.
+        step
+            From instant to instant, in samples.
+        """
+        instants = position + step * np.arange(count)
+        whole = np.floor(instants).astype(np.int64)
+        phases = (instants - whole) * _PHASES
+        rows = np.minimum(phases.astype(np.int64), _PHASES - 1)
+        taps = self._table[rows] + self._slopes[rows] * (phases - rows)[:, np.newaxis]
+        samples = self._ring[(whole[:, np.newaxis] + self._offsets) & self._mask]
+        values: FloatArray = np.einsum("ij,ij->i", samples, taps)
+        return values
+
+
+_TIME_CONSTANT_S: Final = 2.0
+_LARGEST_CORRECTION: Final = 5e-3
+_LARGEST_DRIFT: Final = 3e-3
+
+
+class FillController:
+    """A proportional-integral controller, critically damped with a time constant of 2 s.
+
+    Parameters
+    ----------
+    rate_hz
+        Of the samples in the buffer.
+    """
+
+    def __init__(self, rate_hz: float) -> None:
+        self._rate_hz = rate_hz
+        self.drift = 0.0
+        """By what share the writing clock is ahead of the reading one, as learnt."""
+
+    def correction(self, error: float, passed_s: float) -> float:
+        """Return by what share to read faster, within 0.5 %, and learn the drift.
+
+        Parameters
+        ----------
+        error
+            Samples in the buffer beyond those that are wanted.
+        passed_s
+            Since the last call.
+        """
+        natural = 1.0 / _TIME_CONSTANT_S
+        drift = self.drift + natural * natural / self._rate_hz * error * passed_s
+        self.drift = min(max(drift, -_LARGEST_DRIFT), _LARGEST_DRIFT)
+        correction = self.drift + 2.0 * natural / self._rate_hz * error
+        return min(max(correction, -_LARGEST_CORRECTION), _LARGEST_CORRECTION)

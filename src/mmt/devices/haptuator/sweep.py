@@ -1,0 +1,273 @@
+"""Play a sweep on an actuator and record what an accelerometer on its handle feels of it.
+
+How loud it may be is not known before: quiet sweeps, each twice the last, are played until the
+accelerometer hears one, and the loudness that is wanted follows by proportion.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError, MmtError
+from mmt.devices.haptuator.equaliser import sweep
+from mmt.devices.lanes import Lane
+from mmt.devices.protocols import SensorReading, VoltageActuator
+
+_BEFORE: Final = 400
+"""Samples of silence before a sweep: what the sensor feels at rest, and how its clock goes."""
+_AFTER: Final = 300
+_PROBE_S: Final = 1.0
+_PROBE_SHARE: Final = 1.0 / 32.0
+"""Of the largest voltage, for the first probe."""
+_HEARD: Final = 8.0
+"""A sweep is heard when its peak is so many times the noise."""
+_HEADROOM: Final = 0.8
+_BEYOND: Final = 1.6
+"""A sweep is ended when the handle is shaken by so many times what was asked for."""
+_TRIES: Final = 3
+_PAUSE_S: Final = 0.0005
+_LEAST_READINGS_PER_HZ: Final = 2.2
+
+
+@dataclass(frozen=True)
+class SweepSettings:
+    """What is played.
+
+    Parameters
+    ----------
+    low_hz, high_hz
+        Of the sweep.
+    duration_s
+        At least 1.
+    largest_m_s2
+        The handle is shaken by no more than about this.
+    level_v
+        Peak of the sweep; None finds the one that makes `largest_m_s2`, within the actuator's
+        limit.
+    """
+
+    low_hz: float = 60.0
+    high_hz: float = 490.0
+    duration_s: float = 8.0
+    largest_m_s2: float = 15.0
+    level_v: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, least, most in (("largest_m_s2", 0.1, 200.0), ("duration_s", 1.0, 60.0)):
+            value = getattr(self, name)
+            if not least <= value <= most:
+                raise InputError(f"{name} is {value:g}; allowed are {least:g} to {most:g}")
+        if self.level_v is not None and not self.level_v > 0.0:
+            raise InputError(f"level_v is {self.level_v:g}; it must be above 0")
+
+
+class SweepRecording(NamedTuple):
+    """What was played and felt, at 1 kHz by one clock."""
+
+    volts: FloatArray
+    """Shape (n,), V."""
+    acceleration_m_s2: FloatArray
+    """Shape (n,), along the direction in which the handle was shaken most."""
+    level_v: float
+    """Peak of the sweep."""
+    peak_m_s2: float
+    """Largest acceleration that was felt."""
+
+
+def record_sweep(
+    actuator: Any,
+    accelerometer: Any,
+    settings: SweepSettings,
+    say: Callable[[str], None] = lambda _: None,
+) -> SweepRecording:
+    """Connect both devices, play, record, and close them whatever happens.
+
+    Parameters
+    ----------
+    actuator
+        A `VoltageActuator`.
+    accelerometer
+        A `SampledSensor` or an `Accelerometer`, on the handle.
+    settings
+        What is played.
+    say
+        Called with a sentence for each thing that is played.
+
+    Raises
+    ------
+    InputError
+        The actuator takes no voltages, or not so large ones; the accelerometer is too slow.
+    MmtError
+        A device fails, the accelerometer hears nothing, or the handle is shaken too hard.
+    """
+    try:
+        actuator.connect()
+        accelerometer.connect()
+        if not isinstance(actuator, VoltageActuator):
+            raise InputError(
+                f"{type(actuator).__name__} cannot be given voltages (it has no 'write_volts'): "
+                "record a sweep by other means and give the file"
+            )
+        rig = _Rig(actuator, accelerometer, settings)
+        level_v = settings.level_v or rig.find_level(say)
+        if level_v > actuator.largest_v:
+            raise InputError(
+                f"level_v is {level_v:g} V; the actuator may get {actuator.largest_v:g} V at most"
+            )
+        return rig.record(level_v, say)
+    finally:
+        actuator.close()
+        accelerometer.close()
+
+
+class _Rig:
+    """Actuator and accelerometer on one handle."""
+
+    def __init__(
+        self, actuator: VoltageActuator, accelerometer: Any, settings: SweepSettings
+    ) -> None:
+        self._actuator = actuator
+        self._settings = settings
+        self._sampled = hasattr(accelerometer, "latency_ns")
+        self._sensor = accelerometer
+
+    def find_level(self, say: Callable[[str], None]) -> float:
+        """Return the voltage at which the handle is shaken as hard as is wanted."""
+        most_v, wanted = self._actuator.largest_v, self._settings.largest_m_s2
+        level_v = _PROBE_SHARE * most_v
+        while True:
+            say(f"listening to a sweep of {_PROBE_S:g} s at {level_v:.3g} V")
+            _, felt = self._play(level_v, _PROBE_S)
+            peak, noise = _peak(felt), float(np.std(felt[: _BEFORE // 2]))
+            if peak > _HEARD * noise:
+                return min(most_v, _HEADROOM * level_v * wanted / peak)
+            if level_v >= most_v:
+                raise MmtError(
+                    f"the accelerometer feels nothing of {level_v:.3g} V: check that it sits on "
+                    "the handle, that the amplifier is on, and the actuator's wires and channel"
+                )
+            level_v = min(2.0 * level_v, most_v)
+
+    def record(self, level_v: float, say: Callable[[str], None]) -> SweepRecording:
+        """Play the sweep itself, again where it had gaps; the one with the fewest counts."""
+        settings = self._settings
+        best: SweepRecording | None = None
+        fewest = 0
+        for _ in range(_TRIES):
+            say(f"playing {settings.duration_s:g} s at {level_v:.3g} V; keep the handle still")
+            before = self._gaps()
+            volts, felt = self._play(level_v, settings.duration_s)
+            missed = self._gaps() - before
+            if best is None or missed < fewest:
+                best, fewest = SweepRecording(volts, felt, level_v, _peak(felt)), missed
+            if not fewest:
+                break
+            say(
+                f"it had {missed} gaps: raise the actuator's 'buffer_ms', or end what loads this "
+                "machine"
+            )
+        assert best is not None  # noqa: S101 - it was played at least once
+        return best
+
+    def _gaps(self) -> int:
+        """Return how often what was played had a gap."""
+        counts = asdict(self._actuator.statistics)
+        return sum(int(counts.get(name, 0)) for name in ("underruns", "slips", "lost_frames"))
+
+    def _play(self, level_v: float, duration_s: float) -> tuple[FloatArray, FloatArray]:
+        """Return what was played (n,) and what was felt along its main direction (n,)."""
+        settings = self._settings
+        signal = sweep(level_v, settings.low_hz, settings.high_hz, duration_s)
+        volts = np.concatenate([np.zeros(_BEFORE), signal, np.zeros(_AFTER)])
+        hearing = _Hearing(self._sensor, sampled=self._sampled)
+        begun_ns = time.monotonic_ns()
+        written = 0
+        while written < len(volts):
+            due = min(len(volts), (time.monotonic_ns() - begun_ns) // 1_000_000 + 1)
+            if due > written:
+                self._actuator.write_volts(volts[written:due])
+                written = due
+            hearing.listen()
+            if written <= _BEFORE:
+                hearing.rest()
+            elif hearing.beyond > _BEYOND * settings.largest_m_s2:
+                raise MmtError(
+                    f"ended: the handle is shaken by {hearing.beyond:.3g} m/s2, "
+                    f"{settings.largest_m_s2:g} were allowed: give a smaller --level-v, or a "
+                    "larger --largest-m-s2 if your accelerometer measures that"
+                )
+            time.sleep(_PAUSE_S)
+        return volts, _main(hearing.at(begun_ns, len(volts), settings.high_hz))
+
+
+class _Hearing:
+    """What the accelerometer feels, and when."""
+
+    def __init__(self, sensor: Any, *, sampled: bool) -> None:
+        self._sensor = sensor
+        self._lane = Lane(sensor.latency_ns) if sampled else None
+        self._kept: list[SensorReading] = []
+        self._rest: FloatArray | None = None
+        self.beyond = 0.0
+        """Largest magnitude (m/s2) of the newest readings, without what is felt at rest."""
+
+    def listen(self) -> None:
+        """Take what has come."""
+        if self._lane is None:
+            fresh = [SensorReading(time.monotonic_ns(), self._sensor.read())]
+        else:
+            fresh = list(self._sensor.read())
+            self._lane.add(fresh, time.monotonic_ns())
+        self._kept += fresh
+        if fresh and self._rest is not None:
+            values = np.array([reading.value for reading in fresh]) - self._rest
+            self.beyond = float(np.sqrt((values**2).sum(axis=1)).max())
+
+    def rest(self) -> None:
+        """Take what was felt so far as what is felt at rest."""
+        if self._kept:
+            self._rest = np.array([reading.value for reading in self._kept]).mean(axis=0)
+
+    def at(self, begun_ns: int, count: int, high_hz: float) -> FloatArray:
+        """Return what was felt at each millisecond, shape (count, 3)."""
+        from scipy.interpolate import CubicSpline
+
+        times = np.array([reading.time_ns for reading in self._kept], dtype=np.int64)
+        if len(times) < count // 4:
+            raise MmtError(
+                "the accelerometer gives too few readings: test it by 'mmt device test' first"
+            )
+        if np.any(np.diff(times) <= 0):
+            raise MmtError("the accelerometer's clock was set back while it was read: try again")
+        rate_hz = 1e9 * (len(times) - 1) / float(times[-1] - times[0])
+        if rate_hz < _LEAST_READINGS_PER_HZ * high_hz:
+            raise InputError(
+                f"the accelerometer gives {rate_hz:.0f} readings a second, too few for "
+                f"{high_hz:g} Hz: raise its rate, or lower --high-hz"
+            )
+        grid = [begun_ns + tick * 1_000_000 for tick in range(count)]
+        if self._lane is not None:
+            clock, latency_ns = self._lane.clock, self._lane.latency_ns
+            grid = [clock.sensor_time(time_ns) + latency_ns for time_ns in grid]
+        values = np.array([reading.value for reading in self._kept], dtype=np.float64)
+        origin = times[0]
+        places = np.clip(np.array(grid, dtype=np.int64), times[0], times[-1]) - origin
+        felt: FloatArray = CubicSpline(1e-9 * (times - origin), values)(1e-9 * places)
+        return felt
+
+
+def _main(felt: FloatArray) -> FloatArray:
+    """Return vectors (n, 3) along the direction in which they vary most, without their mean."""
+    centred = felt - felt.mean(axis=0)
+    _, vectors = np.linalg.eigh(centred.T @ centred)
+    along: FloatArray = centred @ vectors[:, -1]
+    return along
+
+
+def _peak(felt: FloatArray) -> float:
+    """Return the largest magnitude but for one sample in a thousand."""
+    return float(np.quantile(np.abs(felt), 0.999))

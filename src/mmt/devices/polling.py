@@ -1,0 +1,145 @@
+"""Look at sensors between the ticks, on the loop that ticks.
+
+A sensor whose rate is that of the ticks arrives at nearly the same point between two ticks for
+seconds; read at the ticks alone, its readings would tell when they arrived to a whole period. And
+a reading that just missed its tick need not keep its frame until the next one.
+"""
+
+import asyncio
+import time
+from collections.abc import Callable
+from typing import Final
+
+from mmt.core.timer_file import TimerFile, open_timer
+
+POLLS_HZ: Final = 100
+
+_STEP: Final = 0.6180339887498949
+"""Golden ratio: the phases lie evenly between the ticks, however many there were."""
+
+RETRY_NS: Final = 120_000
+"""From a tick, or a further look, that lacked a reading until the next look."""
+_RETRIES_A_TICK: Final = 0.1
+"""In the mean: where readings are always late, looking for them often does not help."""
+_RETRIES_AT_ONCE: Final = 2000.0
+"""A sensor nearly in step with the ticks is late at each of them for a second or two, then not for
+many."""
+
+
+class LoopTimer:
+    """A precise timer of the running loop.
+
+    Where the system has no precise timers, or no loop runs, there are no calls.
+
+    Parameters
+    ----------
+    callback
+        Called with the monotonic time (ns), once for each time that it was set.
+    """
+
+    def __init__(self, callback: Callable[[int], None]) -> None:
+        self._callback = callback
+        self._timer: TimerFile | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+
+    def start(self) -> None:
+        """Begin, on the running loop."""
+        try:
+            loop = asyncio.get_running_loop()
+        except RuntimeError:
+            return
+        timer = open_timer()
+        if timer is not None:
+            self._loop, self._timer = loop, timer
+            loop.add_reader(timer.file, self._on_readable, timer)
+
+    def stop(self) -> None:
+        """End; calling it twice is harmless."""
+        if self._timer is not None and self._loop is not None:
+            self._loop.remove_reader(self._timer.file)
+            self._timer.close()
+            self._timer = None
+
+    def set(self, at_ns: int) -> None:
+        """Call back at a monotonic time, and not at one that was set before; 0 is never."""
+        if self._timer is not None:
+            self._timer.arm(at_ns, 0)
+
+    def _on_readable(self, timer: TimerFile) -> None:
+        if timer.expirations():
+            self._callback(time.monotonic_ns())
+
+
+class PhasePoller:
+    """Call back a hundred times a second, each time at another phase of the ticks.
+
+    Parameters
+    ----------
+    callback
+        Called with the monotonic time (ns).
+    period_ns
+        Of the ticks.
+    """
+
+    def __init__(self, callback: Callable[[int], None], period_ns: int) -> None:
+        self._callback = callback
+        self._period_ns = period_ns
+        self._phase = 0.0
+        self._timer = LoopTimer(self._probe)
+
+    def start(self) -> None:
+        """Begin, on the running loop."""
+        self._timer.start()
+        self._wait(time.monotonic_ns())
+
+    def stop(self) -> None:
+        """End; calling it twice is harmless."""
+        self._timer.stop()
+
+    def _wait(self, now_ns: int) -> None:
+        self._phase = (self._phase + _STEP) % 1.0
+        interval_ns = 1_000_000_000 // POLLS_HZ
+        slot_ns = (now_ns // interval_ns + 1) * interval_ns
+        self._timer.set(slot_ns + round(self._phase * self._period_ns))
+
+    def _probe(self, now_ns: int) -> None:
+        self._callback(now_ns)
+        self._wait(now_ns)
+
+
+class Retry:
+    """Call back shortly after a tick that lacked a reading, a bounded number of times.
+
+    Parameters
+    ----------
+    callback
+        Called with the monotonic time (ns); returns whether something is still lacking.
+    """
+
+    def __init__(self, callback: Callable[[int], bool]) -> None:
+        self._callback = callback
+        self._credit = 0.0
+        self._timer = LoopTimer(self._try)
+
+    def start(self) -> None:
+        """Begin, on the running loop."""
+        self._timer.start()
+
+    def stop(self) -> None:
+        """End; calling it twice is harmless."""
+        self._timer.stop()
+
+    def tick(self, *, lacking: bool) -> None:
+        """Note a tick, and whether it lacked a reading."""
+        self._credit = min(self._credit + _RETRIES_A_TICK, _RETRIES_AT_ONCE)
+        if lacking:
+            self._again(time.monotonic_ns())
+
+    def _again(self, now_ns: int) -> None:
+        if self._credit >= 1.0:
+            self._credit -= 1.0
+            self._timer.set(now_ns + RETRY_NS)
+
+    def _try(self, now_ns: int) -> None:
+        if self._callback(now_ns):
+            self._again(time.monotonic_ns())

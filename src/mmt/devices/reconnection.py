@@ -1,0 +1,261 @@
+"""Connect a lost device again; the leader's devices, whose loss a session survives."""
+
+import re
+import threading
+import time
+from collections.abc import Sequence
+from typing import Any, Final, Generic, Protocol, TypeVar
+
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import DeviceLost
+from mmt.devices.protocols import (
+    ActuatorStatistics,
+    Device,
+    InterfaceState,
+    LeaderInterface,
+    Vector,
+    VibrationActuator,
+)
+
+_RETRY_S: Final = 0.5
+_LONGEST_RETRY_S: Final = 3.0
+_BACK_OFF: Final = 1.5
+"""Each pause before the next try is so much longer: a device that is away for an hour is not asked
+twice a second, and one that was plugged in again is there within three seconds."""
+_MOST_REASONS: Final = 5
+"""Told of one loss."""
+
+
+class Reconnection(threading.Thread):
+    """Close and connect a device until that works, beside the ticks, since it may take long."""
+
+    def __init__(self, device: Device, reason: str = "") -> None:
+        super().__init__(name=f"connect {type(device).__name__}", daemon=True)
+        self._device = device
+        self._given_up = threading.Event()
+        self.done = threading.Event()
+        self.reason = reason
+        """Why it did not work the last time, before the first why it was lost."""
+        self.start()
+
+    def run(self) -> None:
+        """Try until it works or is given up."""
+        pause_s = _RETRY_S
+        while not self._given_up.is_set():
+            try:
+                self._device.close()
+                self._device.connect()
+            except Exception as error:  # noqa: BLE001 - whatever a driver raises, try again
+                self.reason = str(error) or type(error).__name__
+                self._given_up.wait(pause_s)
+                pause_s = min(_BACK_OFF * pause_s, _LONGEST_RETRY_S)
+            else:
+                self.done.set()
+                return
+
+    def give_up(self) -> None:
+        """Try no more; a call that is under way has a few seconds to end."""
+        self._given_up.set()
+        self.join(3.0)
+
+
+class Reasons:
+    """Why a device is not there, each told once; numbers aside, which change from try to try.
+
+    Parameters
+    ----------
+    first
+        Told already.
+    """
+
+    def __init__(self, first: str) -> None:
+        self._told = {_gist(first)}
+
+    def new(self, reason: str) -> str:
+        """Return the reason where it is to be told, else nothing."""
+        gist = _gist(reason)
+        if not reason or gist in self._told or len(self._told) > _MOST_REASONS:
+            return ""
+        self._told.add(gist)
+        return reason
+
+
+def _gist(reason: str) -> str:
+    return re.sub(r"[\d.]+", "", reason)
+
+
+AnyDevice = TypeVar("AnyDevice", bound=Device)
+
+
+class LossCallback(Protocol):
+    """Is told when a device is lost, why it is not back, and when it is."""
+
+    def __call__(self, sentence: str, **details: object) -> None:
+        """Take a sentence for the person, and what a program wants to know."""
+
+
+def _tell_nobody(sentence: str, **details: object) -> None:
+    """Do nothing."""
+
+
+class ReconnectingDevice(Generic[AnyDevice]):
+    """The life of a device that is connected again when it is lost.
+
+    Parameters
+    ----------
+    what
+        The person's word for it.
+    meanwhile
+        What happens without it.
+    device
+        The driver's; it raises `DeviceLost` where it may come back.
+    """
+
+    def __init__(self, what: str, meanwhile: str, device: AnyDevice) -> None:
+        self.what = what
+        self.device = device
+        self.losses = 0
+        """How often it was lost."""
+        self._meanwhile = meanwhile
+        self._tell: LossCallback = _tell_nobody
+        self._reconnection: Reconnection | None = None
+        self._reason = ""
+        self._lost_ns = 0
+        self._away_ns = 0
+
+    def watch(self, callback: LossCallback) -> None:
+        """Have a function told of losses and returns."""
+        self._tell = callback
+
+    def connect(self) -> None:
+        """Open the device."""
+        self.device.connect()
+
+    def calibrate(self) -> None:
+        """Calibrate the device."""
+        self.device.calibrate()
+
+    def close(self) -> None:
+        """Release the device; calling it twice is harmless."""
+        if self._reconnection is not None:
+            self._reconnection.give_up()
+            self._away_ns += time.monotonic_ns() - self._lost_ns
+            self._reconnection = None
+        self.device.close()
+
+    @property
+    def lost(self) -> bool:
+        """Whether it was not there when it was last used."""
+        return self._reconnection is not None
+
+    @property
+    def problem(self) -> str | None:
+        """A sentence while it is lost, None while it is there."""
+        if self._reconnection is None:
+            return None
+        return f"the {self.what} ({self.name}) is lost{f': {self._reason}' if self._reason else ''}"
+
+    @property
+    def name(self) -> str:
+        """Of the driver's class."""
+        return type(self.device).__name__
+
+    @property
+    def losses_summary(self) -> dict[str, Any]:
+        """How often and for how long it was lost, for a program."""
+        away_ns = self._away_ns
+        if self._reconnection is not None:
+            away_ns += time.monotonic_ns() - self._lost_ns
+        return {"losses": self.losses, "lost_s": round(away_ns / 1e9, 3)}
+
+    def _there(self) -> bool:
+        """Return whether it may be used now, and tell of its return."""
+        connecting = self._reconnection
+        if connecting is None:
+            return True
+        if not connecting.done.is_set():
+            if connecting.reason != self._reason:
+                self._reason = connecting.reason
+                self._tell(
+                    f"the {self.what} is not back yet: {self._reason}",
+                    device=self.what,
+                    state="lost",
+                )
+            return False
+        self._reconnection = None
+        away_ns = time.monotonic_ns() - self._lost_ns
+        self._away_ns += away_ns
+        self._tell(
+            f"the {self.what} is back after {away_ns / 1e9:.1f} s",
+            device=self.what,
+            state="back",
+            lost_s=round(away_ns / 1e9, 3),
+        )
+        return True
+
+    def _lose(self, error: DeviceLost) -> None:
+        """Take it as lost and connect it again, in a thread."""
+        self.losses += 1
+        self._lost_ns = time.monotonic_ns()
+        self._reason = str(error)
+        self._tell(
+            f"the {self.what} ({self.name}) is lost: {error}; {self._meanwhile} until it is back",
+            device=self.what,
+            state="lost",
+        )
+        self._reconnection = Reconnection(self.device, self._reason)
+
+
+class ReconnectingHandle(ReconnectingDevice[LeaderInterface]):
+    """The operator's handle: while it is lost it has no state, and shows no force."""
+
+    def __init__(self, device: LeaderInterface) -> None:
+        super().__init__("handle", "the robot stays where it is, force and vibration rest", device)
+
+    def read(self, elapsed_ticks: int) -> InterfaceState | None:
+        """Return the state now, None while the handle is lost."""
+        if not self._there():
+            return None
+        try:
+            return self.device.read(elapsed_ticks)
+        except DeviceLost as error:
+            self._lose(error)
+            return None
+
+    def write(self, force_n: Vector) -> None:
+        """Display a force (N), where there is a handle."""
+        if self._there():
+            try:
+                self.device.write(force_n)
+            except DeviceLost as error:
+                self._lose(error)
+
+
+class ReconnectingActuator(ReconnectingDevice[VibrationActuator]):
+    """The actuator: while it is lost nothing is played, and what would have been is counted."""
+
+    def __init__(self, device: VibrationActuator) -> None:
+        super().__init__("actuator", "there is no vibration", device)
+        self.lost_samples = 0
+        """Samples that were not played, since it was not there."""
+
+    def write(self, samples_m_s2: Sequence[float] | FloatArray) -> None:
+        """Play samples (n,), m/s2, or count them where the device is not there."""
+        if self._there():
+            try:
+                self.device.write(samples_m_s2)
+            except DeviceLost as error:
+                self._lose(error)
+            else:
+                return
+        self.lost_samples += len(samples_m_s2)
+
+    @property
+    def statistics(self) -> ActuatorStatistics:
+        """Counts and levels of the device."""
+        return self.device.statistics
+
+    @property
+    def losses_summary(self) -> dict[str, Any]:
+        """How often it was lost and what was not played, for a program."""
+        return {**super().losses_summary, "lost_samples": self.lost_samples}

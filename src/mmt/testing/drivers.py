@@ -1,0 +1,25 @@
+"""The devices in software, registered as drivers: `mmt.devices.drivers` merges these tables.
+
+Nothing is imported before a scene asks for it.
+"""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from mmt.devices.drivers import Role
+
+DRIVERS: Final[dict[str, Mapping["Role", str]]] = {
+    "virtual-adxl335": {"accelerometer": "mmt.testing.emulated.drivers:VirtualAdxl335"},
+    "virtual-handle-adxl335": {
+        "accelerometer": "mmt.testing.emulated.drivers:VirtualHandleAdxl335"
+    },
+    "virtual-haptuator": {"actuator": "mmt.testing.emulated.drivers:VirtualHaptuator"},
+    "virtual-net-ft": {"force_sensor": "mmt.testing.emulated.drivers:VirtualNetFt"},
+    "virtual-robot": {"robot": "mmt.testing.emulated.drivers:VirtualRobot"},
+}
+"""Name -> role -> ``module:factory``."""
+
+LIBRARIES: Final = {"emulated": "mmt.testing.emulated.hd:build_library"}
+"""Name -> ``module:function`` that returns the file of a vendor's library in software; the names
+are what a driver's option ``library`` takes in the place of a file."""

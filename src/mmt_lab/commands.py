@@ -1,0 +1,73 @@
+"""The commands that the laboratory adds to ``mmt``: lab, bench, stability.
+
+``mmt`` finds them by the entry points ``mmt.commands``. This module is imported for its help:
+the experiments are imported when they run.
+"""
+
+from typing import Annotated
+
+import typer
+
+from mmt.cli.common import messages, write_json
+from mmt.core.errors import MmtError
+from mmt_lab.harness.command import JsonFile, Laboratory, ReportFolder, print_list
+
+lab = typer.Typer(
+    cls=Laboratory, add_completion=False, help="Run an experiment; without a name, list them."
+)
+bench = typer.Typer(add_completion=False)
+stability = typer.Typer(add_completion=False)
+
+
+@lab.callback(invoke_without_command=True)
+def _lab(context: typer.Context) -> None:
+    """Run an experiment; without a name, list them."""
+    if context.invoked_subcommand is None:
+        print_list()
+
+
+@bench.command("bench")
+def _bench(
+    what: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[burg] [lines] [interpolation] [networks] [synthesis] [update] [order] "
+            "[pipeline] [conceal] [contact] [link] [services] [evaluate] [devices]"
+        ),
+    ] = None,
+    duration: Annotated[
+        float, typer.Option(help="Seconds for each measurement of link and services.")
+    ] = 20.0,
+    json_file: JsonFile = None,
+    report: ReportFolder = None,
+    realtime: Annotated[
+        bool,
+        typer.Option(
+            "--realtime", help="Link: by real-time scheduling. Services: with and without it."
+        ),
+    ] = False,
+) -> None:
+    """Measure error against run time on this machine, beside every peer that is installed."""
+    from mmt_lab.cli.benching import run_benches
+
+    _, figures = run_benches(what or [], duration, report, realtime=realtime)
+    write_json(json_file, figures)
+    messages.print("ratios within one run are to be trusted, absolute times are not")
+    if "failed" in figures:
+        raise MmtError(f"not measured: {', '.join(figures['failed'])}")
+
+
+@stability.command("stability")
+def _stability(
+    families: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[ar] [lsf] [model] [contact] [loop] [services]"),
+    ] = None,
+    json_file: JsonFile = None,
+    report: ReportFolder = None,
+) -> None:
+    """Run the stiff and extreme cases, a row each, and say whether it held."""
+    from mmt_lab.stability.running import run_stability
+
+    if not run_stability(families or [], json_file=json_file, report_to=report):
+        raise typer.Exit(1)

@@ -1,0 +1,1 @@
+"""Ways to step a tool against a stiff wall, for the experiments that compare them."""

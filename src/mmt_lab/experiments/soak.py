@@ -1,0 +1,195 @@
+"""Both services for a long time, with faults on the way, and what must hold all the same.
+
+Leader and follower of the demo's scene run as processes, joined by a proxy and an emulated
+network. Faults are drawn from a seed: connections cut and stalled, processes paused and killed,
+bad networks. Afterwards the recording is read back, and the course of memory, latency and late
+ticks is tested for drift.
+"""
+
+import asyncio
+import os
+import signal
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import aiohttp
+import typer
+from rich.progress import BarColumn, Progress, TextColumn
+
+from mmt.cli.common import messages
+from mmt.core.errors import InputError
+from mmt_lab.harness.experiment import Experiment, Seed
+from mmt_lab.harness.findings import Findings
+from mmt_lab.soak import faults as kinds
+from mmt_lab.soak.faults import Fault, plan_faults
+from mmt_lab.soak.judging import RECOVERY_S, Check, Happened, Observed, judge, table
+from mmt_lab.soak.recorded import read_back
+from mmt_lab.soak.services import SoakServices
+
+_SHORTEST_S: Final = 5.0
+_LONGEST_S: Final = 86_000.0
+_LONGEST_EVERY_S: Final = 3600.0
+_HTTP_S: Final = 20.0
+
+
+def run(
+    duration: Annotated[float, typer.Option(help="Seconds.")] = 3600.0,
+    every: Annotated[float, typer.Option(help="Mean seconds from one fault to the next.")] = 20.0,
+    seed: Seed = 1,
+    output: Annotated[Path, typer.Option(help="Where the recording goes.")] = Path("mmt-soak"),
+) -> Findings:
+    """Run both services for a long time with faults, and check that nothing wears out.
+
+    Raises
+    ------
+    InputError
+        A number is out of range, or the directory cannot be written.
+    MmtError
+        The services did not start.
+    """
+    _check(duration, every)
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--output {output}: {error.strerror or error}") from error
+    recording = output / "soak.mcap"
+    observed = asyncio.run(_run(duration, plan_faults(duration, every, seed), seed, recording))
+    checks = judge(observed, read_back(recording), min(RECOVERY_S, 0.4 * every))
+    broken = [
+        f"{check.what}: {check.found}; allowed: {check.allowed or 'nothing else'}"
+        for check in checks
+        if not check.held
+    ]
+    return Findings(
+        "Both services with faults",
+        tables=[table(checks)],
+        sentences=[f"{len(observed.faults)} faults; recording: {recording}"],
+        data=_content(observed, checks, seed),
+        failures=broken,
+    )
+
+
+def _check(duration_s: float, every_s: float) -> None:
+    if not _SHORTEST_S <= duration_s <= _LONGEST_S:
+        raise InputError(
+            f"--duration {duration_s:g}: allowed is {_SHORTEST_S:g} to {_LONGEST_S:g} s"
+        )
+    if not 1.0 <= every_s <= _LONGEST_EVERY_S:
+        raise InputError(f"--every {every_s:g}: allowed is 1 to {_LONGEST_EVERY_S:g} s")
+    if os.name != "posix":
+        raise InputError("the soak pauses processes by signals: it needs Linux or macOS")
+
+
+def _content(observed: Observed, checks: Sequence[Check], seed: int) -> dict[str, Any]:
+    """Return everything for a program."""
+    return {
+        "duration_s": round(observed.end_s - observed.start_s, 3),
+        "seed": seed,
+        "faults": [
+            {
+                "kind": happened.fault.kind,
+                "start_s": round(happened.start_s - observed.start_s, 3),
+                "length_s": round(happened.end_s - happened.start_s, 3),
+            }
+            for happened in observed.faults
+        ],
+        "checks": [check.as_dict() for check in checks],
+        "leader": dict(observed.leader),
+    }
+
+
+async def _run(
+    duration_s: float, faults: tuple[Fault, ...], seed: int, recording: Path
+) -> Observed:
+    """Run until the end, until a service ends by itself, or until the person stops."""
+    happened: list[Happened] = []
+    progress = Progress(
+        TextColumn("{task.fields[status]}"), BarColumn(None), console=messages, expand=True
+    )
+    bar = progress.add_task("soak", total=duration_s, status="starting")
+
+    def show(status: dict[str, Any]) -> None:
+        text = f"{status['time_s']:7.1f} s  faults {len(happened)} of {len(faults)}"
+        progress.update(
+            bar,
+            completed=status["time_s"],
+            status=f"{text}  {status['phase']:9}  lost {status['frames_lost']}",
+        )
+
+    def say(text: str) -> None:
+        progress.console.print(text, highlight=False)
+
+    services = SoakServices(recording, seed, show)
+    with progress:
+        async with services:
+            start_s = time.monotonic()
+            for number in (signal.SIGINT, signal.SIGTERM):
+                asyncio.get_running_loop().add_signal_handler(number, services.ended.set)
+            harming = asyncio.create_task(_harm(services, faults, start_s, happened, say))
+            with suppress(TimeoutError):
+                async with asyncio.timeout(duration_s):
+                    await services.ended.wait()
+            end_s = time.monotonic()
+            harming.cancel()
+            await asyncio.gather(harming, return_exceptions=True)
+            await services.finish()
+    return Observed(
+        start_s,
+        end_s,
+        tuple(happened),
+        tuple(services.births_s),
+        tuple(services.samples),
+        services.summary,
+        tuple(services.errors),
+    )
+
+
+async def _harm(
+    services: SoakServices,
+    faults: Sequence[Fault],
+    start_s: float,
+    happened: list[Happened],
+    say: Callable[[str], None],
+) -> None:
+    """Do the faults one after the other, each at its time, and note when they were."""
+    timeout = aiohttp.ClientTimeout(total=_HTTP_S)
+    async with aiohttp.ClientSession(timeout=timeout) as http:
+        for fault in faults:
+            await asyncio.sleep(max(0.0, start_s + fault.at_s - time.monotonic()))
+            say(f"{fault.at_s:7.1f} s  {fault.kind}, {fault.length_s:.2f} s")
+            begun_s = time.monotonic()
+            try:
+                await _do(fault, services, http)
+            except (aiohttp.ClientError, TimeoutError, OSError) as error:
+                services.errors.append(f"{fault.kind} could not be done: {error!r}")
+            happened.append(Happened(fault, begun_s, time.monotonic()))
+
+
+async def _do(fault: Fault, services: SoakServices, http: aiohttp.ClientSession) -> None:
+    """Do one fault from its beginning to its end."""
+    if fault.kind == kinds.CUT:
+        services.proxy.cut()
+    elif fault.kind == kinds.STALL:
+        services.proxy.stall()
+        await asyncio.sleep(fault.length_s)
+        services.proxy.resume()
+    elif fault.kind in {kinds.PAUSE_LEADER, kinds.PAUSE_FOLLOWER}:
+        await services.pause(fault.kind == kinds.PAUSE_LEADER, fault.length_s)
+    elif fault.kind == kinds.RESTART:
+        await services.restart_follower(fault.length_s)
+    else:
+        url = f"http://127.0.0.1:{services.port}/network"
+        for settings in (kinds.NETWORKS[fault.kind], {}):
+            async with http.put(url, json=settings) as answer:
+                answer.raise_for_status()
+            await asyncio.sleep(fault.length_s if settings else 0.0)
+
+
+EXPERIMENT = Experiment(
+    shows="whether services that are disturbed for long lose frames, leak or slow down",
+    duration="1 h",
+    run=run,
+)

@@ -1,0 +1,167 @@
+"""Recorded sessions evaluated with every combination of settings.
+
+Results are kept in a file that only grows, so that an interrupted sweep goes on where it
+stopped. Jobs run in local processes or on a Dask cluster, with the same figures.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from mmt.cli.reporting import scene_of
+from mmt.core.errors import InputError, MmtError
+from mmt.evaluation.document import Table
+from mmt.evaluation.texts import number, share
+from mmt.scene import Texture
+from mmt.session import RecordedSession, read_session
+from mmt_lab.harness.experiment import Experiment, Seed, Workers
+from mmt_lab.harness.findings import Findings
+from mmt_lab.harness.processes import counting, processes
+from mmt_lab.sweep.combinations import Job, Outcome, Settings, SweepResults, combinations, make_jobs
+from mmt_lab.sweep.running import run_locally, run_on_dask
+
+MEANS = ("gfc", "gfc_ceiling", "truth_gfc", "power_error_db", "within_jnd", "samples")
+"""Of the finished model; the mean over sessions is shown."""
+
+
+def run(
+    sessions: Annotated[list[Path], typer.Argument(metavar="SESSION...")],
+    choices: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE,VALUE", help="Values of a key; repeatable."),
+    ] = None,
+    scene_file: Annotated[
+        Path | None, typer.Option("--scene", help="Take \\[texture] from this scene.")
+    ] = None,
+    step: Annotated[float, typer.Option(help="Seconds between the rows of an evaluation.")] = 2.5,
+    seed: Seed = 0,
+    workers: Workers = None,
+    dask: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="The scheduler of a Dask cluster.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Where the results are kept.")] = Path("mmt-sweep"),
+) -> Findings:
+    """Evaluate every session with every combination of settings; go on where it stopped."""
+    if workers is not None and dask is not None:
+        raise InputError("--workers and --dask: give one, a cluster has its own workers")
+    settings = combinations(choices or [])
+    read = {str(path): _read(path) for path in dict.fromkeys(sessions)}
+    jobs = [
+        job
+        for session in read.values()
+        for job in make_jobs(session, _base(session, scene_file), settings, step_s=step, seed=seed)
+    ]
+    results = SweepResults(out)
+    missing = results.missing(jobs)
+    needed = {path: read[path] for path in dict.fromkeys(job.path for job in missing)}
+    if dask is not None and missing:
+        outcomes = run_on_dask(missing, needed, dask)
+    else:
+        wanted = processes(workers, len(missing))
+        outcomes = run_locally(missing, needed, wanted) if missing else iter(())
+    failed = _collect(outcomes, results, len(missing), len(jobs))
+    summary = _summary(jobs, settings, results)
+    return Findings(
+        "Sessions by settings",
+        tables=[_table(summary)],
+        sentences=[f"results: {results.path}"],
+        data={"settings": summary, "results": [results.lines[k] for k in _done(jobs, results)]},
+        failures=[f"{each.job.path} {each.job.settings}: {each.error}" for each in failed],
+    )
+
+
+def _read(path: Path) -> RecordedSession:
+    """Read a session without what an evaluation does not need: it may travel to a worker."""
+    return replace(read_session(path), models=(), events=(), outputs=())
+
+
+def _base(session: RecordedSession, scene_file: Path | None) -> Texture:
+    return scene_of(session, scene_file).texture or Texture()
+
+
+def _collect(
+    outcomes: Iterator[Outcome], results: SweepResults, missing: int, count: int
+) -> list[Outcome]:
+    """Write results as they come, and show how many; return what failed."""
+    failed = []
+    with counting("evaluating", count, done=count - missing, stays=True) as show:
+        try:
+            for done, outcome in enumerate(outcomes, count - missing + 1):
+                results.add(outcome)
+                if outcome.error is not None:
+                    failed.append(outcome)
+                show(done)
+        except KeyboardInterrupt as error:
+            raise MmtError(
+                f"interrupted: {len(results.lines)} results are kept in {results.path}; the "
+                "same command goes on"
+            ) from error
+    return failed
+
+
+def _done(jobs: Sequence[Job], results: SweepResults) -> list[str]:
+    return list(dict.fromkeys(job.key for job in jobs if job.key in results.lines))
+
+
+def _summary(
+    jobs: Sequence[Job], settings: Sequence[Settings], results: SweepResults
+) -> list[dict[str, Any]]:
+    """Return, for each combination, means over its sessions."""
+    rows = []
+    for chosen in settings:
+        keys = _done([job for job in jobs if job.settings == dict(chosen)], results)
+        evaluations = [results.lines[key]["evaluation"] for key in keys]
+        finals = [e["at_stop"] or e["at_end"] for e in evaluations]
+        stops = [e["stop_s"] for e in evaluations if e["stop_s"] is not None]
+        means = {name: _mean([final[name] for final in finals]) for name in MEANS}
+        complete = {"complete": len(stops), "stop_s": _mean(stops)}
+        rows.append({"settings": dict(chosen), "sessions": len(keys), **complete, **means})
+    return rows
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    present = [value for value in values if value is not None]
+    return float(np.mean(present)) if present else None
+
+
+def _table(summary: Sequence[dict[str, Any]]) -> Table:
+    rows = []
+    for row in summary:
+        name = ", ".join(f"{key.partition('.')[2]} {v}" for key, v in row["settings"].items())
+        rows.append(
+            (
+                name or "as recorded",
+                str(row["sessions"]),
+                str(row["complete"]),
+                number(row["stop_s"], 1),
+                number(row["samples"], 1),
+                number(row["gfc"], 3),
+                number(row["gfc_ceiling"], 3),
+                number(row["power_error_db"], 2),
+                share(row["within_jnd"]),
+            )
+        )
+    columns = (
+        "settings",
+        "sessions",
+        "complete",
+        "stop (s)",
+        "samples",
+        "GFC",
+        "ceiling",
+        "power error (dB)",
+        "within JND",
+    )
+    caption = "Means over sessions, at the stop criterion or at the end where it was never met."
+    return Table(columns, rows, caption)
+
+
+EXPERIMENT = Experiment(
+    shows="how recorded sessions fare with other settings of [texture]",
+    duration="1 s a session and choice",
+    run=run,
+)

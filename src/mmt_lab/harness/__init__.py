@@ -1,0 +1,6 @@
+"""The harness of the laboratory: what every experiment shares, written once.
+
+An experiment is a module of `mmt_lab.experiments` with an `EXPERIMENT`; see
+`mmt_lab.harness.experiment`. It returns `Findings`, which the harness prints, writes as JSON
+and writes as a report.
+"""

@@ -1,0 +1,110 @@
+"""``mmt lab``: experiments as commands, made from the parameters of what runs them."""
+
+import inspect
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+from typer.core import TyperGroup
+
+from mmt.cli.common import messages, output, print_error, write_json
+from mmt_lab.harness.experiment import Experiment, listed, load
+from mmt_lab.harness.findings import Findings
+
+JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the figures.")]
+"""Where the figures are written."""
+
+ReportFolder = Annotated[Path | None, typer.Option("--report", help="Write a report there.")]
+"""The folder of the report."""
+
+
+class Laboratory(TyperGroup):
+    """A group whose commands are the experiments, each imported when it is called."""
+
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002 - as Typer calls it
+        """Return the names of all experiments."""
+        return [one.name for one in listed()]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return an experiment as a command, None where there is none of that name."""
+        if cmd_name not in self.list_commands(ctx):
+            return None
+        return command(cmd_name, load(cmd_name))
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002 - as Typer calls it
+        """Print the list, for which no experiment is imported."""
+        print_list()
+
+
+def print_list() -> None:
+    """Print every experiment with what it shows and how long it takes."""
+    output.print("Usage: mmt lab EXPERIMENT [OPTIONS]   (--help after a name tells its options)\n")
+    for group, title in (("lab", "Experiments"), ("bench", "Error against run time (mmt bench)")):
+        table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+        for column in ("experiment", "shows", "takes"):
+            table.add_column(column, overflow="fold")
+        rows = [(one.name, one.shows, one.duration) for one in listed() if one.group == group]
+        for row in rows:
+            table.add_row(*row)
+        if rows:
+            output.print(table)
+
+
+def command(name: str, experiment: Experiment) -> Any:
+    """Return an experiment as a command of Typer."""
+    app = typer.Typer(add_completion=False)
+    summary = (inspect.getdoc(experiment.run) or experiment.shows).partition("\n\n")[0]
+    app.command(name, help=summary)(_with_outputs(name, experiment))
+    made = typer.main.get_command(app)
+    made.name = name
+    return made
+
+
+def _with_outputs(name: str, experiment: Experiment) -> Callable[..., None]:
+    """Return a function with the parameters of an experiment and those for what is written."""
+
+    def call(json_file: Path | None, report: Path | None, **options: Any) -> None:
+        if not conclude(run(name, experiment, **options), json_file, report):
+            raise typer.Exit(1)
+
+    own = inspect.signature(experiment.run, eval_str=True)
+    outputs = [
+        inspect.Parameter("json_file", inspect.Parameter.KEYWORD_ONLY, annotation=JsonFile),
+        inspect.Parameter("report", inspect.Parameter.KEYWORD_ONLY, annotation=ReportFolder),
+    ]
+    parameters = [*own.parameters.values(), *(each.replace(default=None) for each in outputs)]
+    call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    call.__annotations__ = {each.name: each.annotation for each in parameters}
+    return call
+
+
+def run(name: str, experiment: Experiment, **options: Any) -> Findings:
+    """Run an experiment with those of the options that it has.
+
+    Raises
+    ------
+    InputError
+        An option or an input cannot be used.
+    ImportError
+        It needs a package that is not installed.
+    """
+    known = inspect.signature(experiment.run).parameters
+    found = experiment.run(**{key: value for key, value in options.items() if key in known})
+    return replace(found, name=name)
+
+
+def conclude(found: Findings, json_file: Path | None, report: Path | None) -> bool:
+    """Print what was found, write what is asked for, and say whether all of it held."""
+    from mmt_lab.harness.report import print_findings, print_targets, write_report
+
+    print_findings(found)
+    print_targets([found])
+    write_json(json_file, found.as_dict())
+    if report is not None:
+        messages.print(f"report: {write_report(report, found)}", highlight=False)
+    for failure in found.failures:
+        print_error(failure)
+    return not found.failures

@@ -1,0 +1,162 @@
+"""Experiments: what one is, the options that they share, and how they are found.
+
+An experiment is a module of `mmt_lab.experiments`. Its name is that of the module, with hyphens;
+its docstring says more of it; it holds one `EXPERIMENT`::
+
+    def run(textures: Textures = None, seeds: Seeds = 3, workers: Workers = None) -> Findings:
+        ...
+
+    EXPERIMENT = Experiment(
+        shows="how ... depends on ...", duration="2 min", run=run
+    )
+
+The parameters of ``run`` are the options and arguments of the command, annotated as Typer reads
+them. Those that several experiments have are defined here, so that they mean the same
+everywhere. ``--json`` and ``--report`` are added by the harness.
+"""
+
+import ast
+import importlib
+import pkgutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+import typer
+
+from mmt.core.errors import InputError
+from mmt_lab import experiments
+from mmt_lab.harness.findings import Findings
+
+Group = Literal["lab", "bench"]
+
+Seeds = Annotated[
+    int, typer.Option(min=1, help="Sessions, of as many seeds, of each case.", show_default=True)
+]
+"""Seeds of each case, counted from the first one."""
+
+Seed = Annotated[int, typer.Option(min=0, help="The first seed; the same one repeats a run.")]
+"""The first seed of everything random."""
+
+Textures = Annotated[
+    str | None, typer.Option(metavar="NAME,NAME", help="Some of the known textures; all if absent.")
+]
+"""Names of known textures between commas; see `chosen_textures`."""
+
+Workers = Annotated[
+    int | None,
+    typer.Option(min=1, help="Local processes; as many as there are processors if absent."),
+]
+"""Number of local processes; see `mmt_lab.harness.processes.each`."""
+
+Duration = Annotated[float, typer.Option(help="Seconds of each measurement.")]
+"""Length of a measurement in real time."""
+
+RealTime = Annotated[bool, typer.Option("--realtime", help="Measure by real-time scheduling.")]
+"""Whether real-time scheduling is measured (Linux)."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What an experiment shows, how long it takes, and what runs it.
+
+    Attributes
+    ----------
+    shows
+        What is learned from it, a phrase for the list.
+    duration
+        How long it takes with its defaults on an ordinary machine.
+    run
+        Runs it; its parameters are the options of the command.
+    group
+        ``"bench"`` for a stage of ``mmt bench``, which measures against peers.
+    """
+
+    shows: str
+    duration: str
+    run: Callable[..., Findings]
+    group: Group = "lab"
+
+
+@dataclass(frozen=True)
+class Listed:
+    """An experiment as the list has it, which is read without importing its module."""
+
+    name: str
+    shows: str
+    duration: str
+    group: Group
+
+
+def listed(group: Group | None = None) -> Iterator[Listed]:
+    """Yield every experiment of a group, or of all, by name.
+
+    The modules are read, not imported: numerics take seconds to load.
+    """
+    for found in pkgutil.iter_modules(experiments.__path__):
+        if found.ispkg or found.name.startswith("_"):
+            continue
+        one = _read(Path(experiments.__path__[0]) / f"{found.name}.py")
+        if group in {None, one.group}:
+            yield one
+
+
+def load(name: str) -> Experiment:
+    """Import an experiment by its name.
+
+    Raises
+    ------
+    InputError
+        There is no such experiment.
+    ImportError
+        It needs a package that is not installed.
+    """
+    names = [one.name for one in listed()]
+    if name not in names:
+        raise InputError(f"experiment {name!r} is not known, allowed are {', '.join(names)}")
+    module = importlib.import_module(f"{experiments.__name__}.{name.replace('-', '_')}")
+    found: Experiment = module.EXPERIMENT
+    return found
+
+
+def chosen_textures(textures: str | None) -> list[str]:
+    """Return the names between the commas of ``--textures``, those of all where it is absent.
+
+    Raises
+    ------
+    InputError
+        There is no such texture.
+    """
+    from mmt.testing.simulation.textures import SURFACES
+
+    if textures is None:
+        return list(SURFACES)
+    chosen = [name.strip() for name in textures.split(",")]
+    unknown = [name for name in chosen if name not in SURFACES]
+    if unknown:
+        raise InputError(f"texture {unknown[0]!r} is not known, allowed are {', '.join(SURFACES)}")
+    return chosen
+
+
+_LISTED: Final = ("shows", "duration", "group")
+
+
+def _read(path: Path) -> Listed:
+    """Return what the list says of an experiment, from the source of its module."""
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Assign | ast.AnnAssign) and isinstance(node.value, ast.Call):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            if [each.id for each in targets if isinstance(each, ast.Name)] == ["EXPERIMENT"]:
+                return _listed(path, node.value)
+    raise TypeError(f"{path}: an experiment needs EXPERIMENT = Experiment(...)")
+
+
+def _listed(path: Path, call: ast.Call) -> Listed:
+    given = {key.arg: key.value for key in call.keywords if key.arg in _LISTED}
+    try:
+        said = {key: ast.literal_eval(value) for key, value in given.items()}
+        shows, duration = said["shows"], said["duration"]
+    except (ValueError, KeyError) as error:
+        raise TypeError(f"{path}: shows and duration must be plain texts") from error
+    return Listed(path.stem.replace("_", "-"), shows, duration, said.get("group", "lab"))

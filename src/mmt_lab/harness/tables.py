@@ -1,0 +1,121 @@
+"""Findings as tables for the terminal and for reports."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from mmt.evaluation.document import Table
+from mmt_lab.harness.findings import (
+    Cell,
+    Curve,
+    Findings,
+    Panel,
+    Point,
+    Records,
+    Spread,
+    Target,
+)
+
+_NOTICEABLE: Final = 0.005
+
+
+def targets_table(results: Sequence[Findings]) -> Table:
+    """Return every target of a run beside what was measured."""
+    rows = [
+        (target.what, result.name, _number(target.measured), *_aim(target))
+        for result in results
+        for target in result.targets
+    ]
+    return Table(("what", "experiment", "measured", "target", "met"), rows, "Targets")
+
+
+def tables_of(result: Findings, *, narrow: bool = False) -> list[Table]:
+    """Return its own tables, then one for each panel, its records, and what was left out.
+
+    Narrow ones, for a terminal, have a row for each setting of a knob in place of a column.
+    """
+    lay_out = narrow_panel_table if narrow else panel_table
+    tables = [*result.tables, *(lay_out(panel) for panel in result.panels)]
+    tables += [records_table(records) for records in result.records if records.rows]
+    if result.left_out:
+        rows = [(out.name, out.reason, out.remedy) for out in result.left_out]
+        tables.append(Table(("left out", "because", "remedy"), rows, "Left out"))
+    return tables
+
+
+def panel_table(panel: Panel) -> Table:
+    """Return a panel with two rows a method, x and y, and a column for each knob's setting."""
+    knobs = list(dict.fromkeys(point.knob for curve in panel.curves for point in curve.points))
+    rows, notes = [], []
+    for curve in panel.curves:
+        at = {point.knob: point for point in curve.points}
+        over_knob = _over_knob(curve)
+        if not over_knob:
+            cells = (_spread(at[knob].x) if knob in at else "-" for knob in knobs)
+            rows.append((curve.method, panel.x.short, *cells))
+        name = curve.method if over_knob else ""
+        rows.append((name, panel.y.short, *(_y(at.get(knob)) for knob in knobs)))
+        failed = [f"{knob}: {reason}" for knob, reason in curve.failures.items()]
+        notes += [f"{curve.method} at {text}" for text in failed]
+    columns = ("method", panel.knob, *(f"{knob:g}" for knob in knobs))
+    return Table(columns, rows, ". ".join([panel.title, *notes]))
+
+
+def narrow_panel_table(panel: Panel) -> Table:
+    """Return a panel with a row for each point; x is left out where it is the knob itself."""
+    over_knob = all(_over_knob(curve) for curve in panel.curves)
+    rows = []
+    for curve in panel.curves:
+        for index, point in enumerate(curve.points):
+            name = curve.method if index == 0 else ""
+            x = () if over_knob else (_spread(point.x),)
+            rows.append((name, f"{point.knob:g}", *x, _spread(point.y)))
+        for knob, reason in curve.failures.items():
+            x = () if over_knob else ("-",)
+            rows.append((curve.method if not curve.points else "", knob, *x, reason))
+    columns = (panel.knob,) if over_knob else (panel.knob, panel.x.short)
+    return Table(("method", *columns, panel.y.short), rows, panel.title)
+
+
+def records_table(records: Records) -> Table:
+    """Return rows of a record as text; a name is not repeated below itself."""
+    columns = list(dict.fromkeys(key for row in records.rows for key in row))
+    rows: list[tuple[str, ...]] = []
+    above: Cell = None
+    for row in records.rows:
+        first, *others = (row.get(column) for column in columns)
+        repeated = isinstance(first, str) and first == above
+        rows.append(("" if repeated else _cell(first), *map(_cell, others)))
+        above = first
+    return Table(columns, rows, records.title)
+
+
+def _over_knob(curve: Curve) -> bool:
+    """Say whether the curve stands over its knob itself, and not over a time."""
+    return all(point.x.median == point.knob for point in curve.points)
+
+
+def _aim(target: Target) -> tuple[str, str]:
+    met = {True: "yes", False: "no", None: "not measured"}[target.met]
+    return f"{target.side} {_number(target.bound)}", met
+
+
+def _y(point: Point | None) -> str:
+    return "-" if point is None else _spread(point.y)
+
+
+def _spread(value: Spread) -> str:
+    share = value.relative
+    scatter = f" ±{100 * share:.0f} %" if share >= _NOTICEABLE else ""
+    return f"{_number(value.median)}{scatter}"
+
+
+def _cell(value: Cell) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return _number(value) if isinstance(value, float) else str(value)
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"

@@ -1,0 +1,124 @@
+"""A Nano17's gauges on an acquisition board, in software."""
+
+import random
+import time
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mmt.core.errors import DeviceLost, MmtError
+from mmt.devices.ati.wrench import Matrix
+from mmt.devices.protocols import VoltageReading
+from mmt.testing.emulated import Truth
+
+
+class EmulatedGauges:
+    """A `VoltageBoard` that feels forces, with faults on demand.
+
+    Parameters
+    ----------
+    truth
+        The force at a time: N at ns of the host's monotonic clock.
+    matrix
+        The sensor's, from volts to N and N mm.
+    rate_hz
+        Samples a second.
+    clock_ppm
+        How much too fast the board's clock runs.
+    offset_v
+        What each gauge gives without a force.
+    noise_v
+        Standard deviation of an input.
+    limit_v
+        Largest magnitude that it measures.
+    seed
+        Of the noise.
+    """
+
+    inputs = 6
+
+    def __init__(
+        self,
+        truth: Truth,
+        matrix: Matrix,
+        *,
+        rate_hz: float = 1000.0,
+        clock_ppm: float = 0.0,
+        offset_v: float = 0.2,
+        noise_v: float = 1e-4,
+        limit_v: float = 10.0,
+        seed: int = 1,
+    ) -> None:
+        self.latency_ns = 0
+        self.limit_v = limit_v
+        self.stuck = False
+        self.faults: Mapping[str, int] = {}
+        self._truth = truth
+        self._to_volts = np.linalg.inv(np.array(matrix))[:, :3].tolist()
+        self._period_ns = 1e9 / rate_hz
+        self._rate = rate_hz * (1.0 + 1e-6 * clock_ppm) * 1e-9
+        self._offset_v = offset_v
+        self._noise_v = noise_v
+        self._random = random.Random(seed)
+        self._began_ns = time.monotonic_ns()
+        self._sent = 0
+        self._plugged = True
+        self._silent = False
+        self._volts: tuple[float, ...] = (0.0,) * 6
+
+    def unplug(self) -> None:
+        """Answer nothing any more."""
+        self._plugged = False
+
+    def plug(self) -> None:
+        """Be there again."""
+        self._plugged = True
+
+    def stall(self, *, silent: bool = True) -> None:
+        """Give nothing, or go on."""
+        self._silent = silent
+
+    def connect(self) -> None:
+        """Begin to sample.
+
+        Raises
+        ------
+        MmtError
+            It is unplugged.
+        """
+        if not self._plugged:
+            raise MmtError("the board does not answer; plug it in")
+        self._sent = self._due()
+
+    def read(self) -> Sequence[VoltageReading]:
+        """Return what has been sampled since the last call.
+
+        Raises
+        ------
+        DeviceLost
+            It is unplugged.
+        """
+        if not self._plugged:
+            raise DeviceLost("the board does not answer any more; check its cable")
+        first, self._sent = self._sent, self._due()
+        if self._silent:
+            return ()
+        return [self._sample(number) for number in range(first + 1, self._sent + 1)]
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def _due(self) -> int:
+        return int((time.monotonic_ns() - self._began_ns) * self._rate)
+
+    def _sample(self, number: int) -> VoltageReading:
+        if not self.stuck:
+            x, y, z = self._truth(self._began_ns + round(number / self._rate))
+            noise, limit = self._random.gauss, self.limit_v
+            self._volts = tuple(
+                max(
+                    min(a * x + b * y + c * z + noise(self._offset_v, self._noise_v), limit), -limit
+                )
+                for a, b, c in self._to_volts
+            )
+        return VoltageReading(round(number * self._period_ns), self._volts)

@@ -1,0 +1,179 @@
+"""``import mmt``: the names of the library, what they cost, and what they say of themselves."""
+
+import ast
+import doctest
+import importlib
+import inspect
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mmt
+
+CONTRACT = [
+    "read_session",
+    "import_session",
+    "load_model",
+    "Synthesizer",
+    "build_model",
+    "ModellingSettings",
+    "follow_surfaces",
+    "evaluate_session",
+    "simulate_session",
+    "Scene",
+    "Leader",
+    "Follower",
+]
+
+LONGEST_IMPORT_S = 0.1
+
+MEASURE = """
+import json, sys, time
+before = set(sys.modules)
+started = time.process_time()
+import mmt
+spent_s = time.process_time() - started
+print(json.dumps([spent_s, sorted({name.partition(".")[0] for name in set(sys.modules) - before})]))
+"""
+
+
+def test_importing_it_is_quick_and_brings_no_numerics() -> None:
+    measured = []
+    for _ in range(3):
+        output = subprocess.check_output([sys.executable, "-c", MEASURE], text=True)
+        measured.append(json.loads(output))
+    assert min(spent_s for spent_s, _ in measured) < LONGEST_IMPORT_S
+    heavy = {"numba", "scipy", "numpy", "pydantic", "matplotlib", "rich", "mcap", "aiohttp"}
+    assert heavy.isdisjoint(measured[0][1])
+
+
+@pytest.mark.parametrize("name", sorted({*CONTRACT, *mmt.__all__}))
+def test_every_name_is_there_and_listed(name: str) -> None:
+    assert getattr(mmt, name) is not None
+    assert name in mmt.__all__
+    assert name in dir(mmt)
+
+
+def test_an_unknown_name_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="no attribute 'read_sessions'"):
+        mmt.read_sessions  # type: ignore[attr-defined]  # noqa: B018
+
+
+def test_type_checkers_see_every_name() -> None:
+    tree = ast.parse(Path(mmt.__file__).read_text(encoding="utf-8"))
+    block = next(node for node in tree.body if isinstance(node, ast.If))
+    seen = {
+        alias.asname or alias.name
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert seen | {"__version__"} == set(mmt.__all__)
+    assert set(mmt._HOMES) == seen
+
+
+@pytest.mark.parametrize("name", sorted(set(mmt.__all__) - {"__version__"}))
+def test_help_has_a_sentence_of_every_name(name: str) -> None:
+    text = inspect.getdoc(getattr(mmt, name))
+    assert text
+    assert text.splitlines()[0].endswith((".", ":")) or "." in text
+
+
+@pytest.mark.parametrize(
+    "module",
+    [
+        "mmt",
+        "mmt.session.data",
+        "mmt.session.files",
+        "mmt.texture.model.file",
+        "mmt.texture.online.history",
+        "mmt.evaluation.evaluate",
+    ],
+)
+def test_the_examples_in_docstrings_run(
+    module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    failed, tried = doctest.testmod(importlib.import_module(module))
+    assert tried > 0
+    assert failed == 0
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> mmt.RecordedSession:
+    frames, truth = mmt.simulate_session(mmt.Scene(), surface="plastic", duration_s=12.0)
+    path = str(tmp_path_factory.mktemp("face") / "a.mcap")
+    mmt.write_session(path, frames, annotations=truth)
+    return mmt.read_session(path)
+
+
+def test_a_session_says_what_it_holds(simulated: mmt.RecordedSession) -> None:
+    assert repr(simulated) == (
+        "<RecordedSession a.mcap: 12.0 s, 12000 frames of position, force, acceleration>"
+    )
+    columns = simulated.columns()
+    assert list(columns)[:3] == ["sequence", "time_s", "position_x_mm"]
+    assert {values.shape for values in columns.values()} == {(12000,)}
+
+
+def test_a_model_history_tells_the_model_at_any_time(simulated: mmt.RecordedSession) -> None:
+    history = mmt.build_model(simulated.frames, mmt.ModellingSettings(), update_s=1.0)
+    assert history.start_s is not None
+    assert history.model_at(0.2) is None
+    early, late = history.model_at(history.start_s), history.model_at(12.0)
+    assert early is not None
+    assert late is not None
+    assert len(early.samples) < len(late.samples)
+    assert late is history.updates[-1].model
+    assert repr(history).startswith("<ModelHistory: 12 updates to 12.0 s, ")
+    assert f"started at {history.start_s:.1f} s" in repr(history)
+
+
+@pytest.mark.parametrize("update_s", [0.0, -1.0, float("nan")])
+def test_a_period_that_is_not_positive_is_refused(
+    simulated: mmt.RecordedSession, update_s: float
+) -> None:
+    with pytest.raises(mmt.InputError, match="update_s"):
+        mmt.build_model(simulated.frames, update_s=update_s)
+    with pytest.raises(mmt.InputError, match="no frames"):
+        mmt.build_model(simulated.frames[:0])
+
+
+def test_surfaces_are_followed_by_session_time() -> None:
+    pieces = [
+        mmt.simulate_session(mmt.Scene(), surface=name, duration_s=8.0)[0]
+        for name in ("plastic", "sandpaper")
+    ]
+    pieces[1]["sequence"] += 8000
+    pieces[1]["time_ns"] += 8_000_000_000
+    frames = np.concatenate(pieces)
+    changes = list(mmt.follow_surfaces(frames, mmt.ModellingSettings()))
+    assert [change.surface for change in changes] == [2]
+    assert 7.9 < changes[0].from_s < changes[0].time_s < 12.0
+    assert changes[0].kind == "new"
+    assert list(mmt.follow_surfaces(frames[:0])) == []
+
+
+def test_an_evaluation_prints_what_the_command_prints(simulated: mmt.RecordedSession) -> None:
+    result = mmt.evaluate_session(simulated)
+    assert [step.time_s for step in result.steps] == [2.5, 5.0, 7.5, 10.0]
+    assert repr(result).startswith("<Evaluation of a: 4 steps over 12.0 s, started at ")
+    table = str(result)
+    assert "10.0" in table
+    assert max(map(len, table.splitlines())) <= 80
+
+
+def test_models_are_loaded_by_name_and_by_path_as_text(tmp_path: Path) -> None:
+    shipped = mmt.load_model("oak")
+    file = str(tmp_path / "mine.npz")
+    Path(file).write_bytes(shipped.to_bytes())
+    assert np.array_equal(mmt.load_model(file).samples.lsf, shipped.samples.lsf)
+    assert mmt.load_model(Path(file)).order == shipped.order
+    with pytest.raises(mmt.InputError, match="shipped are "):
+        mmt.load_model("no-such-texture")
+    vibration = mmt.Synthesizer(shipped, seed=1).render(np.full(300, 100.0), np.ones(300))
+    assert vibration.shape == (300,)
