@@ -6,7 +6,8 @@ weight: a hand moves continuously, so that a step or two suffices; a scan over a
 follows where the walk does not settle. A visibility walk in a Delaunay triangulation does not run
 in circles (Devillers et al., Walking in a Triangulation, 2002). Weights are barycentric, clipped
 to be non-negative and to sum to one, so that an interpolated value never leaves the range of its
-corners.
+corners. The kernels for tetrahedra are in `mmt.texture.interpolation.tetrahedra`: one for both
+would be slower by a third in the plane.
 
 Building costs O(n log n) (Qhull); locating costs O(1) for a continuous motion.
 """
@@ -20,6 +21,7 @@ from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
 from mmt.texture.autoregression.split import separate
 from mmt.texture.interpolation.interpolator import Evaluator, Interpolant, State
+from mmt.texture.interpolation.tetrahedra import locate_3d, locate_many_3d
 from mmt.texture.interpolation.vertices import Vertices
 
 _TOLERANCE = 1e-12
@@ -61,7 +63,8 @@ class Triangulation:
         located = np.ascontiguousarray(np.clip(queries, low, high), dtype=np.float64)
         corners = np.empty((len(located), located.shape[1] + 1), dtype=np.int64)
         weights = np.empty(corners.shape)
-        locate_many(self.points, self.triangles, located, corners, weights)
+        locate_each = locate_many if located.shape[1] == 2 else locate_many_3d
+        locate_each(self.points, self.triangles, located, corners, weights)
         return corners, weights
 
 
@@ -97,13 +100,19 @@ def _without_flat(
 
 
 @kernel("b1(f8[:, ::1], i8[:, ::1], i8, f8, f8, f8[::1])")
-def _triangle_weights(
-    points: FloatArray, triangles: IntArray, triangle: int, x: float, y: float, weights: FloatArray
+def barycentric(
+    points: FloatArray,
+    triangles: IntArray,
+    triangle: int,
+    x: float,
+    y: float,
+    weights: FloatArray,
 ) -> bool:
-    """Write the weights (3,) of (x, y) in a triangle; false where the triangle has no area.
+    """Write the weights of (x, y) in a triangle; false where the triangle has no area.
 
     Twice the signed area is computed from edges relative to one corner, so that its
-    rounding error is relative to the triangle and not to the plane.
+    rounding error is relative to the triangle and not to the plane. `points` may have
+    further columns; only the first two are read.
     """
     a, b, c = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
     bx, by = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
@@ -118,124 +127,121 @@ def _triangle_weights(
     return True
 
 
-@kernel("void(f8[:, ::1], i8[:, ::1], i8, f8[::1], f8[::1])")
-def _tetrahedron_weights(
-    points: FloatArray,
-    tetrahedra: IntArray,
-    tetrahedron: int,
-    point: FloatArray,
-    weights: FloatArray,
-) -> None:
-    """Write the weights (4,) of a point (3,) in a tetrahedron that has a volume.
-
-    Volumes are computed from edges relative to one corner, as areas are.
-    """
-    a, b = tetrahedra[tetrahedron, 0], tetrahedra[tetrahedron, 1]
-    c, d = tetrahedra[tetrahedron, 2], tetrahedra[tetrahedron, 3]
-    ax, ay, az = points[a, 0], points[a, 1], points[a, 2]
-    bx, by, bz = points[b, 0] - ax, points[b, 1] - ay, points[b, 2] - az
-    cx, cy, cz = points[c, 0] - ax, points[c, 1] - ay, points[c, 2] - az
-    dx, dy, dz = points[d, 0] - ax, points[d, 1] - ay, points[d, 2] - az
-    px, py, pz = point[0] - ax, point[1] - ay, point[2] - az
-    ux, uy, uz = cy * dz - cz * dy, cz * dx - cx * dz, cx * dy - cy * dx
-    volume = bx * ux + by * uy + bz * uz
-    vx, vy, vz = py * bz - pz * by, pz * bx - px * bz, px * by - py * bx
-    weights[1] = (px * ux + py * uy + pz * uz) / volume
-    weights[2] = -(dx * vx + dy * vy + dz * vz) / volume
-    weights[3] = (cx * vx + cy * vy + cz * vz) / volume
-    weights[0] = 1.0 - weights[1] - weights[2] - weights[3]
-
-
-@kernel("b1(f8[:, ::1], i8[:, ::1], i8, f8[::1], f8[::1])")
-def _barycentric(
-    points: FloatArray, simplices: IntArray, simplex: int, point: FloatArray, weights: FloatArray
-) -> bool:
-    """Write the weights (d + 1,) of a point (d,) in a simplex; false where it has no area."""
-    if len(point) == 2:
-        return _triangle_weights(points, simplices, simplex, point[0], point[1], weights)
-    _tetrahedron_weights(points, simplices, simplex, point, weights)
-    return True
-
-
-@kernel("i8(f8[::1], i8)")
-def _least(weights: FloatArray, corners: int) -> int:
-    least = 0
-    for corner in range(1, corners):
-        if weights[corner] < weights[least]:
-            least = corner
-    return least
-
-
-@kernel("i8(f8[:, ::1], i8[:, ::1], f8[::1], f8[::1])")
-def _scan(points: FloatArray, simplices: IntArray, point: FloatArray, weights: FloatArray) -> int:
+@kernel("i8(f8[:, ::1], i8[:, ::1], f8, f8, f8[::1])")
+def _scan(points: FloatArray, triangles: IntArray, x: float, y: float, weights: FloatArray) -> int:
     best, best_least = 0, -np.inf
-    for simplex in range(simplices.shape[0]):
-        if _barycentric(points, simplices, simplex, point, weights):
-            least = weights[_least(weights, len(point) + 1)]
+    for triangle in range(triangles.shape[0]):
+        if barycentric(points, triangles, triangle, x, y, weights):
+            least = min(weights[0], weights[1], weights[2])
             if least > best_least:
-                best, best_least = simplex, least
-    _barycentric(points, simplices, best, point, weights)
+                best, best_least = triangle, least
+    barycentric(points, triangles, best, x, y, weights)
     return best
 
 
-@kernel("i8(f8[:, ::1], i8[:, ::1], i8, f8[::1], f8[::1])")
+@kernel("i8(f8[:, ::1], i8[:, ::1], i8, f8, f8, f8[::1])")
 def locate(
-    points: FloatArray, simplices: IntArray, start: int, point: FloatArray, weights: FloatArray
+    points: FloatArray,
+    triangles: IntArray,
+    start: int,
+    x: float,
+    y: float,
+    weights: FloatArray,
 ) -> int:
-    """Return the simplex that holds a point and write its clipped barycentric weights.
+    """Return the triangle that holds (x, y) and write its clipped barycentric weights.
 
     Parameters
     ----------
     points
-        Shape (n, d or more); the first d columns are coordinates.
-    simplices
-        Shape (t, 2 (d + 1)), see `Triangulation`.
+        Shape (n, 2 or more); the first two columns are coordinates.
+    triangles
+        Shape (t, 6), see `Triangulation`.
     start
-        The simplex to walk from; any integer.
-    point
-        Shape (d,), finite, d 2 or 3. Outside of them all it gets a point of their boundary.
+        The triangle to walk from; any integer.
+    x, y
+        A point of the unit square.
     weights
-        Shape (d + 1,) or longer; the first d + 1 are written, not negative and with sum one.
+        Shape (3,), written.
     """
-    count, corners = simplices.shape[0], len(point) + 1
-    simplex = start if 0 <= start < count else 0
+    count = triangles.shape[0]
+    triangle = start if 0 <= start < count else 0
     found = False
     for _ in range(count + 1):
-        if not _barycentric(points, simplices, simplex, point, weights):
+        if not barycentric(points, triangles, triangle, x, y, weights):
             break
-        least = _least(weights, corners)
+        least = 0
+        if weights[1] < weights[least]:
+            least = 1
+        if weights[2] < weights[least]:
+            least = 2
         if weights[least] >= -_TOLERANCE:
             found = True
             break
-        opposite = simplices[simplex, corners + least]
+        opposite = triangles[triangle, 3 + least]
         if opposite < 0:
             break
-        simplex = opposite
+        triangle = opposite
     if not found:
-        simplex = _scan(points, simplices, point, weights)
+        triangle = _scan(points, triangles, x, y, weights)
     total = 0.0
-    for corner in range(corners):
+    for corner in range(3):
         weights[corner] = max(weights[corner], 0.0)
         total += weights[corner]
-    for corner in range(corners):
+    for corner in range(3):
         weights[corner] /= total
-    return simplex
+    return triangle
 
 
 @kernel("void(f8[:, ::1], i8[:, ::1], f8[:, ::1], i8[:, ::1], f8[:, ::1])")
 def locate_many(
     points: FloatArray,
-    simplices: IntArray,
+    triangles: IntArray,
     queries: FloatArray,
     corners: IntArray,
     weights: FloatArray,
 ) -> None:
-    """Locate queries (k, d) one after the other; write corners and weights (k, d + 1)."""
-    simplex = 0
+    """Locate queries (k, 2) one after the other; write corners (k, 3) and weights (k, 3)."""
+    triangle = 0
     for index in range(queries.shape[0]):
-        simplex = locate(points, simplices, simplex, queries[index], weights[index])
-        for corner in range(corners.shape[1]):
-            corners[index, corner] = simplices[simplex, corner]
+        triangle = locate(
+            points, triangles, triangle, queries[index, 0], queries[index, 1], weights[index]
+        )
+        for corner in range(3):
+            corners[index, corner] = triangles[triangle, corner]
+
+
+@kernel("b1(f8[:, ::1], i8[:, ::1], i8, f8[::1], f8[::1])")
+def _mean_of_three(
+    rows: FloatArray, links: IntArray, found: int, weights: FloatArray, values: FloatArray
+) -> bool:
+    """Write a triangle's mean; say whether its frequencies ascend."""
+    a, b, c = links[found, 0], links[found, 1], links[found, 2]
+    of_a, of_b, of_c = weights[0], weights[1], weights[2]
+    before, apart = 0.0, True
+    values[0] = of_a * rows[a, 2] + of_b * rows[b, 2] + of_c * rows[c, 2]
+    for k in range(1, len(values)):
+        value = of_a * rows[a, 2 + k] + of_b * rows[b, 2 + k] + of_c * rows[c, 2 + k]
+        apart = apart and before < value < np.pi
+        values[k] = before = value
+    return apart
+
+
+@kernel("b1(f8[:, ::1], i8[:, ::1], i8, f8[::1], f8[::1])")
+def _mean_of_four(
+    rows: FloatArray, links: IntArray, found: int, weights: FloatArray, values: FloatArray
+) -> bool:
+    """Write a tetrahedron's mean; say whether its frequencies ascend."""
+    a, b, c, d = links[found, 0], links[found, 1], links[found, 2], links[found, 3]
+    of_a, of_b, of_c, of_d = weights[0], weights[1], weights[2], weights[3]
+    before, apart = 0.0, True
+    for k in range(len(values)):
+        value = of_a * rows[a, 3 + k] + of_b * rows[b, 3 + k]
+        value += of_c * rows[c, 3 + k] + of_d * rows[d, 3 + k]
+        values[k] = value
+        if k > 0:
+            apart = apart and before < value < np.pi
+            before = value
+    return apart
 
 
 @Evaluator
@@ -249,21 +255,12 @@ def _interpolate_linearly(
     scratch: FloatArray,
 ) -> int:
     """Write the mean of a simplex' corners by their weights; return the simplex."""
-    found, dimensions = locate(rows, links, hint, point, scratch), len(point)
-    a, b, c, d = links[found, 0], links[found, 1], links[found, 2], links[found, dimensions]
-    of_a, of_b, of_c, of_d = scratch[0], scratch[1], scratch[2], scratch[3]
-    before, apart = 0.0, True
-    for k in range(len(values)):
-        column = dimensions + k
-        value = of_a * rows[a, column] + of_b * rows[b, column]
-        if dimensions == 2:
-            value += of_c * rows[c, column]
-        else:
-            value += of_c * rows[c, column] + of_d * rows[d, column]
-        values[k] = value
-        if k > 0:
-            apart = apart and before < value < np.pi
-            before = value
+    if len(point) == 2:
+        found = locate(rows, links, hint, point[0], point[1], scratch)
+        apart = _mean_of_three(rows, links, found, scratch, values)
+    else:
+        found = locate_3d(rows, links, hint, point, scratch)
+        apart = _mean_of_four(rows, links, found, scratch, values)
     if not apart:  # rounding has let frequencies meet
         separate(values[1:])
     return found

@@ -16,7 +16,6 @@ from typing import Any, Final, Protocol, cast
 
 import numpy as np
 import numpy.typing as npt
-from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
@@ -59,8 +58,8 @@ class Evaluator:
         self.__doc__ = function.__doc__
         self._kernel = cast(Any, kernel(_SIGNATURE)(function))
         (compiled,) = self._kernel.overloads.values()
-        library, wrapper = compiled.library, compiled.fndesc.llvm_cfunc_wrapper_name
-        self.address: int = library.get_pointer_to_function(wrapper)
+        library, symbol = compiled.library, compiled.fndesc.llvm_func_name
+        self.address: int = library.get_pointer_to_function(symbol)
         """Where its machine code is in this process, for `evaluate_into`."""
 
     def __reduce__(self) -> str:
@@ -147,9 +146,13 @@ def _evaluate_into(
     del address, rows, links, tail, hint, point, values, scratch  # all have one type each
 
     def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        arguments = [context.get_value_type(kind) for kind in signature.args[1:]]
-        function = ir.FunctionType(context.get_value_type(signature.return_type), arguments)
-        return builder.call(builder.inttoptr(given[0], function.as_pointer()), given[1:])
+        convention, kinds = context.call_conv, signature.args[1:]
+        pointer = convention.get_function_type(signature.return_type, kinds).as_pointer()
+        function = builder.inttoptr(given[0], pointer)
+        _, result = convention.call_function(
+            builder, function, signature.return_type, kinds, given[1:]
+        )
+        return result
 
     return types.int64(types.int64, *_ARGUMENTS), generate
 

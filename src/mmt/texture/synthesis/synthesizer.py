@@ -106,7 +106,7 @@ class Synthesizer:
         if model is None:
             generator.use(None)
             return generator.generate(count)
-        if model.space.directed and len(inputs) == 2:
+        if len(inputs) == 2 and model.dimensions == 3:
             inputs = (inputs[0], np.zeros(count), inputs[1])
         if len(inputs) != model.dimensions:
             raise InputError(
