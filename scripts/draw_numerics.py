@@ -10,12 +10,12 @@ from typing import Final
 from image_files import write
 
 from mmt.testing.simulation.textures import SURFACES
-from mmt_lab.bench import run_stage
+from mmt_lab.bench.command import run_stage
+from mmt_lab.experiments.stability import load_families, run_families
 from mmt_lab.felt.presenting import felt_figure
 from mmt_lab.felt.summary import cases, feel_all
 from mmt_lab.harness.plots import panels_figure
 from mmt_lab.stability.maps import contact_map, loop_map
-from mmt_lab.stability.running import load_families, run_families
 
 PANELS: Final = {
     "burg": ("batch", "offset"),

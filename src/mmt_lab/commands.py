@@ -10,7 +10,16 @@ import typer
 
 from mmt.cli.common import messages, write_json
 from mmt.core.errors import MmtError
-from mmt_lab.harness.command import JsonFile, Laboratory, ReportFolder, print_list
+from mmt_lab.harness.command import (
+    JsonFile,
+    Laboratory,
+    ReportFolder,
+    conclude,
+    print_list,
+    run,
+)
+from mmt_lab.harness.experiment import listed, load
+from mmt_lab.stability.families import family_names
 
 lab = typer.Typer(
     cls=Laboratory, add_completion=False, help="Run an experiment; without a name, list them."
@@ -30,10 +39,7 @@ def _lab(context: typer.Context) -> None:
 def _bench(
     what: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="[burg] [lines] [interpolation] [networks] [synthesis] [update] [order] "
-            "[pipeline] [conceal] [contact] [link] [services] [evaluate] [devices]"
-        ),
+        typer.Argument(metavar=" ".join(f"[{each.name}]" for each in listed("bench"))),
     ] = None,
     duration: Annotated[
         float, typer.Option(help="Seconds for each measurement of link and services.")
@@ -43,14 +49,15 @@ def _bench(
     realtime: Annotated[
         bool,
         typer.Option(
-            "--realtime", help="Link: by real-time scheduling. Services: with and without it."
+            "--realtime",
+            help="Link and devices: by real-time scheduling. Services: with and without it.",
         ),
     ] = False,
 ) -> None:
     """Measure error against run time on this machine, beside every peer that is installed."""
-    from mmt_lab.cli.benching import run_benches
+    from mmt_lab.bench.command import run_benches
 
-    _, figures = run_benches(what or [], duration, report, realtime=realtime)
+    _, figures = run_benches(what or [], report, duration=duration, realtime=realtime)
     write_json(json_file, figures)
     messages.print("ratios within one run are to be trusted, absolute times are not")
     if "failed" in figures:
@@ -61,13 +68,12 @@ def _bench(
 def _stability(
     families: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[ar] [lsf] [model] [contact] [loop] [services]"),
+        typer.Argument(metavar=" ".join(f"[{name}]" for name in family_names())),
     ] = None,
     json_file: JsonFile = None,
     report: ReportFolder = None,
 ) -> None:
     """Run the stiff and extreme cases, a row each, and say whether it held."""
-    from mmt_lab.stability.running import run_stability
-
-    if not run_stability(families or [], json_file=json_file, report_to=report):
+    found = run("stability", load("stability"), families=families)
+    if not conclude(found, json_file, report):
         raise typer.Exit(1)

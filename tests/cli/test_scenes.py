@@ -181,7 +181,7 @@ def test_real_services_tell_what_they_run_and_cost(tmp_path: Path) -> None:
         assert "mmt: SendQueue._run" in service["tasks"]
         assert not {"numba", "scipy"} & set(service["packages"])
         assert 0.0 < service["import_s"] < 60
-    assert "mmt: LeaderService._report_status" in leader["tasks"]
+    assert "mmt: Leader._report_status" in leader["tasks"]
     assert "mmt-recorder" in leader["threads"]
     assert "mcap" in leader["packages"]
     assert "mcap" not in follower["packages"]

@@ -13,6 +13,7 @@ from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.drivers import load_device
 from mmt.devices.haptuator.sound import SoundHaptuator, SoundOptions, load_sounddevice
 from mmt.devices.reconnection import ReconnectingActuator
+from mmt.leader.part import Session
 from mmt.leader.parts import build_parts
 from mmt.scene.files import scene_from_tables
 from mmt.testing.emulated.haptuator import EmulatedHaptuator
@@ -177,30 +178,30 @@ def test_a_lost_actuator_comes_back_while_the_leader_goes_on() -> None:
             "actuator": {"driver": "mmt.testing.emulated.haptuator:emulated_haptuator", **OPTIONS},
         }
     )
-    parts = build_parts(scene, lambda _update, _time: None)
-    assert isinstance(parts.mended, ReconnectingActuator)
-    device = parts.mended.device
-    assert isinstance(device, EmulatedHaptuator)
     told: list[str] = []
-    parts.watch(lambda sentence, **details: told.append(sentence))
+    parts = build_parts(Session(scene, told.append))
+    mended = parts.find("vibration").reconnecting
+    assert isinstance(mended, ReconnectingActuator)
+    device = mended.device
+    assert isinstance(device, EmulatedHaptuator)
     parts.connect()
-    parts.mended.write([1.0, -1.0])
+    mended.write([1.0, -1.0])
     device.card.unplug()
-    parts.mended.write([1.0])
-    parts.mended.write([1.0, 2.0])
-    summary = parts.mended.losses_summary
+    mended.write([1.0])
+    mended.write([1.0, 2.0])
+    summary = mended.losses_summary
     assert (summary["losses"], summary["lost_samples"]) == (1, 3)
     assert "until it is back" in told[0]
-    assert "the actuator (EmulatedHaptuator) is lost" in str(parts.mended.problem)
+    assert "the actuator (EmulatedHaptuator) is lost" in str(mended.problem)
     device.card.plug()
     give_up = time.monotonic() + 30.0
-    while parts.mended.lost:
+    while mended.lost:
         assert time.monotonic() < give_up
-        parts.mended.write([1.0])
+        mended.write([1.0])
         time.sleep(0.005)
     assert told[-1].startswith("the actuator is back after ")
-    samples = parts.mended.statistics.samples
-    parts.mended.write([1.0])
-    assert parts.mended.statistics.samples == samples + 1
-    assert parts.mended.losses_summary["losses"] == 1
+    samples = mended.statistics.samples
+    mended.write([1.0])
+    assert mended.statistics.samples == samples + 1
+    assert mended.losses_summary["losses"] == 1
     assert parts.close() == []

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from mmt.core.errors import FAILED, MmtError
 from mmt.core.feedback_records import CONTACT, ENERGY
 from mmt.core.frames import Channel, frame_dtype
-from mmt.leader.service import LeaderService
+from mmt.leader.service import Leader
 from mmt.leader.summary import LeaderSummary
 from mmt.link.access import Access
 from mmt.link.client import FollowerClient, FollowerEvents
@@ -83,17 +83,17 @@ class Attacked:
             }
         )
         self.http: aiohttp.ClientSession | None = None
-        self.leader: LeaderService | None = None
+        self.leader: Leader | None = None
         self._running: asyncio.Task[LeaderSummary] | None = None
 
-    async def ready(self) -> LeaderService:
+    async def ready(self) -> Leader:
         """Return a leader that listens: the one that there is, or a new one."""
         self.http = self.http or aiohttp.ClientSession()
         if self.leader is not None and self._running is not None:
             if not self.leader.ending.reached:
                 return self.leader
             check_end(await asyncio.wait_for(self._running, 30))
-        self.leader = leader = LeaderService(self._scene)
+        self.leader = leader = Leader(self._scene)
         watch(leader)
         listening = asyncio.Event()
         self._running = asyncio.create_task(leader.run(listening.set))
@@ -114,11 +114,10 @@ def check_end(summary: LeaderSummary) -> None:
     assert not summary.outcome.startswith(FAILED), summary.outcome
 
 
-def watch(leader: LeaderService) -> None:
+def watch(leader: Leader) -> None:
     """Let whatever leaves the limits raise in the tick, which ends the session as failed."""
-    actuator, hand = leader.parts.actuator, leader.parts.hand
-    assert actuator is not None
-    assert hand is not None
+    actuator = leader.parts.find("vibration").actuator
+    hand = leader.parts.find("hand").device
     play, show = actuator.write, hand.write
 
     def write(samples_m_s2: Any) -> None:

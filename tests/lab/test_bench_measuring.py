@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from mmt.evaluation.report import machine
-from mmt_lab.bench import STAGES, peers
+from mmt_lab.bench import peers
 from mmt_lab.bench.measuring import call_times, interleave, spread
+from mmt_lab.harness.experiment import listed, load
 from mmt_lab.harness.findings import (
     Axis,
     Curves,
@@ -121,9 +122,7 @@ def test_a_peer_that_is_not_installed_is_left_out_with_the_command(monkeypatch):
     assert "pip install nowhere" in left_out[0].remedy
 
 
-def test_every_stage_of_the_table_is_a_module_with_run():
-    import importlib.util
-
-    assert "burg" in STAGES
-    for module in STAGES.values():
-        assert importlib.util.find_spec(module) is not None
+def test_stages_are_found_by_their_modules():
+    names = [each.name for each in listed("bench")]
+    assert {"burg", "lines", "link", "services", "evaluate", "devices"} <= set(names)
+    assert all(callable(load(name).run) for name in names)

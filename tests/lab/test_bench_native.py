@@ -7,14 +7,14 @@ from mmt.testing.simulation.textures import get_surface
 from mmt.texture.autoregression.forms import burg_batch, lsf_to_ar
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.synthesis.synthesizer import Synthesizer
-from mmt_lab.bench import native
+from mmt_lab.bench import c_loops
 from mmt_lab.bench.textures import exact_samples, scattered
 from mmt_lab.harness.findings import LeftOut
 
 
 @pytest.fixture(scope="module")
 def loops():
-    with native.compiled() as found:
+    with c_loops.compiled() as found:
         if isinstance(found, LeftOut):
             pytest.skip(f"no C loops: {found.reason}")
         yield found
@@ -56,13 +56,13 @@ def test_rendering(loops):
 
 def test_without_a_compiler_it_is_left_out(monkeypatch):
     monkeypatch.setenv("CC", "/nowhere/cc")
-    with native.compiled() as found:
+    with c_loops.compiled() as found:
         assert isinstance(found, LeftOut)
         assert "no C compiler" in found.reason
 
 
 def test_a_compiler_that_fails_is_left_out(monkeypatch):
     monkeypatch.setenv("CC", "false")
-    with native.compiled() as found:
+    with c_loops.compiled() as found:
         assert isinstance(found, LeftOut)
         assert "failed" in found.reason

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mmt_lab.bench import filters, references, signals
+from mmt_lab.bench import references, signals
 
 
 def test_burg_of_a_signal_that_is_worked_out_by_hand():
@@ -55,13 +55,17 @@ def test_an_incomplete_set_of_frequencies_is_refused():
 
 
 def test_filters_are_the_same_in_every_form():
-    for made in (filters.spread(6, 2), filters.low_pass(5), filters.pole_pairs(1e-3)):
+    for made in (
+        signals.spread_filters(6, 2),
+        signals.low_pass_filter(5),
+        signals.pole_pair_filter(1e-3),
+    ):
         for lsf, k, ar in zip(made.lsf, made.reflection, made.ar, strict=True):
             exact = references.step_up(references.exact(k))
             assert references.largest_error(ar, exact) <= 1e-13 * max(1.0, *np.abs(ar))
             frequencies = references.rounded(lsf)
             assert (np.diff(frequencies, prepend=0, append=np.pi) > 0).all()
-    roots = np.roots([1.0, *filters.pole_pairs(1e-3).ar[0]])
+    roots = np.roots([1.0, *signals.pole_pair_filter(1e-3).ar[0]])
     np.testing.assert_allclose(np.abs(roots), 0.999, atol=1e-9)
 
 

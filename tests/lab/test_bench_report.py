@@ -9,7 +9,7 @@ from rich.console import Console
 from mmt.core.errors import InputError
 from mmt.evaluation.document import Table
 from mmt.evaluation.table import as_rich
-from mmt_lab.cli.benching import write_bench_report
+from mmt_lab.bench.command import write_bench_report
 from mmt_lab.harness.findings import (
     Axis,
     Curves,

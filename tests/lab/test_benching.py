@@ -1,4 +1,5 @@
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,18 +8,19 @@ from typer.testing import CliRunner
 
 from mmt.cli.main import app
 from mmt.core.errors import InputError, MmtError
-from mmt_lab.cli import benching
-from mmt_lab.cli.benching import run_benches
+from mmt_lab.bench import command
+from mmt_lab.bench.command import run_benches
+from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import Findings, Target
 
 
 def test_an_unknown_stage_is_explained() -> None:
-    with pytest.raises(InputError, match=r"allowed are burg, lines, .*, link, services, evaluate"):
-        run_benches(["speed"], 1.0)
+    with pytest.raises(InputError, match=r"allowed are burg, conceal, .*, link, networks"):
+        run_benches(["speed"])
 
 
 def test_the_evaluation_is_measured() -> None:
-    _, figures = run_benches(["evaluate"], 1.0)
+    _, figures = run_benches(["evaluate"])
     found = figures["evaluate"]["figures"]
     assert found["median_s"] > 0
     assert found["times_real_time"] == pytest.approx(18.0 / found["median_s"])
@@ -26,18 +28,22 @@ def test_the_evaluation_is_measured() -> None:
 
 
 def test_the_link_is_measured_beside_a_bare_websocket() -> None:
-    _, figures = run_benches(["link"], 1.5)
+    _, figures = run_benches(["link"], duration=1.5)
     assert figures["link"]["figures"]["up_lost"] == 0
     assert figures["link"]["figures"]["ratio_up_p50"] > 0
     assert figures["link"]["targets"][0]["met"] is True
+
+
+def found_by(run: Callable[[], Findings]) -> Experiment:
+    return Experiment("something", "no time", run, group="bench")
 
 
 def test_targets_are_printed_beside_what_is_measured(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     result = Findings("B", "About.", targets=(Target("ratio", 5.0, "at least", 4.0),))
-    monkeypatch.setattr(benching, "run_stage", lambda name: result)
-    results, _ = run_benches(["burg", "burg"], 1.0)
+    monkeypatch.setattr(command, "load", lambda name: found_by(lambda: result))
+    results, _ = run_benches(["burg", "burg"])
     assert results == [replace(result, name="burg")]
     printed = capsys.readouterr().out
     assert "ratio" in printed
@@ -45,11 +51,11 @@ def test_targets_are_printed_beside_what_is_measured(
 
 
 def test_a_stage_without_its_reference_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    def missing(name: str) -> Findings:
+    def missing(name: str) -> Experiment:
         raise ModuleNotFoundError("No module named 'mpmath'", name="mpmath")
 
-    monkeypatch.setattr(benching, "run_stage", missing)
-    results, figures = run_benches(["burg"], 1.0)
+    monkeypatch.setattr(command, "load", missing)
+    results, figures = run_benches(["burg"])
     assert results[0].left_out[0].name == "mpmath"
     assert "mmt-haptics[bench]" in figures["burg"]["left_out"][0]["remedy"]
 
@@ -57,12 +63,11 @@ def test_a_stage_without_its_reference_is_left_out(monkeypatch: pytest.MonkeyPat
 def test_a_stage_that_fails_leaves_the_others_their_figures(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    def run(name: str) -> Findings:
-        if name == "burg":
-            raise MmtError("a process gave nothing")
-        return Findings("Lines", "About.")
+    def fail() -> Findings:
+        raise MmtError("a process gave nothing")
 
-    monkeypatch.setattr(benching, "run_stage", run)
+    stages = {"burg": found_by(fail), "lines": found_by(lambda: Findings("Lines", "About."))}
+    monkeypatch.setattr(command, "load", stages.__getitem__)
     report, figures = str(tmp_path / "report"), tmp_path / "figures.json"
     arguments = ["bench", "burg", "lines", "--report", report, "--json", str(figures)]
     ended = CliRunner().invoke(app, arguments)

@@ -8,17 +8,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.core.errors import MmtError
-from mmt_lab.bench import devices
-from mmt_lab.device_bench.children import Child
-from mmt_lab.device_bench.measures import (
+from mmt_lab.bench.device_path.children import Child
+from mmt_lab.bench.device_path.frame_times import (
+    PERIOD_NS,
+    Motion,
     frame_times,
     pauses_of_device,
     pauses_of_ticks,
     time_errors_ms,
     within,
 )
-from mmt_lab.device_bench.motion import PERIOD_NS, Motion
-from mmt_lab.device_bench.running import Measured, SetUp
+from mmt_lab.bench.device_path.running import Measured, SetUp
+from mmt_lab.experiments import devices
 
 START_NS = 7_000_000_000_123
 
@@ -111,9 +112,9 @@ def test_where_all_was_held_up_there_is_no_figure_without() -> None:
 
 
 def test_a_child_that_fails_is_quoted() -> None:
-    child = Child("mmt_lab.device_bench.lab", "no_such_sensor", "adxl335", "ordinary")
+    child = Child("mmt_lab.bench.device_path.emulated", "no_such_sensor", "adxl335", "ordinary")
     try:
-        with pytest.raises(MmtError, match=r"lab has ended: KeyError.*no_such_sensor"):
+        with pytest.raises(MmtError, match=r"emulated has ended: KeyError.*no_such_sensor"):
             child.hear(30.0)
     finally:
         child.close()
@@ -121,7 +122,7 @@ def test_a_child_that_fails_is_quoted() -> None:
 
 def test_a_run_on_emulated_devices_finds_what_holds_on_any_machine() -> None:
     plan = devices.Plan(set_ups=(SetUp("both", "net_ft", "adxl335"),), duration_s=1.0, stops=1)
-    result = devices.run(plan)
+    result = devices.measure(plan)
     assert result.left_out == ()
     (cost,), (times,), (frames,), (clocks,) = (records.rows for records in result.records)
     assert 0.0 < cost["share of a core"] < 1.0  # type: ignore[operator]
@@ -154,9 +155,9 @@ def test_targets_are_of_the_worst_set_up_and_what_cannot_run_is_left_out(
         sensors = {"force_sensor": 1.0, "accelerometer": 2.0}
         return Measured(share, 0.05, 0.02, 100, 0, 0, times, sensors, [15.0, 16.0], 0.0, [])
 
-    monkeypatch.setattr(devices, "measure", measured)
+    monkeypatch.setattr(devices, "measure_set_up", measured)
     names = ("good", "worse", "broken")
-    result = devices.run(devices.Plan(tuple(SetUp(name, "net_ft", "u6") for name in names)))
+    result = devices.measure(devices.Plan(tuple(SetUp(name, "net_ft", "u6") for name in names)))
     by_name = {target.what: target for target in result.targets}
     share = by_name["share of a core, without emulation"]
     assert share.measured == pytest.approx(0.25 + 1e-3)

@@ -7,9 +7,9 @@ import pytest
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import COMMAND_DTYPE
-from mmt_lab.link_bench import _order, _ratios, _receive, _summarise, _unheard, bench_link
-from mmt_lab.link_sides import Report
-from mmt_lab.link_traffic import Measured, Side
+from mmt_lab.bench.link_sides import Report
+from mmt_lab.bench.link_traffic import Measured, Side
+from mmt_lab.experiments.link import _order, _ratios, _receive, _summarise, _unheard, bench_link
 
 
 def measured(**changes: float) -> Measured:

@@ -10,18 +10,18 @@ from typer.testing import CliRunner
 
 from mmt.cli import main
 from mmt.core.errors import InputError
-from mmt_lab.stability import running
-from mmt_lab.stability.cases import Case, Family, Outcome, Row, broken, run_case
-from mmt_lab.stability.families import contact, model
-from mmt_lab.stability.running import (
+from mmt_lab.experiments import stability
+from mmt_lab.experiments.stability import (
     by_family,
-    family_names,
     family_table,
+    findings_of,
     load_families,
     summary,
     verdict,
-    write_stability_report,
 )
+from mmt_lab.harness.report import write_report
+from mmt_lab.stability.cases import Case, Family, Outcome, Row, broken, run_case
+from mmt_lab.stability.families import contact, family_names, model
 
 
 def row(*, held: bool = True, **figures: object) -> Row:
@@ -69,7 +69,7 @@ def test_a_report_holds_every_row_and_both_pictures(tmp_path: Path) -> None:
         "model": [Case("bad", "good", lambda: Outcome("worse", held=False))],
     }
     rows = [run_case(name, case) for name, some in cases.items() for case in some]
-    page = write_stability_report(tmp_path / "report", rows)
+    page = write_report(tmp_path / "report", findings_of(rows))
     text = page.read_text(encoding="utf-8")
     assert "data:image/png" in text
     assert "worse" in (tmp_path / "report" / "report.md").read_text(encoding="utf-8")
@@ -86,7 +86,7 @@ def test_a_report_holds_every_row_and_both_pictures(tmp_path: Path) -> None:
 def test_a_directory_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="report"):
-        write_stability_report(tmp_path / "file", [row()])
+        write_report(tmp_path / "file", findings_of([row()]))
 
 
 def test_the_command_prints_rows_and_says_by_its_code_whether_all_held(
@@ -94,7 +94,7 @@ def test_the_command_prints_rows_and_says_by_its_code_whether_all_held(
 ) -> None:
     runner = CliRunner()
     few = model.cases(many=50, queries=10)[:3]
-    monkeypatch.setattr(running, "_load", lambda _: Family("Few models", lambda: few))
+    monkeypatch.setattr(stability, "load_family", lambda _: Family("Few models", lambda: few))
     file = tmp_path / "rows.json"
     result = runner.invoke(main.app, ["stability", "model", "--json", str(file)])
     assert result.exit_code == 0

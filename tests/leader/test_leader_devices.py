@@ -6,6 +6,7 @@ import pytest
 
 from mmt.cli.scene.description import describe_scene
 from mmt.core.errors import InputError, MmtError
+from mmt.leader.part import Session
 from mmt.leader.parts import build_parts
 from mmt.scene import Scene
 from mmt.scene.files import load_scene, scene_from_tables
@@ -62,20 +63,19 @@ def scene(drivers: str, **handle: object) -> Scene:
 
 
 def test_handle_and_actuator_are_made_by_their_drivers_with_their_options(drivers: str) -> None:
-    parts = build_parts(scene(drivers, arm="left"), lambda _update, _time: None)
-    mended = parts.mended
-    assert mended is not None
-    assert parts.handle is parts.hand is not None
-    assert parts.handle.device.options == {"arm": "left"}  # type: ignore[attr-defined]
-    assert mended.device.options == {"volts": 2.0}  # type: ignore[union-attr]
+    parts = build_parts(Session(scene(drivers, arm="left")))
+    hand, vibration = parts.find("hand"), parts.find("vibration")
+    assert hand.handle is hand.device is not None
+    assert hand.handle.device.options == {"arm": "left"}
+    assert vibration.reconnecting.device.options == {"volts": 2.0}
     parts.connect()
     assert parts.close() == []
-    for device in (parts.handle.device, mended.device):
-        assert device.calls == ["connect", "calibrate", "close"]  # type: ignore[union-attr]
+    for device in (hand.handle.device, vibration.reconnecting.device):
+        assert device.calls == ["connect", "calibrate", "close"]
 
 
 def test_a_handle_that_does_not_answer_is_named(drivers: str) -> None:
-    parts = build_parts(scene(drivers, absent=True), lambda _update, _time: None)
+    parts = build_parts(Session(scene(drivers, absent=True)))
     with pytest.raises(MmtError, match="Handle cannot be connected: no such port"):
         parts.connect()
 
@@ -84,7 +84,7 @@ def test_an_unknown_driver_is_explained(drivers: str) -> None:
     tables = scene(drivers).dump()
     tables["actuator"]["driver"] = "haptuator"
     with pytest.raises(InputError, match="driver 'haptuator' is not known"):
-        build_parts(scene_from_tables(tables), lambda _update, _time: None)
+        build_parts(Session(scene_from_tables(tables)))
 
 
 def test_a_handle_sends_commands_like_a_hand(drivers: str) -> None:

@@ -125,7 +125,7 @@ async def test_an_update_comes_once_a_period_with_every_frame(
 ) -> None:
     async with modelled(monkeypatch) as made:
         for first in range(0, 300, 5):
-            made.task.put(made_frames(first, 5))
+            made.task.on_frames(made_frames(first, 5))
             if first % 100 == 95:
                 await made.settle(first // 100 + 1)
         sizes = [len(update) for update in made.modeller.updates]
@@ -140,8 +140,8 @@ async def test_a_period_is_counted_over_frames_that_are_missing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async with modelled(monkeypatch) as made:
-        made.task.put(made_frames(0, 2))
-        made.task.put(made_frames(99, 1))
+        made.task.on_frames(made_frames(0, 2))
+        made.task.on_frames(made_frames(99, 1))
         await made.settle(1)
         assert made.modeller.updates[0]["sequence"].tolist() == [0, 1, 99]
 
@@ -151,11 +151,11 @@ async def test_what_waits_is_bounded_and_the_oldest_is_dropped(
 ) -> None:
     async with modelled(monkeypatch) as made:
         made.modeller.leave.clear()
-        made.task.put(made_frames(0, 100))
+        made.task.on_frames(made_frames(0, 100))
         assert await asyncio.to_thread(made.modeller.started.wait, 10)
         assert made.task.working
         for first in range(100, 12_100, 100):
-            made.task.put(made_frames(first, 100))
+            made.task.on_frames(made_frames(first, 100))
         assert made.task.dropped_frames == 2000
         made.modeller.leave.set()
         await made.settle(2)
@@ -167,7 +167,7 @@ async def test_of_a_block_longer_than_the_queue_the_newest_frames_are_kept(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async with modelled(monkeypatch) as made:
-        made.task.put(made_frames(0, 10_001))
+        made.task.on_frames(made_frames(0, 10_001))
         await made.settle(1)
         np.testing.assert_array_equal(made.modeller.updates[0]["sequence"], np.arange(1, 10_001))
         assert made.task.dropped_frames == 1
@@ -179,12 +179,12 @@ async def test_a_reset_throws_away_what_is_under_way_and_what_waits(
     async with modelled(monkeypatch) as made:
         old = made.modeller
         old.leave.clear()
-        made.task.put(made_frames(0, 100))
+        made.task.on_frames(made_frames(0, 100))
         assert await asyncio.to_thread(old.started.wait, 10)
-        made.task.put(made_frames(100, 100))
+        made.task.on_frames(made_frames(100, 100))
         made.task.reset()
         old.leave.set()
-        made.task.put(made_frames(200, 100))
+        made.task.on_frames(made_frames(200, 100))
         await made.settle(1)
         assert made.modeller is not old
         assert len(old.updates) == 1
@@ -197,14 +197,14 @@ async def test_modelling_pauses_when_it_is_complete_until_it_is_reset(
 ) -> None:
     async with modelled(monkeypatch) as made:
         made.modeller.stops = True
-        made.task.put(made_frames(0, 100))
+        made.task.on_frames(made_frames(0, 100))
         await made.settle(1)
         assert made.task.finished
-        made.task.put(made_frames(100, 100))
+        made.task.on_frames(made_frames(100, 100))
         await asyncio.sleep(0.02)
         assert len(made.modeller.updates) == 1
         made.task.reset()
-        made.task.put(made_frames(200, 100))
+        made.task.on_frames(made_frames(200, 100))
         await made.settle(2)
         assert not made.task.finished
 
@@ -215,14 +215,14 @@ async def test_updates_wait_for_frames_that_may_still_come_and_are_cut_by_number
     missing: list[int] = [40]
     async with modelled(monkeypatch) as made:
         made.task.wait_for_missing(lambda: missing[0] if missing else None)
-        made.task.put(made_frames(0, 40))
-        made.task.put(made_frames(60, 240))
+        made.task.on_frames(made_frames(0, 40))
+        made.task.on_frames(made_frames(60, 240))
         await asyncio.sleep(0.02)
         assert made.updates == []
-        made.task.insert(made_frames(50, 10))
-        made.task.insert(made_frames(40, 10))
+        made.task.on_backfill(made_frames(50, 10))
+        made.task.on_backfill(made_frames(40, 10))
         missing.clear()
-        made.task.look_again()
+        made.task.on_settled()
         await made.settle(3)
         for number, update in enumerate(made.modeller.updates):
             np.testing.assert_array_equal(
@@ -235,11 +235,11 @@ async def test_frames_that_come_after_their_update_are_left_out_and_counted(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async with modelled(monkeypatch) as made:
-        made.task.put(made_frames(0, 40))
-        made.task.put(made_frames(60, 40))
+        made.task.on_frames(made_frames(0, 40))
+        made.task.on_frames(made_frames(60, 40))
         await made.settle(1)
-        made.task.insert(made_frames(40, 20))
-        made.task.put(made_frames(100, 100))
+        made.task.on_backfill(made_frames(40, 20))
+        made.task.on_frames(made_frames(100, 100))
         await made.settle(2)
         assert made.task.late_frames == 20
         np.testing.assert_array_equal(made.modeller.updates[1]["sequence"], np.arange(100, 200))
@@ -251,7 +251,7 @@ async def test_a_gap_that_never_closes_cannot_hold_the_modelling_up_for_ever(
     async with modelled(monkeypatch) as made:
         made.task.wait_for_missing(lambda: 0)
         for first in range(1, 9001, 100):
-            made.task.put(made_frames(first, 100))
+            made.task.on_frames(made_frames(first, 100))
             await asyncio.sleep(0)
         await made.settle(1)
         assert made.task.dropped_frames == 0
@@ -261,11 +261,11 @@ async def test_what_is_complete_at_the_end_is_still_modelled(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async with modelled(monkeypatch) as made:
-        made.task.put(made_frames(0, 350))
+        made.task.on_frames(made_frames(0, 350))
         await made.task.finish(10.0)
         assert len(made.updates) == 3
         made.modeller.leave.clear()
-        made.task.put(made_frames(350, 100))
+        made.task.on_frames(made_frames(350, 100))
         await made.task.finish(0.05)
         assert len(made.updates) == 3
 
@@ -275,7 +275,7 @@ async def test_an_update_that_fails_comes_out_of_the_task(
 ) -> None:
     made = Modelled(0.1, monkeypatch)
     monkeypatch.setattr(made.modeller, "fit", lambda work: 1 / 0)
-    made.task.put(made_frames(0, 100))
+    made.task.on_frames(made_frames(0, 100))
     segmenting = asyncio.create_task(made.task.segmenting.run())
     with pytest.raises(ZeroDivisionError):
         await asyncio.wait_for(made.task.fitting.run(), 10)
@@ -288,12 +288,12 @@ async def test_a_frozen_model_takes_no_frames_until_it_may_grow(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async with modelled(monkeypatch) as made:
-        made.task.put(made_frames(0, 50))
+        made.task.on_frames(made_frames(0, 50))
         made.task.freeze(True)
-        made.task.put(made_frames(50, 100))
-        made.task.insert(made_frames(150, 100))
+        made.task.on_frames(made_frames(50, 100))
+        made.task.on_backfill(made_frames(150, 100))
         made.task.freeze(False)
-        made.task.put(made_frames(500, 100))
+        made.task.on_frames(made_frames(500, 100))
         await made.settle(1)
         np.testing.assert_array_equal(made.modeller.updates[0]["sequence"], np.arange(500, 600))
         made.task.freeze(True)
@@ -341,7 +341,7 @@ async def test_the_tasks_make_the_model_of_an_offline_pass_to_the_bit(name: str)
     async with running(live):
         for block in blocks:  # faster than real time: the tasks work on several updates at once
             for part in np.array_split(block, 5):
-                live.put(part)
+                live.on_frames(part)
             while live.figures["segmenting"].queue_now > 2000:
                 await asyncio.sleep(0.001)
         await live.finish(60.0)

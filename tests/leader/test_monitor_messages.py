@@ -14,7 +14,6 @@ from hypothesis.extra import numpy as arrays
 from monitor_messages import unpack
 
 from mmt.devices.protocols import InterfaceState
-from mmt.leader.surface_log import SurfaceLog
 from mmt.scene.files import scene_from_tables
 from mmt.texture.completion.criterion import Progress
 from mmt.texture.completion.distance import CompletionMonitor, cell_distances, distance_sum
@@ -63,16 +62,16 @@ def test_what_json_cannot_say_is_null() -> None:
 
 
 def test_the_surface_is_told_where_there_are_several() -> None:
-    alone: Any = SimpleNamespace(log=SimpleNamespace(surfaces=None))
+    alone: Any = SimpleNamespace(surfaces=None)
     assert surfaces(alone) == {}
-    several: Any = SimpleNamespace(log=SimpleNamespace(surfaces=SurfaceLog()))
+    several: Any = SimpleNamespace(surfaces=(1, 1))
     assert surfaces(several) == {"surfaces": {"now": 1, "known": 1}}
 
 
 def test_nothing_is_kept_while_nobody_looks_on() -> None:
     tap = MonitorTap()
-    tap.take(made_frames(0, 1))
-    tap.play(np.ones(1))
+    tap.add_frames(made_frames(0, 1))
+    tap.add_output(np.ones(1))
     assert tap.frames() == []
     assert len(tap.played()) == 0
 
@@ -80,22 +79,22 @@ def test_nothing_is_kept_while_nobody_looks_on() -> None:
 def test_what_nobody_fetches_is_bounded() -> None:
     tap, _ = live_messages()
     for k in range(5000):
-        tap.take(made_frames(k, 1))
-        tap.play(np.full(1, k))
+        tap.add_frames(made_frames(k, 1))
+        tap.add_output(np.full(1, k))
     assert len(tap.frames()) <= 500
     assert tap.played()[-1] == 4999
 
 
 def test_samples_are_numbered_so_that_a_gap_is_seen() -> None:
     tap, live = live_messages()
-    tap.take(made_frames(0, 30))
-    tap.play(np.arange(10.0))
-    tap.play(np.arange(10.0, 14.0))
+    tap.add_frames(made_frames(0, 30))
+    tap.add_output(np.arange(10.0))
+    tap.add_output(np.arange(10.0, 14.0))
     message = unpack(live.make({"time_s": 1.0}))
     assert (message["measured_count"], message["played_count"]) == (30, 14)
     np.testing.assert_array_equal(message["arrays"]["played"], np.arange(14.0))
     assert message["arrays"]["measured"].shape == (30,)
-    tap.take(made_frames(30, 5000))  # as a replay that runs faster than time
+    tap.add_frames(made_frames(30, 5000))  # as a replay that runs faster than time
     message = unpack(live.make({"time_s": 2.0}))
     assert message["measured_count"] == 5030
     assert message["arrays"]["measured"].shape == (MOST_SAMPLES,)
@@ -105,13 +104,13 @@ def test_measured_vibration_has_no_offset() -> None:
     tap, live = live_messages()
     frames = made_frames(0, 500)
     frames["acceleration_m_s2"] = 9.81
-    tap.take(frames)
+    tap.add_frames(frames)
     assert np.abs(unpack(live.make({}))["arrays"]["measured"][-100:]).max() < 0.05
 
 
 def test_the_point_is_that_of_the_hand_at_the_leader() -> None:
     tap, live = live_messages()
-    tap.hold(InterfaceState((0.0, 0.0, 0.0), (30.0, 40.0, 99.0), 1.5, contact=True))
+    tap.state = InterfaceState((0.0, 0.0, 0.0), (30.0, 40.0, 99.0), 1.5, contact=True)
     message = unpack(live.make({}))
     assert (message["point"], message["contact"]) == ([50.0, 1.5], True)
     assert message["velocity_mm_s"] == [30.0, 40.0]
@@ -122,7 +121,7 @@ def test_without_a_hand_the_point_follows_the_stream() -> None:
     frames = made_frames(0, 41)
     frames["position_mm"] = np.outer(np.arange(41), [0.03, 0.04, 7.0])  # 50 mm/s across
     frames["force_n"] = [9.0, 9.0, 2.0]
-    tap.take(frames)
+    tap.add_frames(frames)
     message = unpack(live.make({}))
     assert message["point"] == pytest.approx([50.0, 2.0], abs=1e-2)
     assert message["force_n"] == [9.0, 9.0, 2.0]
@@ -130,7 +129,7 @@ def test_without_a_hand_the_point_follows_the_stream() -> None:
 
 def test_a_scene_without_these_channels_has_no_point() -> None:
     tap, live = live_messages()
-    tap.take(made_frames(0, 4, ("acceleration",)))
+    tap.add_frames(made_frames(0, 4, ("acceleration",)))
     message = unpack(live.make({}))
     assert message["point"] is None
     assert message["arrays"]["measured"].shape == (4,)
@@ -145,14 +144,15 @@ def test_automatic_thresholds_are_told_as_numbers() -> None:
     assert (scale["title"], scale["rises"]) == ("completion sum", False)
     scale = SCENE.texture.settings(1000.0).scale
     update = SimpleNamespace(progress=Progress(scale, 9.25, ()))
-    service = SimpleNamespace(
-        remote=None,
+    leader = SimpleNamespace(
+        connected=True,
         scene=SCENE,
-        log=SimpleNamespace(update=update, start_s=None),
-        models=SimpleNamespace(forced=None),
-        parts=SimpleNamespace(switch=SimpleNamespace(mode="streamed"), synthesizer=object()),
+        update=update,
+        forced=None,
+        mode="streamed",
+        renders=True,
     )
-    why = explain(service)  # type: ignore[arg-type]  # the part of a leader that it reads
+    why = explain(leader)  # type: ignore[arg-type]  # the part of a leader that it reads
     assert why.endswith("completion sum 9.25, it takes over at 7.5")
 
 
@@ -167,20 +167,22 @@ def test_automatic_thresholds_are_told_as_numbers() -> None:
 def test_what_is_rendered_is_called_what_it_is(
     start_s: float | None, warm: str | None, words: str
 ) -> None:
-    choice = None if warm is None else SimpleNamespace(name=warm)
-    service = SimpleNamespace(
-        remote=None,
+    leader = SimpleNamespace(
+        connected=True,
         scene=SCENE,
-        log=SimpleNamespace(update=None, start_s=start_s, warm=choice),
-        models=SimpleNamespace(forced=None),
-        parts=SimpleNamespace(switch=SimpleNamespace(mode="synthesized"), synthesizer=object()),
+        update=None,
+        criteria_s=(start_s, None),
+        known_texture=warm,
+        forced=None,
+        mode="synthesized",
+        renders=True,
     )
-    assert explain(service) == words  # type: ignore[arg-type]  # the part of a leader it reads
+    assert explain(leader) == words  # type: ignore[arg-type]  # the part of a leader it reads
 
 
 def test_a_criterion_says_its_value_its_cells_and_where_a_stroke_is_wanted() -> None:
     monitor = CompletionMonitor()
-    monitor.take(np.array([[0.2, 0.2], [0.3, 0.2]]), 1.0)
+    monitor.update_points(np.array([[0.2, 0.2], [0.3, 0.2]]), 1.0)
     growing = completion_header(monitor.progress, None, None)
     assert growing["value"] == sum(cell_distances(np.array([[0.2, 0.2], [0.3, 0.2]])))
     assert len(growing["cells"]) == 9

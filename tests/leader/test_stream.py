@@ -24,7 +24,7 @@ def played(stream: StreamedVibration, buffer: PlayoutBuffer, frames: RecordArray
     output = []
     for frame in frames:
         now_ns = int(frame["time_ns"])
-        stream.take(np.atleast_1d(frame), now_ns)
+        stream.on_frames(np.atleast_1d(frame), now_ns)
         output.append(buffer.pull(now_ns))
     return np.array(output)
 
@@ -66,7 +66,7 @@ def test_speed_is_tangential_and_force_is_normal(size: int) -> None:
     motion = StreamedMotion("z", 1000.0)
     frames = moving(120.0, 1.5, 400)
     for first in range(0, 400, size):
-        motion.take(frames[first : first + size])
+        motion.on_frames(frames[first : first + size], 0)
     assert motion.speed_mm_s == pytest.approx(120.0, rel=1e-3)
     assert motion.force_n == pytest.approx(1.5, rel=1e-3)
 
@@ -79,13 +79,13 @@ def test_the_velocity_is_that_along_the_axes_of_the_surface(
     for axis, slope in enumerate((1.0, 0.0, 2.0)):
         frames["position_mm"][:, axis] = 40.0 * slope * np.arange(400) / 1000.0
     motion = StreamedMotion(normal, 1000.0)  # type: ignore[arg-type]
-    motion.take(frames)
+    motion.on_frames(frames, 0)
     assert motion.velocity_mm_s == pytest.approx([40.0 * slope for slope in expected], abs=1e-3)
 
 
 def test_pulling_is_no_normal_force_and_rest_is_zero() -> None:
     motion = StreamedMotion("z", 1000.0)
-    motion.take(moving(50.0, -2.0, 300))
+    motion.on_frames(moving(50.0, -2.0, 300), 0)
     assert motion.force_n == 0.0
     assert motion.speed_mm_s > 49.0
     motion.rest()
@@ -95,10 +95,10 @@ def test_pulling_is_no_normal_force_and_rest_is_zero() -> None:
 def test_a_gap_makes_no_jump_of_speed() -> None:
     motion = StreamedMotion("z", 1000.0)
     frames = moving(100.0, 1.0, 2000)
-    motion.take(frames[:500])
+    motion.on_frames(frames[:500], 0)
     speeds = []
     for frame in frames[1500:]:
-        motion.take(np.atleast_1d(frame))
+        motion.on_frames(np.atleast_1d(frame), 0)
         speeds.append(motion.speed_mm_s)
     assert max(speeds) < 110.0
     assert speeds[-1] == pytest.approx(100.0, rel=1e-3)

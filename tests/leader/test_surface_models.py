@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from mmt.leader.completing import ModelOutput
-from mmt.leader.parts import LeaderParts
-from mmt.leader.rendering import VibrationSwitch
-from mmt.leader.summary import RunLog
+from mmt.leader.part import Part, Session
+from mmt.leader.recording import RecordingPart
 from mmt.leader.surface_files import write_surface_models
+from mmt.leader.synthesizing import SynthesizingPart
+from mmt.leader.vibration import VibrationSwitch
+from mmt.scene import Scene
 from mmt.texture.completion.distance import CompletionMonitor
 from mmt.texture.online.modeller import ModelUpdate
 from mmt.texture.surfaces import SurfaceChange
@@ -75,7 +77,7 @@ class Warming:
         self.done.append(f"reset {from_sample}")
         self.finished = False
 
-    def finish(self) -> None:
+    def hand_over(self) -> None:
         self.done.append("finish")
         self.finished = True
 
@@ -91,20 +93,28 @@ class Leader:
         sounding: Any = self.sounding
         self.known: dict[int, Any] = {}
         modelling: Any = SimpleNamespace(models=lambda: self.known, reset=self.known.clear)
-        parts: dict[str, Any] = {"recorder": self.recorder, "warming": self.warming, "playout": ()}
-        self.parts = LeaderParts(
-            modelling=modelling,
-            synthesizer=sounding,
-            crossfade=sounding,
-            switch=VibrationSwitch(
-                lambda _: -1.0, sounding, crossfade_samples=FADE, limit_m_s2=60.0
-            ),
-            **parts,
+        self.session = Session(Scene())
+        self.session.journal.event = self._say  # type: ignore[method-assign, assignment]
+        self.log = self.session.log
+        recording = RecordingPart(self.session)
+        self.recording: Any = recording
+        self.recording.recorder = self.recorder
+        self.switch = VibrationSwitch(
+            lambda _: -1.0, sounding, crossfade_samples=FADE, limit_m_s2=60.0
         )
-        self.log = RunLog()
+        stand_ins: dict[str, Any] = {
+            "recording": recording,
+            "playout": Part(),
+            "modelling": modelling,
+            "warming": self.warming,
+            "synthesizing": SynthesizingPart(sounding, sounding),
+            "vibration": SimpleNamespace(switch=self.switch),
+        }
+        for name, part in stand_ins.items():
+            self.session.parts.add(name, part)
         self.said: list[str] = []
         self.details: list[dict[str, Any]] = []
-        self.use = ModelOutput(self.parts, self.log, self._say)
+        self.use = ModelOutput(self.session)
 
     def _say(self, sentence: str, **details: Any) -> None:
         self.said.append(sentence)
@@ -112,8 +122,7 @@ class Leader:
 
     def heard(self) -> float:
         """Play until every fade is over; return what is heard then."""
-        assert self.parts.switch is not None
-        return float(self.parts.switch.render(0, np.ones(4 * FADE), np.ones(4 * FADE))[-1])
+        return float(self.switch.render(0, np.ones(4 * FADE), np.ones(4 * FADE))[-1])
 
     def update(
         self,
@@ -310,7 +319,7 @@ def test_every_models_last_state_is_recorded_once(leader: Leader) -> None:
     assert recorder.models[2:] == [("21.0", 13.3)]
     assert [(e["surface"], e["time_s"]) for e in recorder.events] == [(1, 4.0), (1, 9.0), (2, 13.3)]
     later: Any = Recorder()  # a recording that begins later has them all
-    leader.parts.recorder = later
+    leader.recording.recorder = later
     leader.use.record_last()
     assert sorted(data for data, _ in later.models) == ["12.0", "21.0"]
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from mmt.leader.rendering import VibrationSwitch
+from mmt.leader.vibration import VibrationSwitch
 
 ONES = np.ones
 

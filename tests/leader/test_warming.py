@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mmt.core.errors import InputError
-from mmt.leader.warming import WarmingTask, load_library
+from mmt.leader.warming import WarmingPart, load_library
 from mmt.models import shipped_models
 from mmt.scene import Scene
 from mmt.testing.simulation.offline import simulate_session
@@ -27,24 +27,24 @@ async def until(handed: Handed, count: int) -> None:
 async def test_models_follow_frames_and_samples_until_the_end() -> None:
     frames, _ = simulate_session(Scene(), "fabric", 4.0, 3)
     library = load_library([Path("felt")])
-    task = WarmingTask(library, ModellingSettings())
+    task = WarmingPart(library, ModellingSettings())
     handed: Handed = []
     task.on_model = lambda model, choice: handed.append((model, choice))
     running = asyncio.create_task(task.run())
     task.learn(library["felt"].samples)  # before a choice nothing comes of it
     for n in range(1000):
-        task.take(frames[n : n + 1])
-    task.take(frames[1000:2000])
+        task.on_frames(frames[n : n + 1], 0)
+    task.on_frames(frames[1000:2000], 0)
     await until(handed, 1)
     assert handed[0][1].name == "felt"
     before = len(handed)
     task.learn(library["felt"].samples)
     await until(handed, before + 1)
     task.reset()
-    task.take(frames[:2000])
+    task.on_frames(frames[:2000], 0)
     await until(handed, before + 2)
-    task.finish()
-    task.take(frames[2000:])
+    task.hand_over()
+    task.on_frames(frames[2000:], 0)
     running.cancel()
     assert task.finished
 
@@ -52,13 +52,13 @@ async def test_models_follow_frames_and_samples_until_the_end() -> None:
 async def test_on_another_surface_what_came_since_is_looked_at_again() -> None:
     frames, _ = simulate_session(Scene(), "fabric", 4.0, 3)
     library = load_library([Path("felt")])
-    task = WarmingTask(library, ModellingSettings(surfaces=SurfaceSettings()))
+    task = WarmingPart(library, ModellingSettings(surfaces=SurfaceSettings()))
     handed: Handed = []
     task.on_model = lambda model, choice: handed.append((model, choice))
     running = asyncio.create_task(task.run())
-    task.finish()  # the model of the former surface was rendered
+    task.hand_over()  # the model of the former surface was rendered
     for n in range(0, 3000, 5):
-        task.take(frames[n : n + 5])
+        task.on_frames(frames[n : n + 5], 0)
     task.reset(1500)
     await until(handed, 1)
     assert handed[0][1].name == "felt"

@@ -13,7 +13,7 @@ from mmt.core.frames import frame_dtype
 from mmt.devices.protocols import Vector
 from mmt.follower import service as follower_service
 from mmt.follower.service import Follower, FollowerSummary
-from mmt.leader.service import LeaderService
+from mmt.leader.service import Leader
 from mmt.leader.summary import LeaderSummary
 from mmt.link.server import LeaderServer
 from mmt.scene import Scene
@@ -72,14 +72,14 @@ class MadeSource:
 class Together:
     """A leader and the followers that are started for it; collects what both say."""
 
-    leader: LeaderService
+    leader: Leader
     said: list[str] = field(default_factory=list)
     _leading: "asyncio.Task[LeaderSummary] | None" = None
 
     @classmethod
     def of(cls, scene: Scene) -> "Together":
         said: list[str] = []
-        return cls(LeaderService(scene, on_event=said.append), said)
+        return cls(Leader(scene, on_event=said.append), said)
 
     @property
     def server(self) -> LeaderServer:

@@ -49,7 +49,7 @@ def commands_of(together: Together) -> list[tuple[int, tuple[float, float, float
     send = remote.command
 
     def note(now_ns: int, position_mm: tuple[float, float, float]) -> None:
-        sent.append((together.leader._work.ticks, position_mm))
+        sent.append((together.leader.ticks, position_mm))
         send(now_ns, position_mm)
 
     remote.command = note  # type: ignore[method-assign] - the test listens
@@ -65,7 +65,7 @@ async def test_a_handle_is_lost_and_comes_back_elsewhere(
     await together.listen()
     following = asyncio.create_task(together.follow())
     await together.until(lambda: together.leader.time_s > 0.2)
-    handle = together.leader.parts.handle
+    handle = together.leader.parts.find("hand").handle
     assert handle is not None
     emulated.fail(fault)
     await together.until(lambda: handle.lost)
@@ -110,7 +110,7 @@ async def test_a_scene_may_stop_without_its_handle(tmp_path: Path, emulated: Emu
 
 async def lose_actuator(together: Together, unplug: Any, plug: Any) -> None:
     """Run a session whose actuator is unplugged and plugged in again."""
-    actuator = together.leader.parts.mended
+    actuator = together.leader.parts.find("vibration").reconnecting
     assert actuator is not None
     await together.listen()
     following = asyncio.create_task(together.follow())
@@ -147,7 +147,7 @@ async def test_a_sound_card_is_lost_and_comes_back(tmp_path: Path) -> None:
             },
         )
     )
-    mended = together.leader.parts.mended
+    mended = together.leader.parts.find("vibration").reconnecting
     assert mended is not None
     device = mended.device
     assert isinstance(device, EmulatedHaptuator)

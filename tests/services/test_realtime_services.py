@@ -13,7 +13,7 @@ from mmt.cli.common import run_app
 from mmt.cli.demo import DemoRun
 from mmt.core.errors import MmtError
 from mmt.core.realtime import require_real_time
-from mmt_lab.cli import realtime_gain
+from mmt_lab.experiments import services
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Linux's scheduler is asked")
 
@@ -83,8 +83,8 @@ def test_the_gain_is_a_median_over_turns(monkeypatch: pytest.MonkeyPatch) -> Non
         assert duration_s == 5.0
         return DemoRun(leader=summary, follower=summary)
 
-    monkeypatch.setattr(realtime_gain, "_run", run)
-    result = realtime_gain.compare(15.0)
+    monkeypatch.setattr(services, "_run", run)
+    result = services.compare(15.0)
     assert turns == [False, True] * 3
     assert result.figures["leader_period_p99_ms_ordinary"] == 30.0
     assert result.figures["leader_period_p99_ms_realtime"] == 4.0

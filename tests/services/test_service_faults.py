@@ -133,7 +133,7 @@ class BrokenHand:
 
 async def test_a_device_of_the_leader_that_fails_ends_both(tmp_path: Path) -> None:
     together = Together.of(small_scene(tmp_path))
-    together.leader.parts.hand = BrokenHand(MmtError("the handle does not answer"))
+    together.leader.parts.find("hand").device = BrokenHand(MmtError("the handle does not answer"))
     await together.listen()
     source = MadeSource([made_frames(k, 1) for k in range(3000)])
     follower, leader = await together.follow(source), await together.end()
@@ -146,7 +146,7 @@ async def test_a_device_of_the_leader_that_fails_ends_both(tmp_path: Path) -> No
 
 async def test_a_mistake_in_the_leader_comes_out_with_the_recording_whole(tmp_path: Path) -> None:
     together = Together.of(small_scene(tmp_path))
-    together.leader.parts.hand = BrokenHand(ZeroDivisionError("oops"))
+    together.leader.parts.find("hand").device = BrokenHand(ZeroDivisionError("oops"))
     await together.listen()
     source = MadeSource([made_frames(k, 1) for k in range(3000)])
     assert (await together.follow(source)).problem == "leader failed: oops"
@@ -163,8 +163,7 @@ async def test_a_mistake_on_a_frame_ends_the_session_and_comes_out(
     def broken(*_: object) -> None:
         raise ZeroDivisionError("oops")
 
-    assert together.leader.parts.streamed_vibration is not None
-    monkeypatch.setattr(together.leader.parts.streamed_vibration, "take", broken)
+    monkeypatch.setattr(together.leader.parts.find("playout"), "on_frames", broken)
     await together.listen()
     follower = await together.follow(MadeSource([made_frames(k, 1) for k in range(3000)]))
     assert follower.problem == "leader failed: oops"
@@ -272,7 +271,7 @@ class FeelingHand(BrokenHand):
 async def test_force_and_vibration_fade_when_the_follower_is_lost(tmp_path: Path) -> None:
     together = Together.of(small_scene(tmp_path, force_feedback={}))
     hand = FeelingHand()
-    together.leader.parts.feedback = StreamedForce(hand, limit_n=3.0)
+    together.leader.parts.find("force_feedback").feedback = StreamedForce(hand, limit_n=3.0)
     await together.listen()
     follower = FollowerClient(
         f"http://127.0.0.1:{together.leader.port}",

@@ -13,7 +13,7 @@ from service_runs import Together, small_scene
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.devices.protocols import Vector
-from mmt.leader.service import LeaderService
+from mmt.leader.service import Leader
 from mmt.leader.summary import LeaderSummary
 from mmt.scene import Scene
 from mmt.session import read_session
@@ -23,7 +23,7 @@ from mmt.testing.simulation.textures import get_surface
 from mmt.texture.model.texture_model import TextureModel
 
 FRAMES_A_TICK = 5
-Gate = tuple[int, Callable[[LeaderService], object]]
+Gate = tuple[int, Callable[[Leader], object]]
 TEXTURE = {"order": 10, "start_distance": 25.0, "stop_distance": 1.0, "surfaces": {}}
 
 
@@ -32,7 +32,7 @@ class GatedSource:
 
     annotations = b""
 
-    def __init__(self, frames: RecordArray, gates: list[Gate], leader: LeaderService) -> None:
+    def __init__(self, frames: RecordArray, gates: list[Gate], leader: Leader) -> None:
         self._frames = frames
         self._gates = [*gates, (len(frames), lambda _: True)]
         self._leader = leader
@@ -73,10 +73,10 @@ def over_two_surfaces() -> RecordArray:
     return simulate_session(Scene(), course, 15.0, 4)[0]
 
 
-def on(surface: int, mode: str) -> Callable[[LeaderService], bool]:
+def on(surface: int, mode: str) -> Callable[[Leader], bool]:
     """Say whether the leader is on a surface and plays it so."""
 
-    def reached(leader: LeaderService) -> bool:
+    def reached(leader: Leader) -> bool:
         surfaces = leader.log.surfaces
         return surfaces is not None and surfaces.current == surface and leader.status().mode == mode
 

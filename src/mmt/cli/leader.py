@@ -109,9 +109,9 @@ async def _serve(scene: Scene, json_lines: bool, logs: Logs, realtime: bool) -> 
     if needs_numerics and not kernels_are_compiled():
         sentence = "compiling the numerics, at the first start only (15 to 60 s)"
         write_line("event", event=sentence) if json_lines else messages.print(sentence)
-    from mmt.leader.service import LeaderService
+    from mmt.leader.service import Leader
 
-    service = LeaderService(
+    service = Leader(
         scene,
         on_status=_write_status if json_lines else _print_status,
         on_event=_write_event if json_lines else _print_event,
@@ -165,7 +165,7 @@ def _print_event(sentence: str) -> None:
 
 
 def _print_summary(summary: LeaderSummary) -> None:
-    from mmt.cli.tables import summary_table
+    from mmt.cli.common import summary_table
 
     tables: dict[str, Any] = summary.as_dict()
     output.print(summary_table("leader", tables))

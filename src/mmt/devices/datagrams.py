@@ -9,25 +9,25 @@ from collections.abc import Callable
 from typing import Final
 
 _SO_TIMESTAMPNS: Final = 35
-"""Of 64-bit Linux on most processors; `socket` does not name it. The kernel begins some
+"""Number of the option on 64-bit Linux; `socket` does not name it. The kernel begins some
 milliseconds later: until then the stamp is that of the look."""
 _STAMP: Final = struct.Struct("qq")
 """Seconds and nanoseconds of the wall clock."""
 _ROOM: Final = 64
 _STAMPED_OF: Final = 8
-"""One look of so many asks for stamps: enough of them for a clock, and a look that does takes
+"""One look in this many asks for stamps: enough for a clock, and a look that asks takes
 twice as long."""
 
 
 class StampedSocket:
     """Receives packets into a buffer, without waiting; of some it tells when they came.
 
-    The kernel's stamp tells what looking often would not: when a packet came while nobody looked.
+    The kernel's stamp tells when a packet came, also while the program did something else.
 
     Parameters
     ----------
     udp
-        That does not block, and is closed by whoever made it.
+        A socket that does not block; the caller closes it.
     """
 
     def __init__(self, udp: socket.socket) -> None:

@@ -38,7 +38,7 @@ _RATE_HZ: Final = 1000
 
 @dataclass
 class DeviceCheck:
-    """What was seen of a device."""
+    """What a check has found out about a device."""
 
     role: str
     driver: str
@@ -50,7 +50,7 @@ class DeviceCheck:
     least: Values | None = None
     most: Values | None = None
     rate_hz: float | None = None
-    """Of a sensor on a clock of its own: by this machine's clock."""
+    """Readings a second of a sensor with its own clock, by this machine's clock."""
     spacing_p50_ms: float | None = None
     spacing_p99_ms: float | None = None
     """Between its stamps."""
@@ -67,7 +67,7 @@ class DeviceCheck:
 
     @property
     def unit(self) -> str:
-        """Of the values."""
+        """Unit of the values."""
         return UNITS[self.role]
 
 

@@ -18,12 +18,12 @@ from mmt.core.arrays import RecordArray
 from mmt.devices.lanes import Lane, Waiting
 
 HOLD_BACK_NS: Final = 1_250_000
-"""A frame is of the instant so long before its tick, so that the readings on both sides of it
+"""Time from the instant of a frame to its tick, so that the readings on both sides of it
 have arrived: enough for a sensor of 1 kHz, or one whose readings come in a bundle each
 millisecond. Less where the sensors' readings were seen to come sooner."""
 
 MARGIN_NS: Final = 250_000
-"""Of a slower sensor, beyond the spacing of its readings."""
+"""Margin of a slower sensor, beyond the spacing of its readings."""
 
 AGE_MARGIN_NS: Final = 100_000
 """Beyond the age: a tick reads some tens of microseconds after it began, and a reading that is
@@ -31,7 +31,7 @@ later still is looked for again."""
 
 _BLOCK_NS: Final = 20_000_000
 _SHARE: Final = 0.98
-"""Of a block's looks; the oldest is taken of these, then the median over the blocks: what is older
+"""Quantile of the ages in a block, of which the median over the blocks is taken: what is older
 comes from a host that was held up."""
 _FEW: Final = 20
 """A block with fewer looks than this does not tell."""
@@ -80,7 +80,7 @@ class FrameAssembler:
         """Frames that a lane had no value for."""
 
     def tick(self, elapsed: int, now_ns: int) -> None:
-        """Note that so many ticks have passed.
+        """Note that `elapsed` ticks have passed.
 
         The quickest tick sets the grid of the instants: a late one shifts none of them.
         """

@@ -13,7 +13,7 @@ from mmt.devices.protocols import SensorReading, Vector
 from mmt.devices.sensor_clock import SensorClock
 
 SPACING_NS: Final = 1_000_000
-"""Of a sensor that has not shown it yet."""
+"""Spacing of readings that is assumed until a sensor has shown its own."""
 
 LONGEST_GAP_NS: Final = 1_500_000
 """Between two readings with a value in between; one and a half of a slow sensor's periods."""

@@ -1,4 +1,4 @@
-"""Tell the person that a sensor is driven beyond its range; how often is counted elsewhere."""
+"""Warn that a sensor is driven beyond its range; how often is counted by the sensor."""
 
 import logging
 import time
@@ -7,17 +7,17 @@ from typing import Final
 LOG: Final = logging.getLogger("mmt.devices")
 
 _QUIET_S: Final = 10.0
-"""An overload that goes on, or comes back soon, is told so often."""
+"""Time between two warnings of one overload that goes on or comes back."""
 
 
 class OverloadNotice:
-    """Warn at the first overload, and no more than every ten seconds from then on."""
+    """Warn at the first overload, and then at most every ten seconds."""
 
     def __init__(self) -> None:
         self._quiet_until_s = 0.0
 
     def tell(self, sentence: str) -> None:
-        """Say that it is overloaded, where that was not said lately."""
+        """Warn with this sentence, unless a warning was given lately."""
         now_s = time.monotonic()
         if now_s >= self._quiet_until_s:
             self._quiet_until_s = now_s + _QUIET_S

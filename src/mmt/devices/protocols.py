@@ -97,8 +97,8 @@ class SampledSensor(Device, Protocol):
 class ArrivalStamping(Protocol):
     """A sensor that knows when its readings came; no driver must.
 
-    What comes to a thread or a socket bears its time; what waits in a serial port until it is
-    looked at does not. Who knows it need not be looked at between the ticks.
+    Data that comes to a thread or a socket has its time; data that waits in a serial port until it
+    is read does not. A sensor that knows it need not be polled between the ticks.
     """
 
     @property

@@ -20,7 +20,7 @@ from mmt.devices.protocols import (
 _RETRY_S: Final = 0.5
 _LONGEST_RETRY_S: Final = 3.0
 _BACK_OFF: Final = 1.5
-"""Each pause before the next try is so much longer: a device that is away for an hour is not asked
+"""Factor from one pause between tries to the next: a device that is away for long is not asked
 twice a second, and one that was plugged in again is there within three seconds."""
 _MOST_REASONS: Final = 5
 """Told of one loss."""
@@ -157,7 +157,7 @@ class ReconnectingDevice(Generic[AnyDevice]):
 
     @property
     def name(self) -> str:
-        """Of the driver's class."""
+        """Name of the driver's class."""
         return type(self.device).__name__
 
     @property

@@ -8,7 +8,7 @@ INFOCOM 1999, its slope, the drift, is that of the edge of their lower convex hu
 middle of the history; its height is set by the newest second alone. The drift is changed by no
 more than what the history contradicts, so that a short one does not make it wander.
 
-There is no clock in here: whoever reads the sensor hands in the times.
+This module reads no clock: the caller passes the times.
 """
 
 from collections import deque
@@ -20,7 +20,7 @@ BLOCK_NS: Final = 250_000_000
 """The quickest arrival is kept of each block of this length."""
 
 _BLOCKS: Final = 160
-"""Of history, for the drift."""
+"""Blocks of history from which the drift is estimated."""
 _RECENT_BLOCKS: Final = 4
 """Newest whole blocks that set the height of the line."""
 _LEAST_BLOCKS: Final = 4
@@ -29,9 +29,9 @@ _DOUBT_NS: Final = 60_000
 _QUARTZ: Final = 200e-6
 """Two crystals hardly drift more against each other; ceramic resonators do."""
 _LOAD_NS: Final = 5_000_000
-"""Even the quickest readings may come so much later while a machine is busy."""
+"""Most by which even the quickest readings may be late while a machine is busy."""
 _JUMP_NS: Final = 5_000_000
-"""An arrival so much before the line, or blocks so much behind it: the clock has jumped."""
+"""With an arrival this far before the line, or blocks this far behind it, the clock has jumped."""
 _WITNESSES: Final = 4
 """Blocks in a row behind the line; one alone may come from a machine that was busy."""
 

@@ -21,17 +21,17 @@ from mmt.devices.reconnection import Reasons, Reconnection
 from mmt.devices.vibration_lane import VibrationLane
 
 SILENT_NS: Final = 15_000_000
-"""A sampled sensor that gives nothing for so long is lost."""
+"""Time without a reading after which a sampled sensor is lost."""
 
 _EMPTY_READS: Final = 8
-"""So many reads in a row must have been empty too: a host that was held up is no lost sensor."""
+"""Empty reads in a row that a loss takes too: a host that was held up is no lost sensor."""
 _PATIENCE_NS: Final = 250_000_000
-"""A silent sensor is listened to for so long before it is connected again."""
+"""Time that a silent sensor is read on before it is connected again."""
 _SETTLE_NS: Final = 100_000_000
-"""A sensor that was connected again is heard for so long before frames are formed of it, so that
+"""Time that a sensor is read after a reconnection before frames are formed of it, so that
 its clock is known."""
 _ROBOT_GAP_NS: Final = 10_000_000
-"""An arm moves on nearly a straight line for so long: at 5 m/s2 it leaves it by 0.06 mm."""
+"""Time for which an arm moves nearly on a line: at 5 m/s2 it leaves the line by 0.06 mm."""
 
 
 class Slot(ABC):

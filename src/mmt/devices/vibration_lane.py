@@ -19,7 +19,7 @@ BAND_HZ: Final = 500.0
 """Half the session's rate: what lies above folds, whatever the weights."""
 
 _SHARE: Final = 0.42
-"""Of the sensor's rate: the band of a slow one. Near half its rate nothing can be had from
+"""Share of the sensor's rate: the band of a slow one. Near half its rate nothing can be had from
 readings of the past without amplifying what is between."""
 _NOISE: Final = 1e-3
 """Power beside the band, over that within it."""
@@ -70,7 +70,7 @@ def weights(band: float) -> Weights:
 
 
 _UNEVEN: Final = 0.5
-"""Of a period, by which nine readings may be off an even spacing; a lost one makes a whole."""
+"""Share of a period by which nine readings may be off an even spacing; a lost one makes 1."""
 _OTHER_RATE: Final = 0.05
 """A sensor's period that has changed by so much gets weights of its own."""
 

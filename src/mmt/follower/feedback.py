@@ -27,7 +27,7 @@ class FollowerFeedback(Protocol):
     event: str
     """The further event that goes to the leader, and may come from it."""
     dtype: "np.dtype[np.void]"
-    """Of its records."""
+    """Type of its records."""
 
     def command(self, position_mm: Vector | None) -> Vector | None:
         """Return the position that the robot is to take in place of the wanted one."""

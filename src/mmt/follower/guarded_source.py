@@ -68,7 +68,7 @@ class GuardedSource:
             self.guard.receive(commands, arrival_ns)
 
     def step(self, elapsed: int) -> tuple[RecordArray, RecordArray | None]:
-        """Do the work of so many ticks, all but the last of which were missed.
+        """Do the work of `elapsed` ticks, all but the last of which were missed.
 
         Returns
         -------

@@ -8,7 +8,7 @@ from mmt.core.arrays import RecordArray
 from mmt.core.ranges import Range
 from mmt.leader.missing import MissingFrames, Note
 from mmt.leader.numbering import SessionNumbering
-from mmt.leader.parts import LeaderParts
+from mmt.leader.part import Parts
 
 if TYPE_CHECKING:
     from mmt.link.protocol import FollowerHello
@@ -27,7 +27,7 @@ class Backfill:
     numbering
         Of the session; the follower has numbers of its own.
     parts
-        The recorder and the modelling, where the scene has them.
+        Are given the frames that were missing.
     request
         Asks the follower for ranges of its own numbers.
     note
@@ -38,7 +38,7 @@ class Backfill:
         self,
         keep_frames: int,
         numbering: SessionNumbering,
-        parts: LeaderParts,
+        parts: Parts,
         request: Callable[[list[Range]], None],
         note: Note,
     ) -> None:
@@ -46,8 +46,9 @@ class Backfill:
         self._parts = parts
         self._request = request
         self.missing = MissingFrames(keep_frames, self._ask, note)
-        if parts.modelling is not None:
-            parts.modelling.wait_for_missing(lambda: self.missing.first)
+        modelling = parts.find("modelling")
+        if modelling is not None:
+            modelling.wait_for_missing(lambda: self.missing.first)
         self.settled = False
         """Whether the follower is about to end, so that no frame is live any more."""
 
@@ -73,13 +74,10 @@ class Backfill:
         frames = self.missing.take(self._numbering.renumber(frames))
         if not len(frames):
             return
-        if self._parts.recorder is not None:
-            self._parts.recorder.record_backfill(
-                frames,
-                self._numbering.expected_arrival_ns(int(frames["time_ns"][0]), time.monotonic_ns()),
-            )
-        if self._parts.modelling is not None:
-            self._parts.modelling.insert(frames)
+        arrival_ns = self._numbering.expected_arrival_ns(
+            int(frames["time_ns"][0]), time.monotonic_ns()
+        )
+        self._parts.call("on_backfill", frames, arrival_ns)
 
     def gone(self, ranges: list[Range]) -> None:
         """Give up ranges of the follower's numbers."""
@@ -117,5 +115,4 @@ class Backfill:
         return [(max(first, 0), stop) for first, stop in own if stop > 0]
 
     def _look_again(self) -> None:
-        if self._parts.modelling is not None:
-            self._parts.modelling.look_again()
+        self._parts.call("on_settled")

@@ -6,11 +6,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 from mmt.core.errors import InputError
-from mmt.leader.parts import LeaderParts
+from mmt.leader.part import Part, Session
 from mmt.leader.stage import Activity, Item, ItemQueue, StageTask
-from mmt.leader.summary import RunLog
 
 if TYPE_CHECKING:
+    from mmt.leader.modelling import Modelling
+    from mmt.leader.synthesizing import SynthesizingPart
+    from mmt.leader.vibration import VibrationPart
+    from mmt.leader.warming import WarmingPart
     from mmt.session.recorder import McapRecorder
     from mmt.texture.library.identification import Choice
     from mmt.texture.model.texture_model import TextureModel
@@ -34,33 +37,48 @@ class CompletingTask(StageTask):
         super().__init__((_judge,), worker, queue, activity, deliver)
 
 
-class ModelOutput:
+class ModelOutput(Part):
     """Render from each new model, record and announce it; switch the output by the criteria.
 
     Parameters
     ----------
-    parts
-        The leader's parts.
-    log
-        Where the updates are noted.
-    event
-        Called with a sentence and details for what a person wants to know.
+    session
+        Of the run.
     """
 
-    def __init__(self, parts: LeaderParts, log: RunLog, event: Callable[..., None]) -> None:
-        self._parts = parts
-        self._log = log
-        self._event = event
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._log = session.log
+        self._event = session.journal.event
         self._since_s = 0.0
         self._rendered: int | None = None  # the surface whose model is rendered
         self._recorded: dict[int, TextureModel] = {}  # by surface, into:
         self._recorder: McapRecorder | None = None
-        synthesizer = parts.synthesizer
-        self._takes_over = synthesizer is not None and synthesizer.model is not None
+        self._synthesizing: SynthesizingPart | None = session.find("synthesizing")
+        self._vibration: VibrationPart | None = session.find("vibration")
+        self._modelling: Modelling | None = session.find("modelling")
+        self._warming: WarmingPart | None = session.find("warming")
+        self._takes_over = self.rendered is not None
         self.forced: Literal["streamed", "synthesized"] | None = None
         """Which vibration a person holds on to, None where the criterion decides."""
-        if parts.warming is not None:
-            parts.warming.on_model = self.use_known
+        if self._warming is not None:
+            self._warming.on_model = self.use_known
+
+    @classmethod
+    def build(cls, session: Session) -> "ModelOutput":
+        """Return the part; it also runs where only a saved model is rendered."""
+        return cls(session)
+
+    @property
+    def rendered(self) -> "TextureModel | None":
+        """The model that is rendered, or would be."""
+        return None if self._synthesizing is None else self._synthesizing.synthesizer.model
+
+    def close(self) -> None:
+        """Record the last models, and save that of each surface beside the recording."""
+        self.record_last()
+        for problem in self.save_surfaces():
+            self._session.journal.say(problem)
 
     def update(self, update: "ModelUpdate", seconds: float) -> None:
         """Put an update of the model to use, which took some seconds.
@@ -68,7 +86,7 @@ class ModelOutput:
         Vibration is rendered from it as soon as the start criterion is met; until then from
         the saved model that the scene names or a known texture, if it has them.
         """
-        log, parts = self._log, self._parts
+        log = self._log
         update = replace(update, time_s=self._since_s + update.time_s)
         log.update = update
         log.update_seconds.append(seconds)
@@ -79,11 +97,11 @@ class ModelOutput:
         wanted = usable or (forced and update.model is not None)
         if wanted and update.model is not None:
             self._render(update.model, update.surface)
-        if parts.warming is not None and not parts.warming.finished:
+        if self._warming is not None and not self._warming.finished:
             if usable:
-                parts.warming.finish()
+                self._warming.hand_over()
             elif update.model is not None:
-                parts.warming.learn(update.model.samples)
+                self._warming.learn(update.model.samples)
         if usable and log.start_s is None:
             log.start_s = update.time_s
             self._criterion_met("start", update)
@@ -102,7 +120,7 @@ class ModelOutput:
         """Go over to the model of another surface, where the tool has come onto one."""
         from mmt.leader.surface_log import SurfaceLog
 
-        log, parts = self._log, self._parts
+        log = self._log
         surfaces = log.surfaces = log.surfaces or SurfaceLog()
         for sentence, details in surfaces.take(update, self._since_s):
             self._event(sentence, **details)
@@ -114,27 +132,27 @@ class ModelOutput:
         log.start_s = None if entry.start_s == now_s else entry.start_s
         log.stop_s = None if entry.stop_s == now_s else entry.stop_s
         log.warm = None
-        if parts.warming is not None:
-            parts.warming.reset(update.changes[-1].from_sample)
+        if self._warming is not None:
+            self._warming.reset(update.changes[-1].from_sample)
         self._takes_over = usable
         self._choose()
 
     def _render(self, model: "TextureModel", surface: int | None) -> None:
         """Render from a model; that of another surface than before is faded in."""
-        parts = self._parts
-        if parts.synthesizer is None:
+        synthesizing, vibration = self._synthesizing, self._vibration
+        if synthesizing is None:
             return
-        heard = parts.switch is not None and parts.switch.mode in ("synthesized", "fading")
-        if parts.crossfade is not None and heard and surface != self._rendered:
-            parts.crossfade.cross_to(model)
+        heard = vibration is not None and vibration.switch.mode in ("synthesized", "fading")
+        if synthesizing.crossfade is not None and heard and surface != self._rendered:
+            synthesizing.crossfade.cross_to(model)
         else:
-            parts.synthesizer.model = model
+            synthesizing.synthesizer.model = model
         self._rendered = surface
 
     def use_known(self, model: "TextureModel", choice: "Choice") -> None:
         """Render from a known texture, blended with what is known of the one at hand."""
         log = self._log
-        if log.start_s is not None or self._parts.synthesizer is None:
+        if log.start_s is not None or self._synthesizing is None:
             return
         self._render(model, log.update.surface if log.update is not None else None)
         before = log.warm.name if log.warm is not None else None
@@ -146,12 +164,12 @@ class ModelOutput:
 
     def reset(self, time_s: float) -> None:
         """Forget the model at a session time, and return to streamed vibration."""
-        if self._parts.modelling is None:
+        if self._modelling is None:
             return
         self.record_last()
-        self._parts.modelling.reset()
-        if self._parts.warming is not None:
-            self._parts.warming.reset()
+        self._modelling.reset()
+        if self._warming is not None:
+            self._warming.reset()
         self._log.warm = self._log.surfaces = None
         self._recorded.clear()
         self._since_s = time_s
@@ -169,31 +187,31 @@ class ModelOutput:
         InputError
             The scene streams none, or there is no model to render from.
         """
-        parts, update = self._parts, self._log.update
-        if parts.switch is None:
+        update, synthesizing = self._log.update, self._synthesizing
+        if self._vibration is None:
             raise InputError("this scene plays no vibration: it has no [actuator]")
-        if mode == "streamed" and parts.playout is None:
+        if mode == "streamed" and self._session.find("playout") is None:
             raise InputError("this scene streams no vibration: it has no [playout]")
         if mode == "synthesized":
-            if parts.synthesizer is None:
+            if synthesizing is None:
                 raise InputError("this scene renders from no model: it has no [rendering]")
             warm = self._log.warm is not None and self._log.start_s is None
             if update is not None and update.model is not None and not warm:
-                parts.synthesizer.model = update.model
-            if parts.synthesizer.model is None:
+                synthesizing.synthesizer.model = update.model
+            if synthesizing.synthesizer.model is None:
                 raise InputError("there is no model yet: stroke the surface first")
         self.forced = mode
         self._choose()
 
     def _choose(self) -> None:
         """Let the switch play what is forced, or else what the criterion says."""
-        if self._parts.switch is not None:
+        if self._vibration is not None:
             model = self._takes_over if self.forced is None else self.forced == "synthesized"
-            self._parts.switch.use_model(model)
+            self._vibration.switch.use_model(model)
 
     def record_last(self) -> None:
         """Attach the newest model to the recording, and those of other surfaces it lacks."""
-        update, modelling = self._log.update, self._parts.modelling
+        update, modelling = self._log.update, self._modelling
         if update is None:
             return
         for number, model in (modelling.models() if modelling is not None else {}).items():
@@ -203,15 +221,19 @@ class ModelOutput:
 
     def save_surfaces(self) -> list[str]:
         """Write the model of each surface beside the recording; return what went wrong."""
-        modelling, recorder = self._parts.modelling, self._parts.recorder
+        modelling, recorder = self._modelling, self._running_recorder
         if self._log.surfaces is None or modelling is None or recorder is None:
             return []
         from mmt.leader.surface_files import write_surface_models
 
         return write_surface_models(recorder.path, modelling.models())
 
+    @property
+    def _running_recorder(self) -> "McapRecorder | None":
+        return getattr(self._session.find("recording"), "recorder", None)
+
     def _record(self, update: "ModelUpdate") -> None:
-        recorder, model, surface = self._parts.recorder, update.model, update.surface
+        recorder, model, surface = self._running_recorder, update.model, update.surface
         if recorder is None or model is None:
             return
         if surface is not None:

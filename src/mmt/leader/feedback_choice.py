@@ -1,12 +1,60 @@
-"""Make the force feedback that a scene chooses; the others are not even imported."""
+"""The part that displays the remote force by the scene's method; the others are not imported."""
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
+from mmt.core.arrays import RecordArray
 from mmt.leader.feedback import Feedback, ForceDisplay, StreamedForce
-from mmt.scene import ForceFeedback
+from mmt.leader.part import Part, Session, Tick
+from mmt.scene import ForceFeedback, Texture
 
 if TYPE_CHECKING:
     from mmt.contact.passivity import PassivitySettings
+
+
+class ForceFeedbackPart(Part):
+    """Display force once a tick: none where the handle is lost; it fades without a stream.
+
+    Parameters
+    ----------
+    session
+        Of the run.
+    feedback
+        The method's side at the leader.
+    """
+
+    def __init__(self, session: Session, feedback: Feedback) -> None:
+        self._session = session
+        self.feedback = feedback
+
+    @classmethod
+    def build(cls, session: Session) -> "ForceFeedbackPart | None":
+        """Return the scene's method, None where there is no hand to display to."""
+        table, hand = session.scene.force_feedback, session.find("hand")
+        if table is None or hand is None:
+            return None
+        normal = (session.scene.texture or Texture()).normal
+        return cls(
+            session, build_feedback(table, hand.device, rate_hz=session.rate_hz, normal=normal)
+        )
+
+    def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
+        """Use the newest frame's force."""
+        _ = arrival_ns
+        self.feedback.take(frames)
+
+    def tick(self, tick: Tick) -> None:
+        """Show the hand its force, and send the follower what the method has for it."""
+        if tick.hand_lost:
+            self.feedback.rest(tick.elapsed)
+            return
+        news = self.feedback.tick(tick.elapsed, tick.state)
+        if news is not None and self._session.remote is not None:
+            self._session.remote.send_extra(news)
+
+    def summary(self, duration_s: float) -> dict[str, Any]:
+        """Return what the method has counted and estimated."""
+        _ = duration_s
+        return {"feedback": dict(self.feedback.summary)}
 
 
 def build_feedback(

@@ -2,10 +2,12 @@
 
 import logging
 from collections.abc import Callable
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core import logs
-from mmt.leader.parts import LeaderParts
+
+if TYPE_CHECKING:
+    from mmt.leader.part import Parts
 
 LOG: Final = logging.getLogger("mmt.leader")
 
@@ -16,7 +18,7 @@ class Journal:
     Parameters
     ----------
     parts
-        The recorder, once there is one.
+        Are told of every event.
     say
         Called with a sentence that a person wants to know.
     time_s
@@ -24,16 +26,11 @@ class Journal:
     """
 
     def __init__(
-        self, parts: LeaderParts, say: Callable[[str], None], time_s: Callable[[], float]
+        self, parts: "Parts", say: Callable[[str], None], time_s: Callable[[], float]
     ) -> None:
         self.say = say
         self._parts = parts
         self._time_s = time_s
-        self._listeners: list[Callable[[float, str], None]] = []
-
-    def listen(self, listener: Callable[[float, str], None]) -> None:
-        """Have a function told of every event, by session time and sentence."""
-        self._listeners.append(listener)
 
     @property
     def time_s(self) -> float:
@@ -43,15 +40,12 @@ class Journal:
     def event(self, sentence: str, **details: object) -> None:
         """Tell and record what a person wants to know."""
         self.say(sentence)
-        for listener in self._listeners:
-            listener(self.time_s, sentence)
         LOG.info(sentence, extra=logs.details(time_s=self.time_s, **details))
-        self.record({"event": sentence, **details})
+        self._tell({"event": sentence, **details}, sentence)
 
     def record(self, event: dict[str, Any]) -> None:
         """Record what only a program wants to know."""
-        if self._parts.recorder is not None:
-            self._parts.recorder.record_event({"time_s": self.time_s, **event})
+        self._tell(event, None)
 
     def note(self, sentence: str, *, announce: bool, **details: object) -> None:
         """Record what happened, and tell it where it is worth saying."""
@@ -59,3 +53,6 @@ class Journal:
             self.event(sentence, **details)
         else:
             self.record({"event": sentence, **details})
+
+    def _tell(self, event: dict[str, Any], sentence: str | None) -> None:
+        self._parts.call("on_event", {"time_s": self.time_s, **event}, sentence)

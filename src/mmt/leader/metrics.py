@@ -1,83 +1,88 @@
-"""The leader's metrics and health, from what it counts anyway."""
+"""The leader's metrics for Prometheus and its health, from what it counts anyway."""
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Final, get_args
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Any
 
-from mmt.leader.backfill import Backfill
-from mmt.leader.rendering import Mode
+from mmt.leader.part import Part, Session
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
-    from mmt.leader.service import LeaderService
+    from mmt.leader.backfill import Backfill
+    from mmt.leader.log import RunLog
+    from mmt.leader.modelling import Modelling
     from mmt.link.http import Page
 
-_MODES: Final[tuple[str, ...]] = get_args(Mode)
 
+class MetricsPart(Part):
+    """Serve the metrics of every part beside the link.
 
-def pages(service: "LeaderService") -> "list[Page]":
-    """Return what the leader serves beside its link: health, and metrics if the scene says so.
-
-    Raises
-    ------
-    InputError
-        The scene wants metrics and prometheus-client is not installed.
+    Parameters
+    ----------
+    session
+        Of the run.
     """
-    from mmt.link.http import health_page, metrics_page
 
-    served = [health_page(lambda: health(service))]
-    if service.scene.metrics is not None:
+    def __init__(self, session: Session) -> None:
+        self._session = session
+
+    @classmethod
+    def build(cls, session: Session) -> "MetricsPart":
+        """Return the part.
+
+        Raises
+        ------
+        InputError
+            prometheus-client is not installed.
+        """
+        import mmt.core.exposition  # noqa: F401 - says what is missing
+
+        return cls(session)
+
+    def pages(self) -> "list[Page]":
+        """Return ``/metrics``."""
         from mmt.core.exposition import registry_of
+        from mmt.link.http import metrics_page
 
-        served.append(metrics_page(registry_of(lambda: collect(service))))
-    if service.monitor is not None:
-        served.append(service.monitor.page)
-    return served
+        return [metrics_page(registry_of(self.collect))]
+
+    def collect(self) -> Iterator["Metric"]:
+        """Yield the leader's metrics; called in a thread, about a millisecond."""
+        from mmt.core.exposition import gauge, session, tick_metrics
+
+        shared = self._session
+        yield session(shared.log.session_id, "leader")
+        yield gauge("session_time_seconds", "Session time.", shared.time_s())
+        if shared.ticker is not None:
+            yield from tick_metrics(shared.ticker.statistics, shared.ticker.periods)
+        for part in shared.parts:
+            yield from part.metrics()
+
+    def metrics(self) -> "Iterable[Metric]":
+        """Return what the link counts."""
+        from mmt.core.exposition import gauge, link_metrics
+
+        remote = self._session.remote
+        if remote is not None and remote.server is not None:
+            server = remote.server
+            yield gauge("connected", "Whether a follower is connected.", server.connected)
+            yield from link_metrics(server.statistics, server.latency)
+            yield from _backfill(remote.backfill)
 
 
-def health(service: "LeaderService") -> dict[str, Any]:
+def health(session: Session, status: Any, faults: list[str]) -> dict[str, Any]:
     """Return phase, session and faults; a fault is a sentence."""
-    status = service.status()
     return {
         "phase": status.phase,
-        "connected": service.remote is not None and service.remote.connected,
-        "session": service.log.session_id,
+        "connected": session.remote is not None and session.remote.connected,
+        "session": session.log.session_id,
         "time_s": round(status.time_s, 3),
         "mode": status.mode,
-        "faults": service.faults(),
+        "faults": faults,
     }
 
 
-def collect(service: "LeaderService") -> Iterator["Metric"]:
-    """Yield the leader's metrics; called in a thread, about a millisecond."""
-    from mmt.core.exposition import counter, gauge, link_metrics, session, state, tick_metrics
-
-    status = service.status()
-    yield session(service.log.session_id, "leader")
-    yield gauge("session_time_seconds", "Session time.", status.time_s)
-    if service.remote is not None and service.remote.server is not None:
-        server = service.remote.server
-        yield gauge("connected", "Whether a follower is connected.", server.connected)
-        yield from link_metrics(server.statistics, server.latency)
-        yield from _backfill(service.remote.backfill)
-    yield from tick_metrics(service.ticker.statistics, service.ticker.periods)
-    if service.parts.switch is not None:
-        yield state("vibration_mode", "What drives the actuator.", "mode", status.mode, _MODES)
-    yield from _model(service)
-    if status.playout_delay_ms is not None:
-        yield gauge(
-            "playout_delay_seconds", "Delay of the playout buffer.", status.playout_delay_ms / 1e3
-        )
-    for device in service.parts.may_be_lost:
-        yield gauge(f"{device.what}_lost", f"Whether the {device.what} is lost.", device.lost)
-        yield counter(f"{device.what}_losses", f"Losses of the {device.what}.", device.losses)
-    recorder = service.parts.recorder
-    if recorder is not None:
-        yield counter("recorded_frames", "Frames in the recording.", recorder.frames)
-        yield counter("recording_dropped_frames", "Frames that found no room.", recorder.dropped)
-
-
-def _backfill(backfill: Backfill) -> Iterator["Metric"]:
+def _backfill(backfill: "Backfill") -> Iterator["Metric"]:
     from mmt.core.exposition import counter, gauge
 
     frames = backfill.missing.summary
@@ -87,12 +92,10 @@ def _backfill(backfill: Backfill) -> Iterator["Metric"]:
     yield gauge("awaited_frames", "Missing frames that may still come.", frames["waiting"])
 
 
-def _model(service: "LeaderService") -> Iterator["Metric"]:
+def modelling_metrics(modelling: "Modelling", log: "RunLog") -> Iterator["Metric"]:
+    """Yield the figures of the model, and of each task that makes it."""
     from mmt.core.exposition import counter, gauge, labelled
 
-    modelling, log = service.parts.modelling, service.log
-    if modelling is None:
-        return
     seconds = list(log.update_seconds)
     yield counter("model_updates", "Updates of the model.", len(seconds))
     yield counter("model_update_seconds", "Time spent on updates.", sum(seconds))

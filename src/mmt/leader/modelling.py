@@ -7,7 +7,8 @@ not delayed. The model is the same to the bit as that of an offline pass over th
 """
 
 import asyncio
-from collections.abc import Callable, Coroutine
+import statistics
+from collections.abc import Callable, Coroutine, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 from mmt.core.arrays import RecordArray
 from mmt.leader.completing import CompletingTask
 from mmt.leader.fitting import FittingTask
+from mmt.leader.part import Part, Session, Tick
 from mmt.leader.segmenting import LONGEST_QUEUE_S, SegmentingTask
 from mmt.leader.stage import Activity, Figures, InFlight, Item, ItemQueue
 from mmt.leader.synthesizing import SynthesizingTask
@@ -23,12 +25,15 @@ from mmt.texture.online.work import ModelUpdate
 from mmt.texture.settings import ModellingSettings
 
 if TYPE_CHECKING:
+    from prometheus_client.core import Metric
+
     from mmt.texture.model.texture_model import TextureModel
 
 _POLL_S: Final = 0.005
+_LAST_UPDATES_S: Final = 1.0
 
 
-class Modelling:
+class Modelling(Part):
     """Build the model of the stream, an update a period.
 
     Parameters
@@ -51,6 +56,8 @@ class Modelling:
         on_update: Callable[[ModelUpdate, float], None],
         keep_frames: int = 0,
     ) -> None:
+        self._session: Session | None = None
+        self._last_ns = 0
         self._factory = ModellerFactory(settings, period_s)
         self._on_update = on_update
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="modelling")
@@ -64,6 +71,21 @@ class Modelling:
         self.finished = False
         self.frozen = False
         """Whether frames are not modelled for now, because a person wants it."""
+
+    @classmethod
+    def build(cls, session: Session) -> "Modelling | None":
+        """Return the modelling of the scene's texture."""
+        scene = session.scene
+        if scene.texture is None:
+            return None
+        made = cls(
+            scene.texture.settings(session.rate_hz),
+            scene.texture.update_period_s,
+            lambda update, seconds: session.find("completing").update(update, seconds),
+            keep_frames=scene.keep_frames(),
+        )
+        made._session = session
+        return made
 
     def _make_tasks(self, rate_hz: float, keep_frames: int, capacity: int) -> None:
         worker, activity = self._worker, self._activity
@@ -113,17 +135,19 @@ class Modelling:
         """Let updates wait for frames from this number on, None where none may be filled in."""
         self.segmenting.first_missing = first_missing
 
-    def put(self, frames: RecordArray) -> None:
+    def on_frames(self, frames: RecordArray, arrival_ns: int = 0) -> None:
         """Queue frames (n,); never blocks."""
+        _ = arrival_ns
         if not (self.finished or self.frozen):
             self.segmenting.put(frames)
 
-    def insert(self, frames: RecordArray) -> None:
+    def on_backfill(self, frames: RecordArray, arrival_ns: int = 0) -> None:
         """Queue frames (n,) that came late at their place; never blocks."""
+        _ = arrival_ns
         if not (self.finished or self.frozen):
             self.segmenting.insert(frames)
 
-    def look_again(self) -> None:
+    def on_settled(self) -> None:
         """Go on if that which was missing has come, or will not come."""
         self.segmenting.look_again()
 
@@ -139,7 +163,7 @@ class Modelling:
         self._clear()
         self.finished = self.frozen = False
 
-    async def finish(self, timeout_s: float) -> None:
+    async def finish(self, timeout_s: float = _LAST_UPDATES_S) -> None:
         """Wait until whole periods that wait are modelled, for at most this long."""
         with suppress(TimeoutError):
             async with asyncio.timeout(timeout_s):
@@ -158,6 +182,58 @@ class Modelling:
     def close(self) -> None:
         """End the worker, after the step that it is at."""
         self._worker.shutdown(cancel_futures=True)
+
+    def tick(self, tick: Tick) -> None:
+        """Note how late the ticks are while a task is at work."""
+        if self._activity.busy and self._last_ns and self._session is not None:
+            late_ns = tick.now_ns - self._last_ns - self._session.period_ns
+            self._session.log.late_while_modelling.add(max(0, late_ns))
+        self._last_ns = tick.now_ns
+
+    def status(self) -> dict[str, Any]:
+        """Return how far the model is."""
+        update = self._session.log.update if self._session is not None else None
+        if update is None:
+            return {}
+        return {
+            "samples": update.samples,
+            "distance": update.distance,
+            "completion": str(update.progress),
+        }
+
+    def summary(self, duration_s: float) -> dict[str, Any]:
+        """Return the model, how complete it is, and the figures of each task."""
+        if self._session is None:
+            return {}
+        log = self._session.log
+        update, seconds = log.update, log.update_seconds
+        table = {
+            "samples": update.samples if update else 0,
+            "outliers": update.outliers if update else 0,
+            "redundant": update.redundant if update else 0,
+            "order": update.order if update else None,
+            "distance": round(update.distance, 3) if update else None,
+            "completion": update.progress.as_dict() if update else None,
+            "start_s": log.start_s,
+            "stop_s": log.stop_s,
+            **({"warm": log.warm.as_dict()} if log.warm is not None else {}),
+            **({"surfaces": log.surfaces.as_dict(duration_s)} if log.surfaces is not None else {}),
+            "updates": len(seconds),
+            "update_median_ms": round(1e3 * statistics.median(seconds), 2) if seconds else None,
+            "update_longest_ms": round(1e3 * max(seconds), 2) if seconds else None,
+            "dropped_frames": self.dropped_frames,
+            "late_frames": self.late_frames,
+            "tasks": {name: figures.as_dict() for name, figures in self.figures.items()},
+        }
+        late_ms = log.late_while_modelling.quantile_ms(0.99)
+        return {"texture": table, "ticks": {"late_while_modelling_p99_ms": late_ms}}
+
+    def metrics(self) -> "Iterable[Metric]":
+        """Return the model's figures, and those of each task."""
+        if self._session is not None:
+            from mmt.leader.metrics import modelling_metrics
+
+            yield from modelling_metrics(self, self._session.log)
 
     def models(self) -> "dict[int, TextureModel]":
         """Return the model of each surface by number; none where they are not told apart."""

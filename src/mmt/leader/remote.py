@@ -4,7 +4,6 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from mmt.core.arrays import RecordArray
-from mmt.core.ending import Ending
 from mmt.core.errors import FAILED
 from mmt.core.process import ProcessMeter
 from mmt.core.ranges import Range
@@ -12,11 +11,9 @@ from mmt.devices.protocols import Vector
 from mmt.leader.backfill import Backfill
 from mmt.leader.clock_notes import ClockNotes
 from mmt.leader.commands import MotionCommands
-from mmt.leader.journal import Journal
 from mmt.leader.numbering import SessionNumbering
-from mmt.leader.parts import LeaderParts
-from mmt.leader.summary import RunLog
-from mmt.scene import LARGEST_SPEED, Scene
+from mmt.leader.part import Session
+from mmt.scene import LARGEST_SPEED
 
 if TYPE_CHECKING:
     from mmt.link.clock_offset import ClockJump
@@ -30,26 +27,16 @@ class RemoteFollower:
 
     Parameters
     ----------
-    scene
-        What to run; it has a link.
-    parts
-        Get the frames.
-    log
-        Names the session.
-    journal
-        Takes what happened.
-    ending
-        Is told when the follower ends the session, or does not come back.
+    session
+        Of the run; its scene has a link.
     """
 
-    def __init__(
-        self, scene: Scene, parts: LeaderParts, log: RunLog, journal: Journal, ending: Ending
-    ) -> None:
-        self._scene = scene
-        self._parts = parts
-        self._log = log
-        self._journal = journal
-        self._ending = ending
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        scene = self._scene = session.scene
+        parts = self._parts = session.parts
+        journal = self._journal = session.journal
+        self._log, self._ending = session.log, session.ending
         self._fastest = LARGEST_SPEED if scene.replay is not None else 1.0
         self._numbering = SessionNumbering(round(1e9 / scene.session.rate_hz), self._fastest)
         self._commands = MotionCommands(self._numbering)
@@ -115,7 +102,7 @@ class RemoteFollower:
             session_id=self._log.session_id,
             network=emulated_network(self._scene, "down", self._journal.event),
             pages=pages,
-            extra=extra_event(self._parts.feedback),
+            extra=extra_event(getattr(self._parts.find("force_feedback"), "feedback", None)),
         )
         self._clock_notes = ClockNotes(self.server.clock, self._journal.record)
         await self.server.start()
@@ -154,8 +141,7 @@ class RemoteFollower:
         self._ending.cancel_timeout()
         self._numbering.reconnect(hello.run_id)
         self.backfill.connect(hello)
-        if self._parts.recorder is not None and hello.annotations:
-            self._parts.recorder.attach_annotations(hello.annotations)
+        self._parts.call("on_follower", hello)
         self._journal.event(f"follower connected ({hello.source})")
 
     def _on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
@@ -173,7 +159,7 @@ class RemoteFollower:
             )
         if 0 <= newest != self._numbering.newest - len(frames) - left_out:
             self.backfill.missing.jumped(newest + left_out, frames)
-        self._parts.take(frames, arrival_ns)
+        self._parts.on_frames(frames, arrival_ns)
         if self.time_s >= self._scene.session.duration_s:
             self._ending.stop("completed")
 
@@ -188,8 +174,7 @@ class RemoteFollower:
             return
         patience_s = self._scene.link.patience_s
         self._journal.event(f"follower lost ({reason}), waiting {patience_s:g} s for its return")
-        if self._parts.streamed_motion is not None:
-            self._parts.streamed_motion.rest()
+        self._parts.call("on_lost")
         self._ending.start_timeout(patience_s, lambda: self._ending.stop("follower lost"))
 
     def _on_jump(self, jump: "ClockJump") -> None:

@@ -1,17 +1,24 @@
-"""What the leader takes from each frame at once: vibration to play, motion, force.
+"""The parts that use each frame at once: vibration to play; motion and force, to render from.
 
 Plain Python filters, a few microseconds a frame, so that a leader that only streams needs
 neither numba nor scipy.
 """
 
 import math
-from typing import Final
+from collections.abc import Iterable
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.arrays import RecordArray
-from mmt.leader.concealment import LONGEST_SAMPLES
+from mmt.leader.concealment import LONGEST_SAMPLES, build_concealment
+from mmt.leader.part import Part, Session
 from mmt.leader.playout import PlayoutBuffer
+from mmt.scene import Texture
 from mmt.texture.settings import Axis, VibrationAxis
 from mmt.texture.signals.biquad import BiquadFilter, bessel_low_pass, butterworth_high_pass
+
+if TYPE_CHECKING:
+    from prometheus_client.core import Metric
 
 _AXES: Final[dict[str, int]] = {"x": 0, "y": 1, "z": 2}
 _MOTION_CUTOFF_HZ: Final = 20.0
@@ -21,7 +28,7 @@ _PEAK_DECAY: Final = 0.995
 _PEAKS: Final = 2.0
 
 
-class StreamedVibration:
+class StreamedVibration(Part):
     """High-pass the streamed acceleration and hand it to the playout buffer.
 
     With DFT321 the model combines three axes; a causal stream cannot, so that the surface's
@@ -31,13 +38,49 @@ class StreamedVibration:
     def __init__(
         self, buffer: PlayoutBuffer, axis: VibrationAxis, normal: Axis, rate_hz: float
     ) -> None:
-        self._buffer = buffer
+        self.buffer = buffer
+        self._session: Session | None = None
         self._axis = _AXES[normal if axis == "dft321" else axis]
         self._filter = BiquadFilter(butterworth_high_pass(_VIBRATION_CUTOFF_HZ, rate_hz))
         self._next: int | None = None
         self._peak = 0.0
 
-    def take(self, frames: RecordArray, arrival_ns: int) -> None:
+    @classmethod
+    def build(cls, session: Session) -> "StreamedVibration | None":
+        """Return the scene's playout, None where no vibration is ever streamed."""
+        scene, table = session.scene, session.scene.playout
+        if table is None or not scene.streams:
+            return None
+        texture = scene.texture or Texture()
+        buffer = PlayoutBuffer(
+            table.delay_ms,
+            table.longest_delay_ms,
+            session.period_ns,
+            build_concealment(scene.concealment, scene.session.seed),
+        )
+        made = cls(buffer, texture.axis, texture.normal, session.rate_hz)
+        made._session = session
+        return made
+
+    def status(self) -> dict[str, Any]:
+        """Return the present delay."""
+        return {"playout_delay_ms": self.buffer.statistics().delay_ms}
+
+    def summary(self, duration_s: float) -> dict[str, Any]:
+        """Return what the buffer did."""
+        _ = duration_s
+        remote = self._session.remote if self._session is not None else None
+        age_ms = self.buffer.age_ms(remote.clock_offset_ns if remote is not None else None)
+        return {"vibration": {"playout": {**asdict(self.buffer.statistics()), "age_ms": age_ms}}}
+
+    def metrics(self) -> "Iterable[Metric]":
+        """Return the present delay."""
+        from mmt.core.exposition import gauge
+
+        delay_s = self.buffer.statistics().delay_ms / 1e3
+        yield gauge("playout_delay_seconds", "Delay of the playout buffer.", delay_s)
+
+    def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
         """Filter frames (n,) and queue their vibration.
 
         A gap that can be concealed leaves the filter as it was: restarted at rest it would
@@ -54,7 +97,7 @@ class StreamedVibration:
                 vibration = self._filter.step(value)
             self._next = sequence + 1
             self._peak = max(abs(vibration), _PEAK_DECAY * self._peak)
-            self._buffer.push(sequence, time_ns, arrival_ns, vibration)
+            self.buffer.push(sequence, time_ns, arrival_ns, vibration)
 
     def _goes_on(self, sequence: int, vibration: float) -> bool:
         """Say whether a sample continues those before the gap."""
@@ -62,7 +105,7 @@ class StreamedVibration:
         return near and abs(vibration) <= _PEAKS * self._peak
 
 
-class StreamedMotion:
+class StreamedMotion(Part):
     """The follower's velocity and normal force, for a scene without a hand at the leader.
 
     Low-passed at 20 Hz (Bessel); they trail the follower by the network's delay and about
@@ -86,8 +129,20 @@ class StreamedMotion:
         """The speed over the surface."""
         return math.hypot(*self.velocity_mm_s)
 
-    def take(self, frames: RecordArray) -> None:
+    @classmethod
+    def build(cls, session: Session) -> "StreamedMotion | None":
+        """Return what drives the scene's model, None where a hand does."""
+        if session.scene.commands:
+            return None
+        return cls((session.scene.texture or Texture()).normal, session.rate_hz)
+
+    def on_lost(self) -> None:
+        """Forget the motion: the follower is lost."""
+        self.rest()
+
+    def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
         """Follow the newest frames (n,)."""
+        _ = arrival_ns
         self._idle_ticks = 0
         first, second = self._tangential
         positions = frames["position_mm"].tolist()

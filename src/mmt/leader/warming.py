@@ -6,15 +6,16 @@ choice needs a fifth of a second of stroking. What is lost and filled in later i
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
+from mmt.leader.part import Part, Session
 from mmt.models import find_model, shipped_models
 from mmt.texture.library.conversion import into_space
 from mmt.texture.library.identification import Choice
@@ -55,7 +56,7 @@ def load_library(names: Sequence[Path]) -> dict[str, TextureModel]:
     return library
 
 
-class WarmingTask:
+class WarmingPart(Part):
     """Look at frames, and keep a known texture blended with the local model's samples.
 
     Parameters
@@ -86,8 +87,28 @@ class WarmingTask:
         self._samples: TextureSamples | None = None
         self._learned = self.finished = False
 
-    def take(self, frames: RecordArray) -> None:
+    @classmethod
+    def build(cls, session: Session) -> "WarmingPart | None":
+        """Return the scene's warm start.
+
+        Raises
+        ------
+        InputError
+            The library cannot be used.
+        """
+        scene = session.scene
+        if scene.rendering is None or scene.texture is None or scene.actuator is None:
+            return None
+        library = load_library(scene.rendering.library)
+        return cls(library, scene.texture.settings(session.rate_hz))
+
+    def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
+        """Return the task that looks and blends."""
+        return {"warming": self.run()}
+
+    def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
         """Queue frames; never blocks."""
+        _ = arrival_ns
         if self._recent is not None:
             self._recent.append(frames)
             newest = int(frames["sequence"][-1])
@@ -105,7 +126,7 @@ class WarmingTask:
         self._samples, self._learned = samples, True
         self._due.set()
 
-    def finish(self) -> None:
+    def hand_over(self) -> None:
         """Do no more: the local model has taken over."""
         self.finished = True
         self._frames.clear()

@@ -19,7 +19,7 @@ ENVIRONMENT_PREFIX = "MMT_"
 
 
 _UNKNOWN_KEY: Final = ("extra_forbidden", "unexpected_keyword_argument")
-"""Of a table that is a pydantic model, and of one that is a dataclass."""
+"""Pydantic's type of the error for a table that is a model, and for one that is a dataclass."""
 
 _READ: Final = (
     ("rendering", "model"),

@@ -15,6 +15,7 @@ DRIVERS: Final[dict[str, Mapping["Role", str]]] = {
         "accelerometer": "mmt.testing.emulated.drivers:VirtualHandleAdxl335"
     },
     "virtual-haptuator": {"actuator": "mmt.testing.emulated.drivers:VirtualHaptuator"},
+    "virtual-haptuator-sound": {"actuator": "mmt.testing.emulated.haptuator:emulated_haptuator"},
     "virtual-net-ft": {"force_sensor": "mmt.testing.emulated.drivers:VirtualNetFt"},
     "virtual-robot": {"robot": "mmt.testing.emulated.drivers:VirtualRobot"},
 }

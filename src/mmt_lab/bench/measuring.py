@@ -15,9 +15,12 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt_lab.harness.findings import Spread
+from mmt_lab.harness.findings import Findings, Records, Side, Spread, Target
 
 Task = Callable[[], object]
+
+Figure = tuple[str, float | int | None] | tuple[str, float | int | None, Side, float]
+"""What is measured, the figure, and its target where there is one."""
 
 LEAST_S: Final = 0.002
 """A task is repeated within a round until it has taken so long."""
@@ -67,6 +70,20 @@ def spread(values: FloatArray) -> Spread:
     """Return median and quartiles."""
     low, median, high = np.percentile(values, [25.0, 50.0, 75.0])
     return Spread(float(median), float(low), float(high))
+
+
+def single_figures(title: str, about: str, figures: Mapping[str, Figure]) -> Findings:
+    """Return single figures, by their names for programs, as the findings of a stage."""
+    rows = figures.values()
+    return Findings(
+        title,
+        about,
+        records=(
+            Records("figures", title, tuple({"what": row[0], "measured": row[1]} for row in rows)),
+        ),
+        targets=tuple(Target(*row) for row in rows if len(row) == 4),
+        figures={name: row[1] for name, row in figures.items()},
+    )
 
 
 def _calls(task: Task, least_s: float) -> int:

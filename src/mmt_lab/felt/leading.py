@@ -9,8 +9,8 @@ import numpy as np
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.leader.concealment import build_concealment
 from mmt.leader.playout import PlayoutBuffer
-from mmt.leader.rendering import VibrationSwitch
 from mmt.leader.stream import StreamedVibration
+from mmt.leader.vibration import VibrationSwitch
 from mmt.scene import Actuator, Playout, Rendering
 from mmt.testing.simulation import PERIOD_NS, RATE_HZ
 from mmt.testing.simulation.vibration import Vibration
@@ -82,7 +82,7 @@ def led(passage: Passage, models: Mapping[int, TextureModel] | None, seed: int) 
             switch.use_model(True)
             start_s = tick / RATE_HZ if start_s is None else start_s
         for index in order[taken : arrived[tick]]:
-            stream.take(passage.frames[index : index + 1], tick * PERIOD_NS)
+            stream.on_frames(passage.frames[index : index + 1], tick * PERIOD_NS)
         taken = arrived[tick]
         output[tick] = switch.render(tick * PERIOD_NS, *inputs[:, tick : tick + 1])[0]
     return Felt(output, start_s)

@@ -17,8 +17,8 @@ from mmt.leader.feedback import StreamedForce
 from mmt.leader.frame_queue import FrameQueue
 from mmt.leader.numbering import SessionNumbering
 from mmt.leader.playout import PlayoutBuffer
-from mmt.leader.rendering import VibrationSwitch
 from mmt.leader.stream import StreamedVibration
+from mmt.leader.vibration import VibrationSwitch
 from mmt.testing.simulation.actuator import SimulatedActuator
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.settings import ModellingSettings
@@ -129,7 +129,7 @@ class _Display:
 
 
 class LeaderInProcess:
-    """The leader's parts, joined as `LeaderService` joins them, without link and recorder."""
+    """The leader's parts, joined as `Leader` joins them, without link and recorder."""
 
     def __init__(self) -> None:
         self.playout = PlayoutBuffer()
@@ -151,7 +151,7 @@ class LeaderInProcess:
         if not len(frames):
             return
         frames, _ = self.numbering.take(frames, arrival_ns)
-        self.vibration.take(frames, arrival_ns)
+        self.vibration.on_frames(frames, arrival_ns)
         self.feedback.take(frames)
         if self.modeller is not None:
             self.dropped += self.queue.put(frames)

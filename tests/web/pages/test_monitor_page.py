@@ -19,7 +19,7 @@ from page_browser import (
     shows,
 )
 
-from mmt.leader.service import LeaderService
+from mmt.leader.service import Leader
 from mmt.link.access import TOKEN_VARIABLE
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
@@ -77,7 +77,7 @@ class Leading:
         surfaces: dict[str, Any] | None = None,
         texture: dict[str, Any] | None = None,
     ) -> None:
-        self.service = LeaderService(scene(port, inputs, surfaces, texture))
+        self.service = Leader(scene(port, inputs, surfaces, texture))
 
     async def __aenter__(self) -> "Leading":
         ready = asyncio.Event()
@@ -100,10 +100,10 @@ class Leading:
     async def model(self, seconds: float) -> None:
         """Let the model take a simulated session of this length."""
         frames, _ = simulate_session(self.service.scene, "plastic", seconds)
-        modelling = self.service.parts.modelling
+        modelling = self.service.parts.find("modelling")
         assert modelling is not None
         for second in np.array_split(frames, round(seconds)):
-            self.service.parts.take(second, 0)
+            self.service.parts.on_frames(second, 0)
             await modelling.finish(10.0)
 
 

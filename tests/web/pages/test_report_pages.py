@@ -15,10 +15,11 @@ from mmt.evaluation.report import write_report
 from mmt.scene import Scene
 from mmt.session import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
-from mmt_lab.cli.benching import write_bench_report
+from mmt_lab.bench.command import write_bench_report
+from mmt_lab.experiments.stability import findings_of
 from mmt_lab.harness.findings import Axis, Curves, Findings, Panel, Spread
+from mmt_lab.harness.report import write_report as write_findings
 from mmt_lab.stability.cases import Row
-from mmt_lab.stability.running import write_stability_report
 
 api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 CHROMIUM = shutil.which("chromium")
@@ -77,7 +78,7 @@ def reports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         "run": shown,
         "comparison": write_comparison(compare_reports(run, other), compared),
         "bench": write_bench_report(folder / "bench", [stage], {"python": "3.11"}),
-        "stability": write_stability_report(folder / "stability", [row]),
+        "stability": write_findings(folder / "stability", findings_of([row])),
     }  # fmt: skip
 
 

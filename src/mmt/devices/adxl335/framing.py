@@ -57,7 +57,7 @@ def encode_frame(frame: Frame) -> bytes:
 
 
 class FrameDecoder:
-    """Cut a stream of bytes into frames; what is none is counted and left out.
+    """Cut a stream of bytes into frames; invalid ones are counted and left out.
 
     What comes before the first zero is the end of a frame that began earlier, and not counted.
     """

@@ -12,7 +12,7 @@ _MICROFARAD_HZ: Final = 5.0
 
 
 class Adxl335Options(BaseModel):
-    """Of the sensor and its board."""
+    """Options of the sensor and its board."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, coerce_numbers_to_str=True)
 
@@ -27,7 +27,7 @@ class Adxl335Options(BaseModel):
     serial: str | None = Field(None, min_length=1, max_length=64)
     """Names the stored calibration; None takes the number that USB gives."""
     stuck_s: float = Field(1.0, ge=0.05, le=3600.0)
-    """A value that stays the same to the last bit for so long is no measurement."""
+    """After this time without a change of a single bit, the sensor counts as stuck."""
 
     @model_validator(mode="after")
     def _axes_differ(self) -> Self:
@@ -54,7 +54,7 @@ class Adxl335Options(BaseModel):
 
 
 class SerialOptions(Adxl335Options):
-    """Of a microcontroller on a serial port."""
+    """Options of a microcontroller on a serial port."""
 
     port: str = Field(min_length=1)
     """As ``/dev/ttyACM0`` or ``COM3``; better a name below ``/dev/serial/by-id``."""
@@ -63,11 +63,11 @@ class SerialOptions(Adxl335Options):
     reference_v: float = Field(3.3, ge=1.0, le=5.5)
     """Full scale of the converter."""
     resolution_bits: int = Field(12, ge=8, le=16)
-    """Of the converter."""
+    """Resolution of the converter."""
     start_s: float = Field(3.0, ge=0.1, le=30.0)
     """How long the board may take for its first frame; some start anew when they are opened."""
 
     @property
     def volts_per_count(self) -> float:
-        """Of the converter."""
+        """Volts for one count of the converter."""
         return self.reference_v / float(2**self.resolution_bits)

@@ -95,7 +95,7 @@ _REST_S: Final = 0.2
 _LEAST_SAMPLES: Final = 20
 _CALIBRATED_ERROR: Final = 0.05
 _NOMINAL_ERROR: Final = 0.15
-"""Of gravity, relative."""
+"""Largest error of gravity at rest, relative, with and without a stored calibration."""
 
 
 class Adxl335(ABC):
@@ -110,7 +110,7 @@ class Adxl335(ABC):
     def __init__(self, options: Adxl335Options) -> None:
         self._common = options
         self.latency_ns = options.filter_delay_ns
-        """Of the board's filter."""
+        """Delay of the board's filter."""
         self.calibration: Calibration = nominal(options.supply_v)
         """What is used: nominal until `connect` finds a stored one."""
         self._serial: str | None = None
@@ -130,7 +130,7 @@ class Adxl335(ABC):
 
     @property
     def supply_v(self) -> float:
-        """Of the sensor."""
+        """Supply voltage of the sensor."""
         return self._common.supply_v
 
     @property

@@ -84,7 +84,7 @@ class SerialBoard:
 
 NAME: Final = "adxl335-serial"
 _FIRST_FRAMES: Final = 3
-"""So many good frames must come before the board counts as connected."""
+"""Good frames that must come before the board counts as connected."""
 _TEXT_SHARE: Final = 0.95
 
 

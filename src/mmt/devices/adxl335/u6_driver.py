@@ -16,7 +16,7 @@ NAME: Final = "adxl335-u6"
 
 
 class U6Options(Adxl335Options):
-    """Of a sensor at a LabJack U6."""
+    """Options of a sensor at a LabJack U6."""
 
     box: int | None = Field(None, ge=1)
     """Serial number of the U6; None takes the only one."""

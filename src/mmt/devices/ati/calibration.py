@@ -32,9 +32,9 @@ class AtiOptions(BaseModel):
     latency_ms: float | None = Field(default=None, ge=0, le=1000)
     """From the force to the sensor's stamp; None for what the driver knows of it."""
     silence_ms: float = Field(default=200, ge=20, le=10_000)
-    """Without a record for so long, the sensor is lost."""
+    """Time without a record after which the sensor is lost."""
     stuck_ms: float = Field(default=500, ge=0, le=60_000)
-    """With the very same values for so long, the sensor is lost; 0 for never."""
+    """Time with exactly the same values after which the sensor is lost; 0 for never."""
 
 
 _FORCES_N: Final = {

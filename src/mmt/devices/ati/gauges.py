@@ -17,7 +17,7 @@ from mmt.scene import Driver
 DRIVER: Final = "ati-gauges"
 
 _SATURATED: Final = 0.99
-"""Of the largest voltage."""
+"""Share of the largest voltage at which a gauge counts as saturated."""
 _FIRST_S: Final = 1.0
 
 

@@ -4,12 +4,12 @@ import math
 from typing import Final
 
 _SLACK_NS: Final = 250_000_000
-"""A number may be ahead of the host's clock by so much: records come in clumps."""
+"""Most by which a number may be ahead of the host's clock: records come in bursts."""
 _BEHIND: Final = 1000
 """Records so far behind the newest are late ones, not a new count."""
 _STRANGE_RUN: Final = 5
 _LATE_RUN: Final = 50
-"""So many strange or late records in a row that agree with one another begin a new count."""
+"""Strange or late records in a row, in agreement with one another, that begin a new count."""
 
 
 class SequenceClock:
@@ -101,9 +101,9 @@ class SequenceClock:
 _SILENCE_NS: Final = 30_000_000
 """Shorter silences come from the line and the host."""
 _BLOCK_NS: Final = 100_000_000
-"""The least lag is taken of so long before a silence, and of so long after it."""
+"""Time before a silence, and after it, over which the least lag is taken."""
 _MISSING: Final = 0.3
-"""Of a silence: a lag that grew by less is the host's, or from another rate than nominal."""
+"""Share of a silence: a lag that grew by less is the host's, or comes from an inexact rate."""
 
 
 class CountingClock:
@@ -112,7 +112,7 @@ class CountingClock:
     The lag is how far the count is behind the host's clock. What a stall of the host or the line
     holds back comes later and leaves the least lag as it was; what is lost makes it grow for
     good. Bytes that were lost without a silence make the clock late by a record at most each
-    time; whoever compares it with another clock follows that.
+    time; an estimate of this clock against the host's follows that.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ Stamped = tuple[int, Six]
 _BIAS_S: Final = 0.2
 _BIAS_PATIENCE_S: Final = 2.0
 _BIAS_RECORDS: Final = 20
-"""At least so many make a bias."""
+"""Least number of records that make a bias."""
 
 
 class AtiSensor(ABC):

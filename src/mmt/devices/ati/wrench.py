@@ -17,9 +17,9 @@ Matrix = tuple[Six, Six, Six, Six, Six, Six]
 
 _ZERO: Final[Six] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _IMPOSSIBLE: Final = 4.0
-"""No gauge follows so many times the calibrated range: such a record is broken."""
+"""A record beyond this many times the calibrated range is broken: no gauge follows that far."""
 _UNREST: Final = 0.02
-"""Of the range: a larger standard deviation while the bias is taken is no rest."""
+"""Share of the range: with a larger standard deviation the tool is not at rest for a bias."""
 
 
 def diagonal(per_force_n: float, per_torque_n_mm: float) -> Matrix:

@@ -23,7 +23,7 @@ class Level(NamedTuple):
 
     volts_per_m_s2: float
     taps: tuple[float, ...]
-    """Of the equaliser, (1.0,) for none."""
+    """Taps of the equaliser, (1.0,) for none."""
 
 
 def level_of(options: HaptuatorOptions, directory: Path | None = None) -> Level:

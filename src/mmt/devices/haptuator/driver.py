@@ -11,9 +11,9 @@ from mmt.devices.haptuator.drive import VoltageDrive
 from mmt.devices.haptuator.options import HaptuatorOptions
 
 RATE_HZ: Final = 1000.0
-"""Of the session, which has no other."""
+"""Rate of the session, which has no other."""
 SILENCE_NS: Final = 500_000_000
-"""What asks for nothing, or says nothing, for so long is lost."""
+"""A card that asks for nothing, or a board that reports nothing, for this long is lost."""
 
 _SMOOTHING: Final = 0.02
 

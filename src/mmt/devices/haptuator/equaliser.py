@@ -1,4 +1,4 @@
-"""What a volt makes, and an inverse of it: fitted from a sweep that an accelerometer heard.
+"""Level and equaliser of an actuator, fitted to a sweep that an accelerometer measured.
 
 The transfer from voltage to acceleration is estimated segment by segment (H1: cross spectrum over
 power spectrum), after both signals were aligned. Its power mean over the band gives the level. The
@@ -17,7 +17,7 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 
 RATE_HZ: Final = 1000.0
-"""Of the session, for which all of this is."""
+"""Rate of the session, the only one that is supported."""
 TAPS: Final = 32
 
 _SEGMENT: Final = 256
@@ -36,7 +36,7 @@ class Equaliser(NamedTuple):
 
     volts_per_m_s2: float
     taps: tuple[float, ...]
-    """Of an FIR filter for 1 kHz."""
+    """Taps of an FIR filter at 1 kHz."""
     unevenness_db: float
     """Standard deviation of the level over the band, in dB, without it."""
     remaining_db: float
@@ -74,7 +74,7 @@ def fit_equaliser(
     high_hz: float = 450.0,
     largest_gain_db: float = 12.0,
 ) -> Equaliser:
-    """Fit level and equaliser to what an accelerometer heard of a voltage.
+    """Fit level and equaliser to the acceleration that a voltage caused.
 
     Parameters
     ----------
@@ -92,10 +92,10 @@ def fit_equaliser(
     """
     band = _check(volts, acceleration_m_s2, low_hz, high_hz, largest_gain_db)
     transfer, coherence = _transfer(*_align(volts, acceleration_m_s2))
-    heard = float(np.median(coherence[band]))
-    if heard < _LEAST_COHERENCE:
+    explained = float(np.median(coherence[band]))
+    if explained < _LEAST_COHERENCE:
         raise InputError(
-            f"the voltage explains {100.0 * heard:.0f} % of what the accelerometer heard, it must "
+            f"the voltage explains {100.0 * explained:.0f} % of the measured acceleration, it must "
             f"be {100.0 * _LEAST_COHERENCE:.0f} %: raise the level, keep the handle still, and "
             "check that both are recorded at 1 kHz by one clock"
         )
@@ -117,7 +117,7 @@ def fit_equaliser(
         taps=tuple(taps.tolist()),
         unevenness_db=float(np.std(20.0 * np.log10(np.abs(transfer[band])))),
         remaining_db=float(np.std(20.0 * np.log10(evened))),
-        coherence=heard,
+        coherence=explained,
     )
 
 
@@ -167,11 +167,11 @@ def _transfer(volts: FloatArray, acceleration: FloatArray) -> tuple[Spectrum, Fl
     places = starts[:, np.newaxis] + np.arange(_SEGMENT)
     window = np.hanning(_SEGMENT)
     driven = np.fft.rfft(volts[places] * window, axis=1)
-    heard = np.fft.rfft(acceleration[places] * window, axis=1)
+    response = np.fft.rfft(acceleration[places] * window, axis=1)
     power = np.mean(np.abs(driven) ** 2, axis=0)
     power = np.maximum(power, 1e-12 * power.max())
-    cross = np.mean(heard * np.conj(driven), axis=0)
-    loudness = np.maximum(np.mean(np.abs(heard) ** 2, axis=0), 1e-300)
+    cross = np.mean(response * np.conj(driven), axis=0)
+    loudness = np.maximum(np.mean(np.abs(response) ** 2, axis=0), 1e-300)
     return cross / power, np.abs(cross) ** 2 / (power * loudness)
 
 

@@ -45,7 +45,7 @@ class Report(NamedTuple):
     """What the board says of itself."""
 
     rate_hz: int
-    """Of its converter."""
+    """Sample rate of its converter."""
     capacity: int
     """Samples that its buffer holds."""
     fill: int
@@ -84,7 +84,7 @@ def encode(message: Message) -> bytes:
 
 
 class Decoder:
-    """Cut a stream of bytes into messages; what is none is counted and left out.
+    """Cut a stream of bytes into messages; invalid ones are counted and left out.
 
     What comes before the first zero is the end of a frame that began earlier, and not counted.
     """

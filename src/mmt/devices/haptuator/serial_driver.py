@@ -31,7 +31,7 @@ class SerialOptions(HaptuatorOptions):
     port: str = Field(min_length=1)
     baud_rate: int = Field(default=1_000_000, ge=9600, le=4_000_000)
     board_rate_hz: int = Field(default=8000, ge=2000, le=48_000)
-    """Of the board's converter; the board says its own, which must be this."""
+    """Rate of the board's converter; the board reports its own, which must be the same."""
     buffer_ms: float = Field(default=6.0, ge=2, le=200)
     """Kept in the board's buffer: how late a sample may be written."""
 

@@ -176,7 +176,7 @@ class SoundHaptuator(HaptuatorDriver):
         Raises
         ------
         InputError
-            There is no such output, or it has not so many channels.
+            There is no such output, or it has too few channels.
         MmtError
             The library is missing, or the output does not open.
         """

@@ -1,7 +1,7 @@
 """Play a sweep on an actuator and record what an accelerometer on its handle feels of it.
 
 How loud it may be is not known before: quiet sweeps, each twice the last, are played until the
-accelerometer hears one, and the loudness that is wanted follows by proportion.
+accelerometer measures one, and the wanted level follows by proportion.
 """
 
 import time
@@ -22,12 +22,12 @@ _BEFORE: Final = 400
 _AFTER: Final = 300
 _PROBE_S: Final = 1.0
 _PROBE_SHARE: Final = 1.0 / 32.0
-"""Of the largest voltage, for the first probe."""
+"""Share of the largest voltage at which the first probe is played."""
 _HEARD: Final = 8.0
-"""A sweep is heard when its peak is so many times the noise."""
+"""Least peak of a sweep over the noise; below that it is not told from noise."""
 _HEADROOM: Final = 0.8
 _BEYOND: Final = 1.6
-"""A sweep is ended when the handle is shaken by so many times what was asked for."""
+"""A sweep is ended when the handle is shaken this many times harder than was asked for."""
 _TRIES: Final = 3
 _PAUSE_S: Final = 0.0005
 _LEAST_READINGS_PER_HZ: Final = 2.2
@@ -102,7 +102,7 @@ def record_sweep(
     InputError
         The actuator takes no voltages, or not so large ones; the accelerometer is too slow.
     MmtError
-        A device fails, the accelerometer hears nothing, or the handle is shaken too hard.
+        A device fails, the accelerometer measures nothing, or the handle is shaken too hard.
     """
     try:
         actuator.connect()

@@ -61,7 +61,7 @@ class U6Voltages:
 
     @property
     def serial(self) -> int:
-        """Of the U6 that is connected."""
+        """Serial number of the U6 that is connected."""
         return 0 if self._board is None else self._board.serial
 
     @property
@@ -140,7 +140,7 @@ class BoardOptions(BaseModel):
     differential: bool = False
     """Each against the next input of its pair; the inputs are then even."""
     gain: Literal[1, 10, 100, 1000] = 1
-    """Of every input: +-10 V, +-1 V, +-0.1 V, +-0.01 V."""
+    """Gain of every input: +-10 V, +-1 V, +-0.1 V, +-0.01 V."""
     rate_hz: float = Field(2000.0, ge=100.0, le=4000.0)
     """Readings a second."""
     box: int | None = Field(None, ge=1)

@@ -171,7 +171,7 @@ def stream_config(scanning: Scanning) -> bytes:
 
 
 def decode_stream(packet: bytes, number: int) -> StreamPacket | None:
-    """Return a packet of the stream with so many samples, None where it is none."""
+    """Return a packet of the stream with this number of samples, None where it is invalid."""
     layout, head = _stream_layout(number)
     if len(packet) != layout.size or packet[1:4] != head or not is_sound(packet):
         return None
@@ -181,7 +181,7 @@ def decode_stream(packet: bytes, number: int) -> StreamPacket | None:
 
 @lru_cache(maxsize=MOST_SAMPLES)
 def _stream_layout(number: int) -> tuple[struct.Struct, bytes]:
-    """Return how so many samples lie in a packet of the stream, and its bytes 1 to 3."""
+    """Return the layout of a stream's packet with `number` samples, and its bytes 1 to 3."""
     return struct.Struct(f"<6xIBB{number}H2x"), bytes((_STREAMED, 4 + number, 0xC0))
 
 

@@ -26,7 +26,7 @@ from mmt.devices.protocols import VoltageReading
 
 INPUTS: Final = 14
 MOST_SAMPLES_HZ: Final = 50_000
-"""Of all channels together (the vendor's data sheet, section 3.2)."""
+"""Largest rate of all channels together (the vendor's data sheet, section 3.2)."""
 
 _MOST_WAITING: Final = 16_384
 """Scans for one driver; the oldest are dropped, and counted."""
@@ -79,7 +79,7 @@ class Reader:
 
 
 _READERS: Final[weakref.WeakSet[Reader]] = weakref.WeakSet()
-"""Of every driver that was made, also of those that are not connected yet."""
+"""The readers of all drivers that were made, also of those that are not connected yet."""
 _OPEN: "Final[list[SharedU6]]" = []
 _CONNECTING: Final = threading.Lock()
 """Held while a U6 is opened or closed, which takes long; reading does not wait for it."""
@@ -201,7 +201,7 @@ class SharedU6:
         """Open the U6 anew and begin a stream for these readers.
 
         Drivers that were made for it and are not connected yet have their channels in it as
-        well, where they fit: when they connect, nobody's stream is interrupted.
+        well, where they fit: when they connect, no stream is interrupted.
         """
         with self._feeding:
             old, self._link = self._link, None  # until then nothing comes, which is no loss

@@ -64,7 +64,7 @@ class U6Link:
         self._packets: deque[Arrived] = deque(maxlen=_MOST_WAITING)
         self._heard_ns = 0
         self.serial = 0
-        """Of the one that is open."""
+        """Serial number of the U6 that is open."""
 
     def open(self) -> None:
         """Find the U6 and end a stream that a program left behind.
@@ -82,7 +82,7 @@ class U6Link:
         for device in found:
             self._device = device
             try:
-                self.serial = self._greet()
+                self.serial = self._open_box()
             except MmtError as error:  # another program may have it, and another one be wanted
                 if self._wanted is None:
                     raise
@@ -174,7 +174,7 @@ class U6Link:
             self._heard_ns = arrival_ns = time.monotonic_ns()
             self._packets.append((arrival_ns, buffer[:size].tobytes()))
 
-    def _greet(self) -> int:
+    def _open_box(self) -> int:
         """End a stream that runs, throw away what waits, return the serial number."""
         try:
             try:
@@ -241,7 +241,7 @@ def find_boxes(backend: Any) -> list[Any]:
 
 
 def check_alone(found: Sequence[Any]) -> None:
-    """See to it that who names no U6 can mean one alone.
+    """Refuse several boxes where none is named.
 
     Raises
     ------

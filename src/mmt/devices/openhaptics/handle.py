@@ -11,7 +11,7 @@ from mmt.devices.openhaptics.servo import Servo
 from mmt.devices.protocols import InterfaceState, Vector
 
 _SMOOTHING_S: Final = 0.01
-"""Of the acceleration, which is a difference of velocities."""
+"""Time constant of the acceleration, which is a difference of velocities."""
 
 
 class HandForce:

@@ -74,7 +74,7 @@ class Stack:
     ----------
     hd
         The library. Its calls let go of the interpreter, so that one that waits, for the
-        servo loop or the device, holds up nobody.
+        servo loop or the device, holds up no other thread.
     copies
         The same library for what only copies numbers. These calls keep the interpreter, which
         to let go of and to wait for costs more than they do.

@@ -93,7 +93,7 @@ class HdOptions(BaseModel):
 
 
 class RobotOptions(HdOptions):
-    """Of the robot: the position controller."""
+    """Options of the robot: the position controller."""
 
     stiffness_n_mm: float = Field(0.5, gt=0, le=5)
     damping_n_s_m: float = Field(5.0, ge=0, le=30)
@@ -112,7 +112,7 @@ class RobotOptions(HdOptions):
 
 
 class HandleOptions(HdOptions):
-    """Of the handle: how the hand's normal force is known."""
+    """Options of the handle: how the hand's normal force is known."""
 
     hand_force: Literal["displayed", "depth"] = "displayed"
     apparent_mass_kg: float = Field(0.0, ge=0, le=1)

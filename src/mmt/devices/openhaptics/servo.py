@@ -33,7 +33,7 @@ _LEAST_NS: Final = 1_000_000
 """A tick; in less, a tip may still have moved for a whole one."""
 _LEAST_MM2: Final = (FASTEST_MM_S * 1e-9 * _LEAST_NS) ** 2
 _SLACK_NS: Final = 5_000_000
-"""After senseless measurements a tip may have gone on for so long."""
+"""For this long a tip may have moved on during measurements that make no sense."""
 
 NOT_FINITE: Final = "positions that are no numbers"
 OUT_OF_REACH: Final = "positions out of reach"

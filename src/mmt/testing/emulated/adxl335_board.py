@@ -112,7 +112,7 @@ class EmulatedAdxl335Board:
             self._folder = None
 
     def unplug(self) -> None:
-        """Take the port away, under whoever has it open."""
+        """Take the port away while it is open."""
         with self._lock:
             ends, self._ends = self._ends, None
             if ends is not None:
@@ -189,7 +189,7 @@ class EmulatedAdxl335Board:
             try:
                 os.write(self._ends[0], wire)
             except OSError:
-                return  # nobody reads: a board drops what its buffer cannot take
+                return  # the port is not read: a board drops what its buffer cannot take
 
     def _convert(self, time_ns: int) -> Counts:
         felt = self._truth(time_ns - self._delay_ns)

@@ -30,7 +30,7 @@ _COUNTS: Final = 1_000_000
 _COUNTS_A_NEWTON: Final = 1000.0
 _TIMER_NS: Final = 1_000_000
 _ADAPTER_BYTES: Final = 62
-"""A common adapter of USB to serial hands on so many bytes together, or what is there after a
+"""A common adapter of USB to serial hands on this many bytes together, or what is there after a
 millisecond."""
 _JAM: Final = 14
 _GAINS = (500, 501, 502, 503, 504, 505)
@@ -140,11 +140,11 @@ class EmulatedDigitalFt:
         self._silent = silent
 
     def flip(self, records: int = 1) -> None:
-        """Flip a bit in each of so many records."""
+        """Flip a bit in each of the next `records`."""
         self._flips += records
 
     def cut(self, *lengths: int) -> None:
-        """Send only so many bytes of each of the next records."""
+        """Cut the next records to these lengths (bytes)."""
         self._cuts.extend(lengths)
 
     def garble(self, content: bytes) -> None:

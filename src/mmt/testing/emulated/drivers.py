@@ -28,13 +28,13 @@ class LabOptions(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     surface: str = "plastic"
-    """Of the simulated ones."""
+    """Name of a simulated surface."""
     seed: int = Field(1, ge=0, lt=2**63)
-    """Of texture and noise."""
+    """Seed of texture and noise."""
 
     @property
     def arguments(self) -> tuple[str, str]:
-        """Of the lab's process."""
+        """Arguments of the lab's process."""
         return (self.surface, str(self.seed))
 
 
@@ -44,11 +44,11 @@ class HandleLabOptions(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     seed: int = Field(1, ge=0, lt=2**63)
-    """Of the noise."""
+    """Seed of the noise."""
 
     @property
     def arguments(self) -> tuple[str]:
-        """Of the process."""
+        """Arguments of the lab's process."""
         return (str(self.seed),)
 
 
@@ -131,16 +131,16 @@ class VirtualSensor:
 
     @property
     def latency_ns(self) -> int:
-        """Of the real driver, once it is connected."""
+        """Latency of the real driver, once it is connected."""
         return 0 if self._device is None else self._device.latency_ns
 
     @property
     def faults(self) -> Mapping[str, int]:
-        """Of the real driver."""
+        """Faults of the real driver."""
         return {} if self._device is None else self._device.faults
 
     def remarks(self) -> Sequence[str]:
-        """Of the real driver."""
+        """Remarks of the real driver."""
         return self._device.remarks() if isinstance(self._device, SetupRemarks) else []
 
     def connect(self) -> None:
@@ -229,12 +229,12 @@ class VirtualHaptuator:
 
     @property
     def largest_v(self) -> float:
-        """Of the real driver, 0 before it is connected."""
+        """Largest voltage of the real driver, 0 before it is connected."""
         return 0.0 if self._device is None else self._device.largest_v
 
     @property
     def statistics(self) -> ActuatorStatistics:
-        """Of the real driver."""
+        """Counts and levels of the real driver."""
         return self._connected().statistics
 
     def close(self) -> None:

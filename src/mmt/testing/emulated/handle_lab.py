@@ -30,7 +30,7 @@ _ACCELEROMETER_HZ: Final = 2000.0
 _BANDWIDTH_HZ: Final = 1000.0
 _GRAVITY_M_S2: Final = 9.80665
 _BEHIND: Final = 240
-"""The acceleration is shown so many samples late, so that what comes after is known too."""
+"""Samples by which the acceleration is shown late, so that what comes after is known too."""
 _KEPT: Final = 4096
 
 

@@ -75,7 +75,7 @@ class EmulatedU6(OneDeviceBackend):
         self._reset_stream()
 
     def unplug(self) -> None:
-        """Take it away, under whoever has it open; its stream ends."""
+        """Take it away while it is open; its stream ends."""
         with self._lock:
             super().unplug()
             self._streaming = False

@@ -70,7 +70,7 @@ class EmulatedNetFt:
         self.swapped = 0.0
         """Share of records that come after their successor."""
         self.lost_starts = 0
-        """So many start requests that follow get lost."""
+        """Number of start requests from now on that get lost."""
         self.stuck = False
         self.requests: list[int] = []
         """Commands that came."""
@@ -146,7 +146,7 @@ class EmulatedNetFt:
         self._garbage.extend(packets)
 
     def flip(self, records: int = 1) -> None:
-        """Flip a bit in each of so many records."""
+        """Flip a bit in each of the next `records`."""
         self._bits_to_flip += records
 
     def count_from(self, sequence: int) -> None:

@@ -33,7 +33,7 @@ class EmulatedPort:
 
     def __init__(self, period_ns: int, step: Callable[[int, bytes], None]) -> None:
         self.dropped = 0
-        """Bytes that nobody read in time, as by an overrun."""
+        """Bytes that were not read in time, as by an overrun."""
         self._period_ns = period_ns
         self._step = step
         self._directory = tempfile.TemporaryDirectory(prefix="mmt-port-")
@@ -112,7 +112,7 @@ class EmulatedPort:
                 received = b""
                 if self._master >= 0:
                     self._watch_settings()
-                    with contextlib.suppress(OSError):  # nothing came, or nobody has it open
+                    with contextlib.suppress(OSError):  # nothing came, or it is not open
                         received = os.read(self._master, _LARGEST)
                 self._step(due_ns, received)
 

@@ -89,7 +89,7 @@ class OneDeviceBackend(usb.backend.IBackend):  # type: ignore[misc]  # pyusb has
         self._claimed_by: Handle | None = None
 
     def unplug(self) -> None:
-        """Take the device away, under whoever has it open."""
+        """Take the device away while it is open."""
         self._plugged = False
         for handle in self._handles:
             handle.valid = False

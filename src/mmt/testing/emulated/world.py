@@ -13,7 +13,7 @@ from mmt.testing.simulation.robot import START_MM
 TICK_NS: Final = 1_000_000
 
 _BEHIND_TICKS: Final = 4
-"""The world is shown so much late, so that what comes after an instant is known too."""
+"""Delay with which the world is shown, so that what comes after an instant is known too."""
 _KEPT: Final = 256
 _MOST_AT_ONCE: Final = 200
 """After a longer hold-up the world's time skips."""

@@ -134,7 +134,7 @@ class SurfaceCourse:
 
     @property
     def friction_coefficient(self) -> float:
-        """Of the surface on which it begins."""
+        """Friction coefficient of the surface on which it begins."""
         return self.surfaces[0].friction_coefficient
 
     @property

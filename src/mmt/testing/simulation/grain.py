@@ -15,7 +15,7 @@ class Grain:
     """The direction of ridges, threads, fibres or pile that a part of the texture comes from.
 
     With v the speed of the stroke, c and s the cosine and sine of the angle from `across_deg`
-    to its heading, the part hears ``v sqrt(c^2 + along^2 s^2)`` in place of v, and has
+    to its heading, the part's effective speed is ``v sqrt(c^2 + along^2 s^2)``, and it has
     ``1 + nap c`` times the power. A line of period p therefore has the frequency ``|v c| / p``
     (its wavelength along the stroke is ``p / |c|``), but for the share `along` of the speed
     along the ridges, which keeps it smooth where the stroke turns into them: ridges that
@@ -27,7 +27,7 @@ class Grain:
         The heading that crosses the ridges, counted from x to y; with a nap, the heading
         against it.
     along
-        Share of the speed along the ridges that is heard, above 0 to 1; 1 is no ridges.
+        Share of the speed along the ridges that counts, above 0 to 1; 1 is no ridges.
     nap
         Power against the nap over its mean over all headings, less 1; above -1, below 1.
 
@@ -48,8 +48,8 @@ class Grain:
                 "and above -1 to below 1"
             )
 
-    def heard(self, speed_mm_s: Number, cosine: Number, sine: Number) -> tuple[Number, Number]:
-        """Return the speed that the part hears (mm/s), and the factor on its power.
+    def effective(self, speed_mm_s: Number, cosine: Number, sine: Number) -> tuple[Number, Number]:
+        """Return the part's effective speed (mm/s), and the factor on its power.
 
         Parameters
         ----------

@@ -71,7 +71,7 @@ class Instruments:
 
     @property
     def friction_coefficient(self) -> float | None:
-        """Of the surface that a course has reached, None where there is no course."""
+        """Friction of the surface that a course has reached, None where there is no course."""
         if isinstance(self._vibration, CourseVibration):
             return self._vibration.surface.friction_coefficient
         return None

@@ -97,6 +97,6 @@ def maps_at(
     """
     if mode.grain is None:
         return mode.maps(speed_mm_s, force_n)
-    heard, factor = mode.grain.heard(speed_mm_s, cosine, sine)
-    power, frequency, bandwidth = mode.maps(heard, force_n)
+    effective_mm_s, factor = mode.grain.effective(speed_mm_s, cosine, sine)
+    power, frequency, bandwidth = mode.maps(effective_mm_s, force_n)
     return power * factor, frequency, bandwidth

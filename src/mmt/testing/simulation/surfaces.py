@@ -30,13 +30,13 @@ HIGH_PASS_POLE: Final = 0.95
 """Pole of the fixed high-pass, a corner of 8 Hz, below the band of texture."""
 
 VERSION: Final = 1
-"""Of the annotations of a texture that is the same in all directions."""
+"""Version of the annotations of a texture that is the same in all directions."""
 
 GRAINED_VERSION: Final = 2
-"""Of those of a texture with a grain: an earlier reader would leave the grain out."""
+"""Version of those of a texture with a grain, which an earlier reader would leave out."""
 
 COURSE_VERSION: Final = 3
-"""Of those of several surfaces, see `mmt.testing.simulation.course`."""
+"""Version of those of several surfaces, see `mmt.testing.simulation.course`."""
 
 _KINDS: Final[dict[str, type[Resonance] | type[Line]]] = {"resonance": Resonance, "line": Line}
 _POWER_GRID: Final = 4096

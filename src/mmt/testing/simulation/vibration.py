@@ -17,7 +17,7 @@ class Vibration:
     """A causal generator whose stationary spectrum is exactly `Surface.spectrum`.
 
     Each mode is a rotation of a pair of numbers that shrinks by a factor below 1 at every
-    tick and is fed two white noises; one of the pair is heard. Frequency, bandwidth and
+    tick and is fed two white noises; one of the pair is put out. Frequency, bandwidth and
     gain follow speed, force and heading at every tick. Stability: whatever their course, a
     state only shrinks but for the noise added, which a filter in direct form
     does not guarantee. Cost: about 1 us a mode and tick.
@@ -61,15 +61,15 @@ class Vibration:
             gain = sqrt(power * (1.0 - radius * radius))
             x, y, u, v = self._states[index]
             place = 4 * index
-            heard = c * x - s * y + gain * noise[place]
+            output = c * x - s * y + gain * noise[place]
             other = c * u - s * v + gain * noise[place + 2]
             self._states[index] = (
-                heard,
+                output,
                 s * x + c * y + gain * noise[place + 1],
                 other,
                 s * u + c * v + gain * noise[place + 3],
             )
-            normal += heard
+            normal += output
             along += other
         return self._high_pass(normal, along)
 

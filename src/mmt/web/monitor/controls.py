@@ -4,16 +4,11 @@ import asyncio
 import json
 from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from mmt.core.errors import InputError, MmtError
-from mmt.leader.journal import Journal
 from mmt.web.binary_messages import pack
-from mmt.web.monitor.states import model_of
-
-if TYPE_CHECKING:
-    from mmt.leader.service import LeaderService
-    from mmt.session.recorder import McapRecorder
+from mmt.web.monitor.view import LeaderView
 
 _LONGEST_MARK: Final = 200
 _FOLDER: Final = Path("mmt-monitor")
@@ -27,15 +22,12 @@ class Controls:
 
     Parameters
     ----------
-    service
-        What is controlled.
-    journal
-        Is told of everything, and so the recording.
+    leader
+        What is controlled; it is told of every order, and so the recording.
     """
 
-    def __init__(self, service: "LeaderService", journal: Journal) -> None:
-        self._service = service
-        self._journal = journal
+    def __init__(self, leader: LeaderView) -> None:
+        self._leader = leader
         self._one = asyncio.Lock()
         self._orders: dict[str, Callable[[dict[str, Any]], Awaitable[str]]] = {
             "mark": self._mark,
@@ -48,16 +40,16 @@ class Controls:
 
     def state(self) -> dict[str, Any]:
         """Return what the controls stand at, and which of them this scene has."""
-        service, parts = self._service, self._service.parts
-        recorder, modelling = parts.recorder, parts.modelling
+        leader = self._leader
+        recording = leader.recording
         return {
-            "recording": recorder.path.name if recorder is not None else None,
-            "records": bool(service.scene.channels()),
-            "models": modelling is not None,
-            "frozen": modelling is not None and modelling.frozen,
-            "renders": parts.synthesizer is not None,
-            "forced": service.models.forced or "auto",
-            "network": service.scene.network is not None,
+            "recording": recording.name if recording is not None else None,
+            "records": bool(leader.scene.channels()),
+            "models": leader.frozen is not None,
+            "frozen": bool(leader.frozen),
+            "renders": leader.renders,
+            "forced": leader.forced or "auto",
+            "network": leader.scene.network is not None,
         }
 
     async def answer(self, text: str) -> tuple[str, bytes]:
@@ -91,83 +83,64 @@ class Controls:
         ):
             raise InputError(f"a mark is a line of {_LONGEST_MARK} characters at most")
         name = text.strip() or "mark"
-        self._journal.event(f"marked: {name}", mark=name)
-        recorded = self._service.parts.recorder is not None
+        self._leader.tell(f"marked: {name}", mark=name)
+        recorded = self._leader.recording is not None
         return f"marked: {name}" + ("" if recorded else " (nothing is being recorded)")
 
     async def _reset(self, _: dict[str, Any]) -> str:
-        self._modelling()
-        self._service.reset_model()
+        self._require_modelling()
+        self._leader.reset_model()
         return "the model begins anew"
 
     async def _freeze(self, order: dict[str, Any]) -> str:
-        modelling, wanted = self._modelling(), _flag(order)
-        if modelling.frozen != wanted:
-            modelling.freeze(wanted)
-            self._journal.event("model frozen" if wanted else "model grows again", frozen=wanted)
+        self._require_modelling()
+        wanted = _flag(order)
+        if self._leader.frozen != wanted:
+            self._leader.freeze(wanted)
+            self._leader.tell("model frozen" if wanted else "model grows again", frozen=wanted)
         return "the model stays as it is" if wanted else "the model grows"
 
     async def _mode(self, order: dict[str, Any]) -> str:
         mode = order.get("mode")
         if mode not in MODES:
             raise InputError(f"mode is {mode!r}: allowed are {', '.join(MODES)}")
-        self._service.models.force(None if mode == "auto" else mode)
+        self._leader.force(None if mode == "auto" else mode)
         sentence = {
             "auto": "the model takes over by its start criterion",
             "streamed": "held to streamed vibration",
             "synthesized": "held to the model's vibration",
         }[mode]
-        self._journal.event(sentence, forced=mode)
+        self._leader.tell(sentence, forced=mode)
         return sentence
 
     async def _record(self, order: dict[str, Any]) -> str:
-        parts, wanted = self._service.parts, _flag(order)
-        if wanted == (parts.recorder is not None):
-            raise InputError("a recording runs already" if wanted else "no recording runs")
-        if not wanted:
-            return await self._end_recording()
-        path = self._free("", ".mcap")
-        begins_s = self._service.time_s
-        recorder = await asyncio.to_thread(_recorder, self._service, path, begins_s)
-        if self._service.ending.reached:
-            await asyncio.to_thread(recorder.close)
-            raise MmtError("the session has ended")
-        parts.recorder = recorder
-        self._journal.event(f"recording into {path}")
-        return f"recording into {path}"
-
-    async def _end_recording(self) -> str:
-        parts = self._service.parts
-        recorder = parts.recorder
-        assert recorder is not None  # noqa: S101 - the caller has looked
-        self._service.models.record_last()
-        self._journal.event(f"recording of {recorder.path} ended")
-        parts.recorder, parts.ended_recorder = None, recorder
-        await asyncio.to_thread(recorder.close)
-        if recorder.error is not None:
-            raise MmtError(f"recording {recorder.path}: {recorder.error}")
-        return f"recorded {recorder.frames} frames into {recorder.path}"
+        if _flag(order):
+            if self._leader.recording is not None:
+                raise InputError("a recording runs already")
+            path = self._free("", ".mcap")
+            await self._leader.start_recording(path)
+            return f"recording into {path}"
+        path, frames = await self._leader.end_recording()
+        return f"recorded {frames} frames into {path}"
 
     async def _save(self, _: dict[str, Any]) -> str:
-        model = model_of(self._service)
+        model = self._leader.model
         if model is None:
             raise InputError("there is no model yet: stroke the surface first")
         path = self._free("-model", ".npz")
         await asyncio.to_thread(_write, path, model.to_bytes)
-        self._journal.event(f"model saved as {path}")
+        self._leader.tell(f"model saved as {path}")
         return f"saved {len(model.points)} samples as {path}"
 
     # ---
 
-    def _modelling(self) -> Any:
-        modelling = self._service.parts.modelling
-        if modelling is None:
+    def _require_modelling(self) -> None:
+        if self._leader.frozen is None:
             raise InputError("this scene builds no model: it has no [texture]")
-        return modelling
 
     def _free(self, what: str, suffix: str) -> Path:
         """Return a path beside the scene's recording at which there is no file."""
-        scene = self._service.scene
+        scene = self._leader.scene
         recording = scene.recording
         base = recording.file if recording is not None else _FOLDER / scene.session.name
         stem = base.stem if recording is not None else base.name
@@ -175,19 +148,6 @@ class Controls:
         while (path := base.with_name(f"{stem}{what}-{number}{suffix}")).exists():
             number += 1
         return path
-
-
-def _recorder(service: "LeaderService", path: Path, begins_s: float) -> "McapRecorder":
-    from mmt.session.recorder import McapRecorder
-
-    scene = service.scene
-    return McapRecorder(
-        path,
-        channels=scene.channels(),
-        scene=scene.dump(),
-        session_id=service.log.session_id,
-        begins_s=begins_s,
-    )
 
 
 def _write(path: Path, content: Callable[[], bytes]) -> None:

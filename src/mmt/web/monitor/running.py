@@ -5,20 +5,19 @@ import logging
 from collections import deque
 from typing import TYPE_CHECKING, Any, Final
 
-from mmt.leader.journal import Journal
 from mmt.scene import Monitor
 from mmt.web.binary_messages import pack
 from mmt.web.monitor import states
 from mmt.web.monitor.controls import Controls
 from mmt.web.monitor.live import LiveMessages
 from mmt.web.monitor.tap import MonitorTap
+from mmt.web.monitor.view import LeaderView
 from mmt.web.monitor.viewers import Viewers
 
 if TYPE_CHECKING:
-    from mmt.leader.service import LeaderService
     from mmt.link.http import Page
     from mmt.texture.model.texture_model import TextureModel
-    from mmt.texture.online.modeller import ModelUpdate
+    from mmt.texture.online.work import ModelUpdate
 
 LOG: Final = logging.getLogger("mmt.web.monitor")
 
@@ -34,31 +33,27 @@ class LeaderMonitor:
 
     Parameters
     ----------
-    service
+    leader
         What is shown; it is read, never waited for.
-    journal
-        Tells what happens.
     settings
         The scene's table ``[monitor]``.
     """
 
-    def __init__(self, service: "LeaderService", journal: Journal, settings: Monitor) -> None:
+    def __init__(self, leader: LeaderView, settings: Monitor) -> None:
         self.tap = MonitorTap()
         self.viewers = Viewers()
-        self._service = service
+        self._leader = leader
         self._period_s = 1.0 / settings.updates_hz
         self._slow = max(2, round(settings.updates_hz))  # looks in a second
-        self._live = LiveMessages(service.scene, self.tap)
+        self._live = LiveMessages(leader.scene, self.tap)
         self._update: ModelUpdate | None = None
         self._model: TextureModel | None = None
         self._history: deque[tuple[float, float]] = deque(maxlen=_HISTORY)
         self._events: deque[tuple[float, str]] = deque(maxlen=_EVENTS)
         self._looks = 0
-        self._controls = Controls(service, journal)
+        self._controls = Controls(leader)
         self._controls_state: dict[str, Any] = {}
-        self._task: asyncio.Task[None] | None = None
-        journal.listen(self._note)
-        self.viewers.publish("hello", states.hello(service.scene, service.log.session_id))
+        self.viewers.publish("hello", states.hello(leader.scene, leader.session_id))
         self._publish_model()
         self._publish_completion()
         self._publish_events()
@@ -68,20 +63,9 @@ class LeaderMonitor:
         """The page for the leader's port."""
         from mmt.web.monitor.site import monitor_page
 
-        return monitor_page(self.viewers, self._controls, self._service.scene)
+        return monitor_page(self.viewers, self._controls, self._leader.scene)
 
-    def start(self) -> None:
-        """Look from now on."""
-        self._task = asyncio.create_task(self._run(), name="monitor")
-
-    async def stop(self) -> None:
-        """Look no more; let the viewers have the last state and the session's outcome."""
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
-        self._end(self._service.ending.outcome)
-
-    async def _run(self) -> None:
+    async def run(self) -> None:
         """Look until cancelled. A fault ends the monitor, never the session."""
         while True:
             await asyncio.sleep(self._period_s)
@@ -89,7 +73,7 @@ class LeaderMonitor:
                 self.look()
             except Exception:
                 LOG.exception("the monitor has failed, the session goes on without it")
-                self._end("the monitor has failed")
+                self.end("the monitor has failed")
                 return
 
     def look(self) -> None:
@@ -111,34 +95,35 @@ class LeaderMonitor:
         turn = self._looks % self._slow
         self._looks += 1
         if turn == 0:
-            self.viewers.publish("ticks", states.ticks_message(self._service))
+            self.viewers.publish("ticks", states.ticks_message(self._leader))
         elif turn == self._slow // 2 or self._looks == 2:
-            link = states.link_message(self._service)
+            link = states.link_message(self._leader)
             if link is not None:
                 self.viewers.publish("link", link)
 
-    def _end(self, outcome: str) -> None:
+    def end(self, outcome: str | None = None) -> None:
+        """Look no more; let the viewers have the last state and how the session has ended."""
+        outcome = self._leader.outcome if outcome is None else outcome
         if not self.viewers.ended:
             self.viewers.publish("end", pack("end", {"outcome": outcome}, {}))
         self.tap.watched = False
         self.viewers.close()
 
     def _live_message(self) -> bytes:
-        service = self._service
-        switch = service.parts.switch
+        leader = self._leader
         return self._live.make(
             {
-                "time_s": round(service.time_s, 3),
-                "mode": switch.mode if switch is not None else "silent",
-                "why": states.explain(service),
+                "time_s": round(leader.time_s, 3),
+                "mode": leader.mode or "silent",
+                "why": states.explain(leader),
                 "viewers": len(self.viewers),
-                **states.surfaces(service),
+                **states.surfaces(leader),
             }
         )
 
     def _follow_model(self) -> None:
         """Publish a new model and what the criterion says of it."""
-        update = self._service.log.update
+        update = self._leader.update
         if update is self._update:
             return
         self._update = update
@@ -148,20 +133,21 @@ class LeaderMonitor:
         self._publish_model()
 
     def _publish_completion(self) -> None:
-        log, points = self._service.log, states.thinned(list(self._history), _SHOWN)
+        points = states.thinned(list(self._history), _SHOWN)
         progress = None if self._update is None else self._update.progress
-        header = states.completion_header(progress, log.start_s, log.stop_s)
+        header = states.completion_header(progress, *self._leader.criteria_s)
         arrays = {"time_s": [t for t, _ in points], "value": [v for _, v in points]}
         self.viewers.publish("completion", pack("completion", header, arrays))
 
     def _publish_model(self) -> None:
-        model = states.model_of(self._service)
+        model = self._leader.model
         if model is not None and model is self._model:
             return
         self._model = model
         self.viewers.publish("model", states.model_message(model))
 
-    def _note(self, time_s: float, sentence: str) -> None:
+    def note(self, time_s: float, sentence: str) -> None:
+        """Show an event of a session time."""
         self._events.append((time_s, sentence))
         self._publish_events()
 

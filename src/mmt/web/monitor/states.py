@@ -11,11 +11,10 @@ from mmt.core.version import __version__
 from mmt.scene import Scene, Texture
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
 from mmt.web.binary_messages import pack
+from mmt.web.monitor.view import LeaderView
 
 if TYPE_CHECKING:
     from mmt.core.ticking import TimeHistogram
-    from mmt.leader.service import LeaderService
-    from mmt.leader.summary import RunLog
     from mmt.texture.completion.criterion import Progress
     from mmt.texture.model.texture_model import TextureModel
 
@@ -45,37 +44,40 @@ def hello_header(scene: Scene, session_id: str) -> dict[str, Any]:
     }
 
 
-def explain(service: "LeaderService") -> str:
+def explain(leader: LeaderView) -> str:
     """Say why the actuator plays what it plays, and what will change it."""
-    log, switch, forced = service.log, service.parts.switch, service.models.forced
-    if service.remote is not None and not service.remote.connected:
+    mode, forced = leader.mode, leader.forced
+    if not leader.connected:
         return "no follower is connected"
-    if switch is None:
+    if mode is None:
         return "this scene has no actuator"
-    if switch.mode == "fading" or forced is not None:
-        return "crossfade" if switch.mode == "fading" else f"held to {forced} by hand"
-    if switch.mode != "synthesized":
-        return _why_not_synthesized(service)
-    return _why_synthesized(log)
+    if mode == "fading" or forced is not None:
+        return "crossfade" if mode == "fading" else f"held to {forced} by hand"
+    if mode != "synthesized":
+        return _why_not_synthesized(leader)
+    return _why_synthesized(leader)
 
 
-def _why_synthesized(log: "RunLog") -> str:
-    if log.start_s is not None:
-        return f"rendered from the model: start criterion met at {log.start_s:.1f} s"
-    if log.warm is not None:
-        return f"rendered from the known texture {log.warm.name} until the model is ready"
+def _why_synthesized(leader: LeaderView) -> str:
+    start_s, _ = leader.criteria_s
+    if start_s is not None:
+        return f"rendered from the model: start criterion met at {start_s:.1f} s"
+    if leader.known_texture is not None:
+        return f"rendered from the known texture {leader.known_texture} until the model is ready"
     return "rendered from a saved model"
 
 
-def surfaces(service: "LeaderService") -> dict[str, dict[str, int]]:
+def surfaces(leader: LeaderView) -> dict[str, dict[str, int]]:
     """Return which surface the tool is on and how many are known; nothing with one alone."""
-    log = service.log.surfaces
-    return {} if log is None else {"surfaces": {"now": log.current, "known": log.known}}
+    if leader.surfaces is None:
+        return {}
+    now, known = leader.surfaces
+    return {"surfaces": {"now": now, "known": known}}
 
 
-def _why_not_synthesized(service: "LeaderService") -> str:
-    update, texture = service.log.update, service.scene.texture
-    if service.parts.synthesizer is None or texture is None:
+def _why_not_synthesized(leader: LeaderView) -> str:
+    update, texture = leader.update, leader.scene.texture
+    if not leader.renders or texture is None:
         return "this scene renders from no model"
     if update is None:
         return "no model yet"
@@ -102,14 +104,6 @@ def completion_header(
     }
 
 
-def model_of(service: "LeaderService") -> "TextureModel | None":
-    """Return the model that grows; until the first update the saved one, if there is one."""
-    log, synthesizer = service.log, service.parts.synthesizer
-    if log.update is not None:
-        return log.update.model
-    return synthesizer.model if synthesizer is not None and not log.update_seconds else None
-
-
 def model_message(model: "TextureModel | None") -> bytes:
     """Return samples, triangulation and cells of a model, None for none.
 
@@ -131,9 +125,9 @@ def model_message(model: "TextureModel | None") -> bytes:
     return pack("model", header, arrays)
 
 
-def link_message(service: "LeaderService") -> bytes | None:
+def link_message(leader: LeaderView) -> bytes | None:
     """Return what the link counted and its latencies, None without one; about 0.5 ms."""
-    server = service.remote.server if service.remote is not None else None
+    server = leader.server
     if server is None:
         return None
     statistics = asdict(server.statistics)
@@ -148,13 +142,15 @@ def link_message(service: "LeaderService") -> bytes | None:
     return pack("link", header | _histogram(server.latency, LATENCY_MS), {})
 
 
-def ticks_message(service: "LeaderService") -> bytes:
+def ticks_message(leader: LeaderView) -> bytes:
     """Return how the leader kept its ticks; about 0.3 ms."""
-    header = asdict(service.ticker.statistics)
-    playout = service.parts.playout
-    if playout is not None:
-        header["playout_delay_ms"] = playout.statistics().delay_ms
-    return pack("ticks", header | _histogram(service.ticker.periods, _PERIOD_MS), {})
+    ticker = leader.ticker
+    if ticker is None:
+        return pack("ticks", {}, {})
+    header = asdict(ticker.statistics)
+    if leader.playout_delay_ms is not None:
+        header["playout_delay_ms"] = leader.playout_delay_ms
+    return pack("ticks", header | _histogram(ticker.periods, _PERIOD_MS), {})
 
 
 def _histogram(histogram: "TimeHistogram", bounds_ms: tuple[float, ...]) -> dict[str, Any]:

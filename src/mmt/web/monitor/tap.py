@@ -15,30 +15,26 @@ _MOST_BLOCKS: Final = 500
 class MonitorTap:
     """Keep what has come since the monitor looked last.
 
-    The 1 kHz path calls the first three methods. While nobody looks on they return at once.
+    The 1 kHz path calls the first two methods; without viewers they return at once.
     """
 
     def __init__(self) -> None:
         self.watched = False
-        """Whether anybody looks on."""
+        """Whether there are viewers."""
         self.state: InterfaceState | None = None
         """The hand's state as of the last tick, None where it was not read."""
         self._frames: deque[RecordArray] = deque(maxlen=_MOST_BLOCKS)
         self._played: deque[FloatArray] = deque(maxlen=_MOST_BLOCKS)
 
-    def take(self, frames: RecordArray) -> None:
+    def add_frames(self, frames: RecordArray) -> None:
         """Keep frames (n,) that have just come."""
         if self.watched:
             self._frames.append(frames)
 
-    def play(self, vibration_m_s2: FloatArray) -> None:
+    def add_output(self, vibration_m_s2: FloatArray) -> None:
         """Keep samples (n,) that were written to the actuator."""
         if self.watched:
             self._played.append(vibration_m_s2)
-
-    def hold(self, state: InterfaceState | None) -> None:
-        """Keep the hand's state."""
-        self.state = state
 
     def frames(self) -> list[RecordArray]:
         """Return the blocks of frames since the last call."""

@@ -1,1 +1,19 @@
-"""Families of the cases of ``mmt stability``; `mmt_lab.stability.running` finds the modules."""
+"""Families of the cases of ``mmt stability``: a module each, with a `FAMILY`."""
+
+import importlib
+import pkgutil
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mmt_lab.stability.cases import Family
+
+
+def family_names() -> list[str]:
+    """Return the names of all families, in alphabetical order, without importing them."""
+    return sorted(module.name for module in pkgutil.iter_modules(__path__))
+
+
+def load_family(name: str) -> "Family":
+    """Import a family by its name."""
+    found: Family = importlib.import_module(f"{__name__}.{name}").FAMILY
+    return found

@@ -99,7 +99,7 @@ def _filters_at_rest() -> Outcome:
         block = frames[start : start + 1000]
         started = time.thread_time()
         stream.process(block)
-        motion.take(block)
+        motion.on_frames(block, 0)
         seconds.append(time.thread_time() - started)
     ratio = float(np.quantile(seconds[10:], 0.1) / np.quantile(seconds[:10], 0.1))
     return Outcome(f"{ratio:.2f} x", held=ratio < _FLAT, figures={"rest_over_stroke": ratio})

@@ -1,0 +1,124 @@
+"""The part that reads the operator's hand, real or simulated, and commands the follower."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from mmt.devices.protocols import LeaderInterface
+from mmt.leader.part import Part, Session, Tick
+from mmt.scene import Link, Simulated
+
+if TYPE_CHECKING:
+    from prometheus_client.core import Metric
+
+    from mmt.leader.handle import OperatorHandle
+
+
+class HandPart(Part):
+    """Read the hand once a tick, and ask the follower to take its position.
+
+    Parameters
+    ----------
+    session
+        Of the run.
+    device
+        The hand.
+    handle
+        The same, where it is a driver's handle that may be lost and come back.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        device: "LeaderInterface | OperatorHandle",
+        handle: "OperatorHandle | None" = None,
+    ) -> None:
+        self._session = session
+        self.device = device
+        self.handle = handle
+        if handle is not None:
+            handle.watch(session.journal.event)
+
+    @classmethod
+    def build(cls, session: Session) -> "HandPart | None":
+        """Return the scene's hand, None where it has none.
+
+        Raises
+        ------
+        InputError
+            Its driver cannot be used.
+        """
+        scene = session.scene
+        if scene.hand is not None:
+            from mmt.testing.simulation.hand import SimulatedHand
+            from mmt.testing.simulation.robot import nominal_compliance_mm_n
+
+            compliance_mm_n = nominal_compliance_mm_n(scene.simulated or Simulated())
+            hand = SimulatedHand(scene.hand, scene.session.seed, compliance_mm_n=compliance_mm_n)
+            return cls(session, hand)
+        if scene.handle is None:
+            return None
+        from mmt.devices.drivers import load_device
+
+        device: LeaderInterface = load_device(
+            scene.handle.driver, scene.handle.options, role="handle"
+        )
+        if scene.handle.on_lost == "stop":
+            return cls(session, device)
+        from mmt.leader.handle import OperatorHandle
+
+        link = scene.link or Link()
+        handle = OperatorHandle(device, link.recovery_mm_s / scene.session.rate_hz)
+        return cls(session, handle, handle)
+
+    @property
+    def name(self) -> str:
+        """The device's name."""
+        return self.handle.name if self.handle is not None else type(self.device).__name__
+
+    def connect(self) -> None:
+        """Open the device and calibrate it."""
+        self.device.connect()
+        self.device.calibrate()
+
+    def close(self) -> None:
+        """Release the device."""
+        self.device.close()
+
+    def tick(self, tick: Tick) -> None:
+        """Read the hand while there is a follower, and command it."""
+        tick.state = None
+        handle, remote = self.handle, self._session.remote
+        if tick.streaming:
+            state = tick.state = self.device.read(tick.elapsed)
+            if handle is not None:
+                position = handle.command_mm
+            else:
+                position = state.position_mm if state is not None else None
+            if remote is not None and position is not None:
+                remote.command(tick.now_ns, position)
+        tick.hand_lost = handle is not None and handle.lost
+
+    def faults(self) -> list[str]:
+        """Return why the handle is lost."""
+        return [self.handle.problem] if self.handle is not None and self.handle.problem else []
+
+    def summary(self, duration_s: float) -> dict[str, Any]:
+        """Return how often and how long a handle was lost."""
+        _ = duration_s
+        if self.handle is None:
+            return {}
+        return {"handle": {"device": self.handle.name, **self.handle.losses_summary}}
+
+    def metrics(self) -> "Iterable[Metric]":
+        """Return losses of a handle."""
+        return loss_metrics(self.handle)
+
+
+def loss_metrics(device: Any) -> "Iterable[Metric]":
+    """Return whether a device that may be lost is, and how often it was; None has none."""
+    if device is None:
+        return
+    from mmt.core.exposition import counter, gauge
+
+    yield gauge(f"{device.what}_lost", f"Whether the {device.what} is lost.", device.lost)
+    yield counter(f"{device.what}_losses", f"Losses of the {device.what}.", device.losses)

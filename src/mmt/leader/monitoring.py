@@ -1,0 +1,208 @@
+"""The part that shows the run to a browser, and what the page sees of the leader."""
+
+from collections.abc import Coroutine
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from mmt.core.arrays import FloatArray, RecordArray
+from mmt.leader.part import Part, Session, Tick
+from mmt.scene import Monitor
+from mmt.web.monitor.running import LeaderMonitor
+
+if TYPE_CHECKING:
+    from mmt.core.ticking import Ticker
+    from mmt.leader.completing import ModelOutput
+    from mmt.leader.modelling import Modelling
+    from mmt.leader.recording import RecordingPart
+    from mmt.leader.stream import StreamedVibration
+    from mmt.leader.vibration import VibrationPart
+    from mmt.link.http import Page
+    from mmt.link.server import LeaderServer
+    from mmt.texture.model.texture_model import TextureModel
+    from mmt.texture.online.work import ModelUpdate
+
+
+class SessionView:
+    """A session as the monitor sees it; see `mmt.web.monitor.view.LeaderView`.
+
+    Parameters
+    ----------
+    session
+        Of the run, with all its parts but the monitor.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._log = session.log
+        self.scene = session.scene
+        self.session_id = session.log.session_id
+        self._completing: ModelOutput = session.find("completing")
+        self._modelling: Modelling | None = session.find("modelling")
+        self._playout: StreamedVibration | None = session.find("playout")
+        self._recording: RecordingPart = session.find("recording")
+        self._vibration: VibrationPart | None = session.find("vibration")
+
+    @property
+    def time_s(self) -> float:
+        """Session time."""
+        return self._session.time_s()
+
+    @property
+    def outcome(self) -> str:
+        """How the session has ended."""
+        return self._session.ending.outcome
+
+    @property
+    def connected(self) -> bool:
+        """Whether a follower is connected, or none is needed."""
+        remote = self._session.remote
+        return remote is None or remote.connected
+
+    @property
+    def server(self) -> "LeaderServer | None":
+        """The link."""
+        return self._session.remote.server if self._session.remote is not None else None
+
+    @property
+    def ticker(self) -> "Ticker | None":
+        """What ticks."""
+        return self._session.ticker
+
+    @property
+    def playout_delay_ms(self) -> float | None:
+        """Delay of the playout."""
+        return None if self._playout is None else self._playout.buffer.statistics().delay_ms
+
+    @property
+    def mode(self) -> str | None:
+        """Which vibration is heard."""
+        return None if self._vibration is None else self._vibration.switch.mode
+
+    @property
+    def forced(self) -> Literal["streamed", "synthesized"] | None:
+        """Which vibration a person holds on to."""
+        return self._completing.forced
+
+    @property
+    def renders(self) -> bool:
+        """Whether vibration can be rendered from a model."""
+        return self._session.find("synthesizing") is not None
+
+    @property
+    def frozen(self) -> bool | None:
+        """Whether the model is left as it is."""
+        return None if self._modelling is None else self._modelling.frozen
+
+    @property
+    def update(self) -> "ModelUpdate | None":
+        """The newest update of the model."""
+        return self._log.update
+
+    @property
+    def model(self) -> "TextureModel | None":
+        """The model that grows, or the saved one."""
+        if self._log.update is not None:
+            return self._log.update.model
+        return None if self._log.update_seconds else self._completing.rendered
+
+    @property
+    def criteria_s(self) -> tuple[float | None, float | None]:
+        """Session times at which the criteria were met."""
+        return self._log.start_s, self._log.stop_s
+
+    @property
+    def known_texture(self) -> str | None:
+        """Name of the known texture that is rendered until the model is ready."""
+        return None if self._log.warm is None else self._log.warm.name
+
+    @property
+    def surfaces(self) -> tuple[int, int] | None:
+        """The surface under the tool and how many are known."""
+        found = self._log.surfaces
+        return None if found is None else (found.current, found.known)
+
+    @property
+    def recording(self) -> Path | None:
+        """The file that is recorded into."""
+        recorder = self._recording.recorder
+        return None if recorder is None else recorder.path
+
+    def tell(self, sentence: str, **details: object) -> None:
+        """Note an event."""
+        self._session.journal.event(sentence, **details)
+
+    def reset_model(self) -> None:
+        """Begin the model anew."""
+        self._completing.reset(self.time_s)
+
+    def freeze(self, frozen: bool) -> None:
+        """Leave the model as it is, or let it grow again."""
+        if self._modelling is not None:
+            self._modelling.freeze(frozen)
+
+    def force(self, mode: Literal["streamed", "synthesized"] | None) -> None:
+        """Hold on to one vibration, or let the criterion decide (None)."""
+        self._completing.force(mode)
+
+    async def start_recording(self, path: Path) -> None:
+        """Record into a new file."""
+        await self._recording.start(path)
+
+    async def end_recording(self) -> tuple[Path, int]:
+        """End the recording."""
+        recorder = await self._recording.end()
+        return recorder.path, recorder.frames
+
+
+class MonitorPart(Part):
+    """Leave the monitor what it shows, and serve its page.
+
+    Parameters
+    ----------
+    session
+        Of the run.
+    table
+        The scene's ``[monitor]``.
+    """
+
+    def __init__(self, session: Session, table: Monitor) -> None:
+        self._session = session
+        self.monitor = LeaderMonitor(SessionView(session), table)
+        self._tap = self.monitor.tap
+
+    @classmethod
+    def build(cls, session: Session) -> "MonitorPart | None":
+        """Return the part, None where the scene has no link to serve a page beside."""
+        table = session.scene.monitor
+        return None if table is None else cls(session, table)
+
+    def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
+        """Return the task that looks and publishes."""
+        return {"monitor": self.monitor.run()} if self._session.remote is not None else {}
+
+    async def stop(self) -> None:
+        """Let the viewers have the last state and the session's outcome."""
+        self.monitor.end()
+
+    def pages(self) -> "list[Page]":
+        """Return the monitor's page."""
+        return [self.monitor.page]
+
+    def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
+        """Keep frames (n,) for the page."""
+        _ = arrival_ns
+        self._tap.add_frames(frames)
+
+    def on_output(self, first_ns: int, mode: str, vibration_m_s2: FloatArray) -> None:
+        """Keep what was played for the page."""
+        _ = first_ns, mode
+        self._tap.add_output(vibration_m_s2)
+
+    def tick(self, tick: Tick) -> None:
+        """Keep the hand's state for the page."""
+        self._tap.state = tick.state
+
+    def on_event(self, event: dict[str, Any], sentence: str | None) -> None:
+        """Show what a person is told."""
+        if sentence is not None:
+            self.monitor.note(event["time_s"], sentence)

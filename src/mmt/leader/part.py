@@ -1,0 +1,240 @@
+"""What a part of the leader is: a few verbs, each of which does nothing unless it is overridden.
+
+A part is one module with a class derived from `Part`, and one line in `mmt.leader.parts`. It is
+made by `build` where the scene has its table, and the service calls its verbs. A part finds others
+by name in the `Session`, which all parts of a run share.
+"""
+
+from collections.abc import Callable, Coroutine, Iterable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.ending import Ending
+from mmt.core.errors import MmtError
+from mmt.core.ticking import Ticker
+from mmt.devices.protocols import InterfaceState
+from mmt.leader.journal import Journal
+from mmt.leader.log import RunLog
+from mmt.scene import Scene
+
+if TYPE_CHECKING:
+    from prometheus_client.core import Metric
+
+    from mmt.leader.remote import RemoteFollower
+    from mmt.link.http import Page
+    from mmt.link.protocol import FollowerHello
+
+
+@dataclass
+class Tick:
+    """What is known in a tick; the parts fill it in, in the order of their list.
+
+    Attributes
+    ----------
+    now_ns
+        The leader's monotonic time.
+    elapsed
+        Ticks since the last one, at least 1; all but the last of them were missed.
+    streaming
+        Whether a follower is connected, or the scene has no link.
+    begun
+        Whether a frame has come, or the scene has no link.
+    state
+        The hand's state, None where it is not read.
+    hand_lost
+        Whether the handle is lost.
+    """
+
+    now_ns: int = 0
+    elapsed: int = 1
+    streaming: bool = False
+    begun: bool = False
+    state: InterfaceState | None = None
+    hand_lost: bool = False
+
+
+class Part:
+    """A part of the leader. Override what it needs; the verbs are called on the event loop."""
+
+    @property
+    def name(self) -> str:
+        """What a person calls it, where it cannot be opened or closed."""
+        return type(self).__name__
+
+    # --- its life
+
+    def connect(self) -> None:
+        """Open devices and files before the link is opened; what it raises ends the start."""
+
+    def begin(self) -> None:
+        """Start, now that nothing else keeps the session from starting."""
+
+    def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
+        """Return coroutines to run beside the ticks until the session ends, by name."""
+        return {}
+
+    async def finish(self) -> None:
+        """Finish what is half done; the session has ended as it should."""
+
+    async def stop(self) -> None:
+        """Say goodbye, while the link is still open; the session has ended in any way."""
+
+    def close(self) -> None:
+        """Release everything. Parts are closed in the reverse order, also when one raises."""
+
+    # --- while it runs
+
+    def tick(self, tick: Tick) -> None:
+        """Do what is to be done a thousand times a second; a few microseconds."""
+
+    def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
+        """Use the newest frames (n,), n >= 1, which have just arrived."""
+
+    def on_backfill(self, frames: RecordArray, arrival_ns: int) -> None:
+        """Use frames (n,) that were missing and were sent again."""
+
+    def on_settled(self) -> None:
+        """Go on: some of the missing frames have come, or will not come."""
+
+    def on_output(self, first_ns: int, mode: str, vibration_m_s2: FloatArray) -> None:
+        """Use samples (n,) that the actuator has just been given, the first for this time."""
+
+    def on_follower(self, hello: "FollowerHello") -> None:
+        """Take note of a follower that has connected."""
+
+    def on_lost(self) -> None:
+        """Take note that the follower is lost, perhaps for a while."""
+
+    def on_event(self, event: dict[str, Any], sentence: str | None) -> None:
+        """Take note of an event; it has a sentence where a person is told."""
+
+    def look(self) -> None:
+        """Check, five times a second; an `MmtError` ends the session as failed."""
+
+    # --- what it says
+
+    def faults(self) -> list[str]:
+        """Return what is not as it should be, a sentence each."""
+        return []
+
+    def status(self) -> dict[str, Any]:
+        """Return live figures, by the names of `LeaderStatus` or by names of its own."""
+        return {}
+
+    def summary(self, duration_s: float) -> dict[str, Any]:
+        """Return tables for the summary; tables of one name from several parts are joined."""
+        _ = duration_s
+        return {}
+
+    def metrics(self) -> "Iterable[Metric]":
+        """Return metrics, called in a thread; only where the scene has [metrics]."""
+        return ()
+
+    def pages(self) -> "list[Page]":
+        """Return what is served beside the link."""
+        return []
+
+
+class Parts:
+    """The parts of a run, in the order in which their verbs are called."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self._named: dict[str, Part] = {}
+        self._on_frames: list[Callable[[RecordArray, int], None]] = []
+
+    def __iter__(self) -> Iterator[Part]:
+        return iter(self._named.values())
+
+    def add(self, name: str, part: Part) -> None:
+        """Add a part behind the others."""
+        self._named[name] = part
+
+    def find(self, name: str) -> Any:
+        """Return a part by its name in `mmt.leader.parts.PARTS`, None where it is left out."""
+        return self._named.get(name)
+
+    def verbs(self, verb: str) -> list[Callable[..., Any]]:
+        """Return a verb's methods of the parts that override it, ready to be called."""
+        usual = getattr(Part, verb)
+        return [
+            getattr(part, verb)
+            for part in self
+            if getattr(type(part), verb) is not usual or verb in vars(part)
+        ]
+
+    def connect(self) -> None:
+        """Open what the parts need.
+
+        Raises
+        ------
+        MmtError
+            One of them cannot be opened.
+        """
+        for part in self:
+            try:
+                part.connect()
+            except MmtError:
+                raise
+            except Exception as error:
+                reason = str(error) or type(error).__name__
+                raise MmtError(f"{part.name} cannot be connected: {reason}") from error
+        self._on_frames = self.verbs("on_frames")
+
+    def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
+        """Hand the newest frames (n,) to every part that uses them."""
+        for use in self._on_frames:
+            use(frames, arrival_ns)
+
+    def call(self, verb: str, *arguments: object) -> None:
+        """Call a verb of every part that overrides it."""
+        for method in self.verbs(verb):
+            method(*arguments)
+
+    def close(self) -> list[str]:
+        """Close every part; return a sentence for each that could not be closed."""
+        problems = []
+        for part in reversed(list(self)):
+            try:
+                part.close()
+            except Exception as error:  # noqa: BLE001 - the rest must still be closed
+                problems.append(f"closing {part.name}: {error}")
+        return problems
+
+
+class Session:
+    """What the parts of a run share.
+
+    Parameters
+    ----------
+    scene
+        What is run.
+    say
+        Called with a sentence that a person wants to know.
+    time_s
+        Gives the session time.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        say: Callable[[str], None] | None = None,
+        time_s: Callable[[], float] | None = None,
+    ) -> None:
+        self.scene: Final = scene
+        self.rate_hz = float(scene.session.rate_hz)
+        self.period_ns = round(1e9 / scene.session.rate_hz)
+        self.log = RunLog()
+        self.ending = Ending("completed")
+        self.parts = Parts(scene)
+        self.time_s = time_s or (lambda: 0.0)
+        self.journal = Journal(self.parts, say or (lambda _: None), self.time_s)
+        self.remote: RemoteFollower | None = None
+        """The follower, None where the scene has no link."""
+        self.ticker: Ticker | None = None
+        """Calls the tick; None before there is one, and in simulated time."""
+
+    def find(self, name: str) -> Any:
+        """Return a part by its name, None where the scene leaves it out."""
+        return self.parts.find(name)

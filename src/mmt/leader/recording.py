@@ -1,0 +1,172 @@
+"""The part that records: the scene's own recording, and those that a person starts."""
+
+import asyncio
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.errors import InputError, MmtError
+from mmt.leader.part import Part, Session
+
+if TYPE_CHECKING:
+    from prometheus_client.core import Metric
+
+    from mmt.link.protocol import FollowerHello
+    from mmt.session.recorder import McapRecorder
+
+
+class RecordingPart(Part):
+    """Record frames, the output, events and models, while a recording runs.
+
+    Parameters
+    ----------
+    session
+        Its scene says what is recorded, and whether from the start.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self.recorder: McapRecorder | None = None
+        """The one that runs, None where none does."""
+        self._ended: McapRecorder | None = None
+
+    @classmethod
+    def build(cls, session: Session) -> "RecordingPart":
+        """Return the part; no file is made yet."""
+        return cls(session)
+
+    def begin(self) -> None:
+        """Make the file of the scene's recording, which replaces an older one of that name.
+
+        Raises
+        ------
+        InputError
+            The file cannot be made.
+        """
+        table = self._session.scene.recording
+        if table is not None:
+            self.recorder = self._made(table.file, 0.0)
+
+    async def start(self, path: Path) -> None:
+        """Start a recording into a new file.
+
+        Raises
+        ------
+        InputError
+            One runs already, or the file cannot be made.
+        MmtError
+            The session has ended meanwhile.
+        """
+        if self.recorder is not None:
+            raise InputError("a recording runs already")
+        recorder = await asyncio.to_thread(self._made, path, self._session.time_s())
+        if self._session.ending.reached:
+            await asyncio.to_thread(recorder.close)
+            raise MmtError("the session has ended")
+        self.recorder = recorder
+        self._session.journal.event(f"recording into {path}")
+
+    async def end(self) -> "McapRecorder":
+        """End the recording that runs, and return it.
+
+        Raises
+        ------
+        InputError
+            None runs.
+        MmtError
+            It could not be written to its end.
+        """
+        recorder = self.recorder
+        if recorder is None:
+            raise InputError("no recording runs")
+        self._session.find("completing").record_last()
+        self._session.journal.event(f"recording of {recorder.path} ended")
+        self.recorder, self._ended = None, recorder
+        await asyncio.to_thread(recorder.close)
+        if recorder.error is not None:
+            raise MmtError(f"recording {recorder.path}: {recorder.error}")
+        return recorder
+
+    def close(self) -> None:
+        """Finish the file."""
+        if self.recorder is not None:
+            self.recorder.close()
+
+    # --- what is recorded
+
+    def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
+        """Record frames (n,)."""
+        _ = arrival_ns
+        if self.recorder is not None:
+            self.recorder.record_frames(frames)
+
+    def on_backfill(self, frames: RecordArray, arrival_ns: int) -> None:
+        """Record frames (n,) at the place where they were missing."""
+        if self.recorder is not None:
+            self.recorder.record_backfill(frames, arrival_ns)
+
+    def on_output(self, first_ns: int, mode: str, vibration_m_s2: FloatArray) -> None:
+        """Record what was played."""
+        if self.recorder is not None:
+            self.recorder.record_output(first_ns, mode, vibration_m_s2)
+
+    def on_event(self, event: dict[str, Any], sentence: str | None) -> None:
+        """Record an event."""
+        _ = sentence
+        if self.recorder is not None:
+            self.recorder.record_event(event)
+
+    def on_follower(self, hello: "FollowerHello") -> None:
+        """Attach what the follower says of its session."""
+        if self.recorder is not None and hello.annotations:
+            self.recorder.attach_annotations(hello.annotations)
+
+    # --- what it says
+
+    def look(self) -> None:
+        """Raise where the recording has stopped, such as on a full disk."""
+        recorder = self.recorder
+        if recorder is not None and recorder.error is not None:
+            raise MmtError(f"recording {recorder.path}: {recorder.error}")
+
+    def faults(self) -> list[str]:
+        """Return why the recording has stopped."""
+        error = self.recorder.error if self.recorder is not None else None
+        return [] if error is None else [f"recording: {error}"]
+
+    def summary(self, duration_s: float) -> dict[str, Any]:
+        """Return the file, and what is in it."""
+        _ = duration_s
+        recorder = self.recorder or self._ended
+        if recorder is None:
+            return {}
+        table = {
+            "file": str(recorder.path),
+            "frames": recorder.frames,
+            "dropped": recorder.dropped,
+            "error": str(recorder.error) if recorder.error is not None else None,
+        }
+        return {"recording": table}
+
+    def metrics(self) -> "Iterable[Metric]":
+        """Return how much is recorded."""
+        recorder = self.recorder
+        if recorder is None:
+            return
+        from mmt.core.exposition import counter
+
+        yield counter("recorded_frames", "Frames in the recording.", recorder.frames)
+        yield counter("recording_dropped_frames", "Frames that found no room.", recorder.dropped)
+
+    def _made(self, path: Path, begins_s: float) -> "McapRecorder":
+        from mmt.session.recorder import McapRecorder
+
+        scene = self._session.scene
+        return McapRecorder(
+            path,
+            channels=scene.channels(),
+            scene=scene.dump(),
+            session_id=self._session.log.session_id,
+            begins_s=begins_s,
+        )

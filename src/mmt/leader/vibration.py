@@ -1,0 +1,291 @@
+"""The part that plays vibration, and its switch between the stream and the model."""
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, Final, Literal, Protocol, get_args
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.devices.protocols import VibrationActuator
+from mmt.leader.hand import loss_metrics
+from mmt.leader.part import Part, Session, Tick
+from mmt.scene import Actuator, Texture
+
+if TYPE_CHECKING:
+    from prometheus_client.core import Metric
+
+    from mmt.devices.reconnection import ReconnectingActuator
+
+Mode = Literal["silent", "streamed", "fading", "synthesized"]
+
+_FADE: Final = 0.1
+"""Of the vibration, in a tick: 10 ms out when the handle is lost, and in when it is back."""
+
+
+class SynthesizedVibration(Protocol):
+    """What renders from a model."""
+
+    def render(self, *inputs: FloatArray) -> FloatArray:
+        """Return one sample for each moment of the inputs, shape (n,)."""
+
+
+class VibrationSwitch:
+    """Choose between two sources of vibration, sample by sample.
+
+    The crossfade keeps the power of two uncorrelated signals (gains cosine and sine). It can
+    be turned round at any moment, also in mid-fade, without a step.
+
+    Parameters
+    ----------
+    streamed
+        Called once a sample with the leader's time in ns, returns the streamed vibration in
+        m/s2; None where the scene has none.
+    synthesized
+        The model's vibration, None where the scene has none.
+    crossfade_samples
+        Length of a full fade; 0 switches at once.
+    limit_m_s2
+        Bound of the output.
+    period_ns
+        Time between samples.
+    """
+
+    def __init__(
+        self,
+        streamed: Callable[[int], float] | None,
+        synthesized: SynthesizedVibration | None,
+        *,
+        crossfade_samples: int,
+        limit_m_s2: float,
+        period_ns: int = 1_000_000,
+    ) -> None:
+        self._streamed = streamed
+        self._synthesized = synthesized
+        self._step = 1.0 / crossfade_samples if crossfade_samples > 0 else 1.0
+        self._limit = limit_m_s2
+        self._period_ns = period_ns
+        self._share = 0.0  # of the synthesized vibration
+        self._target = 0.0
+
+    @property
+    def mode(self) -> Mode:
+        """Which vibration is heard now."""
+        if self._share != self._target:
+            return "fading"
+        if self._share == 1.0:
+            return "synthesized"
+        return "streamed" if self._streamed is not None else "silent"
+
+    def use_model(self, wanted: bool) -> None:
+        """Fade to the model's vibration, or back to the streamed one."""
+        self._target = 1.0 if wanted and self._synthesized is not None else 0.0
+
+    def render(self, now_ns: int, *inputs: FloatArray) -> FloatArray:
+        """Return the vibration of the elapsed ticks in m/s2, shape (n,).
+
+        Parameters
+        ----------
+        now_ns
+            The leader's time of the last of these ticks.
+        *inputs
+            What drives the model, in the order of its input space, each of shape (n,).
+        """
+        count = len(inputs[0])
+        output = np.zeros(count)
+        if self._share != self._target or self._share > 0.0:
+            model = self._synthesized
+            synthesized = model.render(*inputs) if model is not None else output
+        else:
+            synthesized = output
+        for index in range(count):
+            tick_ns = now_ns - (count - 1 - index) * self._period_ns
+            streamed = self._streamed(tick_ns) if self._streamed is not None else 0.0
+            self._advance()
+            if self._share == 0.0:
+                value = streamed
+            elif self._share == 1.0:
+                value = float(synthesized[index])
+            else:
+                angle = 0.5 * math.pi * self._share
+                value = math.cos(angle) * streamed + math.sin(angle) * float(synthesized[index])
+            output[index] = min(max(value, -self._limit), self._limit)
+        return output
+
+    def _advance(self) -> None:
+        if self._share < self._target:
+            self._share = min(self._target, self._share + self._step)
+        elif self._share > self._target:
+            self._share = max(self._target, self._share - self._step)
+
+
+class VibrationPart(Part):
+    """Render vibration once a tick, and give it to the actuator.
+
+    Parameters
+    ----------
+    session
+        Of the run.
+    actuator
+        What plays.
+    switch
+        What is played.
+    reconnecting
+        The actuator, where it is a driver's, which may be lost and come back.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        actuator: VibrationActuator,
+        switch: VibrationSwitch,
+        reconnecting: "ReconnectingActuator | None" = None,
+    ) -> None:
+        self._session = session
+        self.actuator = actuator
+        self.switch = switch
+        self.reconnecting = reconnecting
+        self.mode = switch.mode
+        """Which vibration is heard, as of the last tick."""
+        normal = (session.scene.texture or Texture()).normal
+        self._first, self._second = (k for k, name in enumerate("xyz") if name != normal)
+        self._synthesizer = getattr(session.find("synthesizing"), "synthesizer", None)
+        self._motion = session.find("motion")
+        self._on_output: list[Callable[[int, str, FloatArray], None]] = []
+        self._loudness = 1.0
+        if reconnecting is not None:
+            reconnecting.watch(session.journal.event)
+
+    @classmethod
+    def build(cls, session: Session) -> "VibrationPart | None":
+        """Return the scene's actuator and switch.
+
+        Raises
+        ------
+        InputError
+            The actuator's driver cannot be used.
+        """
+        scene, table = session.scene, session.scene.actuator
+        if table is None:
+            return None
+        actuator, reconnecting = _actuator(table)
+        playout, synthesizing = session.find("playout"), session.find("synthesizing")
+        crossfade_ms = scene.rendering.crossfade_ms if scene.rendering is not None else 0.0
+        switch = VibrationSwitch(
+            playout.buffer.pull if playout is not None else None,
+            synthesizing.synthesizer if synthesizing is not None else None,
+            crossfade_samples=round(crossfade_ms * session.rate_hz / 1000),
+            limit_m_s2=table.limit_m_s2,
+            period_ns=session.period_ns,
+        )
+        if synthesizing is not None and synthesizing.synthesizer.model is not None:
+            switch.use_model(True)
+        return cls(session, actuator, switch, reconnecting)
+
+    @property
+    def name(self) -> str:
+        """The actuator's name."""
+        return (
+            self.reconnecting.name
+            if self.reconnecting is not None
+            else type(self.actuator).__name__
+        )
+
+    def connect(self) -> None:
+        """Open the actuator and calibrate it."""
+        self.actuator.connect()
+        self.actuator.calibrate()
+        self._on_output = self._session.parts.verbs("on_output")
+
+    def close(self) -> None:
+        """Release the actuator."""
+        self.actuator.close()
+
+    def tick(self, tick: Tick) -> None:
+        """Let the actuator play the elapsed ticks, once the stream has begun."""
+        if not tick.begun:
+            return
+        elapsed = tick.elapsed
+        inputs = self._inputs(*self._drive(tick))
+        vibration = self.switch.render(tick.now_ns, *(np.full(elapsed, x) for x in inputs))
+        self._rest_without_handle(vibration, lost=tick.hand_lost)
+        self.actuator.write(vibration)
+        mode = self.switch.mode
+        first_ns = tick.now_ns - (elapsed - 1) * self._session.period_ns
+        for listener in self._on_output:
+            listener(first_ns, mode, vibration)
+        if mode != self.mode:
+            self.mode = mode
+            journal = self._session.journal
+            self._session.log.switches.append({"time_s": journal.time_s, "mode": mode})
+            journal.event(f"vibration {mode}", mode=mode)
+
+    def status(self) -> dict[str, Any]:
+        """Return which vibration is heard."""
+        return {"mode": self.mode}
+
+    def faults(self) -> list[str]:
+        """Return why the actuator is lost."""
+        return (
+            [self.reconnecting.problem]
+            if self.reconnecting is not None and self.reconnecting.problem
+            else []
+        )
+
+    def summary(self, duration_s: float) -> dict[str, Any]:
+        """Return the mode at the end, every switch, and what the actuator did."""
+        _ = duration_s
+        actuator = asdict(self.actuator.statistics)
+        if self.reconnecting is not None:
+            actuator |= self.reconnecting.losses_summary
+        table = {"mode": self.switch.mode, "switches": self._session.log.switches}
+        return {"vibration": {**table, "actuator": actuator}}
+
+    def metrics(self) -> "Iterable[Metric]":
+        """Return what drives the actuator, and its losses."""
+        from mmt.core.exposition import state
+
+        text = "What drives the actuator."
+        yield state("vibration_mode", text, "mode", self.mode, get_args(Mode))
+        yield from loss_metrics(self.reconnecting)
+
+    def _rest_without_handle(self, vibration: FloatArray, *, lost: bool) -> None:
+        """Fade the vibration (n,) in place: out while the handle is lost, and in again."""
+        goal = 0.0 if lost else 1.0
+        if self._loudness == goal == 1.0:
+            return
+        for index in range(len(vibration)):
+            self._loudness += min(max(goal - self._loudness, -_FADE), _FADE)
+            vibration[index] *= self._loudness
+
+    def _drive(self, tick: Tick) -> tuple[float, float, float]:
+        """Return the velocity over the surface and the force: the hand's where there is one."""
+        state = tick.state
+        if state is not None:
+            velocity = state.velocity_mm_s
+            force_n = state.force_n if state.contact else 0.0
+            return velocity[self._first], velocity[self._second], force_n
+        if self._motion is None:
+            return 0.0, 0.0, 0.0
+        x_mm_s, y_mm_s, force_n = self._motion.step(tick.elapsed)
+        return x_mm_s, y_mm_s, force_n
+
+    def _inputs(self, x_mm_s: float, y_mm_s: float, force_n: float) -> tuple[float, ...]:
+        """Return what the present model is a function of."""
+        if self._synthesizer is not None and self._synthesizer.directed:
+            return x_mm_s, y_mm_s, force_n
+        return (x_mm_s * x_mm_s + y_mm_s * y_mm_s) ** 0.5, force_n
+
+
+def _actuator(table: Actuator) -> "tuple[VibrationActuator, ReconnectingActuator | None]":
+    """Return the scene's actuator, and once more where it may be lost and come back."""
+    if table.driver is None:
+        from mmt.testing.simulation.actuator import SimulatedActuator
+
+        return SimulatedActuator(limit_m_s2=table.limit_m_s2), None
+    from mmt.devices.drivers import load_device
+    from mmt.devices.reconnection import ReconnectingActuator
+
+    reconnecting = ReconnectingActuator(load_device(table.driver, table.options, role="actuator"))
+    return reconnecting, reconnecting

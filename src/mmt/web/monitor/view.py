@@ -1,0 +1,111 @@
+"""What the monitor sees of a running leader, and may ask of it."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, Protocol
+
+from mmt.scene import Scene
+
+if TYPE_CHECKING:
+    from mmt.core.ticking import Ticker
+    from mmt.link.server import LeaderServer
+    from mmt.texture.model.texture_model import TextureModel
+    from mmt.texture.online.work import ModelUpdate
+
+
+class LeaderView(Protocol):
+    """A running leader. It is read some 25 times a second, and never waited for but by orders.
+
+    Attributes
+    ----------
+    scene
+        What it runs.
+    session_id
+        Names the session.
+    """
+
+    scene: Scene
+    session_id: str
+
+    @property
+    def time_s(self) -> float:
+        """Session time."""
+
+    @property
+    def outcome(self) -> str:
+        """How the session has ended, or will if nothing happens."""
+
+    @property
+    def connected(self) -> bool:
+        """Whether a follower is connected, or none is needed."""
+
+    @property
+    def server(self) -> "LeaderServer | None":
+        """The link, None without one."""
+
+    @property
+    def ticker(self) -> "Ticker | None":
+        """What ticks."""
+
+    @property
+    def playout_delay_ms(self) -> float | None:
+        """Delay of the playout, None without one."""
+
+    @property
+    def mode(self) -> str | None:
+        """Which vibration is heard, None without an actuator."""
+
+    @property
+    def forced(self) -> Literal["streamed", "synthesized"] | None:
+        """Which vibration a person holds on to."""
+
+    @property
+    def renders(self) -> bool:
+        """Whether vibration can be rendered from a model."""
+
+    @property
+    def frozen(self) -> bool | None:
+        """Whether the model is left as it is; None where none is built."""
+
+    @property
+    def update(self) -> "ModelUpdate | None":
+        """The newest update of the model, None before the first."""
+
+    @property
+    def model(self) -> "TextureModel | None":
+        """The model that grows; until the first update the saved one, if there is one."""
+
+    @property
+    def criteria_s(self) -> tuple[float | None, float | None]:
+        """Session times at which the start and the stop criterion were met."""
+
+    @property
+    def known_texture(self) -> str | None:
+        """Name of the known texture that is rendered until the model is ready."""
+
+    @property
+    def surfaces(self) -> tuple[int, int] | None:
+        """The surface under the tool and how many are known; None where not told apart."""
+
+    @property
+    def recording(self) -> Path | None:
+        """The file that is recorded into, None where none is."""
+
+    # --- orders
+
+    def tell(self, sentence: str, **details: object) -> None:
+        """Note an event."""
+
+    def reset_model(self) -> None:
+        """Begin the model anew."""
+
+    def freeze(self, frozen: bool) -> None:
+        """Leave the model as it is, or let it grow again."""
+
+    def force(self, mode: Literal["streamed", "synthesized"] | None) -> None:
+        """Hold on to one vibration, or let the criterion decide (None)."""
+
+    async def start_recording(self, path: Path) -> None:
+        """Record into a new file."""
+
+    async def end_recording(self) -> tuple[Path, int]:
+        """End the recording; return its file and how many frames are in it."""

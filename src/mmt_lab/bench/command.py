@@ -1,0 +1,102 @@
+"""``mmt bench``: run stages, print them, and write one report of all."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from mmt.cli.common import messages
+from mmt.core.errors import InputError, MmtError
+from mmt.evaluation.document import Block, Paragraph, Table
+from mmt.evaluation.report import machine
+from mmt_lab.harness import command
+from mmt_lab.harness.experiment import listed, load
+from mmt_lab.harness.findings import Findings, LeftOut
+from mmt_lab.harness.report import print_findings, print_targets, write_joint_report
+
+TITLE: Final = "Error against run time"
+
+EXTRA: Final = "pip install 'mmt-haptics[bench]'"
+
+
+def run_benches(
+    names: Sequence[str], report: Path | None = None, **options: Any
+) -> tuple[list[Findings], dict[str, Any]]:
+    """Run the named stages, all of them where none is named; print each as it is done.
+
+    Parameters
+    ----------
+    names
+        The stages.
+    report
+        Folder of the report, None for none.
+    options
+        Options of the stages, each for those that have it: ``duration``, ``realtime``.
+
+    Returns
+    -------
+    results, figures
+        Every stage that could be measured, and what ``--json`` writes. The stages that failed
+        stand under ``failed`` with the reason, where there are any.
+
+    Raises
+    ------
+    InputError
+        There is no stage of such a name, or the report cannot be written.
+    """
+    stages = [each.name for each in listed("bench")]
+    unknown = [name for name in names if name not in stages]
+    if unknown:
+        raise InputError(f"bench {unknown[0]}: allowed are {', '.join(stages)}")
+    results, failed = [], {}
+    for name in dict.fromkeys(names or stages):
+        messages.print(f"measuring: {name}")
+        try:
+            results.append(run_stage(name, **options))
+        except MmtError as error:  # what the others measure, which may take an hour, is kept
+            failed[name] = str(error)
+            messages.print(f"{name}: {error}", highlight=False)
+        else:
+            print_findings(results[-1])
+    print_targets(results)
+    about = machine()
+    if report is not None:
+        page = write_bench_report(report, results, about)
+        messages.print(f"report: {page}", highlight=False)
+    return results, as_dict(results, about) | ({"failed": failed} if failed else {})
+
+
+def run_stage(name: str, **options: Any) -> Findings:
+    """Run a stage, or say that it needs a package that is not installed."""
+    try:
+        return command.run(name, load(name), **options)
+    except ImportError as error:
+        missing = error.name or str(error)
+        left_out = LeftOut(missing, "the stage needs it for its reference", EXTRA)
+        return Findings(name, "Not measured.", left_out=(left_out,), name=name)
+
+
+def as_dict(results: Sequence[Findings], machine: Mapping[str, str]) -> dict[str, Any]:
+    """Return a run for a program: the machine, and every stage by its name."""
+    return {"machine": dict(machine), **{result.name: result.as_dict() for result in results}}
+
+
+def write_bench_report(
+    directory: Path, results: Sequence[Findings], machine: Mapping[str, str]
+) -> Path:
+    """Write ``report.md``, ``report.html``, ``figures/`` and ``bench.json``; return the page.
+
+    Raises
+    ------
+    InputError
+        The directory cannot be written.
+    """
+    opening: list[Block] = [
+        Paragraph(
+            "Methods took turns on the machine below; times are medians over rounds, with half "
+            "the distance of the quartiles behind them. Trust the ratios within this run more "
+            "than the times."
+        ),
+        Table(("what", "value"), list(machine.items()), "Machine"),
+    ]
+    data = as_dict(results, machine)
+    return write_joint_report(directory, TITLE, opening, results, "bench.json", data)

@@ -1,0 +1,166 @@
+"""The emulated devices, in a process of their own.
+
+It prints the addresses as one line of JSON, then does what the lines of its standard input say,
+``begin``, ``stall SENSOR`` and ``resume SENSOR``, each answered by the monotonic time (ns) at
+which it was done, and ``pauses``, answered by when the sensors were held up (ns); it ends when its
+input ends.
+"""
+
+import os
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from mmt.core.process import prefer_even_ticks, wake_on_time
+from mmt.core.realtime import PRIORITY
+from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
+from mmt.devices.protocols import Vector
+from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
+from mmt.testing.emulated.digital_ft import EmulatedDigitalFt
+from mmt.testing.emulated.labjack_u6 import EmulatedU6
+from mmt.testing.emulated.net_ft import EmulatedNetFt
+from mmt.testing.emulated.remote_u6 import U6Server
+from mmt.testing.emulated.robot import RobotLink
+from mmt_lab.bench.device_path.children import say
+from mmt_lab.bench.device_path.frame_times import Motion, pauses_of_device
+
+FORCE_PPM: Final = 40.0
+ACCELERATION_PPM: Final = -70.0
+"""How much too fast the sensors' clocks run."""
+
+RATE_HZ: Final = 2000.0
+"""Of the accelerometer."""
+_BANDWIDTH_HZ: Final = 1000.0
+_BITS: Final = 16
+_SUPPLY_V: Final = 3.3
+_STILL: Final = {"stuck_s": 60.0}
+"""Without noise, what rests does not change."""
+
+
+@dataclass(frozen=True)
+class Emulated:
+    """One device of the lab."""
+
+    device: Any
+    options: dict[str, Any]
+    """Of its driver."""
+    stall: Callable[[bool], None]
+
+
+class _Tip:
+    """Where the arm's tip is."""
+
+    def __init__(self, motion: Motion) -> None:
+        self.command_mm: Vector | None = None
+        self.position_mm = motion
+
+
+def net_ft(truth: Motion) -> Emulated:
+    """Return a Net F/T box without its filter and almost without noise."""
+    box = EmulatedNetFt(truth, clock_ppm=FORCE_PPM, noise_n=1e-5)
+    box.start()
+    return Emulated(box, {**box.options, "filter": 0}, lambda on: box.stall(silent=on))
+
+
+def digital_ft(truth: Motion) -> Emulated:
+    """Return a Digital F/T at its full baud rate."""
+    sensor = EmulatedDigitalFt(truth, clock_ppm=FORCE_PPM, noise_counts=0.1)
+    sensor.start()
+    return Emulated(sensor, sensor.options, lambda on: sensor.stall(silent=on))
+
+
+def adxl335(truth: Motion) -> Emulated:
+    """Return an accelerometer's board on a serial port."""
+    board = EmulatedAdxl335Board(
+        truth,
+        rate_hz=RATE_HZ,
+        resolution_bits=_BITS,
+        bandwidth_hz=_BANDWIDTH_HZ,
+        clock_ppm=ACCELERATION_PPM,
+        noise_density=0.0,
+    )
+    board.start()
+    options = {
+        "port": board.address,
+        "resolution_bits": _BITS,
+        "bandwidth_hz": _BANDWIDTH_HZ,
+        **_STILL,
+    }
+    return Emulated(board, options, lambda on: board.stall(stalled=on))
+
+
+def u6(truth: Motion) -> Emulated:
+    """Return an accelerometer at a LabJack U6."""
+    calibration = nominal(_SUPPLY_V)
+    delay_ns = round(1e9 / (6.283185307179586 * _BANDWIDTH_HZ))
+
+    def volts(time_ns: int) -> list[float]:
+        felt = truth(time_ns - delay_ns)
+        axes = zip(calibration.zero_v, calibration.gain_v_per_m_s2, felt, strict=True)
+        return [zero + gain * value for zero, gain, value in axes] + [0.0] * 11
+
+    box = EmulatedU6(volts, clock_ppm=ACCELERATION_PPM)
+    server = U6Server(box)
+    server.start()
+    options = {
+        "socket": server.address,
+        "rate_hz": RATE_HZ,
+        "bandwidth_hz": _BANDWIDTH_HZ,
+        **_STILL,
+    }
+    return Emulated(server, options, lambda on: box.stall(stalled=on))
+
+
+FORCES: Final = {"net_ft": net_ft, "digital_ft": digital_ft}
+ACCELERATIONS: Final = {"adxl335": adxl335, "u6": u6}
+
+
+def leave_a_processor_to_others() -> None:
+    """Run on all processors but the first: real devices take none of the follower's.
+
+    Where there is only one, or the system knows no such choice, they share it.
+    """
+    if hasattr(os, "sched_setaffinity"):
+        _, *others = sorted(os.sched_getaffinity(0))
+        if others:
+            os.sched_setaffinity(0, others)
+
+
+def main(force: str, acceleration: str, scheduling: str) -> None:
+    """Run the lab until standard input ends."""
+    prefer_even_ticks()
+    leave_a_processor_to_others()
+    wake_on_time()
+    if scheduling == "realtime":  # all of its threads: no device waits for this machine's work
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY - 1))
+    motions = (Motion(10.0), Motion(5.0), Motion(20.0, (0.0, 0.0, GRAVITY_M_S2)))
+    robot = RobotLink(_Tip(motions[0]))
+    robot.start()
+    sensors = {
+        "force_sensor": FORCES[force](motions[1]),
+        "accelerometer": ACCELERATIONS[acceleration](motions[2]),
+    }
+    say({"robot": {"port": robot.port}, **{key: one.options for key, one in sensors.items()}})
+    for line in sys.stdin:
+        word, _, sensor = line.strip().partition(" ")
+        if word == "pauses":
+            pauses = [pauses_of_device(np.array(motion.asked)) for motion in motions[1:]]
+            say({"pauses_ns": np.concatenate(pauses).tolist()})
+            continue
+        if word == "begin":
+            for motion in motions:
+                motion.begin()
+        else:
+            sensors[sensor].stall(word == "stall")
+        say({"done_ns": time.monotonic_ns()})
+    for one in sensors.values():
+        one.device.stop()
+    robot.stop()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

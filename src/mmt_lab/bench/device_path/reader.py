@@ -1,0 +1,171 @@
+"""The follower's part of it: the real drivers and the frames, in a process of its own.
+
+Its first line of input is the job, as JSON. It prints a line of JSON when it streams, and for
+each device that is lost or back. ``begin`` and ``end`` say between which moments to measure; with
+the end of its input it writes the frames and prints what it found.
+"""
+
+import asyncio
+import json
+import sys
+import time
+from typing import Any, Final, Protocol
+
+import numpy as np
+
+from mmt.core.arrays import RecordArray
+from mmt.core.frames import CHANNELS
+from mmt.core.process import prefer_even_ticks
+from mmt.core.realtime import be_real_time
+from mmt.core.ticking import Ticker
+from mmt.devices.drivers import load_device
+from mmt.devices.source import PERIOD_NS, DeviceSource
+from mmt.testing.emulated.hd import EmulatedHd
+from mmt.testing.emulated.remote_u6 import RemoteU6
+from mmt.testing.emulated.robot import DatagramRobot
+from mmt_lab.bench.device_path.children import say
+
+_COMMAND_MM: Final = (0.0, 0.0, 5.0)
+_HELD_UP_TICKS: Final = 10
+"""From one tick to the next: an arm that was not read for longer has no position in between."""
+
+
+class _Emulation(Protocol):
+    """What stands for a device in this process."""
+
+    @property
+    def own_ns(self) -> int:
+        """Processor time that it has taken so far."""
+
+
+class Reader:
+    """Read devices at 1 kHz and keep the frames.
+
+    Parameters
+    ----------
+    job
+        ``robot``, ``force_sensor`` and ``accelerometer``, each with ``driver`` and ``options``;
+        ``realtime``, whether it ticks by real-time scheduling; ``bare_s``, for how long the tick is
+        measured alone.
+    """
+
+    def __init__(self, job: dict[str, Any]) -> None:
+        self._emulations: list[_Emulation] = []
+        robot, force, acceleration = (
+            self._load(job[key]) for key in ("robot", "force_sensor", "accelerometer")
+        )
+        self.sensors = {"force_sensor": force, "accelerometer": acceleration}
+        self.source = DeviceSource(robot, force, acceleration, CHANNELS, on_lost="hold")
+        self.source.on_loss(self._note)
+        self.source.on_late_frames(self._take)
+        self.ticker = Ticker(PERIOD_NS, self._tick)
+        self._frames: list[RecordArray] = []
+        self._formed: list[tuple[int, int]] = []
+        self._ticks = 0
+        self._ticked: list[tuple[int, int]] = []
+        self._measured: dict[str, float] = {}
+        self._begun = (0, 0, 0)
+        self._keeps = False
+        self._held_up_ticks = 0
+        self._realtime: bool = job["realtime"]
+        self._bare_s: float = job["bare_s"]
+
+    async def run(self, file: str) -> None:
+        """Stream until standard input ends; then write the frames and say what was found."""
+        loop = asyncio.get_running_loop()
+        prefer_even_ticks()
+        if self._realtime:
+            be_real_time()
+        try:
+            self._measured["bare_share"] = await _bare_share(self._bare_s)
+            self.source.start(time.monotonic_ns())
+            self.ticker.start()
+            loop.add_reader(sys.stdin.fileno(), self._hear)
+            say({"ready": True})
+            await self.ticker.wait()
+        finally:
+            self.ticker.stop()
+            loop.remove_reader(sys.stdin.fileno())
+            self.source.close()
+        self._write(file)
+        say(
+            {
+                **self._measured,
+                "devices": self.source.summary,
+                "latency_ns": {key: one.latency_ns for key, one in self.sensors.items()},
+                "held_up_ticks": self._held_up_ticks,
+                "late_share_1ms": self.ticker.statistics.late_share_1ms,
+                "imported": sorted({"numba", "scipy"} & set(sys.modules)),
+            }
+        )
+
+    def _hear(self) -> None:
+        word = sys.stdin.readline().strip()
+        emulated_ns = sum(each.own_ns for each in self._emulations)
+        now = (time.monotonic_ns(), time.process_time_ns(), emulated_ns)
+        if word == "begin":
+            self._begun, self._keeps = now, True
+        elif word == "end":
+            wall_ns, busy_ns, emulated_ns = (now[i] - self._begun[i] for i in range(3))
+            self._measured["core_share"] = busy_ns / wall_ns
+            self._measured["emulated_share"] = emulated_ns / wall_ns
+            self._keeps = False
+            say({"ended": True})
+        else:
+            self.ticker.stop()
+
+    def _tick(self, elapsed: int) -> None:
+        now_ns = time.monotonic_ns()
+        self._ticks += elapsed
+        if self._keeps:
+            self._ticked.append((self._ticks, now_ns))
+            if elapsed > _HELD_UP_TICKS:
+                self._held_up_ticks += elapsed
+        self._take(self.source.step(elapsed, now_ns, _COMMAND_MM))
+
+    def _take(self, frames: RecordArray) -> None:
+        if self._keeps and len(frames):
+            self._frames.append(frames)
+            self._formed.append((time.monotonic_ns(), len(frames)))
+
+    def _note(self, lost: bool, sentence: str) -> None:
+        say({"lost": lost, "at_ns": time.monotonic_ns(), "sentence": sentence})
+
+    def _load(self, device: dict[str, Any]) -> Any:
+        options = dict(device["options"])
+        if device["driver"] == "datagrams":
+            robot = DatagramRobot(**options)
+            self._emulations.append(robot)
+            return robot
+        if device["driver"] == "openhaptics":
+            self._emulations.append(EmulatedHd())
+        if "socket" in options:
+            options["backend"] = RemoteU6(options.pop("socket"))
+            self._emulations.append(options["backend"])
+        return load_device(device["driver"], options)
+
+    def _write(self, file: str) -> None:
+        formed = [at_ns for at_ns, count in self._formed for _ in range(count)]
+        frames = np.concatenate(self._frames) if self._frames else np.empty(0)
+        np.savez(
+            file,
+            frames=frames,
+            formed_ns=np.array(formed, dtype=np.int64),
+            ticked=np.array(self._ticked, dtype=np.int64),
+        )
+
+
+async def _bare_share(duration_s: float) -> float:
+    """Return the share of a core that a tick takes by itself."""
+    ticker = Ticker(PERIOD_NS, lambda _elapsed: None)
+    ticker.start()
+    begun_ns, busy_ns = time.monotonic_ns(), time.process_time_ns()
+    await asyncio.sleep(duration_s)
+    share = (time.process_time_ns() - busy_ns) / (time.monotonic_ns() - begun_ns)
+    ticker.stop()
+    return share
+
+
+if __name__ == "__main__":
+    job = json.loads(sys.stdin.readline())
+    asyncio.run(Reader(job).run(job["file"]))

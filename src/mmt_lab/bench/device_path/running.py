@@ -1,0 +1,192 @@
+"""One set-up of devices: start it, measure it, stop its sensors one after the other."""
+
+import json
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from mmt.core.arrays import IntArray
+from mmt.core.errors import MmtError
+from mmt.devices.source import PERIOD_NS as TICK_NS
+from mmt_lab.bench.device_path.children import Child
+from mmt_lab.bench.device_path.emulated import ACCELERATION_PPM, FORCE_PPM
+from mmt_lab.bench.device_path.frame_times import FrameTimes, frame_times, pauses_of_ticks, within
+
+DRIVERS: Final = {
+    "net_ft": "ati-net-ft",
+    "digital_ft": "ati-digital-ft",
+    "adxl335": "adxl335-serial",
+    "u6": "adxl335-u6",
+}
+"""By the names of the lab."""
+
+_START_S: Final = 60.0
+_ANSWER_S: Final = 20.0
+_BARE_S: Final = 2.0
+_SETTLE_S: Final = 2.0
+_PAUSE_S: Final = 0.3
+_PPM: Final = {"force_sensor": FORCE_PPM, "accelerometer": ACCELERATION_PPM}
+
+
+@dataclass(frozen=True)
+class SetUp:
+    """Devices that are measured together."""
+
+    name: str
+    force: str
+    acceleration: str
+    arm: str = "datagrams"
+    """Driver of the arm; ``openhaptics`` runs its emulation within the reader."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What one set-up gave."""
+
+    core_share: float
+    """Of one core, by the process that reads and forms frames."""
+    emulated_share: float
+    """The part of it that stands for devices, within that process."""
+    bare_share: float
+    """By the process's tick alone, beforehand."""
+    frames: int
+    missing: int
+    """Frames that could not be formed."""
+    held_up_ticks: int
+    """Ticks in pauses of more than 10 ms, in which the process did not run."""
+    times: FrameTimes
+    drift_errors_ppm: dict[str, float]
+    """By the sensor, at the end."""
+    seen_after_ms: list[float]
+    """From when a sensor stopped to when that was known."""
+    late_share_1ms: float
+    """Of the ticks."""
+    imported: list[str]
+    """Of numba and scipy, by that process."""
+
+
+def measure_set_up(
+    set_up: SetUp, duration_s: float, stops: int, *, realtime: bool = False
+) -> Measured:
+    """Measure one set-up.
+
+    Parameters
+    ----------
+    set_up
+        Its devices.
+    duration_s
+        How long frames are kept.
+    stops
+        How often each sensor stops.
+    realtime
+        Whether the follower's part ticks by real-time scheduling, and the emulated devices too.
+
+    Raises
+    ------
+    MmtError
+        A process ends, no frame is formed, or a device is not lost or does not come back.
+    """
+    scheduling = "realtime" if realtime else "ordinary"
+    lab = Child("mmt_lab.bench.device_path.emulated", set_up.force, set_up.acceleration, scheduling)
+    try:
+        addresses = lab.hear(_START_S)
+        with tempfile.TemporaryDirectory() as folder:
+            job = {
+                **_job(set_up, addresses),
+                "file": str(Path(folder) / "frames.npz"),
+                "realtime": realtime,
+                "bare_s": min(_BARE_S, duration_s),
+            }
+            return _measure(job, lab, duration_s, stops)
+    finally:
+        lab.close()
+
+
+def _measure(job: dict[str, Any], lab: Child, duration_s: float, stops: int) -> Measured:
+    reader = Child("mmt_lab.bench.device_path.reader")
+    try:
+        reader.tell(json.dumps(job))
+        reader.hear_of("ready", True, _START_S)
+        lab.ask("begin", _ANSWER_S)
+        time.sleep(min(_SETTLE_S, duration_s))
+        reader.tell("begin")
+        time.sleep(duration_s)
+        reader.tell("end")
+        reader.hear_of("ended", True, _ANSWER_S)
+        pauses_ns = lab.ask("pauses", _ANSWER_S)["pauses_ns"]
+        seen_after_ms = [
+            _stop(lab, reader, sensor)
+            for _ in range(stops)
+            for sensor in ("force_sensor", "accelerometer")
+        ]
+        reader.finish()
+        found = reader.hear(_ANSWER_S)
+        while "devices" not in found:
+            found = reader.hear(_ANSWER_S)
+    finally:
+        reader.close()
+    device_pauses_ns = np.array(pauses_ns, dtype=np.int64).reshape(-1, 2)
+    return _evaluate(Path(job["file"]), found, seen_after_ms, device_pauses_ns)
+
+
+def _job(set_up: SetUp, addresses: dict[str, Any]) -> dict[str, Any]:
+    arm = addresses["robot"] if set_up.arm == "datagrams" else {"library": "emulated"}
+    names = {"force_sensor": set_up.force, "accelerometer": set_up.acceleration}
+    return {
+        "robot": {"driver": set_up.arm, "options": arm},
+        **{
+            role: {"driver": DRIVERS[name], "options": addresses[role]}
+            for role, name in names.items()
+        },
+    }
+
+
+def _stop(lab: Child, reader: Child, sensor: str) -> float:
+    """Stop a sensor until that is seen; return after how many ms it was."""
+    stopped_ns = lab.ask(f"stall {sensor}", _ANSWER_S)["done_ns"]
+    role = f"the {sensor.replace('_', ' ')} "
+    while True:  # on a busy machine one may have been lost and found before
+        event = reader.hear_of("lost", True, _ANSWER_S)
+        if event["at_ns"] > stopped_ns and event["sentence"].startswith(role):
+            break
+    lab.ask(f"resume {sensor}", _ANSWER_S)
+    reader.hear_of("lost", False, _ANSWER_S)
+    time.sleep(_PAUSE_S)
+    return float(event["at_ns"] - stopped_ns) / 1e6
+
+
+def _evaluate(
+    file: Path, found: dict[str, Any], seen_after_ms: list[float], device_pauses_ns: IntArray
+) -> Measured:
+    with np.load(file) as content:
+        frames, formed_ns, ticked = content["frames"], content["formed_ns"], content["ticked"]
+    if not len(frames):
+        raise MmtError("no frame was formed: end what loads this machine, or use --realtime")
+    pauses_ns = np.concatenate([pauses_of_ticks(ticked, TICK_NS), device_pauses_ns])
+    values = {"force": frames["force_n"], "acceleration": frames["acceleration_m_s2"]}
+    span = int(frames["sequence"][-1]) - int(frames["sequence"][0]) + 1
+    return Measured(
+        core_share=found["core_share"],
+        emulated_share=found["emulated_share"],
+        bare_share=found["bare_share"],
+        frames=len(frames),
+        missing=span - len(frames),
+        held_up_ticks=found["held_up_ticks"],
+        times=frame_times(
+            values,
+            frames["time_ns"],
+            formed_ns,
+            within(pauses_ns, frames["time_ns"], formed_ns),
+            max(found["latency_ns"].values()) / 1e6,
+        ),
+        drift_errors_ppm={
+            sensor: abs(found["devices"][sensor]["drift_ppm"] + ppm) for sensor, ppm in _PPM.items()
+        },
+        seen_after_ms=seen_after_ms,
+        late_share_1ms=found["late_share_1ms"] or 0.0,
+        imported=found["imported"],
+    )

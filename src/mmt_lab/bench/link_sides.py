@@ -1,0 +1,180 @@
+"""The two processes of the link's measurement; each holds both links open at once.
+
+What a process is told and tells goes through a pipe: the leader gives its ports, both say that
+they are connected, both are given their turns, and both return what they noted.
+"""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from typing import Final
+
+import aiohttp
+from aiohttp import web
+
+from mmt.core.arrays import RecordArray
+from mmt.core.frames import CHANNELS, COMMAND_DTYPE, frame_dtype
+from mmt.core.process import prefer_even_ticks
+from mmt.core.realtime import be_real_time
+from mmt.link.client import FollowerClient, FollowerEvents
+from mmt.link.protocol import FollowerHello
+from mmt.link.server import LeaderEvents, LeaderServer
+from mmt.scene import Link
+from mmt_lab.bench.link_traffic import Kind, Measured, Send, Side, Turn, take_turns
+
+PATIENCE_S: Final = 60.0
+"""How long one process waits for the other."""
+
+READY: Final = "ready"
+"""What a process says when both its links are connected."""
+
+_FRAME: Final = frame_dtype(CHANNELS)
+
+
+@dataclass(frozen=True)
+class Ports:
+    """Where the leader listens."""
+
+    ours: int
+    bare: int
+
+
+@dataclass(frozen=True)
+class Report:
+    """What one process noted: of each turn, and at the end of all."""
+
+    turns: list[Measured]
+    sent: dict[Kind, int]
+    newest: dict[Kind, int]
+    """Last sequence number that came."""
+
+
+def lead(pipe: Connection, rate_hz: int, realtime: bool) -> None:
+    """Be the leader of both links."""
+    asyncio.run(_lead(pipe, rate_hz, realtime))
+
+
+def follow(pipe: Connection, rate_hz: int, realtime: bool) -> None:
+    """Be the follower of both links."""
+    asyncio.run(_follow(pipe, rate_hz, realtime))
+
+
+async def _lead(pipe: Connection, rate_hz: int, realtime: bool) -> None:
+    ours, bare = Side(COMMAND_DTYPE, leads=True), Side(COMMAND_DTYPE, leads=True)
+    connected, ended = asyncio.Event(), asyncio.Event()
+    events = LeaderEvents(
+        on_frames=ours.take_block,
+        on_follower=lambda _: connected.set(),
+        on_end=lambda _: ended.set(),
+    )
+    server = LeaderServer(Link(port=0), CHANNELS, events, rate_hz=rate_hz)
+    await server.start()
+    async with _bare_server() as (port, websocket):
+        pipe.send(Ports(server.port, port))
+        await asyncio.wait_for(connected.wait(), PATIENCE_S)
+        async with _bare_traffic(bare, await asyncio.wait_for(websocket, PATIENCE_S)) as put:
+            await _report(
+                pipe,
+                {"ours": ours, "bare": bare},
+                {"ours": server.send_commands, "bare": put},
+                realtime,
+            )
+            await asyncio.wait_for(ended.wait(), PATIENCE_S)
+    await server.stop()
+
+
+async def _follow(pipe: Connection, rate_hz: int, realtime: bool) -> None:
+    ports: Ports = await asyncio.to_thread(pipe.recv)
+    ours, bare = Side(_FRAME), Side(_FRAME)
+    client = FollowerClient(
+        f"http://127.0.0.1:{ports.ours}",
+        FollowerHello(channels=CHANNELS, source="bench", rate_hz=rate_hz),
+        FollowerEvents(on_commands=ours.take_block),
+    )
+    await client.connect(PATIENCE_S)
+    async with (
+        aiohttp.ClientSession() as session,
+        session.ws_connect(f"http://127.0.0.1:{ports.bare}/") as websocket,
+        _bare_traffic(bare, websocket) as put,
+    ):
+        await _report(
+            pipe,
+            {"ours": ours, "bare": bare},
+            {"ours": client.send_frames, "bare": put},
+            realtime,
+        )
+        await client.end("measured")
+    await client.disconnect()
+
+
+async def _report(
+    pipe: Connection, sides: dict[Kind, Side], send: dict[Kind, Send], realtime: bool
+) -> None:
+    """Say that all is connected, take the turns, and send what was noted."""
+    prefer_even_ticks()
+    if realtime:
+        be_real_time()
+    pipe.send(READY)
+    turns: list[Turn] = await asyncio.to_thread(pipe.recv)
+    measured = await take_turns(turns, sides, send)
+    pipe.send(
+        Report(
+            measured,
+            {kind: side.sent for kind, side in sides.items()},
+            {kind: side.newest for kind, side in sides.items()},
+        )
+    )
+
+
+@asynccontextmanager
+async def _bare_server() -> AsyncIterator[tuple[int, "asyncio.Future[web.WebSocketResponse]"]]:
+    """Serve one bare WebSocket; yield the port, and the WebSocket when there is one."""
+    opened: asyncio.Future[web.WebSocketResponse] = asyncio.get_running_loop().create_future()
+    done = asyncio.Event()
+
+    async def handle(request: web.Request) -> web.WebSocketResponse:
+        websocket = web.WebSocketResponse()
+        await websocket.prepare(request)
+        opened.set_result(websocket)
+        await done.wait()
+        return websocket
+
+    application = web.Application()
+    application.router.add_get("/", handle)
+    runner = web.AppRunner(application, access_log=None, shutdown_timeout=1.0)
+    await runner.setup()
+    await web.TCPSite(runner, "127.0.0.1", 0).start()
+    try:
+        yield runner.addresses[0][1], opened
+    finally:
+        done.set()
+        await runner.cleanup()
+
+
+@asynccontextmanager
+async def _bare_traffic(
+    side: Side, websocket: web.WebSocketResponse | aiohttp.ClientWebSocketResponse
+) -> AsyncIterator[Send]:
+    """Send and receive with nothing but a WebSocket, a queue and two tasks."""
+    queue: asyncio.Queue[bytes] = asyncio.Queue()
+
+    async def send() -> None:
+        while True:
+            await websocket.send_bytes(await queue.get())
+
+    async def receive() -> None:
+        async for message in websocket:
+            side.take(message.data)
+
+    def put(record: RecordArray) -> None:
+        queue.put_nowait(record.tobytes())
+
+    tasks = [asyncio.create_task(send()), asyncio.create_task(receive())]
+    try:
+        yield put
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)

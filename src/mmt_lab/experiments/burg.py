@@ -1,0 +1,322 @@
+"""Burg's method beside its peers: time, digits, and who stays stable where it is stiff."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any, Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.texture.autoregression.burg import burg, burg_batch
+from mmt.texture.autoregression.forms import reflection_to_ar
+from mmt_lab.bench import peers, references, signals
+from mmt_lab.bench.c_loops import burg_loops
+from mmt_lab.bench.measuring import interleave
+from mmt_lab.harness.experiment import Experiment
+from mmt_lab.harness.findings import (
+    MICROSECONDS,
+    TIME_US,
+    Axis,
+    Curve,
+    Curves,
+    Findings,
+    LeftOut,
+    Panel,
+    Records,
+    Spread,
+    Target,
+)
+
+OURS: Final = "mmt"
+OFFSET_ORDER: Final = 10
+ERROR: Final = Axis("error of the coefficients over the largest", "error")
+
+Fit = Callable[[FloatArray, int], FloatArray]
+"""From a segment (n,) and an order to filter coefficients (order,)."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """One implementation: what is timed for one segment and for a batch, and its result.
+
+    ``fit_batch`` is None where the package has no call for a batch: its time is that of its
+    calls one after the other.
+    """
+
+    name: str
+    fit: Callable[[FloatArray, int], object]
+    coefficients: Fit
+    fit_batch: Callable[[FloatArray, int], object] | None = None
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is measured; the defaults are what ``mmt bench burg`` does."""
+
+    orders: tuple[int, ...] = (8, 10, 16, 24, 40)
+    order: int = 16
+    lengths: tuple[int, ...] = (200, 400, 800, 1200)
+    batch: tuple[int, int] = (50, 1000)
+    rounds: int = 15
+    offsets: tuple[float, ...] = (1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6)
+    stiff: tuple[signals.StiffCase, ...] = signals.STIFF_CASES
+
+
+@peers.quiet()
+def measure(plan: Plan) -> Findings:
+    """Measure every implementation that is installed.
+
+    Raises
+    ------
+    ImportError
+        mpmath, the reference, is not installed.
+    """
+    methods, left_out = _find_methods()
+    single = _by_order(methods, plan)
+    batch = _by_batch(methods, plan)
+    stiff = _stiff(methods, plan)
+    loops, without_loops = burg_loops(((1, plan.lengths[0]), plan.batch), plan.orders, plan.rounds)
+    return Findings(
+        name="burg",
+        title="Burg's method",
+        about=(
+            "Each package's own call on one segment, and on a batch (in one call where the "
+            "package has one, else one call after the other). mmt and spectrum return "
+            "reflection coefficients, the others filter coefficients; errors are of filter "
+            f"coefficients, against Burg's method with {references.DIGITS} digits on the same "
+            "samples, relative to the largest. A stiff case is held where the reflection "
+            "coefficients that a method returns, or those that belong to exactly the filter "
+            "coefficients that it returns, are below one in magnitude; residual is the "
+            "prediction error that the filter leaves over what the reference leaves."
+        ),
+        panels=(single, _by_length(methods, plan), batch, _by_offset(methods, plan)),
+        records=(stiff, *loops),
+        targets=(*_speed_targets(single, batch), *_stiff_targets(stiff)),
+        left_out=(*left_out, *without_loops),
+    )
+
+
+def _find_methods() -> tuple[list[Method], tuple[LeftOut, ...]]:
+    """Return ours and those of the packages that are installed, and which are not."""
+    modules, left_out = peers.find(("librosa", "memspectrum", "spectrum", "statsmodels"))
+    ours = Method(
+        OURS, burg, lambda x, order: reflection_to_ar(burg(x, order).reflection), burg_batch
+    )
+    return [ours, *_peers(modules)], left_out
+
+
+def _peers(modules: Mapping[str, ModuleType]) -> list[Method]:
+    """Return the peers that are here, each as its own documentation has it called."""
+    makers: dict[str, Callable[[Any], list[Method]]] = {
+        "librosa": _librosa,
+        "spectrum": lambda module: [
+            _single("spectrum", lambda x, order: module.arburg(x, order)[0].real)
+        ],
+        "statsmodels": lambda module: [
+            _single("statsmodels", lambda x, order: -module.burg(x, order, demean=False)[0])
+        ],
+        "memspectrum": lambda module: [
+            _single(f"memspectrum, {kind}", _memspectrum(module, kind))
+            for kind in ("standard", "Fast")
+        ],
+    }
+    return [method for name, module in modules.items() for method in makers[name](module)]
+
+
+def _single(name: str, fit: Fit) -> Method:
+    return Method(name, fit, fit)
+
+
+def _librosa(module: Any) -> list[Method]:
+    def fit(x: FloatArray, order: int) -> FloatArray:
+        return np.asarray(module.lpc(x, order=order)[1:], dtype=np.float64)
+
+    return [Method("librosa", fit, fit, lambda rows, order: module.lpc(rows, order=order))]
+
+
+def _memspectrum(module: Any, kind: str) -> Fit:
+    def fit(x: FloatArray, order: int) -> FloatArray:
+        solver = module.MESA()
+        solver.solve(x, m=order + 1, optimisation_method="Fixed", method=kind)
+        return np.asarray(solver.a_k[1:], dtype=np.float64)
+
+    return fit
+
+
+def _by_order(methods: Sequence[Method], plan: Plan) -> Panel:
+    length = plan.lengths[0]
+    x = signals.texture(length, seed=1)
+    times = {
+        order: interleave({m.name: _call(m.fit, x, order) for m in methods}, plan.rounds)
+        for order in plan.orders
+    }
+    errors = _errors(methods, x, plan.orders)
+    return Panel(
+        "order",
+        f"One segment of {length} samples, by order",
+        "order",
+        TIME_US,
+        ERROR,
+        _curves(methods, times, errors),
+    )
+
+
+def _by_length(methods: Sequence[Method], plan: Plan) -> Panel:
+    times, errors = {}, {}
+    for length in plan.lengths:
+        x = signals.texture(length, seed=2)
+        calls = {m.name: _call(m.fit, x, plan.order) for m in methods}
+        times[length] = interleave(calls, plan.rounds)
+        errors[length] = _errors(methods, x, (plan.order,))[plan.order]
+    return Panel(
+        "length",
+        f"One segment, order {plan.order}, by its number of samples",
+        "samples",
+        TIME_US,
+        ERROR,
+        _curves(methods, times, errors),
+    )
+
+
+def _by_batch(methods: Sequence[Method], plan: Plan) -> Panel:
+    count, length = plan.batch
+    rows = np.array([signals.texture(length, seed=seed) for seed in range(count)])
+    times = {}
+    for order in plan.orders:
+        calls = {
+            m.name: _call(m.fit_batch, rows, order) if m.fit_batch else _call(m.fit, rows[0], order)
+            for m in methods
+        }
+        spent = interleave(calls, plan.rounds)
+        times[order] = {
+            m.name: spent[m.name].times(1.0 / count if m.fit_batch else 1.0) for m in methods
+        }
+    return Panel(
+        "batch",
+        f"Batches of {count} segments of {length} samples, time of one segment, by order",
+        "order",
+        TIME_US,
+        ERROR,
+        _curves(methods, times, _errors(methods, rows[0], plan.orders)),
+    )
+
+
+def _by_offset(methods: Sequence[Method], plan: Plan) -> Panel:
+    """Return the errors on white noise that stands on an offset; nothing is timed."""
+    curves = Curves()
+    for offset in plan.offsets:
+        x = signals.offset_noise(offset)
+        expected = references.step_up(references.burg(x, OFFSET_ORDER))
+        for method in methods:
+            try:
+                error = _error(method.coefficients(x, OFFSET_ORDER), expected)
+                curves.add(method.name, offset, offset, error)
+            except peers.FAILURES as failure:
+                curves.fail(method.name, offset, str(failure))
+    knob = "offset over the noise"
+    title = f"White noise on an offset, order {OFFSET_ORDER}, by the {knob}"
+    return Panel("offset", title, knob, Axis(knob, "offset"), ERROR, curves.done())
+
+
+def _call(fit: Callable[[FloatArray, int], object], x: FloatArray, order: int) -> Callable[[], Any]:
+    return lambda: fit(x, order)
+
+
+def _errors(
+    methods: Sequence[Method], x: FloatArray, orders: Sequence[int]
+) -> dict[int, dict[str, float]]:
+    reference = references.burg(x, max(orders))
+    errors = {}
+    for order in orders:
+        expected = references.step_up(reference[:order])
+        errors[order] = {m.name: _error(m.coefficients(x, order), expected) for m in methods}
+    return errors
+
+
+def _error(found: FloatArray, expected: Sequence[Any]) -> float:
+    largest = max(1.0, *(float(abs(value)) for value in expected))
+    return references.largest_error(found, expected) / largest
+
+
+def _curves(
+    methods: Sequence[Method],
+    times: Mapping[int, Mapping[str, Spread]],
+    errors: Mapping[int, Mapping[str, float]],
+) -> tuple[Curve, ...]:
+    curves = Curves()
+    for knob, of in times.items():
+        for method in methods:
+            time = of[method.name].times(MICROSECONDS)
+            curves.add(method.name, knob, time, errors[knob][method.name])
+    return curves.done()
+
+
+def _stiff(methods: Sequence[Method], plan: Plan) -> Records:
+    rows: list[dict[str, Any]] = []
+    for case in plan.stiff:
+        expected = references.step_up(references.burg(case.signal, case.order))
+        least = references.residual(case.signal, expected)
+        for method in methods:
+            row = {"case": case.name, "order": case.order, "method": method.name}
+            rows.append(row | _held(method, case, expected, least))
+    return Records("stiff", "Stiff and extreme segments", tuple(rows))
+
+
+def _held(
+    method: Method, case: signals.StiffCase, expected: Sequence[Any], least: Any
+) -> dict[str, Any]:
+    try:
+        ar = method.coefficients(case.signal, case.order)
+        stable = len(ar) == case.order and _is_stable(method, case, ar)
+    except peers.FAILURES as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        return {"stable": False, "error": None, "residual": None, "remark": f"raises: {reason}"}
+    if len(ar) != case.order or not np.isfinite(ar).all():
+        return {"stable": False, "error": None, "residual": None, "remark": "no such filter"}
+    left = references.residual(case.signal, references.exact(ar))
+    ratio = float(left / least) if least else None
+    return {"stable": stable, "error": _error(ar, expected), "residual": ratio, "remark": ""}
+
+
+def _is_stable(method: Method, case: signals.StiffCase, ar: FloatArray) -> bool:
+    if method.name == OURS:
+        return bool((np.abs(burg(case.signal, case.order).reflection) < 1.0).all())
+    return references.is_stable(ar)
+
+
+def _speed_targets(single: Panel, batch: Panel) -> list[Target]:
+    return [
+        Target(f"librosa over mmt, {single.title}: least ratio", _ratio(single), "at least", 4.0),
+        Target(f"librosa over mmt, {batch.title}: least ratio", _ratio(batch), "at least", 2.0),
+    ]
+
+
+def _ratio(panel: Panel) -> float | None:
+    return min(panel.x_ratios("librosa", OURS).values(), default=None)
+
+
+def _stiff_targets(stiff: Records) -> list[Target]:
+    cases = len({row["case"] for row in stiff.rows})
+    held: dict[str, int] = {}
+    for row in stiff.rows:
+        held[str(row["method"])] = held.get(str(row["method"]), 0) + bool(row["stable"])
+    others = [count for name, count in held.items() if name != OURS]
+    most = float(max(others)) if others else None
+    return [
+        Target(f"stiff cases of {cases} that mmt holds", held[OURS], "at least", cases),
+        Target(f"stiff cases of {cases} that the best peer holds", most, "at most", cases - 1),
+    ]
+
+
+def run() -> Findings:
+    """Measure every implementation that is installed."""
+    return measure(Plan())
+
+
+EXPERIMENT = Experiment(
+    shows="what Burg's method costs and how exact it is beside its peers, also where it is stiff",
+    duration="2 min",
+    run=run,
+    group="bench",
+)

@@ -1,0 +1,183 @@
+"""The device path: cost, latency and truth of frames, by the real drivers on emulated devices."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from mmt.core.errors import MmtError
+from mmt.core.realtime import require_real_time
+from mmt_lab.bench.device_path.running import Measured, SetUp, measure_set_up
+from mmt_lab.harness.experiment import Experiment, RealTime
+from mmt_lab.harness.findings import Cell, Findings, LeftOut, Records, Target
+
+SET_UPS: Final = (
+    SetUp("virtual lab: Net F/T, ADXL335 on serial", "net_ft", "adxl335"),
+    SetUp("Digital F/T, ADXL335 on serial", "digital_ft", "adxl335"),
+    SetUp("Net F/T, ADXL335 at a U6", "net_ft", "u6"),
+    SetUp("OpenHaptics arm, Net F/T, ADXL335 on serial", "net_ft", "adxl335", "openhaptics"),
+)
+
+CORE_SHARE: Final = 0.25
+LATENCY_MS: Final = 2.0
+JITTER_MS: Final = 0.1
+SEEN_MS: Final = 20.0
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is measured; the defaults are what ``mmt bench devices`` does."""
+
+    set_ups: tuple[SetUp, ...] = SET_UPS
+    duration_s: float = 20.0
+    stops: int = 10
+    """Of each sensor."""
+    realtime: bool = False
+    """Whether the follower's part and the emulated devices run by real-time scheduling."""
+
+
+def measure(plan: Plan) -> Findings:
+    """Measure each set-up; one that cannot run here is left out.
+
+    Raises
+    ------
+    MmtError
+        Real-time scheduling is not permitted.
+    """
+    if plan.realtime:
+        require_real_time()
+    found: dict[str, Measured] = {}
+    left_out = []
+    for set_up in plan.set_ups:
+        try:
+            found[set_up.name] = measure_set_up(
+                set_up, plan.duration_s, plan.stops, realtime=plan.realtime
+            )
+        except MmtError as error:
+            left_out.append(LeftOut(set_up.name, str(error), "see docs/reference/bench.md"))
+    return Findings(
+        name="devices",
+        title="Devices",
+        about=(
+            "The follower's real drivers on emulated devices in another process, arm, force and "
+            f"acceleration at 1 kHz, {plan.duration_s:g} s. The emulated values turn 20 times a "
+            "second, so that each tells when it was measured, by the clock that both processes "
+            "have; noise is switched off. Share: all processor time of the process that reads "
+            "and forms frames; of it what stands for an arm, or for the library of a U6 or an "
+            "arm; and that of its tick alone, which tells how busy the machine is. Latency: from "
+            "the instant of a frame's oldest value to the frame, less what the slowest sensor "
+            "states of itself; running: of the frames between whose instant and forming neither "
+            "the follower nor an emulated device was due 0.5 ms or more before it ran; held up: "
+            "the other frames. Jitter: how far the error of a "
+            "frame's time is from its median; apart: the instants of its two values. Ticks held "
+            "up: those in pauses of more than 10 ms in which the process did not run, and no arm "
+            "was read. Seen: from when a sensor stops to when the follower knows, the longest of "
+            f"{2 * plan.stops} times." + (" By real-time scheduling." if plan.realtime else "")
+        ),
+        records=tuple(
+            Records(key, title, tuple({"set-up": name, **row(one)} for name, one in found.items()))
+            for key, title, row in (
+                ("cost", "Cost", _cost),
+                ("times", "Latency and jitter", _times),
+                ("frames", "Frames and stops", _frames),
+                ("clocks", "Clocks", _clocks),
+            )
+        ),
+        targets=_targets(found),
+        left_out=tuple(left_out),
+    )
+
+
+def _cost(one: Measured) -> dict[str, Cell]:
+    return {
+        "share of a core": one.core_share,
+        "emulation": one.emulated_share,
+        "tick alone": one.bare_share,
+    }
+
+
+def _times(one: Measured) -> dict[str, Cell]:
+    times = one.times
+    return {
+        "latency p50 (ms)": times.latency_p50_ms,
+        "p99 (ms)": times.latency_p99_ms,
+        "p99, running (ms)": times.running_p99_ms,
+        "held up (%)": 100.0 * times.held_up_share,
+        "jitter p99: force (ms)": times.jitter_p99_ms["force"],
+        "acceleration (ms)": times.jitter_p99_ms["acceleration"],
+        "apart, p99 (ms)": times.apart_p99_ms,
+    }
+
+
+def _frames(one: Measured) -> dict[str, Cell]:
+    return {
+        "frames": one.frames,
+        "missing": one.missing,
+        "ticks held up": one.held_up_ticks,
+        "ticks 1 ms late (%)": 100.0 * one.late_share_1ms,
+        "stop seen after, longest (ms)": max(one.seen_after_ms, default=None),
+    }
+
+
+def _clocks(one: Measured) -> dict[str, Cell]:
+    return {
+        "error of the drift: force (ppm)": one.drift_errors_ppm["force_sensor"],
+        "acceleration (ppm)": one.drift_errors_ppm["accelerometer"],
+        "offset of the time: force (ms)": one.times.offset_ms["force"],
+        "acceleration (ms)": one.times.offset_ms["acceleration"],
+    }
+
+
+def _targets(found: Mapping[str, Measured]) -> tuple[Target, ...]:
+    """Return what the worst set-up reaches."""
+
+    def worst(values: Sequence[float]) -> float | None:
+        return max(values, default=None)
+
+    every = list(found.values())
+    jitters = [value for one in every for value in one.times.jitter_p99_ms.values()]
+    return (
+        Target(
+            "share of a core, without emulation",
+            worst([one.core_share - one.emulated_share for one in every]),
+            "at most",
+            CORE_SHARE,
+        ),
+        Target(
+            "latency sensor to frame, p99 (ms)",
+            worst([one.times.latency_p99_ms for one in every]),
+            "at most",
+            LATENCY_MS,
+        ),
+        Target(
+            "the same, of frames that were not held up (ms)",
+            worst([value for one in every if (value := one.times.running_p99_ms) is not None]),
+            "at most",
+            LATENCY_MS,
+        ),
+        Target("jitter of a frame's time, p99 (ms)", worst(jitters), "at most", JITTER_MS),
+        Target(
+            "stopped sensor seen after, longest (ms)",
+            worst([value for one in every for value in one.seen_after_ms]),
+            "at most",
+            SEEN_MS,
+        ),
+        Target(
+            "set-ups that import scipy or numba",
+            float(sum(bool(one.imported) for one in every)) if every else None,
+            "at most",
+            0,
+        ),
+    )
+
+
+def run(realtime: RealTime = False) -> Findings:
+    """Measure cost, latency and truth of frames, by the real drivers on emulated devices."""
+    return measure(Plan(realtime=realtime))
+
+
+EXPERIMENT = Experiment(
+    shows="what reading devices costs, and how late and how true frames are",
+    duration="2 min",
+    run=run,
+    group="bench",
+)

@@ -1,0 +1,293 @@
+"""Line spectral frequencies beside their peers: there, back, and the digits on the way."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any, Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.texture.autoregression.forms import (
+    ar_to_lsf,
+    lsf_to_ar,
+    lsf_to_reflection,
+    reflection_to_lsf,
+)
+from mmt_lab.bench import peers, references, signals
+from mmt_lab.bench.c_loops import lines_loops
+from mmt_lab.bench.measuring import interleave
+from mmt_lab.bench.signals import Filters
+from mmt_lab.harness.experiment import Experiment
+from mmt_lab.harness.findings import (
+    MICROSECONDS,
+    TIME_US,
+    Axis,
+    Curves,
+    Findings,
+    Panel,
+    Records,
+    Target,
+)
+
+OURS: Final = "mmt, reflection"
+OURS_AR: Final = "mmt, coefficients"
+PEER: Final = "pysptk"
+ERROR: Final = Axis("largest error of a frequency (rad)", "error")
+AR_ERROR: Final = Axis("error of the coefficients over the largest", "error")
+TARGET_ORDER: Final = 16
+LOW_PASS_ORDER: Final = 30
+LARGEST: Final = 64
+_FINER: Final = (512, 16, 1e-12)
+
+Convert = Callable[[FloatArray], FloatArray]
+"""From filters (n, m) to line spectral frequencies (n, m), or back."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is measured; the defaults are what ``mmt bench lines`` does."""
+
+    orders: tuple[int, ...] = (8, 10, 16, 24, 32, 40)
+    low_pass_orders: tuple[int, ...] = (8, 16, 24, LOW_PASS_ORDER, 40, LARGEST)
+    distances: tuple[float, ...] = (0.1, 0.01, 0.001, 0.0001)
+    batch: int = 50
+    looked_at: int = 5
+    rounds: int = 15
+
+
+@dataclass(frozen=True)
+class Method:
+    """One implementation there and back; ``given`` names the form that it starts from."""
+
+    name: str
+    to_lsf: Convert
+    back: Convert
+    given: str = "ar"
+
+    def start(self, given: Filters) -> FloatArray:
+        """Return filters in the form that this method takes, (n, m)."""
+        return given.reflection if self.given == "reflection" else given.ar
+
+    def round_trip(self, start: FloatArray) -> FloatArray:
+        """Return the frequencies after going there, back, and there again."""
+        return self.to_lsf(self.back(self.to_lsf(start)))
+
+
+@peers.quiet()
+def measure(plan: Plan) -> Findings:
+    """Measure every implementation that is installed.
+
+    Raises
+    ------
+    ImportError
+        mpmath, the reference, is not installed.
+    """
+    modules, left_out = peers.find((PEER, "spectrum"))
+    methods = [*_ours(), *_peers(modules)]
+    spread = {order: signals.spread_filters(order, plan.batch) for order in plan.orders}
+    there = _timed(methods, spread, plan, trip=False)
+    low_pass = _low_pass(methods, plan)
+    largest = signals.spread_filters(LARGEST, plan.looked_at)
+    frequencies = {order: given.rounded_lsf for order, given in spread.items()}
+    loops, without_loops = lines_loops(frequencies, plan.rounds)
+    return Findings(
+        name="lines",
+        title="Line spectral frequencies",
+        about=(
+            f"Batches of {plan.batch} filters, time of one. Every form of a filter is rounded "
+            f"from {references.DIGITS} digits. mmt starts from reflection coefficients, as "
+            "Burg's method gives them, or from filter coefficients as the peers do. Errors "
+            "are against the filter itself: what its coefficients lose by their rounding "
+            "counts. pysptk searches a grid; its finer setting has 512 points, 16 steps, and "
+            "1e-12 as its end. A round trip goes to line spectral frequencies, to the form "
+            "that the method started from, and to the frequencies again."
+        ),
+        panels=(
+            there,
+            _timed(methods, spread, plan, trip=True),
+            _back(methods, {**spread, LARGEST: largest}, plan),
+            low_pass,
+            _poles(methods, plan),
+        ),
+        records=(_ratios(there), *loops),
+        targets=(*_targets(there, low_pass), _back_target(largest)),
+        left_out=(*left_out, *without_loops),
+    )
+
+
+def _ours() -> list[Method]:
+    return [
+        Method(OURS, reflection_to_lsf, lsf_to_reflection, "reflection"),
+        Method(OURS_AR, ar_to_lsf, lsf_to_ar),
+    ]
+
+
+def _peers(modules: Mapping[str, ModuleType]) -> list[Method]:
+    methods = []
+    if PEER in modules:
+        sptk: Any = modules[PEER]
+        points, steps, end = _FINER
+
+        def back(lsf: FloatArray) -> FloatArray:
+            return np.asarray(sptk.lsp2lpc(_led(lsf)))[:, 1:]
+
+        def finer(ar: FloatArray) -> FloatArray:
+            return np.asarray(sptk.lpc2lsp(_led(ar), points, steps, end))[:, 1:]
+
+        methods += [
+            Method(PEER, lambda ar: sptk.lpc2lsp(_led(ar))[:, 1:], back),
+            Method(f"{PEER}, finer", finer, back),
+        ]
+    if "spectrum" in modules:
+        spectrum: Any = modules["spectrum"]
+        methods.append(
+            Method(
+                "spectrum",
+                lambda ar: np.array([spectrum.poly2lsf(row) for row in _led(ar)]),
+                lambda lsf: np.array([spectrum.lsf2poly(list(row))[1:] for row in lsf]),
+            )
+        )
+    return methods
+
+
+def _led(rows: FloatArray) -> FloatArray:
+    """Put the leading 1, or pysptk's gain, in front."""
+    return np.hstack([np.ones((len(rows), 1)), rows])
+
+
+def _timed(
+    methods: Sequence[Method], cases: Mapping[int, Filters], plan: Plan, *, trip: bool
+) -> Panel:
+    curves = Curves()
+    for order, given in cases.items():
+        calls = {
+            m.name: _bound(m.round_trip if trip else m.to_lsf, m.start(given)) for m in methods
+        }
+        errors = {}
+        for name, call in calls.items():
+            try:
+                errors[name] = _error(call()[: plan.looked_at], given.lsf)
+            except peers.FAILURES as failure:
+                curves.fail(name, order, str(failure))
+        times = interleave({name: calls[name] for name in errors}, plan.rounds)
+        for name, error in errors.items():
+            curves.add(name, order, times[name].times(MICROSECONDS / plan.batch), error)
+    name, title = ("round_trip", "Round trip") if trip else ("to_lsf", "To the frequencies")
+    return Panel(name, f"{title}, by order", "order", TIME_US, ERROR, curves.done())
+
+
+def _bound(call: Convert, start: FloatArray) -> Callable[[], FloatArray]:
+    return lambda: call(start)
+
+
+def _error(found: FloatArray, expected: Sequence[Sequence[Any]]) -> float:
+    pairs = zip(found, expected, strict=False)
+    return max(references.largest_error(np.asarray(row), exact) for row, exact in pairs)
+
+
+def _low_pass(methods: Sequence[Method], plan: Plan) -> Panel:
+    curves = Curves()
+    for order in plan.low_pass_orders:
+        _add_errors(curves, methods, order, signals.low_pass_filter(order))
+    title = "Filters that Burg's method finds in low-pass noise, by order"
+    axis = Axis("order", "order", logarithmic=False)
+    return Panel("low_pass", title, "order", axis, ERROR, curves.done())
+
+
+def _poles(methods: Sequence[Method], plan: Plan) -> Panel:
+    curves = Curves()
+    for distance in plan.distances:
+        _add_errors(curves, methods, distance, signals.pole_pair_filter(distance))
+    knob = "distance of the poles from the unit circle"
+    title = f"{signals.POLE_PAIRS} pole pairs, by their distance from the unit circle"
+    return Panel("poles", title, knob, Axis(knob, "distance"), ERROR, curves.done())
+
+
+def _add_errors(curves: Curves, methods: Sequence[Method], knob: float, given: Filters) -> None:
+    """Add the error of one filter's conversion by every method, over the knob itself."""
+    for method in methods:
+        try:
+            curves.add(
+                method.name, knob, knob, _error(method.to_lsf(method.start(given)), given.lsf)
+            )
+        except peers.FAILURES as error:
+            curves.fail(method.name, knob, str(error))
+
+
+def _back(methods: Sequence[Method], cases: Mapping[int, Filters], plan: Plan) -> Panel:
+    curves = Curves()
+    backward = {m.name: m.back for m in methods if m.given == "ar" and "finer" not in m.name}
+    for order, given in cases.items():
+        lsf = np.resize(given.rounded_lsf, (plan.batch, order))
+        exact = [references.lsf_to_ar(row) for row in lsf[: plan.looked_at]]
+        times = interleave(
+            {name: _bound(call, lsf) for name, call in backward.items()}, plan.rounds
+        )
+        for name, call in backward.items():
+            error = _ar_error(call(lsf), exact)
+            curves.add(name, order, times[name].times(MICROSECONDS / len(lsf)), error)
+    return Panel(
+        "to_ar", "Back to coefficients, by order", "order", TIME_US, AR_ERROR, curves.done()
+    )
+
+
+def _ar_error(found: FloatArray, exact: Sequence[Sequence[Any]]) -> float:
+    largest = max(max(1.0, *(float(abs(value)) for value in row)) for row in exact)
+    return _error(found, exact) / largest
+
+
+def _ratios(there: Panel) -> Records:
+    ratios = {name: there.x_ratios(PEER, name) for name in (OURS, OURS_AR)}
+    rows = tuple(
+        {
+            "order": int(order),
+            **{f"{PEER} over {name}": ratio[order] for name, ratio in ratios.items()},
+        }
+        for order in ratios[OURS]
+    )
+    return Records("ratios", "How many times faster", rows)
+
+
+def _targets(there: Panel, low_pass: Panel) -> list[Target]:
+    faster = there.x_ratios(PEER, OURS_AR).get(TARGET_ORDER)
+    errors = {
+        curve.method: {point.knob: point.y.median for point in curve.points}
+        for curve in low_pass.curves
+    }
+    own = errors[OURS].get(LOW_PASS_ORDER)
+    others = [
+        at[LOW_PASS_ORDER] for name, at in errors.items() if name != OURS and LOW_PASS_ORDER in at
+    ]
+    ratio = min(others) / own if own and others else None
+    return [
+        Target(
+            f"{PEER} over mmt, from coefficients, order {TARGET_ORDER}", faster, "at least", 10.0
+        ),
+        Target(
+            f"low-pass, order {LOW_PASS_ORDER}: least error by way of coefficients over that from"
+            " reflection coefficients",
+            ratio,
+            "at least",
+            1000.0,
+        ),
+    ]
+
+
+def _back_target(largest: Filters) -> Target:
+    lsf = largest.rounded_lsf
+    error = _ar_error(lsf_to_ar(lsf), [references.lsf_to_ar(row) for row in lsf])
+    return Target(f"error back to coefficients at order {LARGEST}", error, "at most", 1e-12)
+
+
+def run() -> Findings:
+    """Measure every implementation that is installed."""
+    return measure(Plan())
+
+
+EXPERIMENT = Experiment(
+    shows="what line spectral frequencies cost and how exact they are beside their peers",
+    duration="1 min",
+    run=run,
+    group="bench",
+)

@@ -1,0 +1,294 @@
+"""Measure the link beside a bare WebSocket: latency, processor time, losses, in one run.
+
+Leader and follower are two processes on this machine, which hold the link and a bare aiohttp
+WebSocket open at once. The two take turns of a second, one record a message both ways with
+payloads of the same size, each first every other time, so that both meet the same machine. The
+leader's ticks lag behind the follower's by another part of the period in each round, the same
+for both, so that a record arrives at a process that waits as well as at one that sends.
+A ratio is taken between neighbouring turns, and the median over all is what counts: a moment
+in which something else had the processor spoils one turn, not the result. At the end the link
+runs for a while at a higher rate.
+"""
+
+import multiprocessing
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from multiprocessing.connection import Connection
+from typing import Any, Final
+
+from mmt.core.errors import InputError, MmtError
+from mmt.core.realtime import require_real_time
+from mmt_lab.bench.link_sides import PATIENCE_S, Report, follow, lead
+from mmt_lab.bench.link_traffic import Kind, Measured, Turn
+from mmt_lab.bench.measuring import Figure, single_figures
+from mmt_lab.harness.experiment import Duration, Experiment, RealTime
+from mmt_lab.harness.findings import Findings
+
+ROUND_S: Final = 1.0
+"""Longest turn."""
+SUSTAINED_HZ: Final = 5000
+"""Messages a second each way of the last turn."""
+_LEAD_TIME_NS: Final = 200_000_000
+SUSTAINED_P99_MS: Final = 10.0
+"""Bound on the latency at the sustained rate: what waits longer piles up."""
+
+_KINDS: Final[tuple[Kind, Kind]] = ("ours", "bare")
+
+
+@dataclass(frozen=True)
+class DirectionResult:
+    """One direction of one link: medians over the turns, sums of what went wrong."""
+
+    p50_ms: float
+    p99_ms: float
+    worst_ms: float
+    rate_hz: float
+    """Messages a second that came."""
+    messages: int
+    lost: int
+    out_of_order: int
+
+
+@dataclass(frozen=True)
+class KindResult:
+    """One kind of link; the processor time is in cores, median over the turns."""
+
+    up: DirectionResult
+    """Frames, follower to leader."""
+    down: DirectionResult
+    """Commands, leader to follower."""
+    leader_cores: float
+    follower_cores: float
+
+
+@dataclass(frozen=True)
+class LinkBenchResult:
+    """What `bench_link` measured."""
+
+    duration_s: float
+    rate_hz: int
+    rounds: int
+    ours: KindResult
+    bare: KindResult
+    sustained_hz: int
+    sustained: KindResult
+    """The link alone at the higher rate."""
+    ratios: dict[str, float]
+    """Ours over bare, medians over the rounds, by what was measured."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything for a program."""
+        return asdict(self)
+
+
+def bench_link(
+    duration_s: float,
+    rate_hz: int = 1000,
+    *,
+    sustained_hz: int = SUSTAINED_HZ,
+    sustained_s: float | None = None,
+    realtime: bool = False,
+) -> LinkBenchResult:
+    """Measure the link and a bare WebSocket in turns, then the link at a higher rate.
+
+    Parameters
+    ----------
+    duration_s
+        How long each of the two is measured, over all turns.
+    rate_hz
+        Messages a second each way.
+    sustained_hz, sustained_s
+        Messages a second each way of the last turn, and its length, by default a quarter of
+        `duration_s`.
+    realtime
+        Whether both processes run by real-time scheduling, so that no other work of the machine
+        comes in between.
+
+    Raises
+    ------
+    InputError
+        A number is not positive.
+    MmtError
+        A process of the measurement failed, or real-time scheduling is not permitted.
+    """
+    if realtime:
+        require_real_time()
+    sustained_s = duration_s / 4 if sustained_s is None else sustained_s
+    if not (duration_s > 0 and rate_hz > 0 and sustained_hz > 0 and sustained_s > 0):
+        raise InputError(
+            f"duration_s {duration_s}, rate_hz {rate_hz}, sustained_hz {sustained_hz}, "
+            f"sustained_s {sustained_s}: all must be positive"
+        )
+    rounds = max(1, round(duration_s / ROUND_S))
+    turns = [
+        Turn(kind, rate_hz, 0, duration_s / rounds, number / rounds)
+        for number in range(rounds)
+        for kind in _order(number)
+    ]
+    leader, follower = _run(
+        rate_hz, [*turns, Turn("ours", sustained_hz, 0, sustained_s, 0.5)], realtime
+    )
+    *compared, sustained = zip(leader.turns, follower.turns, strict=True)
+    ours, bare = ([pair for pair in compared if pair[0].kind == kind] for kind in _KINDS)
+    up, down = (_unheard(*pair) for pair in ((follower, leader), (leader, follower)))
+    return LinkBenchResult(
+        duration_s,
+        rate_hz,
+        rounds,
+        _summarise(ours, 0, 0),
+        _summarise(bare, up["bare"], down["bare"]),
+        sustained_hz,
+        _summarise([sustained], up["ours"], down["ours"]),
+        _ratios(ours, bare),
+    )
+
+
+def _order(number: int) -> tuple[Kind, ...]:
+    """Return who goes first in this round, and who next."""
+    return _KINDS if number % 2 == 0 else _KINDS[::-1]
+
+
+def _run(rate_hz: int, turns: list[Turn], realtime: bool) -> tuple[Report, Report]:
+    """Start the two processes, let them take the turns, and return what they noted."""
+    context = multiprocessing.get_context("spawn")
+    ends = [context.Pipe() for _ in range(2)]
+    processes = [
+        context.Process(target=target, args=(there, rate_hz, realtime))
+        for target, (_, there) in zip((lead, follow), ends, strict=True)
+    ]
+    pipes = [here for here, _ in ends]
+    try:
+        for process in processes:
+            process.start()
+        for _, there in ends:
+            there.close()
+        return _conduct(pipes, turns)
+    finally:
+        for process in processes:
+            if process.pid is not None:
+                process.join(2.0)
+                process.terminate()
+                process.join()
+            process.close()
+        for pipe in pipes:
+            pipe.close()
+
+
+def _conduct(pipes: list[Connection], turns: list[Turn]) -> tuple[Report, Report]:
+    """Introduce the two processes to each other, tell them their turns, and hear them."""
+    leader, follower = pipes
+    follower.send(_receive(leader, PATIENCE_S))
+    for pipe in pipes:
+        _receive(pipe, PATIENCE_S)  # it is ready
+    plan: list[Turn] = []
+    for turn in turns:
+        start_ns = plan[-1].end_ns if plan else time.monotonic_ns() + _LEAD_TIME_NS
+        plan.append(replace(turn, start_ns=start_ns))
+    for pipe in pipes:
+        pipe.send(plan)
+    patience_s = (plan[-1].end_ns - time.monotonic_ns()) / 1e9 + PATIENCE_S
+    return _receive(leader, patience_s), _receive(follower, patience_s)
+
+
+def _receive(pipe: Connection, timeout_s: float) -> Any:
+    if not pipe.poll(timeout_s):
+        raise MmtError(f"a process of the link's measurement gave nothing in {timeout_s:g} s")
+    try:
+        return pipe.recv()
+    except EOFError as error:
+        raise MmtError("a process of the link's measurement failed") from error
+
+
+def _unheard(sender: Report, receiver: Report) -> dict[Kind, int]:
+    """Return how many of the last records never came, by kind."""
+    return {kind: sender.sent[kind] - 1 - receiver.newest[kind] for kind in _KINDS}
+
+
+Pair = tuple[Measured, Measured]
+"""The leader's and the follower's notes of one turn."""
+
+
+def _summarise(turns: list[Pair], unheard_up: int, unheard_down: int) -> KindResult:
+    leader, follower = ([pair[end] for pair in turns] for end in (0, 1))
+    return KindResult(
+        up=_direction(leader, unheard_up),
+        down=_direction(follower, unheard_down),
+        leader_cores=statistics.median(turn.cores for turn in leader),
+        follower_cores=statistics.median(turn.cores for turn in follower),
+    )
+
+
+def _direction(receiver: list[Measured], unheard: int) -> DirectionResult:
+    return DirectionResult(
+        p50_ms=statistics.median(turn.p50_ms for turn in receiver),
+        p99_ms=statistics.median(turn.p99_ms for turn in receiver),
+        worst_ms=max(turn.worst_ms for turn in receiver),
+        rate_hz=statistics.median(turn.rate_hz for turn in receiver),
+        messages=sum(turn.received for turn in receiver),
+        lost=sum(turn.lost for turn in receiver) + unheard,
+        out_of_order=sum(turn.out_of_order for turn in receiver),
+    )
+
+
+def _ratios(ours: list[Pair], bare: list[Pair]) -> dict[str, float]:
+    """Return the medians of the ratios between neighbouring turns."""
+    figures: dict[str, Callable[[Measured, Measured], float]] = {
+        "up_p50": lambda leader, _: leader.p50_ms,
+        "up_p99": lambda leader, _: leader.p99_ms,
+        "down_p50": lambda _, follower: follower.p50_ms,
+        "down_p99": lambda _, follower: follower.p99_ms,
+        "leader_cores": lambda leader, _: leader.cores,
+        "follower_cores": lambda _, follower: follower.cores,
+    }
+    return {
+        name: statistics.median(
+            figure(*one) / figure(*other) for one, other in zip(ours, bare, strict=True)
+        )
+        for name, figure in figures.items()
+    }
+
+
+def run(duration: Duration = 20.0, realtime: RealTime = False) -> Findings:
+    """Measure the link beside a bare WebSocket in the same run."""
+    result = bench_link(duration, realtime=realtime)
+    rows: dict[str, Figure] = {}
+    for way, direction in (("up", result.ours.up), ("down", result.ours.down)):
+        wrong = direction.lost + direction.out_of_order
+        rows[f"{way}_lost"] = (f"{way}: lost or out of order", wrong, "at most", 0)
+        rows[f"{way}_p50_ms"] = (f"{way}: one way, p50 (ms)", direction.p50_ms)
+        rows[f"{way}_p99_ms"] = (f"{way}: one way, p99 (ms)", direction.p99_ms)
+    for name, ratio in result.ratios.items():
+        what = f"{name.replace('_', ' ')}: ours over bare WebSocket"
+        rows[f"ratio_{name}"] = (what, ratio, "at most", 1.5)
+    fast = result.sustained
+    for way, direction in (("up", fast.up), ("down", fast.down)):
+        at, wrong = f"{way} at {result.sustained_hz} Hz", direction.lost + direction.out_of_order
+        rows[f"sustained_{way}_hz"] = (
+            f"{at}: messages a second",
+            direction.rate_hz,
+            "at least",
+            0.99 * result.sustained_hz,
+        )
+        rows[f"sustained_{way}_lost"] = (f"{at}: lost or out of order", wrong, "at most", 0)
+        rows[f"sustained_{way}_p99_ms"] = (
+            f"{at}: one way, p99 (ms)",
+            direction.p99_ms,
+            "at most",
+            SUSTAINED_P99_MS,
+        )
+    about = (
+        "One frame a message up and one command a message down at 1 kHz, in turns of a second "
+        f"with a bare WebSocket, {duration:g} s each; ratios are medians over neighbouring turns."
+        + (" By real-time scheduling." if realtime else "")
+    )
+    return single_figures("Link", about, rows)
+
+
+EXPERIMENT = Experiment(
+    shows="what the link adds to a bare WebSocket in latency and processor time",
+    duration="1 min",
+    run=run,
+    group="bench",
+)

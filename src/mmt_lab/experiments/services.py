@@ -1,0 +1,164 @@
+"""Both services as processes: ticks, losses and cost, and what real-time scheduling brings."""
+
+import asyncio
+import multiprocessing
+import os
+import statistics
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+from mmt.cli.demo import DemoRun, run_services
+from mmt.core.errors import MmtError
+from mmt.core.realtime import require_real_time
+from mmt.scene.files import example_scenes, load_scene
+from mmt_lab.bench.measuring import Figure, single_figures
+from mmt_lab.harness.experiment import Duration, Experiment, RealTime
+from mmt_lab.harness.findings import Findings, Records
+
+ROUND_S: Final = 5.0
+"""Longest run of the services; the two ways take turns."""
+
+_FIGURES: Final = (
+    ("leader", "ticks", "period_p99_ms", "leader's tick, p99 period (ms)"),
+    ("leader", "ticks", "late_share_1ms", "leader's ticks over 1 ms late, share"),
+    ("follower", "ticks", "period_p99_ms", "follower's tick, p99 period (ms)"),
+    ("follower", "ticks", "late_share_1ms", "follower's ticks over 1 ms late, share"),
+    ("leader", "link", "latency_p50_ms", "frames, one way, p50 (ms)"),
+    ("leader", "link", "latency_p99_ms", "frames, one way, p99 (ms)"),
+    ("follower", "link", "latency_p50_ms", "commands, one way, p50 (ms)"),
+    ("follower", "link", "latency_p99_ms", "commands, one way, p99 (ms)"),
+)
+
+
+def run(duration: Duration = 20.0, realtime: RealTime = False) -> Findings:
+    """Run the demo's services; with --realtime, with and without real-time scheduling in turns."""
+    return compare(duration) if realtime else measure(duration)
+
+
+def measure(duration_s: float) -> Findings:
+    """Run the demo's scene once, with both services as processes."""
+    run = _run(duration_s, False)
+    leader, follower = run.leader, run.follower
+    link, ticks = leader["link"], leader["ticks"]
+    wrong = link["lost"] + link["out_of_order"]
+    unrendered = link["frames"] - leader["vibration"]["actuator"]["samples"]
+    texture = leader["texture"]
+    rows: dict[str, Figure] = {
+        "frames": ("frames received", link["frames"]),
+        "frames_lost": ("frames lost or out of order", wrong, "at most", 0),
+        "ready_s": ("leader ready after (s)", leader["process"]["ready_s"], "at most", 3),
+        "tick_p99_ms": ("rendering tick, p99 period (ms)", ticks["period_p99_ms"], "at most", 1.5),
+        "tick_unrendered": ("samples not rendered", unrendered, "at most", 0),
+        "late_while_modelling_p99_ms": (
+            "tick late while modelling, p99 (ms)",
+            ticks["late_while_modelling_p99_ms"],
+            "at most",
+            1,
+        ),
+    }
+    for key, what in (("update_median_ms", "median"), ("update_longest_ms", "longest")):
+        rows[key] = (f"model update, {what} (ms)", texture[key], "at most", 50)
+    for name, summary, megabytes in (("leader", leader, 250), ("follower", follower, 120)):
+        process = summary["process"]
+        rows[f"{name}_core"] = (f"{name}, share of a core", process["core_share"], "at most", 0.6)
+        rows[f"{name}_mb"] = (f"{name}, memory (MB)", process["memory_mb"], "at most", megabytes)
+    about = f"The demo's scene, leader and follower as two processes, {duration_s:g} s."
+    return single_figures("Services", about, rows)
+
+
+def compare(duration_s: float) -> Findings:
+    """Run the demo's services by ordinary and by real-time scheduling, in turns.
+
+    As many processes as there are processors are busy beside them all the while, so that the
+    gain is seen on an idle machine too.
+
+    Parameters
+    ----------
+    duration_s
+        How long each way runs, over all turns.
+
+    Raises
+    ------
+    MmtError
+        Real-time scheduling is not permitted, or a service failed.
+    """
+    require_real_time()
+    rounds = max(1, round(duration_s / ROUND_S))
+    runs: dict[bool, list[DemoRun]] = {False: [], True: []}
+    with _busy_processes(os.cpu_count() or 1):
+        for _ in range(rounds):
+            for realtime, done in runs.items():
+                done.append(_run(duration_s / rounds, realtime))
+    rows, figures = [], {}
+    for service, table, key, what in _FIGURES:
+        ordinary, real_time = (
+            _median([_figure(run, service, table, key) for run in runs[way]])
+            for way in (False, True)
+        )
+        rows.append({"what": what, "ordinary": ordinary, "real-time": real_time})
+        figures[f"{service}_{key}_ordinary"] = ordinary
+        figures[f"{service}_{key}_realtime"] = real_time
+    about = (
+        f"The demo's scene, leader and follower as two processes, {rounds} runs of "
+        f"{duration_s / rounds:g} s each way in turns, beside {os.cpu_count()} busy processes; "
+        "medians over the runs."
+    )
+    title = "Services by ordinary and by real-time scheduling"
+    records = (Records("realtime", title, tuple(rows)),)
+    return Findings(title, about, records=records, figures=figures)
+
+
+def _run(duration_s: float, realtime: bool) -> DemoRun:
+    scene_file = example_scenes()["demo"]
+    with tempfile.TemporaryDirectory() as directory:
+        overrides: dict[str, Any] = {
+            "session.duration_s": duration_s,
+            "recording.file": str(Path(directory) / "session.mcap"),
+        }
+        scene = load_scene(scene_file, overrides)
+        run = asyncio.run(run_services(scene_file, scene, duration_s, None, realtime=realtime))
+    if run.failed:
+        raise MmtError("the services did not end well: " + "; ".join(run.errors))
+    return run
+
+
+def _figure(run: DemoRun, service: str, table: str, key: str) -> float | None:
+    value: float | None = getattr(run, service)[table][key]
+    return value
+
+
+def _median(values: list[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return statistics.median(known) if known else None
+
+
+@contextmanager
+def _busy_processes(count: int) -> Iterator[None]:
+    """Keep so many processes busy at ordinary priority."""
+    context = multiprocessing.get_context("spawn")
+    processes = [context.Process(target=_be_busy, daemon=True) for _ in range(count)]
+    try:
+        for process in processes:
+            process.start()
+        yield
+    finally:
+        for process in processes:
+            if process.pid is not None:
+                process.kill()
+                process.join()
+
+
+def _be_busy() -> None:
+    while True:
+        sum(range(10_000))
+
+
+EXPERIMENT = Experiment(
+    shows="what leader and follower cost, and how late their ticks are",
+    duration="30 s",
+    run=run,
+    group="bench",
+)

@@ -1,0 +1,122 @@
+"""Stiff and extreme cases of the numerics and of the services' parts: whether each held.
+
+The cases come in families. A family is a module of `mmt_lab.stability.families` with a
+`FAMILY`; it is imported when it runs.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Annotated, Any, Final
+
+import typer
+
+from mmt.core.errors import InputError
+from mmt.evaluation.document import Block, Heading, Table
+from mmt.evaluation.report import environment
+from mmt_lab.harness.experiment import Experiment
+from mmt_lab.harness.findings import Findings
+from mmt_lab.harness.processes import counting
+from mmt_lab.stability.cases import Family, Row, broken, run_case
+from mmt_lab.stability.families import family_names, load_family
+
+COLUMNS: Final = ("case", "expected", "got", "held")
+
+
+Families = Annotated[
+    list[str] | None, typer.Argument(metavar=" ".join(f"[{name}]" for name in family_names()))
+]
+
+
+def run(families: Families = None) -> Findings:
+    """Run the stiff and extreme cases, a row each, and say whether it held."""
+    return findings_of(run_families(load_families(families or [])))
+
+
+def findings_of(rows: Sequence[Row]) -> Findings:
+    """Return the rows of a run as findings."""
+    return Findings(
+        "Numerical stability",
+        sentences=[verdict(rows)],
+        tables=[family_table(found) for found in by_family(rows).values()],
+        blocks=lambda: report_blocks(rows),
+        data=summary(rows),
+        failures=[
+            f"{row.family}: {row.what}: expected {row.expected}; got {row.got}"
+            for row in broken(rows)
+        ],
+    )
+
+
+def load_families(names: Sequence[str] = ()) -> dict[str, Family]:
+    """Return the named families, all of them where none is named, in alphabetical order.
+
+    Raises
+    ------
+    InputError
+        There is no family of such a name.
+    """
+    every = family_names()
+    unknown = [name for name in names if name not in every]
+    if unknown:
+        raise InputError(f"stability {unknown[0]}: allowed are {', '.join(every)}")
+    return {name: load_family(name) for name in every if name in names or not names}
+
+
+def run_families(chosen: Mapping[str, Family]) -> list[Row]:
+    """Run all cases of some families, given by name, beside a progress bar."""
+    cases = [(name, case) for name, family in chosen.items() for case in family.cases()]
+    rows: list[Row] = []
+    with counting("cases", len(cases)) as show:
+        for name, case in cases:
+            rows.append(run_case(name, case))
+            show(len(rows))
+    return rows
+
+
+def by_family(rows: Iterable[Row]) -> dict[str, list[Row]]:
+    """Return the rows of each family, in the order in which the families ran."""
+    found: dict[str, list[Row]] = {}
+    for row in rows:
+        found.setdefault(row.family, []).append(row)
+    return found
+
+
+def family_table(rows: Sequence[Row]) -> Table:
+    """Return the rows of one family as text."""
+    cells = [(row.what, row.expected, row.got, "yes" if row.held else "NO") for row in rows]
+    return Table(COLUMNS, cells, caption=load_family(rows[0].family).title)
+
+
+def verdict(rows: Sequence[Row]) -> str:
+    """Return the sentence that sums a run up."""
+    failed, seconds = len(broken(rows)), sum(row.seconds for row in rows)
+    held = "all held" if not failed else f"{failed} did not hold"
+    return f"{len(rows)} cases, {held} ({seconds:.0f} s)"
+
+
+def summary(rows: Sequence[Row]) -> dict[str, Any]:
+    """Return the run for a program."""
+    return {
+        "held": not broken(rows),
+        "cases": len(rows),
+        "not_held": [row.what for row in broken(rows)],
+        "seconds": round(sum(row.seconds for row in rows), 1),
+        "rows": [row.as_dict() for row in rows],
+        "environment": environment(),
+    }
+
+
+def report_blocks(rows: Sequence[Row]) -> list[Block]:
+    """Return the pictures and the table of each family."""
+    blocks: list[Block] = []
+    for name, found in by_family(rows).items():
+        family = load_family(name)
+        blocks.append(Heading(family.title))
+        if family.pictures is not None:
+            blocks += family.pictures([row.figures for row in found])
+        blocks.append(Table(COLUMNS, family_table(found).rows))
+    return blocks
+
+
+EXPERIMENT = Experiment(
+    shows="whether the numerics hold where they are stiff and extreme", duration="3 min", run=run
+)

@@ -1,0 +1,218 @@
+"""Synthesis: what a rarer renewal of the filter saves, and what it changes."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from itertools import cycle
+from typing import Final
+
+import numpy as np
+from scipy.signal import lfilter
+
+from mmt.core.arrays import FloatArray
+from mmt.testing.simulation.textures import get_surface
+from mmt.texture.autoregression.forms import lsf_to_ar
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.signals.filtering import StreamFilter
+from mmt.texture.synthesis.synthesizer import Synthesizer
+from mmt_lab.bench import c_loops
+from mmt_lab.bench.measuring import call_times, interleave, spread
+from mmt_lab.bench.textures import exact_samples, scattered, session
+from mmt_lab.harness.experiment import Experiment
+from mmt_lab.harness.findings import (
+    Axis,
+    Cell,
+    Curves,
+    Findings,
+    LeftOut,
+    Panel,
+    Records,
+    Target,
+)
+
+OURS: Final = "mmt"
+SCIPY: Final = "scipy, direct form"
+C: Final = "C, excitation given"
+EXCITATION: Final = "excitation"
+TIME: Final = Axis("time of a sample (ns)", "ns")
+ERROR: Final = Axis("rms of the difference over that of the vibration", "error")
+TARGET_RENEWAL: Final = 10
+_NANOSECONDS: Final = 1e9
+_MICROSECOND: Final = 1e-6
+
+Motion = tuple[FloatArray, FloatArray]
+"""Speed (mm/s) and normal force (N) at every sample, (n,)."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is measured; the defaults are what ``mmt bench synthesis`` does."""
+
+    surface: str = "wood"
+    samples: int = 40
+    order: int = 16
+    renewals: tuple[int, ...] = (1, 5, TARGET_RENEWAL, 50, 100)
+    duration_s: float = 18.0
+    timed_samples: int = 4000
+    calls: int = 10_000
+    rounds: int = 7
+
+
+def measure(plan: Plan) -> Findings:
+    """Measure blocks at every renewal, one-sample calls, and the same loop in C."""
+    surface = get_surface(plan.surface)
+    samples = exact_samples(surface, *scattered(plan.samples, 0), plan.order)
+    model = TextureModel(samples, interpolate="power")
+    motion = _motion(plan)
+    curves, rates = Curves(), {}
+    reference = _render(model, motion, 1)
+    part = _stretch(motion, plan)
+    noise = np.random.default_rng(1).standard_normal(plan.timed_samples)
+    direct = by_scipy(model, part, 1, noise)
+    with c_loops.compiled() as loops:
+        for renewal in plan.renewals:
+            tasks = _tasks(model, part, renewal, noise, loops)
+            own = _difference(_render(model, motion, renewal), reference)
+            errors = {SCIPY: _difference(by_scipy(model, part, renewal, noise), direct)}
+            for name, time in interleave(tasks, plan.rounds).items():
+                one = time.times(_NANOSECONDS / plan.timed_samples)
+                rates[name, renewal] = _NANOSECONDS / one.median
+                if name != EXCITATION:
+                    curves.add(name, renewal, one, errors.get(name, own))
+    calls, p99_us = _calls(model, motion, plan)
+    return Findings(
+        name="synthesis",
+        title="Synthesis",
+        about=(
+            f"A model of {plan.samples} samples of order {plan.order} on the texture "
+            f"{plan.surface}, rendered for the {plan.duration_s:g} s course of speed and force "
+            "of a simulated hand, with the same excitation at every renewal. The error is "
+            "against renewal at every sample, whose own error is zero and is drawn at the "
+            "bottom. C: the same loop (-O3, this processor), to which the excitation is given. "
+            "scipy: the model's filters in direct form by scipy.signal.lfilter, its state "
+            "carried over, against itself."
+        ),
+        panels=(
+            Panel("renewal", "Blocks, by renewal", "samples a renewal", TIME, ERROR, curves.done()),
+        ),
+        records=(_rates(rates, plan), calls),
+        targets=_targets(rates, p99_us),
+        left_out=(loops,) if isinstance(loops, LeftOut) else (),
+    )
+
+
+def _motion(plan: Plan) -> Motion:
+    """Return speed and force of a simulated hand, as the modelling derives them."""
+    recorded = session(plan.surface, plan.duration_s)
+    block = StreamFilter(normal="z", axis="z", rate_hz=1000.0).process(recorded.frames)
+    return np.array(block.speed_mm_s), np.array(block.normal_force_n)
+
+
+def _stretch(motion: Motion, plan: Plan) -> Motion:
+    """Return a stretch of the motion from its middle, for the clock."""
+    start = max(0, (len(motion[0]) - plan.timed_samples) // 2)
+    first, second = (np.resize(values[start:], plan.timed_samples) for values in motion)
+    return first, second
+
+
+def _render(model: TextureModel, motion: Motion, renewal: int) -> FloatArray:
+    return Synthesizer(model, seed=1, renewal_samples=renewal).render(*motion)
+
+
+def _difference(found: FloatArray, reference: FloatArray) -> float:
+    return float(np.linalg.norm(found - reference) / np.linalg.norm(reference))
+
+
+def _tasks(
+    model: TextureModel,
+    motion: Motion,
+    renewal: int,
+    noise: FloatArray,
+    loops: c_loops.Loops | LeftOut,
+) -> dict[str, Callable[[], object]]:
+    synthesizer = Synthesizer(model, seed=1, renewal_samples=renewal)
+    generator = np.random.default_rng(1)
+    tasks: dict[str, Callable[[], object]] = {
+        OURS: lambda: synthesizer.render(*motion),
+        SCIPY: lambda: by_scipy(model, motion, renewal, noise),
+        EXCITATION: lambda: generator.standard_normal(len(noise)),
+    }
+    if isinstance(loops, c_loops.Loops):
+        tasks[C] = loops.render_call(model, motion, renewal, noise, np.empty(len(noise)))
+    return tasks
+
+
+def by_scipy(model: TextureModel, motion: Motion, renewal: int, noise: FloatArray) -> FloatArray:
+    """Render with scipy's filter in direct form; (n,), as the papers describe it."""
+    state = np.zeros(model.order)
+    output = np.empty(len(noise))
+    for start in range(0, len(noise), renewal):
+        part = slice(start, start + renewal)
+        lsf, variance = model.at(motion[0][start], motion[1][start])
+        ar = np.concatenate([[1.0], lsf_to_ar(lsf)[0]])
+        excitation = math.sqrt(variance[0]) * noise[part]
+        output[part], state = lfilter([1.0], ar, excitation, zi=state)
+    return output
+
+
+def _calls(model: TextureModel, motion: Motion, plan: Plan) -> tuple[Records, float]:
+    """Return the times of one-sample calls, and the median over rounds of their p99 (us)."""
+    ones = list(zip(*(values.reshape(-1, 1) for values in motion), strict=True))
+    p50, p99 = [], []
+    for _ in range(plan.rounds):
+        synthesizer = Synthesizer(model, seed=1)
+        moments = cycle(ones)
+        times = call_times(partial(_render_next, synthesizer, moments), plan.calls)
+        p50.append(float(np.median(times)) / _MICROSECOND)
+        p99.append(float(np.percentile(times, 99.0)) / _MICROSECOND)
+    rows: list[Mapping[str, Cell]] = []
+    for name, values in (("p50", p50), ("p99", p99)):
+        of = spread(np.array(values))
+        rows.append({"": name, "median (µs)": of.median, "from (µs)": of.low, "to (µs)": of.high})
+    title = f"Calls for one sample, renewed each: {plan.rounds} rounds of {plan.calls} calls"
+    return Records("calls", title, tuple(rows)), spread(np.array(p99)).median
+
+
+def _render_next(synthesizer: Synthesizer, moments: Iterator[Motion]) -> FloatArray:
+    return synthesizer.render(*next(moments))
+
+
+def _rates(rates: dict[tuple[str, int], float], plan: Plan) -> Records:
+    rows = []
+    for renewal in plan.renewals:
+        ours = rates[OURS, renewal]
+        row: dict[str, float | None] = {
+            "samples a renewal": renewal,
+            "mmt (million/s)": ours / 1e6,
+            "scipy (million/s)": rates[SCIPY, renewal] / 1e6,
+        }
+        if (C, renewal) in rates:
+            kernel_ns = _NANOSECONDS / ours - _NANOSECONDS / rates[EXCITATION, renewal]
+            row["C (million/s)"] = rates[C, renewal] / 1e6
+            row["numba over C"] = kernel_ns * rates[C, renewal] / _NANOSECONDS
+        rows.append(row)
+    title = "Samples a second on one core, in blocks; numba over C: times without the excitation's"
+    return Records("rates", title, tuple(rows))
+
+
+def _targets(rates: dict[tuple[str, int], float], p99_us: float) -> tuple[Target, ...]:
+    rate = rates.get((OURS, TARGET_RENEWAL))
+    what = f"million samples/s in blocks, renewed every {TARGET_RENEWAL} samples"
+    return (
+        Target("call for one sample, p99 (µs)", p99_us, "at most", 15.0),
+        Target(what, None if rate is None else rate / 1e6, "at least", 5.0),
+    )
+
+
+def run() -> Findings:
+    """Measure blocks at every renewal, one-sample calls, and the same loop in C."""
+    return measure(Plan())
+
+
+EXPERIMENT = Experiment(
+    shows="what a rarer renewal of the filter saves, and what it changes",
+    duration="20 s",
+    run=run,
+    group="bench",
+)
