@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from mmt.evaluation.evaluate import evaluate_session, evaluate_surfaces
     from mmt.evaluation.results import Evaluation
     from mmt.follower.service import Follower
-    from mmt.leader.service import LeaderService as Leader
+    from mmt.leader.service import Leader as Leader
     from mmt.scene import Scene
     from mmt.scene.files import load_scene
     from mmt.session.data import RecordedSession
@@ -73,7 +73,7 @@ _HOMES = {
     "Evaluation": "mmt.evaluation.results",
     "Follower": "mmt.follower.service",
     "InputError": "mmt.core.errors",
-    "Leader": "mmt.leader.service:LeaderService",
+    "Leader": "mmt.leader.service:Leader",
     "MmtError": "mmt.core.errors",
     "ModelHistory": "mmt.texture.online.history",
     "ModellingSettings": "mmt.texture.settings",
