@@ -31,7 +31,7 @@ class Watched:
         self.service = Follower(scene_from_tables(tables))
         self.service.source.start(0)
         self.client = self.service.client
-        self.client._traffic.restart()
+        self.client._endpoint.restart()
         self._step = self.service.source.step
         self.service.source.step = self._note  # type: ignore[method-assign]
 
@@ -48,7 +48,7 @@ class Watched:
             "stop": self.client._on_stop,
             "network": self.client._on_network,
             "missing": self.client._on_missing,
-            "clock": self.client._clock.take_answer,
+            "clock": self.client._clock.handle_response,
         }
         if event in handlers:
             handlers[event](*arguments)

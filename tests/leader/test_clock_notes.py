@@ -18,7 +18,7 @@ class Known:
         self.clock = ClockResponder(
             BlockReader(frame_dtype(), "frames"), SendQueue(1), lambda _: None
         )
-        self.clock.meet(other)
+        self.clock.start_connection(other)
         self.noted: list[dict[str, Any]] = []
         self.notes = ClockNotes(self.clock, self.noted.append)
         self._exchanges = 0
@@ -27,7 +27,7 @@ class Known:
         """Exchange at 20 Hz, and look after each."""
         for _ in range(exchanges):
             self._exchanges += 1
-            self.clock._take(self._exchanges * PERIOD_NS, 7_000 * MS - MS, 7_000 * MS + MS)
+            self.clock._add(self._exchanges * PERIOD_NS, 7_000 * MS - MS, 7_000 * MS + MS)
             self.notes.look()
 
 

@@ -97,7 +97,7 @@ async def test_back_fill_goes_out_in_pieces_and_lets_live_frames_pass() -> None:
     backfiller.open()
     link.takes.clear()
     outbox.put(1, b"live")
-    backfiller.want([[100, 150], [990, 1010]])
+    backfiller.request([[100, 150], [990, 1010]])
     await asyncio.sleep(0.03)
     gone = encode_event(GONE, [(1000, 1010)])
     link.takes.set()
@@ -124,14 +124,14 @@ async def test_what_is_promised_is_not_sent_twice_and_a_flood_of_requests_is_ref
     link.takes.clear()
     outbox.put(1, b"live")
     for _ in range(20):
-        backfiller.want([[0, 100]])
+        backfiller.request([[0, 100]])
         await asyncio.sleep(0.001)
     link.takes.set()
     await backfiller.finish(5.0)
     assert backfiller.sent == 100
-    backfiller.want("nonsense")
+    backfiller.request("nonsense")
     for first in range(0, 4 * MAX_RANGES, 2):
-        backfiller.want([[first, first + 1]])
+        backfiller.request([[first, first + 1]])
     assert backfiller.rejected > 100
     backfiller.close()
     outbox.close()
@@ -179,7 +179,7 @@ async def test_the_leader_asks_and_is_answered_while_frames_stream() -> None:
         leader(events=events) as server,
         follower(server.port, FollowerNotes(), keep_frames=50) as client,
     ):
-        await until(lambda: server._traffic.outbox.is_open)
+        await until(lambda: server._endpoint.outbox.is_open)
         client.send_frames(frames(0, 100))
         server.request_frames([(0, 3), (60, 80)])
         await until(lambda: filled and gone)

@@ -72,7 +72,7 @@ async def linked(
     )
     try:
         await client.connect(10.0)
-        await until(lambda: server._traffic.outbox.is_open)
+        await until(lambda: server._endpoint.outbox.is_open)
         yield Linked(server, client, up, down, jumps)
     finally:
         await client.disconnect()
@@ -94,7 +94,7 @@ def follower_ahead(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
     """Let the follower's clock be ahead by what is set."""
     ahead = {"ns": 0}
     shifted = ShiftedTime(lambda: ahead["ns"])
-    for method in ("take_answer", "_ask"):
+    for method in ("handle_response", "_send_request"):
         original = getattr(ClockRequester, method)
 
         def with_shift(self: ClockRequester, *arguments: Any, original: Any = original) -> Any:
@@ -161,9 +161,9 @@ async def test_a_jump_is_told_to_both_services(follower_ahead: dict[str, int], s
 async def test_what_was_learnt_of_a_clock_holds_after_a_break_and_not_for_another() -> None:
     async with linked(other="first") as link:
         await link.exchanged(20)
-        link.server.clock.meet("first")
+        link.server.clock.start_connection("first")
         assert link.server.clock.offset_ns is not None
-        link.server.clock.meet("second")
+        link.server.clock.start_connection("second")
         assert link.server.clock.offset_ns is None
 
 
@@ -201,9 +201,9 @@ ODD = st.one_of(st.none(), st.integers(), st.text(), st.binary(max_size=40), st.
 def test_no_question_kills_the_leader(questions: list[object]) -> None:
     clock, reader = answerer()
     for question in questions:
-        clock.take_question(question)
-    clock.take_question()
-    clock.take_question(1, 2)
+        clock.handle_request(question)
+    clock.handle_request()
+    clock.handle_request(1, 2)
     assert sum(reader.rejected.values()) >= 2
     assert clock.statistics["exchanges"] <= len(questions)
 
@@ -213,34 +213,34 @@ def test_no_question_kills_the_leader(questions: list[object]) -> None:
 def test_no_answer_kills_the_follower(answers: list[object]) -> None:
     reader = BlockReader(COMMAND_DTYPE, "commands")
     clock = ClockRequester(reader, SendQueue(1000), lambda _: None)
-    clock._under_way.update(dict.fromkeys(range(4), (0,)))
+    clock._pending.update(dict.fromkeys(range(4), (0,)))
     for answer in answers:
-        clock.take_answer(answer)
-    clock.take_answer()
+        clock.handle_response(answer)
+    clock.handle_response()
     assert sum(reader.rejected.values()) >= 1
     assert clock.statistics["exchanges"] <= 4
 
 
 def test_an_answer_to_no_question_is_passed_over() -> None:
     clock = ClockRequester(BlockReader(COMMAND_DTYPE, "commands"), SendQueue(10), lambda _: None)
-    clock._under_way[7] = (1000,)
-    clock.take_answer(ANSWER.pack(7, 999, 5, 6))
-    clock.take_answer(ANSWER.pack(8, 1000, 5, 6))
+    clock._pending[7] = (1000,)
+    clock.handle_response(ANSWER.pack(7, 999, 5, 6))
+    clock.handle_response(ANSWER.pack(8, 1000, 5, 6))
     assert clock.statistics["exchanges"] == 0
 
 
 def test_too_many_questions_are_rejected() -> None:
     clock, reader = answerer()
     for number in range(2000):
-        clock.take_question(QUESTION.pack(number, 1, 0, 0))
+        clock.handle_request(QUESTION.pack(number, 1, 0, 0))
     assert reader.rejected["too many clock"] >= 2000 - 2 * 400 - 1
-    assert len(clock._under_way) <= 512
+    assert len(clock._pending) <= 512
 
 
 async def test_a_malformed_stamp_from_the_other_side_is_counted() -> None:
     async with linked() as link:
-        link.client._traffic.outbox.put(0, encode_event("clock", b"short"))
-        link.server._traffic.outbox.put(0, encode_event("clock", b"short"))
+        link.client._endpoint.outbox.put(0, encode_event("clock", b"short"))
+        link.server._endpoint.outbox.put(0, encode_event("clock", b"short"))
         await until(lambda: link.server.statistics.rejected and link.client.statistics.rejected)
         assert link.server.statistics.rejected == {"malformed clock": 1}
         assert link.client.statistics.rejected == {"malformed clock": 1}

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.link.clock_offset import ClockEstimate, ClockJump, ClockOffset
-from mmt.link.impairments import MessageFates
+from mmt.link.impairments import MessageImpairments
 from mmt.scene import Network
 
 S = 1_000_000_000
@@ -49,7 +49,10 @@ def exchange(
     first_s: float = 0.0,
 ) -> Trace:
     """Exchange stamps over two directions of an emulated network."""
-    there, back = MessageFates(Network(**up), seed, 0), MessageFates(Network(**down), seed + 99, 0)
+    there, back = (
+        MessageImpairments(Network(**up), seed, 0),
+        MessageImpairments(Network(**down), seed + 99, 0),
+    )
     trace = Trace()
 
     def offset_ns(time_ns: int) -> int:
@@ -58,9 +61,9 @@ def exchange(
 
     for index in range(round(seconds * HZ)):
         asked_ns = round(first_s * S) + index * S // HZ
-        for arrived_ns in there.fate(asked_ns, 40)[:1]:
+        for arrived_ns in there.arrivals_ns(asked_ns, 40)[:1]:
             answered_ns = arrived_ns + 30_000
-            for done_ns in back.fate(answered_ns, 40)[:1]:
+            for done_ns in back.arrivals_ns(answered_ns, 40)[:1]:
                 jump = trace.clock.add(
                     done_ns,
                     answered_ns + offset_ns(answered_ns) - done_ns,

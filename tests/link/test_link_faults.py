@@ -131,7 +131,7 @@ async def test_a_cut_link_is_taken_up_again_and_shows_as_a_gap() -> None:
         client.send_frames(frames(10, 5))  # nobody can take them
         server.send_commands(commands(0))
         assert client.statistics.dropped == 5
-        await until(lambda: client.connected and server._traffic.outbox.is_open)
+        await until(lambda: client.connected and server._endpoint.outbox.is_open)
         client.send_frames(frames(15, 5))
         server.send_commands(commands(1))
         await until(lambda: len(up.sequences) == 15 and down.sequences == [1])
@@ -244,7 +244,7 @@ async def test_where_the_library_hides_its_websocket_its_queue_is_used(
     )
     up, down = LeaderNotes(), FollowerNotes()
     async with leader(up) as server, follower(server.port, down) as client:
-        await until(lambda: server._traffic.outbox.is_open)
+        await until(lambda: server._endpoint.outbox.is_open)
         for sequence in range(20):
             client.send_frames(frames(sequence))
             server.send_commands(commands(sequence))

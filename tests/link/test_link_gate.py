@@ -101,7 +101,7 @@ async def test_a_follower_that_floods_is_cut_off_and_the_next_is_served(
 ) -> None:
     monkeypatch.setattr(mmt.link.websocket, "MESSAGES_PER_PERIOD", 1)
     monkeypatch.setattr(mmt.link.websocket, "BURST_S", 0.5)
-    monkeypatch.setattr(mmt.link.websocket, "PATIENCE_S", 0.05)
+    monkeypatch.setattr(mmt.link.websocket, "GRACE_S", 0.05)
     notes = LeaderNotes()
     async with leader(notes) as server:
         client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False, reconnection=False)
@@ -119,7 +119,7 @@ async def test_a_follower_that_floods_is_cut_off_and_the_next_is_served(
         assert server.statistics.rejected["too fast"] > 0
         await client.disconnect()
         monkeypatch.setattr(
-            server._traffic.gate, "_due_ns", 0
+            server._endpoint.rate_limit, "_due_ns", 0
         )  # what the first owes would take 0.5 s
         async with follower(server.port) as good:
             good.send_frames(frames(0))
@@ -132,14 +132,14 @@ async def test_a_leader_that_floods_ends_the_follower_with_a_reason(
 ) -> None:
     monkeypatch.setattr(mmt.link.websocket, "MESSAGES_PER_PERIOD", 1)
     monkeypatch.setattr(mmt.link.websocket, "BURST_S", 0.5)
-    monkeypatch.setattr(mmt.link.websocket, "PATIENCE_S", 0.05)
+    monkeypatch.setattr(mmt.link.websocket, "GRACE_S", 0.05)
     notes = FollowerNotes()
     async with leader() as server, follower(server.port, notes) as client:
-        await until(lambda: server._traffic.outbox.is_open)
+        await until(lambda: server._endpoint.outbox.is_open)
         async with asyncio.timeout(30):
             while not notes.errors:
-                server._traffic.outbox.put(1, encode_event("commands", b"x"))
-                server._traffic.outbox.put(1, encode_event("commands", b"x"))
+                server._endpoint.outbox.put(1, encode_event("commands", b"x"))
+                server._endpoint.outbox.put(1, encode_event("commands", b"x"))
                 await asyncio.sleep(0)
         assert str(notes.errors[0]).startswith("the leader was cut off: it sent more than")
         assert client.statistics.rejected["too fast"] > 0
@@ -148,7 +148,7 @@ async def test_a_leader_that_floods_ends_the_follower_with_a_reason(
 async def test_who_is_not_let_in_may_neither_stay_nor_talk(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(mmt.link.websocket, "STRANGERS_S", 0.3)
+    monkeypatch.setattr(mmt.link.websocket, "HANDSHAKE_TIMEOUT_S", 0.3)
     async with leader() as server, aiohttp.ClientSession() as session:
         url = f"http://127.0.0.1:{server.port}/socket.io/?EIO=4&transport=websocket"
         async with follower(server.port) as good, session.ws_connect(url) as silent:

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from mmt.link.impairments import MessageFates
+from mmt.link.impairments import MessageImpairments
 from mmt.scene import PROFILES, Network
 
 MS = 1_000_000
@@ -35,9 +35,9 @@ def fates(
     count: int = 20_000, seed: int = 1, size: int = 100, period_ns: int = MS, **table: Any
 ) -> list[tuple[int, ...]]:
     """The delays (ns) of messages that are sent at an even rate."""
-    model = MessageFates(Network(**table), seed, START_NS)
+    model = MessageImpairments(Network(**table), seed, START_NS)
     times = [START_NS + index * period_ns for index in range(count)]
-    return [tuple(at - sent for at in model.fate(sent, size)) for sent in times]
+    return [tuple(at - sent for at in model.arrivals_ns(sent, size)) for sent in times]
 
 
 def delays_ms(given: list[tuple[int, ...]]) -> np.ndarray:
@@ -55,13 +55,13 @@ def test_nothing_arrives_early_or_overtakes_or_comes_more_than_twice(
 ) -> None:
     table["jitter_ms"] = jitter_share * table["delay_ms"]
     network = Network(**table)
-    model = MessageFates(network, seed, START_NS)
-    again = MessageFates(network, seed, START_NS)
+    model = MessageImpairments(network, seed, START_NS)
+    again = MessageImpairments(network, seed, START_NS)
     least_ns = (network.delay_ms - network.jitter_ms) * MS
     arrivals = []
     for sent_ns in itertools.accumulate(gaps_ns, initial=START_NS):
-        fate = model.fate(sent_ns, size)
-        assert fate == again.fate(sent_ns, size)
+        fate = model.arrivals_ns(sent_ns, size)
+        assert fate == again.arrivals_ns(sent_ns, size)
         assert len(fate) <= 2
         assert all(at >= sent_ns + least_ns - 1 for at in fate)
         arrivals += fate
@@ -164,12 +164,12 @@ def test_an_outage_ends_each_interval() -> None:
 
 
 def test_messages_after_a_change_do_not_overtake_those_before() -> None:
-    before = MessageFates(Network(delay_ms=500), 1, 0)
-    (late_ns,) = before.fate(0, 10)
-    after = MessageFates(Network(), 1, MS)
-    after.follow(before)
-    assert after.fate(MS, 10) == (late_ns,)
-    assert after.fate(600 * MS, 10) == (600 * MS,)
+    before = MessageImpairments(Network(delay_ms=500), 1, 0)
+    (late_ns,) = before.arrivals_ns(0, 10)
+    after = MessageImpairments(Network(), 1, MS)
+    after.continue_from(before)
+    assert after.arrivals_ns(MS, 10) == (late_ns,)
+    assert after.arrivals_ns(600 * MS, 10) == (600 * MS,)
 
 
 @pytest.mark.parametrize("profile", PROFILES)

@@ -27,10 +27,10 @@ import mmt.link.connection
 import mmt.link.websocket
 from mmt.link.protocol import MAX_MESSAGE_BYTES, encode_event
 from mmt.link.websocket import (
-    STRANGERS_MESSAGES,
+    HANDSHAKE_MESSAGES,
     HandshakeLimit,
     RateLimit,
-    _rest,
+    _receive_rest,
     binary_event,
     receive_directly,
 )
@@ -51,7 +51,7 @@ def decoded(monkeypatch: pytest.MonkeyPatch) -> Counter[int]:
 
 
 def open_gate() -> RateLimit:
-    return RateLimit(1000, on_excess=pytest.fail, on_shut=pytest.fail)
+    return RateLimit(1000, on_excess=pytest.fail, on_exceeded=pytest.fail)
 
 
 async def stays_open(**_: object) -> None:
@@ -62,7 +62,7 @@ async def exchange(count: int) -> tuple[LeaderNotes, FollowerNotes]:
     """Send so many frames and commands, one a message, and a reason at the end."""
     up, down = LeaderNotes(), FollowerNotes()
     async with leader(up) as server, follower(server.port, down) as client:
-        await until(lambda: server._traffic.outbox.is_open)
+        await until(lambda: server._endpoint.outbox.is_open)
         for sequence in range(count):
             client.send_frames(frames(sequence))
             server.send_commands(commands(sequence))
@@ -154,7 +154,7 @@ async def test_a_flood_leaves_the_loop_its_turns() -> None:
             turns += 1
 
     counting = asyncio.create_task(count_turns())
-    assert await _rest(receive, stays_open, open_gate(), {"frames": taken.append}) is last
+    assert await _receive_rest(receive, stays_open, open_gate(), {"frames": taken.append}) is last
     await counting
     assert taken == [b"x"] * 1000
     assert turns >= 10
@@ -171,10 +171,10 @@ async def test_what_does_not_pass_the_gate_is_thrown_away_until_it_shuts() -> No
     async def close(**reason: object) -> None:
         closed.append(reason["code"])
 
-    last = await _rest(receive, close, HandshakeLimit(), {"frames": taken.append})
+    last = await _receive_rest(receive, close, HandshakeLimit(), {"frames": taken.append})
     assert last.type is WSMsgType.CLOSED
     assert closed == [WSCloseCode.POLICY_VIOLATION]
-    assert taken == [b"x"] * STRANGERS_MESSAGES
+    assert taken == [b"x"] * HANDSHAKE_MESSAGES
 
 
 def test_a_websocket_that_cannot_be_changed_is_left_as_it_is() -> None:
@@ -196,7 +196,7 @@ async def test_what_is_not_binary_is_the_librarys(kind: WSMsgType) -> None:
     async def receive() -> WSMessage:
         return message
 
-    assert await _rest(receive, stays_open, open_gate(), {"frames": pytest.fail}) is message
+    assert await _receive_rest(receive, stays_open, open_gate(), {"frames": pytest.fail}) is message
 
 
 @pytest.mark.parametrize(
@@ -208,7 +208,7 @@ async def test_other_events_and_those_too_long_are_the_librarys(data: bytes) -> 
     async def receive() -> WSMessage:
         return message
 
-    assert await _rest(receive, stays_open, open_gate(), {"frames": pytest.fail}) is message
+    assert await _receive_rest(receive, stays_open, open_gate(), {"frames": pytest.fail}) is message
 
 
 @given(st.text(max_size=10), st.binary(max_size=300))

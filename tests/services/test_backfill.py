@@ -204,10 +204,10 @@ async def test_a_follower_that_is_stopped_in_an_outage_of_the_network_delivers_t
     await client.connect(5.0)
     client.send_frames(made_frames(0, 100))
     await together.until(lambda: together.leader.time_s == 0.1)
-    put, client._traffic.outbox.put = client._traffic.outbox.put, lambda *_: None  # type: ignore[method-assign]
+    put, client._endpoint.outbox.put = client._endpoint.outbox.put, lambda *_: None  # type: ignore[method-assign]
     for first in range(100, 1000, 10):
         client.send_frames(made_frames(first, 10))
-    client._traffic.outbox.put = put  # type: ignore[method-assign]
+    client._endpoint.outbox.put = put  # type: ignore[method-assign]
     await client.end("done")
     await client.disconnect()
     leader = await together.end()

@@ -19,7 +19,7 @@ from mmt.scene import Link
 
 TOKEN_VARIABLE: Final = "MMT_LINK_TOKEN"  # noqa: S105 - the variable's name
 SHORTEST_TOKEN: Final = 16
-"""A token of so many random hexadecimal digits cannot be guessed over a network."""
+"""Random hexadecimal digits that cannot be guessed over a network."""
 
 REFUSED: Final = (
     "the token is missing or wrong: give the follower the leader's token, "
@@ -31,17 +31,17 @@ _LONGEST_FILE: Final = 4096
 
 @dataclass(frozen=True)
 class Access:
-    """What one side shows to the other, and asks of it; nothing by default.
+    """What one side presents to the other, and requires of it; nothing by default.
 
     Parameters
     ----------
     token
-        Shared secret; None asks for none.
+        Shared secret; None requires none.
     certificate, key
         PEM files of this side's certificate, with its chain, and of its private key.
     authority
         PEM file of the authority that has signed the other side's certificate. A leader that
-        has one takes followers with such a certificate alone.
+        has one accepts only followers with such a certificate.
     """
 
     token: str | None = field(default=None, repr=False)
@@ -51,7 +51,7 @@ class Access:
 
     @classmethod
     def of(cls, settings: Link, environment: Mapping[str, str] = os.environ) -> "Access":
-        """Return the access that a scene's ``[link]`` and the environment ask for.
+        """Return the access that a scene's ``[link]`` and the environment configure.
 
         Raises
         ------
@@ -70,7 +70,7 @@ class Access:
         return cls(token, settings.certificate, settings.key, settings.authority)
 
     def admits(self, offered: object) -> bool:
-        """Whether this is the token, compared in constant time; all are if there is none."""
+        """Whether this is the token, compared in constant time; always true without a token."""
         if self.token is None:
             return True
         text = offered if isinstance(offered, str) else ""
@@ -82,12 +82,12 @@ class Access:
         return self.admits(offered.strip() if scheme.lower() == "bearer" else None)
 
     @property
-    def knows_its_peer(self) -> bool:
-        """Whether a leader asks for anything that a stranger lacks."""
+    def authenticates_peer(self) -> bool:
+        """Whether a leader requires a token or a certificate."""
         return self.token is not None or self.authority is not None
 
     def server_context(self) -> ssl.SSLContext | None:
-        """Return how a leader speaks TLS, None where it does not.
+        """Return the leader's TLS context, None without TLS.
 
         Raises
         ------
@@ -101,14 +101,14 @@ class Access:
                     "needs its own: set certificate and key of [link]"
                 )
             return None
-        context = _recent(ssl.create_default_context(ssl.Purpose.CLIENT_AUTH))
+        context = _at_least_tls_1_2(ssl.create_default_context(ssl.Purpose.CLIENT_AUTH))
         self._load(context)
         if self.authority is not None:
             context.verify_mode = ssl.CERT_REQUIRED
         return context
 
     def client_context(self) -> ssl.SSLContext | None:
-        """Return how a follower speaks TLS, None where the system's authorities are enough.
+        """Return the follower's TLS context, None where the system's authorities are enough.
 
         Raises
         ------
@@ -117,7 +117,7 @@ class Access:
         """
         if self.certificate is None and self.authority is None:
             return None
-        context = _recent(ssl.create_default_context(ssl.Purpose.SERVER_AUTH))
+        context = _at_least_tls_1_2(ssl.create_default_context(ssl.Purpose.SERVER_AUTH))
         self._load(context)
         return context
 
@@ -151,32 +151,32 @@ def check_listening(
     access: Access,
     *,
     allowed: bool,
-    whom: str = "the follower",
+    role: str = "the follower",
     remedy: str = FOLLOWER_KEYS,
 ) -> None:
-    """Refuse to listen where strangers can connect, unless they may.
+    """Refuse to listen where anyone can connect, unless that is allowed.
 
     Parameters
     ----------
     host, port
         Where to listen.
     access
-        What is asked of who connects.
+        What clients must present.
     allowed
-        Whether strangers may.
-    whom, remedy
-        For the error: who they could be, and what to do.
+        Whether clients without a token or certificate may connect.
+    role, remedy
+        For the error: what a client could act as, and what to do.
 
     Raises
     ------
     InputError
-        `host` is not this machine alone, and neither a token nor certificates are asked for.
+        `host` is not loopback, and neither a token nor certificates are required.
     """
-    if allowed or access.knows_its_peer or _is_loopback(host):
+    if allowed or access.authenticates_peer or _is_loopback(host):
         return
     raise InputError(
         f"listening on {host or 'all addresses'} lets everyone who reaches port {port} be "
-        f"{whom}: {remedy}"
+        f"{role}: {remedy}"
     )
 
 
@@ -186,7 +186,7 @@ def check_scheme(url: str, access: Access) -> None:
     Raises
     ------
     InputError
-        So it is.
+        The URL has no TLS.
     """
     wanted = access.certificate is not None or access.authority is not None
     if wanted and not url.startswith(("https:", "wss:")):
@@ -207,7 +207,7 @@ def _is_loopback(host: str) -> bool:
     try:
         found = socket.getaddrinfo(host or None, 0, flags=socket.AI_PASSIVE)
     except OSError:
-        return True  # nobody can listen there: that is explained when it is tried
+        return True  # listening there fails anyway, with a message of its own
     addresses = (str(info[4][0]).partition("%")[0] for info in found)
     return all(ipaddress.ip_address(address).is_loopback for address in addresses)
 
@@ -216,8 +216,8 @@ def _bytes(text: str) -> bytes:
     return text.encode("utf-8", "backslashreplace")
 
 
-def _recent(context: ssl.SSLContext) -> ssl.SSLContext:
-    """Have a context refuse what is older than TLS 1.2, which some builds of Python leave open."""
+def _at_least_tls_1_2(context: ssl.SSLContext) -> ssl.SSLContext:
+    """Have a context refuse versions before TLS 1.2, which some builds of Python allow."""
     context.minimum_version = max(context.minimum_version, ssl.TLSVersion.TLSv1_2)
     return context
 

@@ -32,39 +32,39 @@ from mmt.link.reader import LARGEST_QUANTITY, LATEST_NS, BlockReader
 
 
 class FrameBuffer:
-    """A ring of the newest frames as bytes; about 0.3 us a frame.
+    """A ring buffer of the newest frames as bytes; about 0.3 us a frame.
 
     Parameters
     ----------
     dtype
-        Of the frames.
+        Dtype of the frames.
     capacity
-        How many are kept, at least 1; older ones are overwritten.
+        Frames in the buffer, at least 1; older ones are overwritten.
     """
 
     def __init__(self, dtype: np.dtype[np.void], capacity: int) -> None:
         self._size = dtype.itemsize
         self._bytes = bytearray(capacity * self._size)
         self._frames: RecordArray = np.frombuffer(self._bytes, dtype=dtype)
-        self._place = 0
+        self._next = 0
         self._full = False
 
     def __len__(self) -> int:
-        """Return how many frames are kept."""
-        return len(self._frames) if self._full else self._place // self._size
+        """Return the number of frames in the buffer."""
+        return len(self._frames) if self._full else self._next // self._size
 
     def put(self, data: bytes) -> None:
-        """Keep whole frames, newest last, in place of the oldest."""
+        """Store whole frames, newest last, in place of the oldest."""
         data = data[-len(self._bytes) :]
-        stop = self._place + len(data)
+        stop = self._next + len(data)
         over = stop - len(self._bytes)
         if over < 0:
-            self._bytes[self._place : stop] = data
-            self._place = stop
+            self._bytes[self._next : stop] = data
+            self._next = stop
             return
-        self._bytes[self._place :] = data[: len(data) - over]
+        self._bytes[self._next :] = data[: len(data) - over]
         self._bytes[:over] = data[len(data) - over :]
-        self._place = over
+        self._next = over
         self._full = True
 
     def select(self, ranges: Iterable[Range]) -> RecordArray:
@@ -91,54 +91,54 @@ PERIOD_S: Final = 0.005
 """Least time between two messages: with `FRAMES_PER_MESSAGE`, 4000 frames a second at most."""
 
 FRAMES_PER_MESSAGE: Final = 20
-"""A message of 1 KB, which a live frame may have to wait for."""
+"""A message of 1 KB; a live frame may have to wait until it is sent."""
 
 
-_HURRIED_S: Final = 0.001
-"""At the end of a session no live frame can be delayed."""
+_FINISH_PERIOD_S: Final = 0.001
+"""Likewise at the end of a session, when no live frame can be delayed."""
 
 
 class BackfillSender:
-    """Answer the leader's requests for missing frames from those that are kept.
+    """The follower's side: answer requests for missing frames from the buffer.
 
-    What is asked for is copied at once, so that it is not overwritten while it waits. It goes
-    out a few frames at a time, and only when no live frame waits.
+    Requested frames are copied at once, so that they are not overwritten while they wait. They are
+    sent a few at a time, and only when no live frame is queued.
 
     Parameters
     ----------
     kept
-        The frames that there are.
+        Buffer of the newest frames.
     outbox
-        Of the live frames.
+        Send queue of the live frames.
     """
 
     def __init__(self, kept: FrameBuffer, outbox: SendQueue) -> None:
-        self._kept = kept
+        self._buffer = kept
         self._outbox = outbox
         self._asked = RangeSet()
-        self._promised = RangeSet()
+        self._scheduled = RangeSet()
         self._waiting: deque[RecordArray] = deque()
         self._wake = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
-        self._hurry = False
+        self._finishing_fast = False
         self.asked = self.sent = self.gone = self.rejected = 0
 
     def open(self) -> None:
-        """Begin to answer over a connection that is new."""
+        """Start to answer on a new connection."""
         self.close()
         self._task = asyncio.get_running_loop().create_task(self._run())
 
     def close(self) -> None:
-        """Answer no more; the leader asks again over its next connection."""
+        """Stop answering; the leader requests again on its next connection."""
         if self._task is not None:
             self._task.cancel()
             self._task = None
         self._asked.clear()
-        self._promised.clear()
+        self._scheduled.clear()
         self._waiting.clear()
 
-    def want(self, payload: object) -> None:
-        """Take a request, as anybody may have sent it."""
+    def request(self, payload: object) -> None:
+        """Handle a request; its payload is not trusted."""
         ranges = ranges_of_payload(payload)
         if ranges is None or len(self._asked) > MAX_RANGES:
             self.rejected += 1
@@ -148,10 +148,10 @@ class BackfillSender:
         self._wake.set()
 
     async def finish(self, timeout_s: float) -> None:
-        """Send what was asked for without a pause between messages, for at most this long."""
+        """Send what was requested with hardly a pause between messages, within `timeout_s`."""
         loop = asyncio.get_running_loop()
         deadline_s = loop.time() + timeout_s
-        self._hurry = True
+        self._finishing_fast = True
         while (self._asked or self._waiting) and loop.time() < deadline_s:
             if self._task is None or self._task.done():
                 return
@@ -163,19 +163,19 @@ class BackfillSender:
             self._wake.clear()
             while self._asked or self._waiting:
                 if self._asked:
-                    self._look_up()
+                    self._collect()
                 if self._waiting and self._outbox.idle:
                     self._send_some(self._waiting)
-                await asyncio.sleep(_HURRIED_S if self._hurry else PERIOD_S)
+                await asyncio.sleep(_FINISH_PERIOD_S if self._finishing_fast else PERIOD_S)
 
-    def _look_up(self) -> None:
-        """Copy what is asked for and kept, and say what is not."""
-        for first, stop in self._promised:
+    def _collect(self) -> None:
+        """Copy the requested frames that are buffered; report the others as gone."""
+        for first, stop in self._scheduled:
             self._asked.remove(first, stop)
-        found = self._kept.select(self._asked)
+        found = self._buffer.select(self._asked)
         for first, stop in ranges_of(found["sequence"]):
             self._asked.remove(first, stop)
-            self._promised.add(first, stop)
+            self._scheduled.add(first, stop)
         self._waiting.extend(
             found[start : start + FRAMES_PER_MESSAGE]
             for start in range(0, len(found), FRAMES_PER_MESSAGE)
@@ -188,7 +188,7 @@ class BackfillSender:
 
     def _send_some(self, waiting: deque[RecordArray]) -> None:
         frames = waiting.popleft()
-        self._promised.remove(int(frames["sequence"][0]), int(frames["sequence"][-1]) + 1)
+        self._scheduled.remove(int(frames["sequence"][0]), int(frames["sequence"][-1]) + 1)
         self._outbox.put(0, encode_event(BACKFILL, frames.tobytes()))
         self.sent += len(frames)
 
@@ -197,21 +197,21 @@ _SEQUENCES: Final = 2**32
 
 
 class BackfillReceiver:
-    """Check what a follower back-fills, and hand it to the leader's events.
+    """The leader's side: request frames, validate those that come, and hand them on.
 
     Parameters
     ----------
     server
-        Where the events are registered.
+        Socket.IO server at which the events are registered.
     dtype
-        Of the frames.
+        Dtype of the frames.
     events
-        What to call.
+        Callbacks of the service.
     expects
-        Whether events of this Socket.IO session count.
+        Returns whether events of this Socket.IO session are accepted.
     reader
-        Of the live frames: it knows how far the follower can have come, and counts what
-        cannot be used.
+        Reader of the live frames: it knows which sequence numbers are plausible, and counts
+        rejected messages.
     """
 
     def __init__(
@@ -228,13 +228,13 @@ class BackfillReceiver:
         self._reader = reader
         self._reject = reader.reject
         self.settling = False
-        """Whether a follower that ends was told that something is missing."""
+        """Whether a follower that is ending was sent a list of missing frames."""
         server.on(BACKFILL, self._on_backfill)
         server.on(GONE, self._on_gone)
         server.on(SETTLE, self._on_settle)
 
-    def ask(self, outbox: SendQueue, ranges: Iterable[Range]) -> None:
-        """Ask the follower for frames; more than fit into a message wait for another time."""
+    def request(self, outbox: SendQueue, ranges: Iterable[Range]) -> None:
+        """Request frames from the follower; ranges beyond one message are left for the next."""
         outbox.put(0, encode_event(MISSING, list(ranges)[:MAX_RANGES]))
 
     def _on_backfill(self, sid: str, *arguments: object) -> None:
@@ -278,8 +278,8 @@ class BackfillReceiver:
         if not isinstance(sent, int) or not 0 <= sent <= _SEQUENCES:
             self._reject("malformed settle")
             return {"missing": missing}
-        if not self._reader.believes(sent, time.monotonic_ns()):
-            return {"missing": missing}  # the end, which says the same, is rejected
+        if not self._reader.is_plausible(sent, time.monotonic_ns()):
+            return {"missing": missing}  # the end event, with the same count, is rejected
         try:
             missing = self._events.on_settle(sent)[:MAX_RANGES]
         except Exception as error:  # noqa: BLE001 - handed to the service

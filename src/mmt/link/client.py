@@ -1,4 +1,4 @@
-"""The follower's side of the link: it connects, streams, and comes back after a break."""
+"""The follower's side of the link: it connects, streams, and reconnects after a break."""
 
 import logging
 import struct
@@ -42,14 +42,14 @@ LOG: Final = logging.getLogger("mmt.link")
 __all__ = ["FollowerClient", "FollowerEvents"]
 
 _MESSAGES_WAITING: Final = 1000
-"""Messages that wait for a stalled link where no frames are kept: nothing else saves them."""
+"""Queue length where no frames are buffered: frames dropped from the queue are lost."""
 _LIVE_MESSAGES_WAITING: Final = 50
-"""Messages that wait where frames are kept: older ones would only delay what is live."""
+"""Queue length where frames are buffered: older ones would only delay live frames."""
 _ECHO: Final = struct.Struct("<qq")
 """A command's ``echo_time_ns`` and ``echo_age_ns``; NumPy takes ten times as long to read them."""
 _ECHO_FROM_END: Final = -28  # 40 bytes a command, of which the 12 before are number and time
 _SETTLED_S: Final = 1.0
-"""How long the leader may take to say what it lacks at the end."""
+"""How long the leader may take to name the missing frames at the end."""
 
 
 class FollowerClient:
@@ -58,25 +58,25 @@ class FollowerClient:
     Parameters
     ----------
     url
-        Of the leader: ``http://host:port``, or ``https``.
+        URL of the leader: ``http://host:port``, or ``https``.
     hello
-        What the follower says of itself; sent again with every connection.
+        Description of the follower; sent again with every connection.
     events
-        What to call.
+        Callbacks of the service.
     network
         Emulated between this side and the leader.
     access
         The token and the certificates of this side.
     clock_hz
-        How often time stamps are exchanged with the leader; 0 for never.
+        Rate of the exchange of time stamps with the leader; 0 for none.
     extra
         A further event of the scene.
 
     Raises
     ------
     InputError
-        `url` is none, or without TLS where there are certificates, or one of these cannot be
-        used.
+        `url` is not valid, or lacks TLS although there are certificates, or one of these cannot
+        be used.
     """
 
     def __init__(
@@ -92,29 +92,29 @@ class FollowerClient:
     ) -> None:
         self._events = events
         self._network = network
-        self._traffic = traffic = Endpoint(
+        self._endpoint = endpoint = Endpoint(
             BlockReader(COMMAND_DTYPE, "commands"),
             _LIVE_MESSAGES_WAITING if hello.keep_frames else _MESSAGES_WAITING,
             hello.rate_hz,
             events,
-            self._on_shut,
+            self._on_rate_exceeded,
             network=network,
             extra=extra,
         )
-        self._frames = FrameSender(hello, traffic)
+        self._frames = FrameSender(hello, endpoint)
         self._clock_hz = clock_hz
-        self._clock = ClockRequester(traffic.reader, traffic.outbox, traffic.tell_jump)
+        self._clock = ClockRequester(endpoint.reader, endpoint.outbox, endpoint.notify_jump)
         self._round_trip = TimeHistogram()
         self._connection = Connection(
             url,
             hello.to_auth(),
             access or Access(),
-            traffic.gate,
+            endpoint.rate_limit,
             on_open=self._on_open,
             on_broken=self._on_broken,
         )
         self._ended = False
-        self._told_to_stop = False
+        self._stop_requested = False
 
     @property
     def connected(self) -> bool:
@@ -124,7 +124,7 @@ class FollowerClient:
     @property
     def latency(self) -> TimeHistogram:
         """One-way latencies of the commands, where the clocks are known."""
-        return self._traffic.reader.latency
+        return self._endpoint.reader.latency
 
     @property
     def round_trip(self) -> TimeHistogram:
@@ -133,24 +133,24 @@ class FollowerClient:
 
     @property
     def statistics(self) -> LinkStatistics:
-        """What was counted since the start; a few hundred microseconds to compute."""
-        traffic = self._traffic
-        return traffic.statistics(
-            frames=traffic.outbox.records,
-            commands=traffic.reader.records,
+        """Counts since the start; takes a few hundred microseconds to compute."""
+        endpoint = self._endpoint
+        return endpoint.statistics(
+            frames=endpoint.outbox.records,
+            commands=endpoint.reader.records,
             clock=self._clock.statistics,
             round_trip=self._round_trip,
         )
 
     @property
     def backfill(self) -> dict[str, int]:
-        """Frames that are kept, were asked for, sent again, or not there; empty where none are."""
+        """Counts of buffered, requested, resent and missing frames; empty without a buffer."""
         return self._frames.backfill
 
     async def connect(self, timeout_s: float) -> None:
-        """Connect, waiting so long for a leader that is not there yet.
+        """Connect, waiting up to `timeout_s` for the leader to appear.
 
-        Once connected, a link that breaks is taken up again until `disconnect`.
+        Once connected, a link that breaks is restored until `disconnect` is called.
 
         Raises
         ------
@@ -163,16 +163,16 @@ class FollowerClient:
             NETWORK: self._on_network,
             MISSING: self._on_missing,
         }
-        frequent = {COMMANDS: self._on_commands, CLOCK: self._clock.take_answer}
-        if self._traffic.extra is not None:
-            frequent[self._traffic.extra.event] = self._traffic.take_extra
+        frequent = {COMMANDS: self._on_commands, CLOCK: self._clock.handle_response}
+        if self._endpoint.extra is not None:
+            frequent[self._endpoint.extra.event] = self._endpoint.handle_extra
         await self._connection.open(handlers, frequent, timeout_s)
 
     def send_frames(self, frames: RecordArray) -> None:
         """Queue frames for the leader; never waits.
 
-        They go out as soon as the hello's ``frames_per_message`` are gathered. When the link
-        is down or stalled, the oldest are given up and counted.
+        A message is sent as soon as the hello's ``frames_per_message`` are complete. When the
+        link is down or stalled, the oldest messages are dropped and their frames counted.
 
         Parameters
         ----------
@@ -189,10 +189,10 @@ class FollowerClient:
 
     def send_extra(self, records: RecordArray) -> None:
         """Queue records (n,) of the scene's further event for the leader; never waits."""
-        self._traffic.send_extra(records)
+        self._endpoint.send_extra(records)
 
     async def end(self, reason: str) -> None:
-        """Send what waits, tell the leader that the session ends, and wait until it knows.
+        """Send what is queued, announce the end of the session, and wait for the acknowledgement.
 
         Nothing happens where the link is not up, or the session has ended before.
         """
@@ -201,51 +201,53 @@ class FollowerClient:
         self._ended = True
         self._clock.stop()
         self._frames.flush()
-        if self._frames.keeps:
+        if self._frames.has_buffer:
             await self._settle()
-        await self._traffic.outbox.finish(CLOSE_TIMEOUT_S)
+        await self._endpoint.outbox.finish(CLOSE_TIMEOUT_S)
         if not self.connected:
             return
         payload = {"reason": reason, "frames": self._frames.sent}
         try:
-            await self._connection.ask(END, payload, ACKNOWLEDGE_S)
+            await self._connection.request(END, payload, ACKNOWLEDGE_S)
         except ConnectionError:
             LOG.warning("the leader did not acknowledge the end of the session")
 
     async def disconnect(self) -> None:
-        """Close the link for good; nothing happens where there is none."""
+        """Close the link for good; without one, do nothing."""
         self._ended = True
-        self._fall_silent()
+        self._stop_sending()
         await self._connection.close()
 
     # --- the connection
 
     def _on_open(self, send: Send) -> None:
-        self._traffic.restart()
-        self._traffic.outbox.open(send)
+        self._endpoint.restart()
+        self._endpoint.outbox.open(send)
         self._frames.open()
 
     def _on_broken(self, reason: str) -> None:
-        self._fall_silent()
-        if not self._ended and not self._told_to_stop:
-            self._traffic.tell(self._events.on_lost, reason)
+        self._stop_sending()
+        if not self._ended and not self._stop_requested:
+            self._endpoint.notify(self._events.on_lost, reason)
 
-    def _on_shut(self, fault: MmtError) -> None:
-        self._ended = True  # there is nobody to come back to
+    def _on_rate_exceeded(self, fault: MmtError) -> None:
+        self._ended = True  # a peer that floods is not reconnected to
         self._events.on_error(MmtError(f"the leader was cut off: {fault}"))
 
-    def _fall_silent(self) -> None:
+    def _stop_sending(self) -> None:
         self._clock.stop()
-        self._traffic.outbox.close()
+        self._endpoint.outbox.close()
         self._frames.close()
 
     async def _settle(self) -> None:
         """Send what the leader lacks of the frames so far."""
-        await self._traffic.outbox.flush(CLOSE_TIMEOUT_S)
+        await self._endpoint.outbox.flush(CLOSE_TIMEOUT_S)
         try:
-            answer = await self._connection.ask(SETTLE, {"frames": self._frames.sent}, _SETTLED_S)
+            answer = await self._connection.request(
+                SETTLE, {"frames": self._frames.sent}, _SETTLED_S
+            )
         except ConnectionError:
-            return  # it does not answer the end either, or knows of no such thing
+            return  # it does not answer the end either, or has no such event
         if isinstance(answer, Mapping):
             await self._frames.settle(answer.get("missing"))
 
@@ -255,34 +257,34 @@ class FollowerClient:
         payload = argument_of(arguments)
         if not isinstance(payload, Mapping):
             return
-        self._clock.meet(payload.get("clock_id"))
+        self._clock.start_connection(payload.get("clock_id"))
         self._clock.start(self._clock_hz)
         session_id = payload.get("session_id")
         if isinstance(session_id, str) and session_id:
-            self._traffic.tell(self._events.on_session, printable(session_id))
+            self._endpoint.notify(self._events.on_session, printable(session_id))
 
     def _on_commands(self, *arguments: object) -> None:
         arrival_ns = time.monotonic_ns()
-        block = self._traffic.reader.read(arguments, arrival_ns)
+        block = self._endpoint.reader.read(arguments, arrival_ns)
         if block is None:
             return
         data = block.tobytes()  # the array's own buffer takes forty times as long to describe
         echo_time_ns, echo_age_ns = _ECHO.unpack_from(data, len(data) + _ECHO_FROM_END)
         if echo_time_ns:
             self._round_trip.add(arrival_ns - echo_time_ns - echo_age_ns)
-        self._traffic.tell(self._events.on_commands, block, arrival_ns)
+        self._endpoint.notify(self._events.on_commands, block, arrival_ns)
 
     def _on_stop(self, *arguments: object) -> None:
-        self._told_to_stop = True
+        self._stop_requested = True
         reason = reason_of(argument_of(arguments))
-        self._traffic.tell(self._events.on_stop, reason or "no reason given")
+        self._endpoint.notify(self._events.on_stop, reason or "no reason given")
 
     def _on_missing(self, *arguments: object) -> None:
-        self._frames.want(argument_of(arguments))
+        self._frames.request(argument_of(arguments))
 
     def _on_network(self, *arguments: object) -> None:
         if self._network is not None:
             try:
                 self._network.change(argument_of(arguments))
             except InputError:
-                self._traffic.reader.reject("malformed network")
+                self._endpoint.reader.reject("malformed network")

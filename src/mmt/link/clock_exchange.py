@@ -1,8 +1,8 @@
-"""Exchange time stamps with the other side, and know its clock.
+"""Exchange time stamps with the other side, to estimate the offset of its clock.
 
-The follower asks, the leader answers; the next question tells the leader when the answer came,
-so that both know all four stamps. Layouts are in ``docs/reference/wire.md``. The questions wait
-and travel as frames do, so that the offset holds for these.
+The follower sends requests, the leader responds; the next request tells the leader when the
+response arrived, so that both know all four time stamps. Layouts are in ``docs/reference/wire.md``.
+Requests are queued and sent as frames are, so that the offset holds for these.
 """
 
 import asyncio
@@ -18,25 +18,25 @@ from mmt.link.protocol import CLOCK, argument_of, encode_event
 from mmt.link.queue import SendQueue
 from mmt.link.reader import BlockReader
 
-_QUESTION: Final = struct.Struct("<IqIq")
-_ANSWER: Final = struct.Struct("<Iqqq")
+_REQUEST: Final = struct.Struct("<IqIq")
+_RESPONSE: Final = struct.Struct("<Iqqq")
 _LATEST_NS: Final = 2**61
-"""Seventy years; what two such stamps make can still be added."""
-_REMEMBERED: Final = 512
-"""Exchanges that may be under way, five seconds' worth at the highest rate."""
-_MOST_PER_S: Final = 400
-"""Questions that are answered in a second: four times what a follower of ours asks."""
+"""Largest time stamp: seventy years; sums and differences of such stamps fit into 64 bits."""
+_MAX_PENDING: Final = 512
+"""Exchanges that may be pending, five seconds' worth at the highest rate."""
+_MAX_REQUESTS_HZ: Final = 400
+"""Requests answered in a second: four times what our follower sends."""
 
 
 class RemoteClock:
-    """The other side's clock, from the leader's or the follower's exchanges.
+    """The other side's clock, estimated from the exchanges of time stamps.
 
     Parameters
     ----------
     reader
-        Of the frames or commands, whose latencies need the offset.
+        Reader of the frames or commands, whose latencies need the offset.
     outbox
-        Takes the messages.
+        Queues the messages.
     on_jump
         Called when one of the clocks has jumped.
     """
@@ -49,7 +49,7 @@ class RemoteClock:
         self._on_jump = on_jump
         self._offset = ClockOffset()
         self._other: object = None
-        self._under_way: OrderedDict[int, tuple[int, ...]] = OrderedDict()
+        self._pending: OrderedDict[int, tuple[int, ...]] = OrderedDict()
 
     @property
     def same(self) -> bool:
@@ -58,12 +58,12 @@ class RemoteClock:
 
     @property
     def estimate(self) -> ClockEstimate | None:
-        """What the exchanges say, also of a clock that is the same."""
+        """The estimate from the exchanges, also where both clocks are the same."""
         return self._offset.estimate
 
     @property
     def offset_ns(self) -> int | None:
-        """The other's clock minus this one's now, None while it is not known."""
+        """The remote clock minus the local one now (ns), None while it is unknown."""
         if self.same:
             return 0
         estimate = self._offset.estimate
@@ -71,7 +71,7 @@ class RemoteClock:
 
     @property
     def statistics(self) -> dict[str, float | None]:
-        """Offset, drift and their like, None where nothing was exchanged."""
+        """Offset, drift and uncertainty, None without an estimate; and the counts."""
         counts = {"jumps": self._offset.jumps, "exchanges": self._offset.exchanges}
         estimate = self._offset.estimate
         if estimate is None:
@@ -83,20 +83,20 @@ class RemoteClock:
             **counts,
         }
 
-    def meet(self, other: object) -> None:
-        """Begin a connection with the side whose clock has this name."""
+    def start_connection(self, other: object) -> None:
+        """Start a connection with the side whose clock has this id."""
         if other != self._other:
             self._offset.reset()
         self._other = other
-        self._under_way.clear()
+        self._pending.clear()
         self._reader.use_clock_offset(self.offset_ns)
 
-    def _remember(self, number: int, stamps: tuple[int, ...]) -> None:
-        self._under_way[number] = stamps
-        if len(self._under_way) > _REMEMBERED:
-            self._under_way.popitem(last=False)
+    def _add_pending(self, number: int, stamps: tuple[int, ...]) -> None:
+        self._pending[number] = stamps
+        if len(self._pending) > _MAX_PENDING:
+            self._pending.popitem(last=False)
 
-    def _take(self, time_ns: int, least_ns: int, most_ns: int) -> None:
+    def _add(self, time_ns: int, least_ns: int, most_ns: int) -> None:
         jump = self._offset.add(time_ns, least_ns, most_ns)
         if not self.same:
             self._reader.use_clock_offset(self.offset_ns)
@@ -105,83 +105,83 @@ class RemoteClock:
 
 
 class ClockRequester(RemoteClock):
-    """The follower's side."""
+    """The follower's side of the exchange."""
 
     _number = 0
     _answered = (0, 0)
     _timer: asyncio.TimerHandle | None = None
 
     def start(self, rate_hz: float) -> None:
-        """Ask at this rate, 0 for never, until `stop`."""
+        """Send requests at this rate, 0 for none, until `stop`."""
         self.stop()
         if rate_hz > 0:
-            self._ask(asyncio.get_running_loop(), 1.0 / rate_hz)
+            self._send_request(asyncio.get_running_loop(), 1.0 / rate_hz)
 
     def stop(self) -> None:
-        """Ask no more."""
+        """Send no more requests."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
 
-    def take_answer(self, *arguments: object) -> None:
-        """Use an answer, as anybody may have sent it."""
+    def handle_response(self, *arguments: object) -> None:
+        """Handle a response; its payload is not trusted."""
         arrival_ns = time.monotonic_ns()
         data = argument_of(arguments)
-        if not isinstance(data, bytes) or len(data) != _ANSWER.size:
+        if not isinstance(data, bytes) or len(data) != _RESPONSE.size:
             self._reader.reject("malformed clock")
             return
-        number, asked_ns, there_ns, back_ns = _ANSWER.unpack(data)
-        if self._under_way.pop(number, None) != (asked_ns,):
-            return  # of an earlier connection, or a repeated one
+        number, asked_ns, there_ns, back_ns = _RESPONSE.unpack(data)
+        if self._pending.pop(number, None) != (asked_ns,):
+            return  # from an earlier connection, or repeated
         if not 0 <= there_ns <= back_ns < _LATEST_NS:
             self._reader.reject("malformed clock")
             return
         self._answered = (number, arrival_ns)
-        self._take(arrival_ns, back_ns - arrival_ns, there_ns - asked_ns)
+        self._add(arrival_ns, back_ns - arrival_ns, there_ns - asked_ns)
 
-    def _ask(self, loop: asyncio.AbstractEventLoop, period_s: float) -> None:
-        self._timer = loop.call_later(period_s, self._ask, loop, period_s)
+    def _send_request(self, loop: asyncio.AbstractEventLoop, period_s: float) -> None:
+        self._timer = loop.call_later(period_s, self._send_request, loop, period_s)
         self._number = (self._number + 1) % 2**32
         now_ns = time.monotonic_ns()
-        self._remember(self._number, (now_ns,))
-        question = _QUESTION.pack(self._number, now_ns, *self._answered)
-        self._outbox.put(0, encode_event(CLOCK, question))
+        self._add_pending(self._number, (now_ns,))
+        request = _REQUEST.pack(self._number, now_ns, *self._answered)
+        self._outbox.put(0, encode_event(CLOCK, request))
 
 
 class ClockResponder(RemoteClock):
-    """The leader's side."""
+    """The leader's side of the exchange."""
 
     _second = 0
     _in_second = 0
 
-    def take_question(self, *arguments: object) -> None:
-        """Answer a question, as anybody may have sent it, and learn from the one before."""
+    def handle_request(self, *arguments: object) -> None:
+        """Answer a request, which is not trusted, and use the exchange that it completes."""
         arrival_ns = time.monotonic_ns()
         data = argument_of(arguments)
-        if not isinstance(data, bytes) or len(data) != _QUESTION.size:
+        if not isinstance(data, bytes) or len(data) != _REQUEST.size:
             self._reader.reject("malformed clock")
             return
         if self._too_many(arrival_ns):
             self._reader.reject("too many clock")
             return
-        number, asked_ns, answered, answer_arrival_ns = _QUESTION.unpack(data)
+        number, asked_ns, answered, answer_arrival_ns = _REQUEST.unpack(data)
         if not (0 <= asked_ns < _LATEST_NS and 0 <= answer_arrival_ns < _LATEST_NS):
             self._reader.reject("malformed clock")
             return
-        stamps = self._under_way.pop(answered, None)
+        stamps = self._pending.pop(answered, None)
         if stamps is not None:
             before_ns, there_ns, back_ns = stamps
-            self._take(back_ns, before_ns - there_ns, answer_arrival_ns - back_ns)
-        if number in self._under_way:
-            return  # a repeated one
+            self._add(back_ns, before_ns - there_ns, answer_arrival_ns - back_ns)
+        if number in self._pending:
+            return  # repeated
         now_ns = time.monotonic_ns()
-        self._remember(number, (asked_ns, arrival_ns, now_ns))
-        answer = _ANSWER.pack(number, asked_ns, arrival_ns, now_ns)
-        self._outbox.put(0, encode_event(CLOCK, answer))
+        self._add_pending(number, (asked_ns, arrival_ns, now_ns))
+        response = _RESPONSE.pack(number, asked_ns, arrival_ns, now_ns)
+        self._outbox.put(0, encode_event(CLOCK, response))
 
     def _too_many(self, arrival_ns: int) -> bool:
         second = arrival_ns // 1_000_000_000
         if second != self._second:
             self._second, self._in_second = second, 0
         self._in_second += 1
-        return self._in_second > _MOST_PER_S
+        return self._in_second > _MAX_REQUESTS_HZ

@@ -21,18 +21,18 @@ LOG: Final = logging.getLogger("mmt.link")
 ATTEMPT_S: Final = 3.0
 """How long one attempt to connect may take."""
 CLOSE_TIMEOUT_S: Final = 2.0
-"""How long it may take to send what waits before the connection is dropped."""
+"""How long sending the queue may take before the connection is dropped."""
 ACKNOWLEDGE_S: Final = 0.4
-"""How long the leader may take to answer the end of a session, and then the closing of the
-link: with a leader that hangs, a person who ends the follower waits less than a second."""
+"""How long the leader may take to acknowledge the end of a session, and then the closing of the
+link: with a leader that hangs, stopping the follower takes less than a second."""
 _FIRST_RETRY_S: Final = 0.25
 _LONGEST_RETRY_S: Final = 2.0
-"""A link that broke is tried again after so long, twice as long each time up to the longest."""
+"""Delay before the first reconnection, doubled after each attempt up to the longest."""
 
 
 @dataclass(frozen=True)
 class SocketClient:
-    """A Socket.IO client, and the HTTP session that it uses."""
+    """A Socket.IO client with the HTTP session that it uses."""
 
     client: socketio.AsyncClient
     session: aiohttp.ClientSession
@@ -43,18 +43,18 @@ class SocketClient:
         cls,
         handlers: Mapping[str, Callable[..., None]],
         direct: Handlers,
-        gate: RateLimit,
+        rate_limit: RateLimit,
         tls: ssl.SSLContext | None = None,
     ) -> "SocketClient":
-        """Make one that is not connected, with a handler for each event.
+        """Return a client that is not connected, with a handler for each event.
 
-        The `direct` ones are called past the library where they can be; the `gate` bounds
-        all. Without `tls` an https URL is trusted as the system does.
+        `direct` handlers bypass the library where possible; `rate_limit` limits the rate of all
+        messages. Without `tls` an https URL is verified by the system's authorities.
         """
         session = aiohttp.ClientSession(
             connector=aiohttp.TCPConnector(ssl=tls or True),
             timeout=aiohttp.ClientTimeout(total=ATTEMPT_S, sock_connect=ATTEMPT_S),
-            ws_response_class=client_websocket(direct, gate),
+            ws_response_class=client_websocket(direct, rate_limit),
         )
         client = socketio.AsyncClient(
             serializer="msgpack",
@@ -73,9 +73,9 @@ class SocketClient:
         return cls(client, session)
 
     async def open(self, url: str, auth: Mapping[str, object], timeout_s: float) -> str | None:
-        """Connect; return None, or what stood in the way.
+        """Connect; return None, or the problem as a sentence.
 
-        A connection that breaks later is taken up again with the same `auth`.
+        A connection that breaks later is restored with the same `auth`.
         """
         try:
             async with asyncio.timeout(timeout_s):
@@ -87,7 +87,7 @@ class SocketClient:
         return None
 
     def drop(self) -> None:
-        """Close the WebSocket of a link that fell silent, which the library leaves open."""
+        """Close the WebSocket of a link that timed out, which the library leaves open."""
         websocket = getattr(self.client.eio, "ws", None)
         if isinstance(websocket, aiohttp.ClientWebSocketResponse) and not websocket.closed:
             task = asyncio.get_running_loop().create_task(websocket.close())
@@ -95,7 +95,7 @@ class SocketClient:
             task.add_done_callback(self._dropping.discard)
 
     async def close(self) -> None:
-        """Close whatever is open, and take up nothing again; in bounded time."""
+        """Close what is open and stop reconnecting, in bounded time."""
         try:
             async with asyncio.timeout(ACKNOWLEDGE_S):
                 await asyncio.sleep(0)  # a reconnection that was only just begun cannot be ended
@@ -122,20 +122,20 @@ def check_url(url: str) -> None:
         raise InputError(f"leader's URL {url!r}: allowed is http://HOST:PORT or https://HOST:PORT")
 
 
-def distrust(problem: str) -> bool:
-    """Whether what stood in the way is a certificate, which does not change by trying again."""
+def is_certificate_problem(problem: str) -> bool:
+    """Whether the problem is a certificate, which does not change by trying again."""
     return "CERTIFICATE" in problem.upper()
 
 
-def what_to_check(url: str) -> str:
-    """Return what keeps a follower from its leader; one that TLS refuses just hears nothing."""
+def connection_advice(url: str) -> str:
+    """Return what the user should check; a follower that TLS refuses gets no answer at all."""
     if url.startswith(("https:", "wss:")):
         return "this follower's certificate, host, port and firewall"
     return "http or https, host, port and firewall"
 
 
 def _first_cause(error: BaseException) -> str:
-    """Return the sentence of the error that all others came from."""
+    """Return the message of the error at the root of the chain."""
     cause: BaseException | None = error
     while cause is not None:
         error, cause = cause, cause.__cause__ or cause.__context__
@@ -146,28 +146,28 @@ _BETWEEN_ATTEMPTS_S: Final = 0.2
 
 
 class Connection:
-    """Connect to a leader, and stay connected.
+    """Connect to a leader and stay connected.
 
     Parameters
     ----------
     url
-        Of the leader.
+        URL of the leader.
     auth
         Sent with every connection, beside the token.
     access
         The token and the certificates of this side.
-    gate
-        Bounds what comes.
+    rate_limit
+        Limits the rate of received messages.
     on_open
-        Called with what sends a message, whenever the link is up.
+        Called with the function that sends a message, whenever the link is up.
     on_broken
-        Called with the reason in plain words, whenever it no longer is.
+        Called with the reason in plain words, whenever the link breaks.
 
     Raises
     ------
     InputError
-        `url` is none, or without TLS where there are certificates, or one of these cannot be
-        used.
+        `url` is not valid, or lacks TLS although there are certificates, or one of these cannot
+        be used.
     """
 
     def __init__(
@@ -175,7 +175,7 @@ class Connection:
         url: str,
         auth: Mapping[str, object],
         access: Access,
-        gate: RateLimit,
+        rate_limit: RateLimit,
         *,
         on_open: Callable[[Send], None],
         on_broken: Callable[[str], None],
@@ -185,7 +185,7 @@ class Connection:
         self._tls = access.client_context()
         self._url = url
         self._auth = {**auth} if access.token is None else {**auth, "token": access.token}
-        self._gate = gate
+        self._rate_limit = rate_limit
         self._on_open = on_open
         self._on_broken = on_broken
         self._refusal: str | None = None
@@ -195,14 +195,14 @@ class Connection:
     async def open(
         self, handlers: Mapping[str, Callable[..., None]], frequent: Handlers, timeout_s: float
     ) -> None:
-        """Connect, waiting so long for a leader that is not there yet.
+        """Connect, waiting up to `timeout_s` for the leader to appear.
 
         Parameters
         ----------
         handlers
-            By event.
+            Handlers by event.
         frequent
-            Likewise, called past the library where they can be.
+            Handlers of frequent events, which bypass the library where possible.
         timeout_s
             How long to wait.
 
@@ -219,7 +219,7 @@ class Connection:
                 return
             if self._refusal is not None:
                 raise MmtError(f"the leader at {self._url} refused: {self._refusal}")
-            if distrust(problem):
+            if is_certificate_problem(problem):
                 raise MmtError(
                     f"the leader at {self._url} and this follower do not trust each other "
                     f"({problem}): check certificate, key and authority of [link] on both"
@@ -227,12 +227,12 @@ class Connection:
             if loop.time() + _BETWEEN_ATTEMPTS_S > deadline_s:
                 raise MmtError(
                     f"no leader answered at {self._url} within {timeout_s:g} s ({problem}): "
-                    f"start mmt-leader there, and check {what_to_check(self._url)}"
+                    f"start mmt-leader there, and check {connection_advice(self._url)}"
                 )
             await asyncio.sleep(_BETWEEN_ATTEMPTS_S)
 
-    async def ask(self, event: str, payload: object, timeout_s: float) -> object:
-        """Send an event and return what the leader answers.
+    async def request(self, event: str, payload: object, timeout_s: float) -> object:
+        """Send an event and return the leader's acknowledgement.
 
         Raises
         ------
@@ -247,7 +247,7 @@ class Connection:
             raise ConnectionError from error
 
     async def close(self) -> None:
-        """Close the connection for good; nothing happens where there is none."""
+        """Close the connection for good; without one, do nothing."""
         line, self.line = self.line, None
         if line is not None:
             await line.close()
@@ -259,14 +259,16 @@ class Connection:
         frequent: Handlers,
         timeout_s: float,
     ) -> str | None:
-        """Try once to connect; return what stood in the way."""
+        """Try once to connect; return None, or the problem."""
         self._refusal = None
         own: dict[str, Callable[..., None]] = {
             "connect": self._on_connect,
             "connect_error": self._on_refused,
             "disconnect": self._on_disconnect,
         }
-        self.line = line = SocketClient.make({**handlers, **own}, frequent, self._gate, self._tls)
+        self.line = line = SocketClient.make(
+            {**handlers, **own}, frequent, self._rate_limit, self._tls
+        )
         try:
             return await line.open(self._url, self._auth, timeout_s)
         finally:

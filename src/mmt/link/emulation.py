@@ -18,106 +18,106 @@ from aiohttp import web
 
 from mmt.core.errors import InputError
 from mmt.core.timer_file import TimerFile, open_timer
-from mmt.link.impairments import MessageFates
+from mmt.link.impairments import MessageImpairments
 from mmt.link.queue import SendQueue
 from mmt.scene import Network
 from mmt.scene.files import table_from
 
-_MOST_HELD: Final = 20_000
-"""Messages that are held back at most."""
+_MAX_DELAYED: Final = 20_000
+"""Most messages that are delayed at once."""
 
 
 class EmulatedSendQueue(SendQueue):
-    """An outbox before which messages meet the fates of an emulated network.
+    """A send queue whose messages first pass an emulated network.
 
     Parameters
     ----------
     capacity
-        Messages that may wait for the link once their time has come.
+        Messages that may be queued for the link once their delay is over.
     settings
-        What to emulate; it can be changed at any time.
+        The emulated network; can be changed at any time.
     seed
-        Of the fates.
+        Seed of the impairments.
     """
 
     def __init__(self, capacity: int, settings: Network, seed: int) -> None:
         super().__init__(capacity)
-        self._fates = MessageFates(settings, seed, time.monotonic_ns())
-        self._held: list[tuple[int, int, int, bytes]] = []
+        self._impairments = MessageImpairments(settings, seed, time.monotonic_ns())
+        self._delayed: list[tuple[int, int, int, bytes]] = []
         self._number = itertools.count()
         self._alarm = _Alarm(self._release)
         self._at_once = max(1, capacity // 2)  # the task that empties the queue runs in between
-        self._taken = self._lost = self._repeated = 0
+        self._received = self._lost = self._repeated = 0
 
     @property
     def emulated(self) -> dict[str, int]:
-        """Messages that came here since the start, and what was done to them."""
-        return {"messages": self._taken, "lost": self._lost, "repeated": self._repeated}
+        """Counts since the start: messages put, lost and repeated."""
+        return {"messages": self._received, "lost": self._lost, "repeated": self._repeated}
 
     def change(self, settings: Network, seed: int) -> None:
-        """Treat messages so from now on; those that are held keep their time."""
-        fates = MessageFates(settings, seed, time.monotonic_ns())
-        fates.follow(self._fates)
-        self._fates = fates
+        """Apply these settings from now on; delayed messages keep their time."""
+        fates = MessageImpairments(settings, seed, time.monotonic_ns())
+        fates.continue_from(self._impairments)
+        self._impairments = fates
 
     def put(self, records: int, message: bytes) -> None:
-        """Take a message that holds so many records; never waits."""
+        """Delay, lose or repeat a message that holds this many records; never waits."""
         if not self.is_open:
             super().put(records, message)
             return
-        self._taken += 1
+        self._received += 1
         now_ns = time.monotonic_ns()
-        arrivals = self._fates.fate(now_ns, len(message))
-        if not arrivals or len(self._held) + len(arrivals) > _MOST_HELD:
+        arrivals = self._impairments.arrivals_ns(now_ns, len(message))
+        if not arrivals or len(self._delayed) + len(arrivals) > _MAX_DELAYED:
             self._lost += 1
             return
         self._repeated += len(arrivals) - 1
         for arrival_ns in arrivals:
-            heapq.heappush(self._held, (arrival_ns, next(self._number), records, message))
-            records = 0  # a repeated one is the same once more
+            heapq.heappush(self._delayed, (arrival_ns, next(self._number), records, message))
+            records = 0  # a repeated message is not counted twice
         self._release()
 
     async def finish(self, timeout_s: float) -> None:
-        """Send what is held when its time comes, and what waits, within this long; then close."""
-        if self._held:
-            last_ns = max(arrival_ns for arrival_ns, *_ in self._held)
+        """Send what is delayed and queued, within `timeout_s`; then close."""
+        if self._delayed:
+            last_ns = max(arrival_ns for arrival_ns, *_ in self._delayed)
             wait_s = min(max(last_ns - time.monotonic_ns(), 0) / 1e9, timeout_s)
             await asyncio.sleep(wait_s)
             timeout_s -= wait_s
-            while self._held and self._held[0][0] <= time.monotonic_ns():
+            while self._delayed and self._delayed[0][0] <= time.monotonic_ns():
                 self._release()
                 await asyncio.sleep(0)
         await super().finish(timeout_s)
 
     @property
     def idle(self) -> bool:
-        """Whether the emulated network and the link could take a message at once."""
-        return super().idle and self._fates.is_free(time.monotonic_ns())
+        """Whether a message would pass the emulated network and the link at once."""
+        return super().idle and self._impairments.is_free(time.monotonic_ns())
 
     @property
     def _empty(self) -> bool:
-        return self.idle and not self._held
+        return self.idle and not self._delayed
 
     def close(self) -> None:
-        """Stop sending at once; what is held back is lost, as on its way."""
-        self._lost += len(self._held)
-        self._held.clear()
+        """Stop sending at once; delayed messages count as lost on their way."""
+        self._lost += len(self._delayed)
+        self._delayed.clear()
         self._alarm.close()
         super().close()
 
     def _release(self) -> None:
         now_ns = time.monotonic_ns()
         for _ in range(self._at_once):
-            if not self._held or self._held[0][0] > now_ns:
+            if not self._delayed or self._delayed[0][0] > now_ns:
                 break
-            _, _, records, message = heapq.heappop(self._held)
+            _, _, records, message = heapq.heappop(self._delayed)
             super().put(records, message)
-        if self._held:
-            self._alarm.set(self._held[0][0])
+        if self._delayed:
+            self._alarm.set(self._delayed[0][0])
 
 
 class _Alarm:
-    """Call back once at a monotonic time: by a timerfd, or the loop's timers without one."""
+    """A one-shot timer at a monotonic time: a timerfd, or the loop's timer where there is none."""
 
     def __init__(self, callback: Callable[[], None]) -> None:
         self._callback = callback
@@ -127,7 +127,7 @@ class _Alarm:
         self._due_ns: int | None = None
 
     def set(self, due_ns: int) -> None:
-        """Call back at this time; one that was set before is forgotten."""
+        """Call back at this time, instead of one set before."""
         loop = asyncio.get_running_loop()
         if not self._open:
             self._open = True
@@ -146,7 +146,7 @@ class _Alarm:
         self._handle = loop.call_at(loop.time() + wait_s, self._fire)
 
     def close(self) -> None:
-        """Call back no more, until it is set again."""
+        """Cancel, until it is set again."""
         if self._timer is not None:
             asyncio.get_running_loop().remove_reader(self._timer.file)
             self._timer.close()
@@ -170,7 +170,7 @@ _MOST_BYTES: Final = 4096
 
 
 class EmulatedNetwork:
-    """What one side does to the messages that it sends.
+    """The network that one side emulates for the messages that it sends.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ class EmulatedNetwork:
     direction
         "up" for the follower, which sends frames; "down" for the leader, which sends commands.
     seed
-        Of the session, for settings without one of their own.
+        Seed of the session, for settings without a seed.
     on_change
         Called with a sentence when the settings have changed.
     """
@@ -198,33 +198,33 @@ class EmulatedNetwork:
         self._outboxes: list[EmulatedSendQueue] = []
 
     def outbox(self, capacity: int) -> EmulatedSendQueue:
-        """Return an outbox for so many messages that follows these settings."""
-        outbox = EmulatedSendQueue(capacity, self._mine(), self._seed())
+        """Return a send queue of this capacity that follows these settings."""
+        outbox = EmulatedSendQueue(capacity, self._own_settings(), self._seed())
         self._outboxes.append(outbox)
         return outbox
 
     def payload(self) -> dict[str, Any]:
-        """Return the settings as the other side and programs take them."""
+        """Return the settings as sent to the peer and over HTTP."""
         return self.settings.model_dump(mode="json")
 
     def change(self, payload: object) -> None:
-        """Check settings that came from elsewhere and take them on.
+        """Validate received settings and apply them.
 
         Raises
         ------
         InputError
-            They are not as the scene's table ``[network]``.
+            They are not a valid table ``[network]`` of a scene.
         """
         settings = table_from(Network, "network", payload)
         if settings == self.settings:
             return
         self.settings = settings
         for outbox in self._outboxes:
-            outbox.change(self._mine(), self._seed())
+            outbox.change(self._own_settings(), self._seed())
         self._on_change(f"emulated network: {settings.describe()}")
 
     def serve(self, application: web.Application, tell: Callable[[], Awaitable[None]]) -> None:
-        """Let programs read and replace the settings; `tell` passes them to the other side."""
+        """Serve the settings over HTTP, to read and replace; `tell` sends them to the peer."""
 
         async def read(_: web.Request) -> web.Response:
             return web.json_response(self.payload())
@@ -240,7 +240,7 @@ class EmulatedNetwork:
         application.router.add_get(PATH, read)
         application.router.add_put(PATH, replace)
 
-    def _mine(self) -> Network:
+    def _own_settings(self) -> Network:
         return self.settings if self.settings.concerns(self._direction) else Network()
 
     def _seed(self) -> int:
@@ -250,7 +250,7 @@ class EmulatedNetwork:
 
 
 async def _json_of(request: web.Request) -> object:
-    """Return the body; a browser's page of another origin cannot send this content type."""
+    """Return the JSON body; a browser's page of another origin cannot send this content type."""
     if request.content_type != "application/json":
         raise InputError("send the settings as JSON, with Content-Type: application/json")
     body = await request.content.read(_MOST_BYTES + 1)

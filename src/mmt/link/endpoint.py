@@ -27,11 +27,11 @@ LOG: Final = logging.getLogger("mmt.link")
 
 
 def _nothing(*_: object) -> None:
-    """Take note of nothing."""
+    """Ignore the event."""
 
 
 def _no_ranges(_: int) -> list[Range]:
-    """Miss nothing."""
+    """Report no missing frames."""
     return []
 
 
@@ -41,41 +41,41 @@ def _log(error: Exception) -> None:
 
 @dataclass(frozen=True)
 class LeaderEvents:
-    """What the leader wants to be told; called on the loop, so they must return soon."""
+    """The leader's callbacks, called on the event loop: they must return soon."""
 
     on_frames: Callable[[RecordArray, int], None]
-    """Checked frames, shape (n,), read-only, in order; and their arrival, monotonic ns."""
+    """Validated frames (n,), read-only, in order, and their arrival (monotonic, ns)."""
     on_follower: Callable[[FollowerHello], None] = _nothing
-    """A follower is about to be accepted; raising MmtError refuses it with that sentence."""
+    """A follower is about to be accepted; raising MmtError refuses it with that message."""
     on_end: Callable[[str], None] = _nothing
-    """The follower ended the session, for this reason."""
+    """The follower ended the session, with this reason."""
     on_lost: Callable[[str], None] = _nothing
-    """The follower went away without ending the session."""
+    """The follower disconnected without ending the session."""
     on_jump: Callable[[ClockJump], None] = _nothing
     """One of the two clocks has jumped against the other."""
     on_backfill: Callable[[RecordArray], None] = _nothing
-    """Frames that were asked for, shape (n,), read-only, checked but for their numbers."""
+    """Back-filled frames (n,), read-only, validated except for their sequence numbers."""
     on_gone: Callable[[list[Range]], None] = _nothing
-    """Frames that the follower has not got, or that cannot be used, by their numbers."""
+    """Ranges of frames that the follower no longer has, or that cannot be used."""
     on_settle: Callable[[int], list[Range]] = _no_ranges
-    """The follower is about to end and has sent the numbers below this one; return what is
-    missing and is to be sent again."""
+    """The follower is about to end and has sent the numbers below this one; return the missing
+    ranges that it is to send again."""
     on_error: Callable[[Exception], None] = _log
     """One of the above raised; by default the error is logged and the link goes on."""
 
 
 @dataclass(frozen=True)
 class FollowerEvents:
-    """What the follower wants to be told; called on the loop, so they must return soon."""
+    """The follower's callbacks, called on the event loop: they must return soon."""
 
     on_commands: Callable[[RecordArray, int], None]
-    """Checked commands, shape (n,), read-only, newest last; and their arrival, monotonic ns."""
+    """Validated commands (n,), read-only, newest last, and their arrival (monotonic, ns)."""
     on_session: Callable[[str], None] = _nothing
-    """The leader's name of the session, which stands in its logs as well."""
+    """The leader's name of the session, which its logs contain as well."""
     on_stop: Callable[[str], None] = _nothing
-    """The leader asks to end the session, for this reason."""
+    """The leader asks to end the session, with this reason."""
     on_lost: Callable[[str], None] = _nothing
-    """The link broke; it is taken up again as soon as the leader answers."""
+    """The link broke; it is restored as soon as the leader answers."""
     on_jump: Callable[[ClockJump], None] = _nothing
     """One of the two clocks has jumped against the other."""
     on_error: Callable[[Exception], None] = _log
@@ -85,7 +85,7 @@ class FollowerEvents:
 def call(
     function: Callable[..., None], *arguments: object, on_error: Callable[[Exception], None]
 ) -> None:
-    """Call one of the events; python-socketio would but log what it raises."""
+    """Call a callback and hand its exception to `on_error`; python-socketio would only log it."""
     try:
         function(*arguments)
     except Exception as error:  # noqa: BLE001 - handed to the service
@@ -93,43 +93,43 @@ def call(
 
 
 class ExtraEvent:
-    """One side of such an event: check what comes, encode what goes.
+    """One side of a further event that only some scenes use: validate and encode its records.
 
     Parameters
     ----------
     event
         Its name, the same on both sides.
     dtype
-        Of its records, as `BlockReader` takes it.
-    take
-        Called with checked records, shape (n,), read-only, in order.
-    began
-        Called when a connection begins, perhaps to another that counts from its own start.
+        Dtype of its records; see `BlockReader`.
+    on_records
+        Called with validated records (n,), read-only, in order.
+    on_restart
+        Called when a connection begins; the peer may be another process, which counts anew.
     """
 
     def __init__(
         self,
         event: str,
         dtype: np.dtype[np.void],
-        take: Callable[[RecordArray], None],
-        began: Callable[[], None],
+        on_records: Callable[[RecordArray], None],
+        on_restart: Callable[[], None],
     ) -> None:
         self.event = event
         self._dtype = dtype
-        self._take = take
-        self._began = began
+        self._on_records = on_records
+        self._on_restart = on_restart
         self._reader = BlockReader(dtype, f"{event} records")
 
     def restart(self) -> None:
-        """Expect a new connection."""
+        """Prepare for a new connection."""
         self._reader.restart()
-        self._began()
+        self._on_restart()
 
     def read(self, arguments: tuple[object, ...], on_error: Callable[[Exception], None]) -> None:
-        """Take the arguments of an event, as anybody may have sent them."""
+        """Handle the arguments of an event, which are not trusted."""
         records = self._reader.read(arguments, time.monotonic_ns())
         if records is not None:
-            call(self._take, records, on_error=on_error)
+            call(self._on_records, records, on_error=on_error)
 
     def encode(self, records: RecordArray) -> bytes:
         """Return the message that carries records (n,), n at most 100.
@@ -146,27 +146,27 @@ class ExtraEvent:
 
 
 class ForceFeedbackSide(Protocol):
-    """One side of a method of force feedback, as far as its event goes."""
+    """What the link needs of one side of a force-feedback method."""
 
     @property
     def event(self) -> str | None:
-        """The further event, None where frames are enough."""
+        """Name of the further event, None where frames are enough."""
 
     @property
     def dtype(self) -> "np.dtype[np.void] | None":
-        """Of that event's records."""
+        """Dtype of that event's records."""
 
     def take_records(self, records: RecordArray) -> None:
-        """Take checked records (n,) of the further event."""
+        """Handle validated records (n,) of the further event."""
 
     def restart(self) -> None:
-        """Expect a new connection."""
+        """Prepare for a new connection."""
 
 
 def emulated_network(
     scene: Scene, direction: Literal["up", "down"], say: Callable[[str], None]
 ) -> "EmulatedNetwork | None":
-    """Return the network that the scene emulates on this side, None for none."""
+    """Return the network that the scene emulates on this side, or None."""
     if scene.network is None:
         return None
     from mmt.link.emulation import EmulatedNetwork
@@ -175,7 +175,7 @@ def emulated_network(
 
 
 def extra_event(feedback: ForceFeedbackSide | None) -> "ExtraEvent | None":
-    """Return the event of a method of force feedback, None where it has none."""
+    """Return the further event of a force-feedback method, or None."""
     if feedback is None or feedback.event is None or feedback.dtype is None:
         return None
 
@@ -183,22 +183,22 @@ def extra_event(feedback: ForceFeedbackSide | None) -> "ExtraEvent | None":
 
 
 class Endpoint:
-    """The messages of one side, over all its connections.
+    """One side of the link over all its connections: reader, send queue, rate limit, counts.
 
     Parameters
     ----------
     reader
-        Of the records that come.
+        Validates the received records.
     capacity
-        Messages that may wait for a stalled link.
+        Length of the send queue (messages).
     rate_hz
-        Records a second that the session expects of the other side.
+        Records a second that the session expects of the peer.
     events
-        Of the service that uses the link.
-    on_shut
-        Called with a fault when the other side sends far too much and is cut off.
+        Callbacks of the service.
+    on_exceeded
+        Called with an error when the peer exceeds the rate limit and is cut off.
     network
-        Emulated between this side and the other.
+        Emulated on the way to the peer.
     extra
         A further event of the scene.
     """
@@ -209,33 +209,33 @@ class Endpoint:
         capacity: int,
         rate_hz: float,
         events: LeaderEvents | FollowerEvents,
-        on_shut: Callable[[MmtError], None],
+        on_exceeded: Callable[[MmtError], None],
         *,
         network: "EmulatedNetwork | None" = None,
         extra: ExtraEvent | None = None,
     ) -> None:
         self.reader = reader
         self.outbox = SendQueue(capacity) if network is None else network.outbox(capacity)
-        self.gate = RateLimit(rate_hz, partial(reader.reject, "too fast"), on_shut)
+        self.rate_limit = RateLimit(rate_hz, partial(reader.reject, "too fast"), on_exceeded)
         self.extra = extra
         self._events = events
 
     def restart(self) -> None:
-        """Expect a new connection."""
+        """Prepare for a new connection."""
         self.reader.restart()
         if self.extra is not None:
             self.extra.restart()
 
-    def tell(self, function: Callable[..., None], *arguments: object) -> None:
-        """Call one of the events; what it raises is told as well."""
+    def notify(self, function: Callable[..., None], *arguments: object) -> None:
+        """Call one of the callbacks; its exception goes to ``on_error``."""
         call(function, *arguments, on_error=self._events.on_error)
 
-    def tell_jump(self, jump: ClockJump) -> None:
-        """Say that one of the clocks has jumped."""
-        self.tell(self._events.on_jump, jump)
+    def notify_jump(self, jump: ClockJump) -> None:
+        """Report that one of the clocks has jumped."""
+        self.notify(self._events.on_jump, jump)
 
     def send(self, event: str, data: bytes, size: int) -> None:
-        """Queue records of so many bytes each, in messages of at most 100."""
+        """Queue records of `size` bytes each, in messages of at most 100 records."""
         for start in range(0, len(data), MAX_RECORDS_PER_MESSAGE * size):
             part = data[start : start + MAX_RECORDS_PER_MESSAGE * size]
             self.outbox.put(len(part) // size, encode_event(event, part))
@@ -245,8 +245,8 @@ class Endpoint:
         if self.extra is not None:
             self.outbox.put(0, self.extra.encode(records))
 
-    def take_extra(self, *arguments: object) -> None:
-        """Take a further event, as anybody may have sent it."""
+    def handle_extra(self, *arguments: object) -> None:
+        """Handle a further event, whose arguments are not trusted."""
         if self.extra is not None:
             self.extra.read(arguments, self._events.on_error)
 
@@ -258,7 +258,7 @@ class Endpoint:
         clock: dict[str, float | None],
         round_trip: TimeHistogram | None = None,
     ) -> LinkStatistics:
-        """Return what was counted so far; a few hundred microseconds to compute."""
+        """Return the counts so far; takes a few hundred microseconds."""
         reader, outbox = self.reader, self.outbox
         return LinkStatistics(
             frames=frames,

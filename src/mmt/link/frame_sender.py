@@ -18,38 +18,38 @@ class FrameSender:
     Parameters
     ----------
     hello
-        Says what a frame holds, how many go into a message and how many are kept.
-    traffic
-        Of the follower's side.
+        Its channels, ``frames_per_message`` and ``keep_frames``.
+    endpoint
+        The follower's endpoint.
     """
 
-    def __init__(self, hello: FollowerHello, traffic: Endpoint) -> None:
-        self._traffic = traffic
+    def __init__(self, hello: FollowerHello, endpoint: Endpoint) -> None:
+        self._endpoint = endpoint
         self._dtype = frame_dtype(hello.channels)
         self._full_bytes = hello.frames_per_message * self._dtype.itemsize
-        self._gathered = bytearray()
+        self._batch = bytearray()
         self._last_frame = b""
         keeps = hello.keep_frames
-        self._kept = FrameBuffer(self._dtype, keeps) if keeps else None
+        self._buffer = FrameBuffer(self._dtype, keeps) if keeps else None
         self._backfiller: BackfillSender | None = None
-        if self._kept is not None:
-            self._backfiller = BackfillSender(self._kept, traffic.outbox)
+        if self._buffer is not None:
+            self._backfiller = BackfillSender(self._buffer, endpoint.outbox)
 
     @property
     def sent(self) -> int:
-        """One more than the number of the newest frame that was sent, 0 before the first."""
+        """Sequence number after that of the newest frame sent, 0 before the first."""
         return _SEQUENCE.unpack_from(self._last_frame)[0] + 1 if self._last_frame else 0
 
     @property
     def backfill(self) -> dict[str, int]:
-        """Frames that are kept, were asked for, sent again, or not there; empty where none are."""
-        if self._backfiller is None or self._kept is None:
+        """Counts of buffered, requested, resent and missing frames; empty without a buffer."""
+        if self._backfiller is None or self._buffer is None:
             return {}
         asked, sent, gone = self._backfiller.asked, self._backfiller.sent, self._backfiller.gone
-        return {"kept": len(self._kept), "asked": asked, "sent": sent, "gone": gone}
+        return {"kept": len(self._buffer), "asked": asked, "sent": sent, "gone": gone}
 
     def put(self, frames: RecordArray) -> None:
-        """Gather and keep frames (n,), and send them as soon as there are enough.
+        """Batch and buffer frames (n,), and send a message as soon as it is full.
 
         Raises
         ------
@@ -60,44 +60,44 @@ class FrameSender:
             message = f"frames are of dtype {frames.dtype}: the hello's channels have {self._dtype}"
             raise ValueError(message)
         data = frames.tobytes()
-        if self._kept is not None:
-            self._kept.put(data)
-        self._gathered += data
-        if len(self._gathered) >= self._full_bytes:
+        if self._buffer is not None:
+            self._buffer.put(data)
+        self._batch += data
+        if len(self._batch) >= self._full_bytes:
             self.flush()
 
     def flush(self) -> None:
-        """Send what is gathered."""
-        gathered, size = bytes(self._gathered), self._dtype.itemsize
-        self._gathered.clear()
+        """Send the batch as it is."""
+        gathered, size = bytes(self._batch), self._dtype.itemsize
+        self._batch.clear()
         if gathered:
-            self._traffic.send(FRAMES, gathered, size)
+            self._endpoint.send(FRAMES, gathered, size)
             self._last_frame = gathered[-size:]
 
     # --- frames that did not arrive
 
     def open(self) -> None:
-        """Answer what the leader asks over a connection that is new."""
+        """Start to answer back-fill requests on a new connection."""
         if self._backfiller is not None:
             self._backfiller.open()
 
     def close(self) -> None:
-        """Answer no more, until there is another connection."""
+        """Stop answering until the next connection."""
         if self._backfiller is not None:
             self._backfiller.close()
 
     @property
-    def keeps(self) -> bool:
+    def has_buffer(self) -> bool:
         """Whether frames can be sent again."""
         return self._backfiller is not None
 
-    def want(self, payload: object) -> None:
-        """Take a request for frames, as anybody may have sent it."""
+    def request(self, payload: object) -> None:
+        """Handle a request for frames; its payload is not trusted."""
         if self._backfiller is not None:
-            self._backfiller.want(payload)
+            self._backfiller.request(payload)
 
     async def settle(self, payload: object) -> None:
-        """Send what the leader lacks at the end, at once and in bounded time."""
+        """Send what the leader lacks at the end, without pauses and in bounded time."""
         if self._backfiller is not None:
-            self._backfiller.want(payload)
+            self._backfiller.request(payload)
             await self._backfiller.finish(SETTLE_S)

@@ -34,50 +34,50 @@ LOG: Final = logging.getLogger("mmt.link")
 
 
 class FollowerSlot:
-    """Who is served, and whether the session with them goes on."""
+    """The leader's one slot for a follower: which one holds it, and whether its session goes on."""
 
     def __init__(self) -> None:
         self.sid: str | None = None
-        """Of the Socket.IO connection of the follower, None where nobody is served."""
+        """Socket.IO session of the follower, None while the slot is free."""
         self.hello: FollowerHello | None = None
-        """What the follower says of itself."""
+        """Hello of the follower."""
         self.fault = ""
-        """Why the follower is being cut off, empty where it is not."""
+        """Why the follower is being cut off, empty if it is not."""
         self._ended = False
         self._free = asyncio.Event()
 
     @property
     def in_session(self) -> bool:
-        """Whether a follower is there that has not ended the session."""
+        """Whether a follower is connected that has not ended the session."""
         return self.sid is not None and not self._ended
 
     def expects(self, sid: str) -> bool:
-        """Whether this is the follower, and still in its session."""
+        """Whether this connection is the follower's, and its session goes on."""
         return self.sid == sid and not self._ended
 
-    def take(self, sid: str, hello: FollowerHello) -> None:
-        """Give the place to a follower."""
+    def assign(self, sid: str, hello: FollowerHello) -> None:
+        """Assign the slot to a follower."""
         self.sid, self.hello = sid, hello
         self.fault = ""
         self._ended = False
         self._free.clear()
 
     def end(self) -> None:
-        """Take note that the follower has ended the session; its place is not free yet."""
+        """Mark the session as ended; the slot is not free yet."""
         self._ended = True
 
     def cut_off(self, fault: MmtError) -> None:
-        """Take note that the follower's connection is closed since it sends too much."""
+        """Mark the follower as cut off for exceeding the rate limit."""
         self.fault = str(fault)
         LOG.warning("the follower is cut off: %s", fault)
 
-    def leave(self) -> None:
-        """Free the place."""
+    def release(self) -> None:
+        """Free the slot."""
         self.sid = self.hello = None
         self._free.set()
 
-    async def until_free(self, timeout_s: float) -> bool:
-        """Wait until the place is free, for at most this long; return whether it is."""
+    async def wait_until_free(self, timeout_s: float) -> bool:
+        """Wait until the slot is free, at most `timeout_s`; return whether it is."""
         with suppress(TimeoutError):
             await asyncio.wait_for(self._free.wait(), timeout_s)
         return self._free.is_set()
@@ -92,17 +92,17 @@ def admit(
     rate_hz: int,
     extra: str = "",
 ) -> FollowerHello:
-    """Return the hello of a follower that fits the leader's scene.
+    """Validate a connecting follower and return its hello.
 
     Parameters
     ----------
     auth
-        Of the connection, as anybody may have sent it.
+        The ``auth`` of the connection, which is not trusted.
     occupant
-        Of the follower that is connected, None where none is. Its own process may take its
-        place: it knows that its old connection is dead before the leader does.
+        Hello of the follower that is connected, or None. The same process may replace it: it
+        knows that its old connection is dead before the leader does.
     access
-        What the leader asks for.
+        The token that is required.
     channels, rate_hz
         What the leader's scene needs.
     extra
@@ -111,9 +111,9 @@ def admit(
     Raises
     ------
     MmtError
-        It has not the leader's token; nothing else is told to it. Or it is the second.
+        The token is wrong, and nothing else is revealed; or another follower is connected.
     InputError
-        It does not fit; the sentence is for the follower's user.
+        It does not fit the leader's scene; the message is for the follower's user.
     """
     if not access.admits(auth.get("token") if isinstance(auth, Mapping) else None):
         raise MmtError(REFUSED)
@@ -139,27 +139,27 @@ def admit(
 
 
 Admit = Callable[[object, FollowerHello | None], FollowerHello]
-"""Returns the hello of a follower's ``auth`` that may be served in place of the one that is
-there, or raises MmtError with a sentence for its user."""
+"""Returns the hello of an ``auth``, given the hello of the follower that is connected, or raises
+MmtError with a message for the follower's user."""
 
 
 class Handshake:
-    """Let a follower in, greet it, and take note when it has gone.
+    """Admit a follower, send it the welcome, and free its slot when it disconnects.
 
     Parameters
     ----------
     host
-        Where followers connect.
-    place
-        The one that they get.
-    traffic, clock
-        Begin anew with each of them.
+        The server to which followers connect.
+    slot
+        Assigned to the follower that is admitted.
+    endpoint, clock
+        Restarted with each follower.
     events
-        What to call.
+        Callbacks of the service.
     admit
-        Says who may be served.
+        Decides whether a follower is admitted.
     frequent
-        What to call for frequent events, past the library where it can be; with the sid.
+        Handlers of frequent events, called with the sid; they bypass the library where possible.
     session_id
         Names the session.
     network
@@ -169,8 +169,8 @@ class Handshake:
     def __init__(
         self,
         host: LinkServer,
-        place: FollowerSlot,
-        traffic: Endpoint,
+        slot: FollowerSlot,
+        endpoint: Endpoint,
         clock: ClockResponder,
         events: LeaderEvents,
         admit: Admit,
@@ -180,8 +180,8 @@ class Handshake:
         network: "EmulatedNetwork | None",
     ) -> None:
         self._host = host
-        self._place = place
-        self._traffic = traffic
+        self._slot = slot
+        self._endpoint = endpoint
         self._clock = clock
         self._events = events
         self._admit = admit
@@ -193,18 +193,18 @@ class Handshake:
         host.server.on("connect", self._on_connect)
         host.server.on("disconnect", self._on_disconnect)
         if network is not None:
-            network.serve(host.application, self._tell_network)
+            network.serve(host.application, self._send_network)
 
     def close(self) -> None:
-        """Greet nobody any more; who goes from now on is not lost."""
+        """Admit no more followers; one that disconnects from now on is not reported as lost."""
         self._closed = True
         for task in self._tasks:
             task.cancel()
 
     def _on_connect(self, sid: str, environ: Mapping[str, object], auth: object = None) -> None:
         try:
-            hello = self._admit(auth, self._place.hello)
-            self._clear_place()
+            hello = self._admit(auth, self._slot.hello)
+            self._clear_slot()
             self._events.on_follower(hello)
         except MmtError as error:
             LOG.warning("refused a follower: %s", printable(str(error), MAX_SENTENCE))
@@ -212,48 +212,48 @@ class Handshake:
         except Exception as error:
             self._events.on_error(error)
             raise socketio.exceptions.ConnectionRefusedError("the leader failed") from error
-        self._place.take(sid, hello)
-        self._traffic.restart()
-        self._clock.meet(hello.clock_id)
-        handlers = {event: partial(take, sid) for event, take in self._frequent.items()}
-        self._traffic.gate.open()
-        self._host.sockets.let_in(environ, handlers, self._traffic.gate)
-        self._begin(self._greet(sid, self._host.sockets.send(sid, environ)))
+        self._slot.assign(sid, hello)
+        self._endpoint.restart()
+        self._clock.start_connection(hello.clock_id)
+        handlers = {event: partial(handle, sid) for event, handle in self._frequent.items()}
+        self._endpoint.rate_limit.open()
+        self._host.sockets.admit(environ, handlers, self._endpoint.rate_limit)
+        self._start(self._send_welcome(sid, self._host.sockets.send(sid, environ)))
 
-    def _clear_place(self) -> None:
-        """Drop a connection that the follower itself has given up."""
-        occupant = self._place.sid
+    def _clear_slot(self) -> None:
+        """Drop the earlier connection of a follower that connects again."""
+        occupant = self._slot.sid
         if occupant is not None:
             self._on_disconnect(occupant, "it connects anew")
-            self._begin(self._host.server.disconnect(occupant))
+            self._start(self._host.server.disconnect(occupant))
 
     def _on_disconnect(self, sid: str, reason: str) -> None:
-        place = self._place
-        if place.sid != sid:
+        slot = self._slot
+        if slot.sid != sid:
             return
-        lost = place.in_session and not self._closed
-        place.leave()
-        self._traffic.outbox.close()
+        lost = slot.in_session and not self._closed
+        slot.release()
+        self._endpoint.outbox.close()
         if lost:
-            self._traffic.tell(self._events.on_lost, place.fault or loss_of(reason))
+            self._endpoint.notify(self._events.on_lost, slot.fault or loss_of(reason))
 
-    async def _greet(self, sid: str, send: Send) -> None:
-        greeting = {
+    async def _send_welcome(self, sid: str, send: Send) -> None:
+        welcome = {
             "protocol": PROTOCOL_VERSION,
             "clock_id": clock_id(),
             "session_id": self._session_id,
         }
-        await self._host.server.emit(WELCOME, greeting, to=sid)
-        await self._tell_network()
-        if self._place.sid == sid:
-            self._traffic.outbox.open(send)
+        await self._host.server.emit(WELCOME, welcome, to=sid)
+        await self._send_network()
+        if self._slot.sid == sid:
+            self._endpoint.outbox.open(send)
 
-    async def _tell_network(self) -> None:
-        """Let the follower emulate the same network as this side."""
-        if self._network is not None and self._place.sid is not None:
-            await self._host.server.emit(NETWORK, self._network.payload(), to=self._place.sid)
+    async def _send_network(self) -> None:
+        """Send the emulated network's settings, so that the follower emulates the same one."""
+        if self._network is not None and self._slot.sid is not None:
+            await self._host.server.emit(NETWORK, self._network.payload(), to=self._slot.sid)
 
-    def _begin(self, doing: Coroutine[object, object, None]) -> None:
-        task = asyncio.get_running_loop().create_task(doing)
+    def _start(self, coroutine: Coroutine[object, object, None]) -> None:
+        task = asyncio.get_running_loop().create_task(coroutine)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)

@@ -18,25 +18,25 @@ if TYPE_CHECKING:
     from prometheus_client import CollectorRegistry
 
 Page = Callable[[web.Application, Access], None]
-"""Adds itself to an application; what it shows to whom is by the access."""
+"""Adds a page to an application; the access decides what a client may see."""
 
 CLOSE_TIMEOUT_S: Final = 1.0
 """How long open connections may take to end."""
 
 
 MOST_SOCKETS: Final = 16
-"""Connections that may be open at once, of followers and of who wants to be one."""
+"""Connections that may be open at once, admitted or not."""
 
 _HEALTH_PATH: Final = "/health"
-"""Says nothing more than whether all is well without the token."""
+"""Without the token it reveals only whether all is well."""
 _MONITOR_PATH: Final = "/monitor"
-"""Its files are no secret, and its socket asks for the token by itself."""
+"""Its files are not secret, and its socket asks for the token itself."""
 
 
 def guarded_application(access: Access) -> web.Application:
-    """Return an application whose every page asks for the token, as ``Bearer``.
+    """Return an application whose pages require the token, as ``Bearer``.
 
-    It has room for a bounded number of WebSockets.
+    The number of WebSockets is bounded.
     """
     sockets = asyncio.Semaphore(MOST_SOCKETS)
 
@@ -47,7 +47,7 @@ def guarded_application(access: Access) -> web.Application:
                 return web.Response(status=503, text="too many connections\n")
             async with sockets:
                 return await handler(request)
-        if not _asks_itself(request.path) and not access.admits_header(
+        if not _authorizes_itself(request.path) and not access.admits_header(
             request.headers.get("Authorization")
         ):
             return web.Response(
@@ -60,7 +60,7 @@ def guarded_application(access: Access) -> web.Application:
     return web.Application(middlewares=[guard])
 
 
-def _asks_itself(path: str) -> bool:
+def _authorizes_itself(path: str) -> bool:
     return path in {_HEALTH_PATH, _MONITOR_PATH} or path.startswith(f"{_MONITOR_PATH}/")
 
 
@@ -85,9 +85,9 @@ class Listener:
     Parameters
     ----------
     application
-        What is served.
+        The application.
     keys
-        What to set where the address cannot be had.
+        Names the settings to change, for the error when the address cannot be used.
     """
 
     def __init__(self, application: web.Application, keys: str = "host and port of [link]") -> None:
@@ -109,16 +109,16 @@ class Listener:
         host, port
             Where; port 0 takes any free one.
         access
-            What is asked of who connects.
+            What clients must present.
         allowed
-            Whether strangers may.
+            Whether clients without a token or certificate may connect.
 
         Raises
         ------
         InputError
-            Strangers could connect although they may not, or a certificate cannot be used.
+            Anyone could connect although that is not allowed, or a certificate cannot be used.
         MmtError
-            The host or the port cannot be had.
+            The host or the port cannot be used.
         """
         check_listening(host, port, access, allowed=allowed)
         context = access.server_context()
@@ -135,23 +135,23 @@ class Listener:
         self._runner = runner
 
     async def stop(self) -> None:
-        """Stop listening; nothing happens where nothing is listened on."""
+        """Stop listening; if not started, do nothing."""
         runner, self._runner = self._runner, None
         if runner is not None:
             await runner.cleanup()
 
 
 class LinkServer:
-    """A Socket.IO server and pages for who may see them.
+    """The leader's Socket.IO server and pages on one port.
 
     Parameters
     ----------
     settings
         Where to listen; port 0 takes any free one.
     access
-        What is asked of who connects.
+        What clients must present.
     pages
-        What is served beside Socket.IO.
+        Pages served beside Socket.IO.
     """
 
     def __init__(self, settings: Link, access: Access, pages: Iterable[Page]) -> None:
@@ -176,10 +176,9 @@ class LinkServer:
         Raises
         ------
         InputError
-            Strangers could connect and the scene does not allow it, or a certificate cannot
-            be used.
+            Anyone could connect and the scene does not allow it, or a certificate cannot be used.
         MmtError
-            The host or the port cannot be had.
+            The host or the port cannot be used.
         """
         settings = self._settings
         await self._listener.start(
@@ -187,7 +186,7 @@ class LinkServer:
         )
 
     async def stop(self) -> None:
-        """Close all connections and stop listening; nothing happens where nothing is open."""
+        """Close all connections and stop listening; if not started, do nothing."""
         if self.port:
             await self.sockets.close(CLOSE_TIMEOUT_S)
             await self.server.shutdown()
@@ -197,7 +196,7 @@ class LinkServer:
 def health_page(read: Callable[[], Mapping[str, Any]]) -> Page:
     """Return the page ``/health``: 200 where the key ``faults`` is empty, else 503.
 
-    Who has not the token, where there is one, learns but whether all is well.
+    Where there is a token, clients without it only see whether all is well.
     """
 
     def add(application: web.Application, access: Access) -> None:
@@ -214,7 +213,7 @@ def health_page(read: Callable[[], Mapping[str, Any]]) -> Page:
 
 
 def metrics_page(registry: "CollectorRegistry") -> Page:
-    """Return the page ``/metrics`` for Prometheus, made in a thread, one at a time."""
+    """Return the page ``/metrics`` for Prometheus, generated in a thread, one at a time."""
     from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
 
     def add(application: web.Application, _: Access) -> None:

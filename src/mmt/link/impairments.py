@@ -1,7 +1,7 @@
-"""What an emulated network does to each message: when it arrives, twice, or never.
+"""The model of an emulated network: delay, jitter, loss, repetition, bandwidth, outages.
 
-A pure model: given when messages are sent and how long they are, it says when they arrive. It
-reads no clock and holds no message; the same seed and the same messages give the same fates.
+A pure model: from the times and sizes of the messages sent it computes when they arrive. It reads
+no clock and holds no message; the same seed and the same messages give the same arrivals.
 """
 
 import math
@@ -10,27 +10,26 @@ from typing import Final
 
 from mmt.scene import Network
 
-__all__ = ["MessageFates"]
+__all__ = ["MessageImpairments"]
 
 _MS: Final = 1_000_000
 _S: Final = 1_000_000_000
 _ROOT_HALF: Final = math.sqrt(0.5)
 
 
-class MessageFates:
-    """Decide on each message of one direction, in the order in which they are sent.
+class MessageImpairments:
+    """Compute the arrivals of one direction's messages, in the order in which they are sent.
 
-    A message that is sent during an outage is lost. It then waits for those before it where
-    the bandwidth is limited, and is lost if that takes longer than the queue holds; it is
-    lost with the loss's probability; what remains arrives after its delay, and perhaps once
-    more. Takes a few microseconds a message.
+    A message sent during an outage is lost. With a limited bandwidth it is queued behind those
+    before it, and lost if the queue is full. It is lost at random with the loss's probability.
+    The rest arrive after their delay, some of them twice. Takes a few microseconds a message.
 
     Parameters
     ----------
     settings
-        What to emulate.
+        The emulated network.
     seed
-        Of all that is random.
+        Seed of the random numbers.
     start_ns
         When the first interval between outages begins.
     """
@@ -46,19 +45,19 @@ class MessageFates:
         self._free_ns = start_ns
         self._latest_ns: int | None = None
 
-    def follow(self, earlier: "MessageFates") -> None:
-        """Let no message overtake those of an earlier model, whose order this one keeps on."""
+    def continue_from(self, earlier: "MessageImpairments") -> None:
+        """Continue an earlier model: no message overtakes one of that model."""
         self._latest_ns = earlier._latest_ns
 
-    def fate(self, send_ns: int, size_bytes: int) -> tuple[int, ...]:
-        """Return when a message arrives: once, twice, or never where it is lost.
+    def arrivals_ns(self, send_ns: int, size_bytes: int) -> tuple[int, ...]:
+        """Return the times at which a message arrives: one, two, or none if it is lost.
 
         Parameters
         ----------
         send_ns
-            When it is sent; not before the message that was asked about last.
+            When it is sent; not before the previous message.
         size_bytes
-            How long it is, for the bandwidth.
+            Its length, for the bandwidth.
         """
         if self._is_out(send_ns):
             return ()
@@ -72,11 +71,11 @@ class MessageFates:
         return (arrival_ns,)
 
     def is_free(self, now_ns: int) -> bool:
-        """Whether a message that is sent now need not wait for the bandwidth."""
+        """Whether a message sent now would not be queued for the bandwidth."""
         return self._free_ns <= now_ns
 
     def _is_out(self, send_ns: int) -> bool:
-        """Whether an outage holds: each lasts to the end of its interval."""
+        """Whether there is an outage; each lasts to the end of its interval."""
         settings = self._settings
         if not settings.outage_s:
             return False
@@ -84,7 +83,7 @@ class MessageFates:
         return (send_ns - self._start_ns) % every_ns >= every_ns - round(settings.outage_s * _S)
 
     def _departure(self, send_ns: int, size_bytes: int) -> int | None:
-        """Return when the last bit has gone out, None where the queue was full."""
+        """Return when the last bit has been sent, None where the queue was full."""
         if not self._ns_per_byte:
             return send_ns
         begin_ns = max(send_ns, self._free_ns)
@@ -107,7 +106,7 @@ class MessageFates:
 
 
 class _BurstLosses:
-    """Gilbert's and Elliott's channel: a state that loses messages, and one that loses none.
+    """The Gilbert-Elliott channel: a bad state that loses messages, and a good one without loss.
 
     E. O. Elliott: *Estimates of Error Rates for Codes on Burst-Noise Channels*, Bell System
     Technical Journal 42, 1963, with the good state without loss. The share of the bad state
@@ -142,7 +141,7 @@ class _BurstLosses:
 
 
 class _Jitter:
-    """Values within -1 to 1, equally likely, that follow each other smoothly or not at all.
+    """Values distributed uniformly within -1 to 1, independent or smoothly correlated in time.
 
     With a correlation time they are a stationary Gaussian process with the Matern covariance
     of order 3/2, (1 + t/T) exp(-t/T), sampled exactly at any times, through the normal
@@ -166,7 +165,7 @@ class _Jitter:
         return math.erf(self._value * _ROOT_HALF)
 
     def _advance(self, step: float) -> None:
-        """Go on by a multiple of the correlation time; the slope is in units of its inverse."""
+        """Advance by a multiple of the correlation time; the slope is in units of its inverse."""
         decay = math.exp(-step)
         value = decay * ((1.0 + step) * self._value + step * self._slope)
         slope = decay * (-step * self._value + (1.0 - step) * self._slope)

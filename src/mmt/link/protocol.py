@@ -1,4 +1,4 @@
-"""What goes over the link: event names, the follower's hello, limits, and the counts kept.
+"""The protocol of the link: event names, the follower's hello, limits, and statistics.
 
 The layout for other clients is documented in ``docs/reference/wire.md``.
 """
@@ -37,7 +37,7 @@ MISSING: Final = "missing"
 BACKFILL: Final = "backfill"
 """Follower to leader: bytes, 1 to 100 of the frames that are missing."""
 GONE: Final = "gone"
-"""Follower to leader: ``[[int, int], ...]``, missing frames that the follower has not got."""
+"""Follower to leader: ``[[int, int], ...]``, missing frames that the follower no longer has."""
 SETTLE: Final = "settle"
 """Follower to leader, before its end: ``{"frames": int}``; acknowledged by ``{"missing": ...}``
 with the ranges that did not arrive."""
@@ -55,13 +55,13 @@ MAX_TEXT: Final = 256
 MAX_RANGES: Final = 256
 """Most ranges in one message."""
 MAX_KEPT_FRAMES: Final = 1_000_000
-"""Most frames that a follower may say that it keeps."""
+"""Most frames that a follower may claim to buffer."""
 
 SETTLE_S: Final = 3.0
-"""How long a follower that ends may send what is missing."""
+"""How long a follower that is ending may send missing frames."""
 PING_INTERVAL_S: Final = 1
 PING_TIMEOUT_S: Final = 3
-"""A peer that has not answered a ping for so long is lost."""
+"""A peer that has not answered a ping for this long is lost."""
 
 _LOSSES: Final = {
     "client disconnect": "it disconnected",
@@ -82,29 +82,29 @@ EVENT_NAMESPACE: Final = "/"
 
 @dataclass(frozen=True)
 class FollowerHello:
-    """What a follower says of itself when it connects.
+    """The description that a follower sends of itself when it connects.
 
     Parameters
     ----------
     channels
         The channels of each frame, put into the frame's order.
     source
-        What it streams: "simulated", "replay", "devices", or another short name.
+        Its source: "simulated", "replay", "devices", or another short name.
     rate_hz
         Frames a second.
     frames_per_message
-        Frames gathered before they are sent, 1 to 100.
+        Frames in a message, 1 to 100.
     annotations
-        Opaque bytes which the leader stores with the recording and never opens.
+        Opaque bytes that the leader stores with the recording and never decodes.
     extra
-        The further event that the scene has on the wire, empty for none.
+        Name of the scene's further event, empty for none.
     clock_id
         Names the clock of the frames' times; see `mmt.core.process.clock_id`.
     keep_frames
-        How many of its newest frames the follower can send again, 0 for none.
+        How many of its newest frames the follower buffers to send again, 0 for none.
     run_id
-        Names the process: one that connects again goes on counting its frames, another one
-        begins anew. Empty where it is not known.
+        Names the process: one that connects again continues its sequence numbers, another one
+        starts anew. Empty where it is unknown.
     protocol
         Version of the layout on the wire.
 
@@ -161,12 +161,12 @@ class FollowerHello:
 
     @classmethod
     def from_auth(cls, auth: object) -> "FollowerHello":
-        """Read the ``auth`` of a connection that anybody may have made.
+        """Validate the ``auth`` of a connection, which is not trusted.
 
         Raises
         ------
         InputError
-            It is no hello of this protocol version; the sentence is for the follower's user.
+            It is not a hello of this protocol version; the message is for the follower's user.
         """
         if not isinstance(auth, Mapping):
             raise InputError("the hello is missing: connect with an mmt follower's auth")
@@ -192,10 +192,10 @@ class FollowerHello:
 
 @dataclass(frozen=True)
 class LinkStatistics:
-    """Counts of one side of the link since it was made, over all connections.
+    """Counts of one side of the link since it was created, over all connections.
 
-    The latencies are None where they cannot be known: one way needs a common clock or the
-    offset between two, the round trip is measured by the follower alone.
+    The latencies are None where they are unknown: one-way latencies need a common clock or the
+    offset between two clocks, and only the follower measures the round trip.
     """
 
     frames: int
@@ -205,15 +205,15 @@ class LinkStatistics:
     messages_sent: int
     bytes_sent: int
     dropped: int
-    """Frames (follower) or commands (leader) given up: the queue was full or the link down."""
+    """Frames (follower) or commands (leader) dropped: the queue was full or the link down."""
     messages_received: int
     bytes_received: int
     lost: int
-    """Sequence numbers that never came, or came too late."""
+    """Sequence numbers that never arrived, or arrived too late."""
     out_of_order: int
-    """Came after a newer one, and was thrown away."""
+    """Arrived after a newer one, and dropped."""
     repeated: int
-    """Came twice, and was thrown away."""
+    """Arrived twice, and dropped."""
     rejected: dict[str, int]
     """By reason; messages, or single frames or commands for the reason "not finite"."""
     latency_p50_ms: float | None
@@ -223,9 +223,9 @@ class LinkStatistics:
     """From a frame's time to the arrival of a command that echoes it, less the echo's age."""
     round_trip_p99_ms: float | None
     clock: dict[str, float | None] = field(default_factory=dict)
-    """The other side's clock beyond this one, from exchanged time stamps."""
+    """The remote clock minus the local one, from exchanged time stamps."""
     emulated: dict[str, int] = field(default_factory=dict)
-    """Messages that the emulated network took on this side, lost, and repeated."""
+    """Messages that this side's emulated network received, lost and repeated."""
 
 
 def encode_event(event: str, payload: object) -> bytes:
@@ -263,12 +263,12 @@ def reason_of(payload: object) -> str | None:
 
 
 def printable(text: str, longest: int = MAX_TEXT) -> str:
-    """Return a text from the other side as a person or a log may see it, of bounded length."""
+    """Return a text from the peer without control characters, of bounded length."""
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text[:longest])
 
 
 def loss_of(reason: str) -> str:
-    """Return in plain words why the library says that a connection has ended."""
+    """Return the library's reason for the end of a connection in plain words."""
     return _LOSSES.get(reason, reason)
 
 

@@ -21,22 +21,22 @@ _FLUSH_POLL_S: Final = 0.002
 
 
 class SendQueue:
-    """Send messages in their order; when full, give up the oldest.
+    """A bounded first-in, first-out queue of messages; when full, the oldest is dropped.
 
-    A message goes out as it is put, in the caller's turn of the loop, where the link takes it
-    at once, as it does unless it is stalled; waking a task for it would cost about 20 us. What
-    the link does not take at once is sent by a task, and what is put meanwhile waits.
+    Unless the link is stalled, a message is sent within `put`, in the caller's turn of the event
+    loop: waking a task for it would cost about 20 us. A send that has to wait is finished by a
+    task, and messages put meanwhile are queued.
 
     Parameters
     ----------
     capacity
-        Messages that may wait.
+        Length of the queue (messages).
     """
 
     def __init__(self, capacity: int) -> None:
         self._capacity = capacity
         self._waiting: deque[tuple[int, bytes]] = deque()
-        self._begun: tuple[int, bytes, _Begun] | None = None
+        self._suspended: tuple[int, bytes, _Suspended] | None = None
         self._send: Callable[[bytes], Sending] | None = None
         self._stalled = False
         self._wake = asyncio.Event()
@@ -47,26 +47,26 @@ class SendQueue:
 
     @property
     def is_open(self) -> bool:
-        """Whether what is put will be sent."""
+        """Whether messages that are put will be sent."""
         return self._task is not None and not self._task.done()
 
     @property
     def emulated(self) -> dict[str, int]:
-        """What an emulated network did to messages; nothing here."""
+        """Counts of an emulated network; empty without one."""
         return {}
 
     @property
     def idle(self) -> bool:
-        """Whether the link could take a message at once: none waits or is being taken."""
+        """Whether a message could be sent at once: none is queued or being sent."""
         return self.is_open and not self._waiting and not self._stalled
 
     def open(self, send: Callable[[bytes], Sending]) -> None:
-        """Start to send; closes what was open before.
+        """Start to send; an earlier connection is closed first.
 
         Parameters
         ----------
         send
-            Takes one message; returns when the link can take the next; raises
+            Sends one message; returns when the link is ready for the next one; raises
             ConnectionError when the link is down, after which nothing more is sent.
         """
         self.close()
@@ -75,7 +75,7 @@ class SendQueue:
         self._task = asyncio.get_running_loop().create_task(self._run(send))
 
     def put(self, records: int, message: bytes) -> None:
-        """Send or queue a message that holds so many records; never waits."""
+        """Send or queue a message that holds this many records; never waits."""
         if not self.is_open or self._send is None:
             self.dropped += records
             return
@@ -87,7 +87,7 @@ class SendQueue:
         self._waiting.append((records, message))
 
     async def flush(self, timeout_s: float) -> None:
-        """Wait until what was put has been sent, for at most this long."""
+        """Wait until the queue is empty, at most `timeout_s`."""
         with suppress(TimeoutError):
             async with asyncio.timeout(timeout_s):
                 while self.is_open and not self._empty:
@@ -98,7 +98,7 @@ class SendQueue:
         return self.idle
 
     async def finish(self, timeout_s: float) -> None:
-        """Send what waits, for at most this long, then close."""
+        """Send what is queued, for at most `timeout_s`, then close."""
         if self._task is not None:
             self._finishing = True
             self._wake.set()
@@ -106,20 +106,20 @@ class SendQueue:
         self.close()
 
     def close(self) -> None:
-        """Stop sending at once; what still waits counts as dropped."""
+        """Stop sending at once; what is still queued counts as dropped."""
         if self._task is not None:
             self._task.cancel()
             self._task = None
         self.dropped += sum(records for records, _ in self._waiting)
         self._waiting.clear()
-        if self._begun is not None:
-            records, _, begun = self._begun
+        if self._suspended is not None:
+            records, _, suspended = self._suspended
             self.dropped += records
-            begun.close()
-            self._begun = None
+            suspended.close()
+            self._suspended = None
 
     def _begin(self, sending: Sending, records: int, message: bytes) -> None:
-        """Run a sending as far as it goes without waiting; leave the rest to the task."""
+        """Run the send until it first has to wait; leave the rest to the task."""
         try:
             awaited = sending.send(None)
         except StopIteration:
@@ -127,7 +127,7 @@ class SendQueue:
             return
         except Exception as error:  # noqa: BLE001 - raised again in the task
             sending, awaited = _raise(error), None
-        self._begun = records, message, _Begun(sending, awaited)
+        self._suspended = records, message, _Suspended(sending, awaited)
         self._stalled = True
         self._wake.set()
 
@@ -138,11 +138,11 @@ class SendQueue:
 
     async def _run(self, send: Callable[[bytes], Sending]) -> None:
         while True:
-            while self._begun is not None or self._waiting:
+            while self._suspended is not None or self._waiting:
                 try:
                     await self._send_next(send)
                 except ConnectionError:
-                    return  # who reads the link finds out, and says so
+                    return  # the reader of the link notices, and reports it
             if self._finishing:
                 return
             self._stalled = False
@@ -151,8 +151,8 @@ class SendQueue:
 
     async def _send_next(self, send: Callable[[bytes], Sending]) -> None:
         sending: Awaitable[None]
-        if self._begun is not None:
-            (records, message, sending), self._begun = self._begun, None
+        if self._suspended is not None:
+            (records, message, sending), self._suspended = self._suspended, None
         else:
             records, message = self._waiting.popleft()
             sending = send(message)
@@ -164,15 +164,15 @@ class SendQueue:
         self._count(records, message)
 
 
-class _Begun:
-    """The rest of a coroutine that was run until it first had to wait.
+class _Suspended:
+    """The rest of a coroutine that was run up to its first wait.
 
     Parameters
     ----------
     coroutine
-        Which was run.
+        The coroutine.
     awaited
-        What it waits for.
+        The object that it waits for.
     """
 
     def __init__(self, coroutine: Sending, awaited: Any) -> None:
@@ -180,18 +180,18 @@ class _Begun:
         self._awaited = awaited
 
     def close(self) -> None:
-        """Give the coroutine up."""
+        """Abandon the coroutine."""
         self._coroutine.close()
 
     def __await__(self) -> Generator[Any, Any, None]:
         try:
             yield self._awaited
-        except BaseException as error:  # noqa: BLE001 - the coroutine is the one to handle it
+        except BaseException as error:  # noqa: BLE001 - the coroutine handles it
             try:
                 awaited = self._coroutine.throw(error)
             except StopIteration:
                 return
-            yield from _Begun(self._coroutine, awaited).__await__()
+            yield from _Suspended(self._coroutine, awaited).__await__()
         else:
             yield from self._coroutine.__await__()
 
@@ -201,23 +201,23 @@ async def _raise(error: Exception) -> None:
 
 
 UNSENT_BYTES: Final = 4096
-"""What the kernel takes beyond that which is on its way; some 50 frames."""
+"""Bytes that the kernel buffers beyond those in flight; some 50 frames."""
 
 _WRITE_POLL_S: Final = 0.001
 
 
 class _Transport(Protocol):
     def get_write_buffer_size(self) -> int:
-        """Return how many bytes the event loop holds."""
+        """Return how many bytes the event loop buffers."""
 
 
 class UnbufferedSend:
-    """Send over a WebSocket, and wait while its bytes do not leave for the kernel.
+    """Send over a WebSocket, and wait until its bytes have left for the kernel.
 
     Parameters
     ----------
     websocket
-        That is open.
+        An open WebSocket.
     """
 
     def __init__(self, websocket: ClientWebSocketResponse | web.WebSocketResponse) -> None:
@@ -242,6 +242,6 @@ class UnbufferedSend:
 def _transport_of(
     websocket: ClientWebSocketResponse | web.WebSocketResponse,
 ) -> _Transport | None:
-    """Return what the WebSocket writes to, None where this version of aiohttp hides it."""
+    """Return the WebSocket's transport, None where this version of aiohttp hides it."""
     transport = getattr(getattr(websocket, "_writer", None), "transport", None)
     return transport if isinstance(transport, asyncio.WriteTransport) else None

@@ -17,23 +17,23 @@ LOG: Final = logging.getLogger("mmt.link")
 
 _CODES: Final = {"<u4": "I", "<i8": "q", "<f4": "f", "<f8": "d"}
 _WINDOW: Final = 256
-"""How many sequence numbers back a repeated one is told from a late one."""
+"""How many sequence numbers back repeated ones are distinguished from late ones."""
 _MASK: Final = (1 << _WINDOW) - 1
 LARGEST_QUANTITY: Final = 1e6
-"""Of a record's quantities, root of their squares' sum: a kilometre, or a hundred tons' weight;
-beyond is a fault, no measurement."""
+"""Largest norm of a record's quantities: a kilometre (mm), or the weight of a hundred tons (N);
+more is a fault, not a measurement."""
 _HIGHEST_FIRST: Final = 2**31
-"""First number of a sender, 24 days of frames; counting on from there, numbers never wrap."""
+"""Largest first number of a sender, 24 days of frames; from there on numbers never wrap."""
 LATEST_NS: Final = 2**62
-"""Of a sender's clock: 146 years; sums of such times still fit."""
+"""Largest time of a sender's clock: 146 years; sums of such times still fit into 64 bits."""
 
 
 class BlockReader:
-    """Turn a message's bytes into a block whose numbers can be trusted.
+    """Turn a message's bytes into a validated block of records.
 
-    What is malformed, not finite, out of all range, repeated or out of order is thrown away and
-    counted; what was lost shows as a jump in ``sequence``, which is believed as far as the time
-    that passed allows. About 2 us a message and 1.5 us a record.
+    Malformed messages, and records that are not finite, out of range, repeated or out of order
+    are dropped and counted. A jump in ``sequence`` counts as lost records, if it is plausible for
+    the time that has passed. About 2 us a message and 1.5 us a record.
 
     Parameters
     ----------
@@ -41,9 +41,9 @@ class BlockReader:
         Packed little-endian dtype whose first fields are ``sequence`` (u4) and ``time_ns``
         (i8), all others numbers.
     kind
-        What one record is called in the log.
+        Name of the records in the log.
     shortest_ns
-        Least time that a record may take on average; see `mmt.core.pacing`.
+        Shortest mean time between two records; see `mmt.core.pacing`.
     """
 
     def __init__(
@@ -70,25 +70,25 @@ class BlockReader:
         self.rejected: dict[str, int] = {}
 
     def restart(self) -> None:
-        """Expect a new connection: of the same sender, which goes on counting, or of another.
+        """Prepare for a new connection, of the same sender or of another one.
 
-        A sequence number at or below those seen, or too far ahead, then means that the sender is
-        a new one.
+        The same sender goes on counting; a sequence number at or below those seen, or too far
+        ahead, then means a new sender.
         """
         self._fresh = True
         self._offset_ns = None
 
     def use_clock_offset(self, offset_ns: int | None) -> None:
-        """Say what the sender's clock shows beyond the one here; None while it is not known."""
+        """Set the sender's clock minus the local one (ns); None while it is unknown."""
         self._offset_ns = offset_ns
 
     def read(self, arguments: tuple[object, ...], arrival_ns: int) -> RecordArray | None:
-        """Return the good records of an event, shape (n,), read-only, or None.
+        """Return the valid records of an event, shape (n,), read-only, or None.
 
         Parameters
         ----------
         arguments
-            The event's arguments, as anybody may have sent them.
+            The event's arguments, which are not trusted.
         arrival_ns
             Monotonic time of the arrival.
         """
@@ -106,7 +106,7 @@ class BlockReader:
         self.messages += 1
         self.bytes += len(data)
         block: RecordArray = np.frombuffer(data, dtype=self._dtype)
-        if count == 1:  # as usual: spare it the lists
+        if count == 1:  # the usual case, without lists
             accepted = self._accept(self._layout.unpack(data), arrival_ns)
             self.records += accepted
             return block if accepted else None
@@ -117,24 +117,24 @@ class BlockReader:
         return block[np.array(good)] if any(good) else None
 
     def reject(self, reason: str) -> None:
-        """Count something that cannot be used, and log it at a bounded rate."""
+        """Count a rejected message or record, and log it at a bounded rate."""
         self.rejected[reason] = self.rejected.get(reason, 0) + 1
         times = self._limit.allow(reason)
         if times:
             LOG.warning("%s rejected: %s (%d times)", self._kind, reason, times)
 
-    def believes(self, sent: int, arrival_ns: int) -> bool:
-        """Whether the sender can have come so far; see `end`."""
+    def is_plausible(self, sent: int, arrival_ns: int) -> bool:
+        """Whether the sender can have sent this many records; see `end`."""
         ahead = sent - self._newest - 1
         return ahead <= 0 or self._bound.permits(ahead, arrival_ns)
 
     def end(self, sent: int, arrival_ns: int) -> None:
-        """Count as lost what the sender sent after the last record that came.
+        """Count as lost what the sender sent after the last record received.
 
         Parameters
         ----------
         sent
-            One more than the sequence number of the last record that the sender had.
+            Sequence number after that of the last record sent.
         arrival_ns
             Monotonic time of the arrival.
         """
@@ -149,7 +149,7 @@ class BlockReader:
     def _accept(self, record: tuple[Any, ...], arrival_ns: int) -> bool:
         if not self._in_order(record[0], arrival_ns):
             return False
-        size = math.hypot(*record[self._quantities])  # one call finds all that is wrong
+        size = math.hypot(*record[self._quantities])  # one call finds every bad value
         if not size <= LARGEST_QUANTITY:
             self.reject("out of range" if math.isfinite(size) else "not finite")
             return False

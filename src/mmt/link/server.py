@@ -1,4 +1,4 @@
-"""The leader's side of the link: it listens, and serves one follower at a time."""
+"""The leader's side of the link: it listens and serves one follower at a time."""
 
 import logging
 import math
@@ -41,38 +41,38 @@ LOG: Final = logging.getLogger("mmt.link")
 __all__ = ["LeaderEvents", "LeaderServer"]
 
 _COMMANDS_WAIT_S: Final = 0.05
-"""How long commands wait for a stalled link: older ones are of no use."""
+"""How long commands may be queued for a stalled link: older ones are useless."""
 
 
 class LeaderServer:
-    """Serve the link on Socket.IO (WebSocket alone, msgpack) to one follower at a time.
+    """Serve the link over Socket.IO (WebSocket only, msgpack) to one follower at a time.
 
     Parameters
     ----------
     settings
         Where to listen; port 0 takes any free one.
     channels
-        The channels that the leader's scene needs in each frame.
+        Channels that the leader's scene needs in each frame.
     events
-        What to call.
+        Callbacks of the service.
     rate_hz
         Frames a second that the scene expects.
     fastest
-        How many times faster than real time a follower may stream, as a replay can; what its
-        numbers claim beyond that is not believed.
+        How many times faster than real time a follower may stream, as a replay can; sequence
+        numbers beyond that are rejected as implausible.
     network
-        Emulated between this side and the follower; programs may change it over HTTP.
+        Emulated on the way to the follower; its settings can be changed over HTTP.
     session_id
-        Names the session in what both sides log.
+        Names the session in the logs of both sides.
     pages
-        What is served beside the link, for who has the token.
+        HTTP pages served beside the link, for clients with the token.
     extra
         A further event of the scene.
 
     Raises
     ------
     InputError
-        The channels are none or unknown, or the token cannot be had.
+        There are no channels, or unknown ones, or the token cannot be read.
     """
 
     def __init__(
@@ -89,28 +89,28 @@ class LeaderServer:
         extra: ExtraEvent | None = None,
     ) -> None:
         self._events = events
-        self._place = FollowerSlot()
+        self._slot = FollowerSlot()
         access = Access.of(settings)
         channels = ordered_channels(channels)
         dtype = frame_dtype(channels)
-        self._traffic = traffic = Endpoint(
+        self._endpoint = endpoint = Endpoint(
             BlockReader(dtype, "frames", shortest_period_ns(rate_hz, fastest)),
             math.ceil(_COMMANDS_WAIT_S * rate_hz),
             rate_hz,
             events,
-            self._place.cut_off,
+            self._slot.cut_off,
             network=network,
             extra=extra,
         )
-        self.clock = ClockResponder(traffic.reader, traffic.outbox, traffic.tell_jump)
+        self.clock = ClockResponder(endpoint.reader, endpoint.outbox, endpoint.notify_jump)
         self._host = LinkServer(settings, access, pages)
-        self._filling = BackfillReceiver(
-            self._host.server, dtype, events, self._place.expects, traffic.reader
+        self._backfill = BackfillReceiver(
+            self._host.server, dtype, events, self._slot.expects, endpoint.reader
         )
-        self._reception = Handshake(
+        self._handshake = Handshake(
             self._host,
-            self._place,
-            traffic,
+            self._slot,
+            endpoint,
             self.clock,
             events,
             partial(
@@ -132,21 +132,21 @@ class LeaderServer:
 
     @property
     def connected(self) -> bool:
-        """Whether a follower is there that has not ended the session."""
-        return self._place.in_session
+        """Whether a follower is connected that has not ended the session."""
+        return self._slot.in_session
 
     @property
     def latency(self) -> TimeHistogram:
         """One-way latencies of the frames, where the clocks are known."""
-        return self._traffic.reader.latency
+        return self._endpoint.reader.latency
 
     @property
     def statistics(self) -> LinkStatistics:
-        """What was counted since the start; a few hundred microseconds to compute."""
-        traffic = self._traffic
-        return traffic.statistics(
-            frames=traffic.reader.records,
-            commands=traffic.outbox.records,
+        """Counts since the start; takes a few hundred microseconds to compute."""
+        endpoint = self._endpoint
+        return endpoint.statistics(
+            frames=endpoint.reader.records,
+            commands=endpoint.outbox.records,
             clock=self.clock.statistics,
         )
 
@@ -155,29 +155,29 @@ class LeaderServer:
         await self._host.start()
 
     async def request_stop(self, reason: str) -> None:
-        """Ask the follower to end, and wait a second at most until it has left."""
-        place = self._place
-        if place.sid is None:
+        """Ask the follower to end, and wait until it has left, at most a second."""
+        slot = self._slot
+        if slot.sid is None:
             return
-        if place.in_session:
-            await self._host.server.emit(STOP, {"reason": reason}, to=place.sid)
-        if await place.until_free(CLOSE_TIMEOUT_S):
+        if slot.in_session:
+            await self._host.server.emit(STOP, {"reason": reason}, to=slot.sid)
+        if await slot.wait_until_free(CLOSE_TIMEOUT_S):
             return
-        if self._filling.settling and await place.until_free(SETTLE_S):
+        if self._backfill.settling and await slot.wait_until_free(SETTLE_S):
             return
         LOG.info("the follower did not leave in time")
 
     async def stop(self) -> None:
         """Drop the follower, if there is one, and stop listening."""
-        self._reception.close()
-        self._traffic.outbox.close()
+        self._handshake.close()
+        self._endpoint.outbox.close()
         await self._host.stop()
 
     def send_commands(self, commands: RecordArray) -> None:
         """Queue motion commands for the follower; never waits.
 
-        Nothing happens while there is no follower. When the link is stalled the oldest
-        commands are given up and counted.
+        Without a follower they are ignored. When the link is stalled, the oldest commands are
+        dropped and counted.
 
         Parameters
         ----------
@@ -192,62 +192,62 @@ class LeaderServer:
         if commands.dtype != COMMAND_DTYPE:
             message = f"commands are of dtype {commands.dtype}: allowed is COMMAND_DTYPE"
             raise ValueError(message)
-        if self._hears:
-            self._traffic.send(COMMANDS, commands.tobytes(), COMMAND_DTYPE.itemsize)
+        if self._can_send:
+            self._endpoint.send(COMMANDS, commands.tobytes(), COMMAND_DTYPE.itemsize)
 
     def request_frames(self, ranges: Iterable[Range]) -> None:
-        """Ask the follower for frames that did not arrive; nothing happens without one."""
-        if self._hears:
-            self._filling.ask(self._traffic.outbox, ranges)
+        """Request frames that did not arrive; ignored without a follower."""
+        if self._can_send:
+            self._backfill.request(self._endpoint.outbox, ranges)
 
     def send_extra(self, records: RecordArray) -> None:
         """Queue records (n,) of the scene's further event for the follower; never waits."""
-        if self._hears:
-            self._traffic.send_extra(records)
+        if self._can_send:
+            self._endpoint.send_extra(records)
 
     @property
-    def _hears(self) -> bool:
-        """Whether there is a follower to which something can be sent."""
-        return self._place.sid is not None and self._traffic.outbox.is_open
+    def _can_send(self) -> bool:
+        """Whether a follower is connected and its send queue is open."""
+        return self._slot.sid is not None and self._endpoint.outbox.is_open
 
     # --- what the follower sends
 
     def _register(self) -> dict[str, Callable[..., None]]:
-        """Let the library call the handlers; return those of frequent events."""
+        """Register the handlers at the library; return those of frequent events."""
         frequent = {FRAMES: self._on_frames, CLOCK: self._on_clock}
-        if self._traffic.extra is not None:
-            frequent[self._traffic.extra.event] = self._on_extra
-        for event, take in {**frequent, END: self._on_end}.items():
-            self._host.server.on(event, take)
+        if self._endpoint.extra is not None:
+            frequent[self._endpoint.extra.event] = self._on_extra
+        for event, handler in {**frequent, END: self._on_end}.items():
+            self._host.server.on(event, handler)
         return frequent
 
     def _on_frames(self, sid: str, *arguments: object) -> None:
         arrival_ns = time.monotonic_ns()
-        if not self._place.expects(sid):
+        if not self._slot.expects(sid):
             return
-        block = self._traffic.reader.read(arguments, arrival_ns)
+        block = self._endpoint.reader.read(arguments, arrival_ns)
         if block is not None:
-            self._traffic.tell(self._events.on_frames, block, arrival_ns)
+            self._endpoint.notify(self._events.on_frames, block, arrival_ns)
 
     def _on_clock(self, sid: str, *arguments: object) -> None:
-        if self._place.expects(sid):
-            self.clock.take_question(*arguments)
+        if self._slot.expects(sid):
+            self.clock.handle_request(*arguments)
 
     def _on_extra(self, sid: str, *arguments: object) -> None:
-        if self._place.expects(sid):
-            self._traffic.take_extra(*arguments)
+        if self._slot.expects(sid):
+            self._endpoint.handle_extra(*arguments)
 
     def _on_end(self, sid: str, *arguments: object) -> None:
-        if not self._place.expects(sid):
+        if not self._slot.expects(sid):
             return
         arrival_ns = time.monotonic_ns()
         payload = argument_of(arguments)
         reason = reason_of(payload)
         sent = payload.get("frames") if isinstance(payload, Mapping) else None
         if reason is None or not isinstance(sent, int):
-            self._traffic.reader.reject("malformed end")
+            self._endpoint.reader.reject("malformed end")
             return
-        self._traffic.reader.end(sent, arrival_ns)
-        self._place.end()
-        self._traffic.outbox.close()
-        self._traffic.tell(self._events.on_end, reason)
+        self._endpoint.reader.end(sent, arrival_ns)
+        self._slot.end()
+        self._endpoint.outbox.close()
+        self._endpoint.notify(self._events.on_end, reason)

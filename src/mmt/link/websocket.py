@@ -40,34 +40,34 @@ MESSAGES_PER_PERIOD: Final = 10
 BYTES_PER_PERIOD: Final = 20_000
 """Likewise bytes: four times what a replay at a hundred times real time sends."""
 BURST_S: Final = 10.0
-"""A network that held messages back may deliver so much time's worth of the bound at once."""
-PATIENCE_S: Final = 2.0
-"""A peer that is over its bound for so long is cut off."""
-STRANGERS_MESSAGES: Final = 50
-"""Who has not been let in needs two or three."""
+"""Size of the token bucket, in time: a network that stalled may deliver this burst at once."""
+GRACE_S: Final = 2.0
+"""A peer that exceeds the limit for longer than this is cut off."""
+HANDSHAKE_MESSAGES: Final = 50
+"""Messages that a connection may send before it is admitted; it needs two or three."""
 
 
 class RateLimit:
-    """Let messages pass at a bounded rate; a few integer operations a message.
+    """Limit the rate of messages and bytes; a few integer operations a message.
 
-    A bucket of time: each message takes out what it costs, the clock fills it up. Messages
-    that find it empty are thrown away and counted.
+    A token bucket in units of time: each message costs some, the clock refills it. Messages that
+    find it empty are dropped and counted.
 
     Parameters
     ----------
     rate_hz
         Records a second that the session expects of the peer.
     on_excess
-        Called for each message that is thrown away.
-    on_shut
-        Called with a fault once, when the peer goes on all the same and is cut off.
+        Called for each message that is dropped.
+    on_exceeded
+        Called once, with an error, when the peer keeps exceeding the limit and is cut off.
     """
 
     def __init__(
         self,
         rate_hz: float,
         on_excess: Callable[[], None],
-        on_shut: Callable[[MmtError], None],
+        on_exceeded: Callable[[MmtError], None],
     ) -> None:
         self._message_ns = max(1, round(1e9 / (rate_hz * MESSAGES_PER_PERIOD)))
         self._byte_ps = max(1, round(1e12 / (rate_hz * BYTES_PER_PERIOD)))
@@ -75,18 +75,18 @@ class RateLimit:
         self._due_ns = 0
         self._over_since_ns: int | None = None
         self._on_excess = on_excess
-        self._on_shut = on_shut
+        self._on_rate_exceeded = on_exceeded
         self._messages_hz = round(rate_hz * MESSAGES_PER_PERIOD)
         self.shut = False
-        """Whether the peer was over its bound for too long, and is to be cut off."""
+        """Whether the peer exceeded the limit for too long and is to be cut off."""
 
     def open(self) -> None:
-        """Give a peer that connects anew another chance; what it owes stays."""
+        """Lift the cut-off for a new connection; the bucket keeps its level."""
         self.shut = False
         self._over_since_ns = None
 
     def passes(self, size: int, now_ns: int) -> bool:
-        """Whether a message of so many bytes that arrives now may pass."""
+        """Whether a message of `size` bytes that arrives now may pass."""
         due_ns = max(self._due_ns, now_ns) + self._message_ns + size * self._byte_ps // 1000
         if due_ns - now_ns <= self._burst_ns:
             self._due_ns = due_ns
@@ -96,26 +96,26 @@ class RateLimit:
         self._on_excess()
         if self._over_since_ns is None:
             self._over_since_ns = now_ns
-        elif not self.shut and now_ns - self._over_since_ns > PATIENCE_S * 1e9:
+        elif not self.shut and now_ns - self._over_since_ns > GRACE_S * 1e9:
             self.shut = True
-            self._on_shut(
+            self._on_rate_exceeded(
                 MmtError(
                     f"it sent more than {self._messages_hz} messages, or "
                     f"{self._messages_hz // MESSAGES_PER_PERIOD * BYTES_PER_PERIOD / 1e6:g} MB, a "
-                    f"second for {PATIENCE_S:g} s"
+                    f"second for {GRACE_S:g} s"
                 )
             )
         return False
 
 
 class HandshakeLimit:
-    """Let the few messages pass that somebody needs who has not been let in yet."""
+    """Limit the messages of a connection that is not admitted yet."""
 
     def __init__(self) -> None:
-        self._left = STRANGERS_MESSAGES
+        self._left = HANDSHAKE_MESSAGES
         self.shut = False
 
-    def passes(self, size: int, now_ns: int) -> bool:  # noqa: ARG002 - as of a RateLimit
+    def passes(self, size: int, now_ns: int) -> bool:  # noqa: ARG002 - as in RateLimit
         """Whether one more may pass."""
         self._left -= 1
         self.shut = self._left < 0
@@ -127,20 +127,20 @@ Handlers = Mapping[str, Callable[[bytes], None]]
 
 Receive = Callable[[], Awaitable[WSMessage]]
 Close = Callable[..., Awaitable[object]]
-AnyLimit = RateLimit | HandshakeLimit
+AnyRateLimit = RateLimit | HandshakeLimit
 
 _BURST: Final = 64
-"""Messages that may be taken or thrown away before the rest of the loop has its turn."""
+"""Messages handled in a row before the event loop runs its other tasks."""
 _CLOSED: Final = WSMessage(WSMsgType.CLOSED, None, None)
 
 
 def binary_event(message: bytes) -> tuple[str, bytes] | None:
-    """Return name and argument of an event that may be taken past the library.
+    """Decode an event that may bypass the library; return its name and argument.
 
     Parameters
     ----------
     message
-        Any binary WebSocket message, as anybody may have sent it.
+        Any binary WebSocket message, which is not trusted.
 
     Returns
     -------
@@ -166,30 +166,38 @@ def binary_event(message: bytes) -> tuple[str, bytes] | None:
     return (name, argument) if isinstance(name, str) and isinstance(argument, bytes) else None
 
 
-def client_websocket(handlers: Handlers, gate: RateLimit) -> type[ClientWebSocketResponse]:
-    """Return the class of a client's WebSocket that takes these events itself, through a gate."""
+def client_websocket(handlers: Handlers, rate_limit: RateLimit) -> type[ClientWebSocketResponse]:
+    """Return a client WebSocket class that handles these events itself, rate-limited."""
 
     class DirectWebSocket(ClientWebSocketResponse):
         async def receive(self, timeout: float | None = None) -> WSMessage:
-            return await _rest(partial(super().receive, timeout), self.close, gate, handlers)
+            return await _receive_rest(
+                partial(super().receive, timeout), self.close, rate_limit, handlers
+            )
 
     return DirectWebSocket
 
 
-def receive_directly(websocket: web.WebSocketResponse, handlers: Handlers, gate: AnyLimit) -> None:
-    """Let a server's WebSocket take these events itself, through a gate, from now on."""
+def receive_directly(
+    websocket: web.WebSocketResponse, handlers: Handlers, rate_limit: AnyRateLimit
+) -> None:
+    """Have a server's WebSocket handle these events itself, rate-limited, from now on."""
     receive = partial(type(websocket).receive, websocket)
-    rest = partial(_rest, receive, websocket.close, gate, handlers)
+    rest = partial(_receive_rest, receive, websocket.close, rate_limit, handlers)
     try:
         websocket.receive = rest  # type: ignore[method-assign]
     except AttributeError:
-        LOG.info("this version of aiohttp keeps its WebSocket closed: the library's way is taken")
+        LOG.info(
+            "this version of aiohttp cannot replace its receive: all events go through the library"
+        )
 
 
-async def _rest(receive: Receive, close: Close, gate: AnyLimit, handlers: Handlers) -> WSMessage:
-    """Return the next message that passes the gate and is not for one of the handlers.
+async def _receive_rest(
+    receive: Receive, close: Close, rate_limit: AnyRateLimit, handlers: Handlers
+) -> WSMessage:
+    """Return the next message within the rate limit that none of the handlers handles.
 
-    All in one coroutine: each further one costs the usual message a few microseconds.
+    All in one coroutine: each further one costs a few microseconds a message.
     """
     turn = 0
     while True:
@@ -197,8 +205,8 @@ async def _rest(receive: Receive, close: Close, gate: AnyLimit, handlers: Handle
         kind = message.type
         if kind is not WSMsgType.BINARY and kind is not WSMsgType.TEXT:
             return message
-        if gate.passes(len(message.data), time.monotonic_ns()):
-            # what is too long older libraries find out for themselves
+        if rate_limit.passes(len(message.data), time.monotonic_ns()):
+            # the library itself rejects what is too long
             if kind is WSMsgType.TEXT or len(message.data) > MAX_MESSAGE_BYTES:
                 return message
             event = binary_event(message.data)
@@ -206,7 +214,7 @@ async def _rest(receive: Receive, close: Close, gate: AnyLimit, handlers: Handle
             if event is None or handler is None:
                 return message
             handler(event[1])
-        elif gate.shut:
+        elif rate_limit.shut:
             await close(code=WSCloseCode.POLICY_VIOLATION, message=b"too many messages")
             return _CLOSED
         turn += 1
@@ -218,8 +226,8 @@ Send = Callable[[bytes], Sending]
 
 _NAMESPACE: Final = "/"
 
-STRANGERS_S: Final = 10.0
-"""How long a connection may stay open without a hello that is accepted."""
+HANDSHAKE_TIMEOUT_S: Final = 10.0
+"""How long a connection may stay open without being admitted."""
 
 
 class ServerSockets:
@@ -231,7 +239,7 @@ class ServerSockets:
         self._of_request: weakref.WeakValueDictionary[int, web.WebSocketResponse] = (
             weakref.WeakValueDictionary()
         )
-        self._let_in: weakref.WeakSet[web.WebSocketResponse] = weakref.WeakSet()
+        self._admitted: weakref.WeakSet[web.WebSocketResponse] = weakref.WeakSet()
         self._closing: set[asyncio.Task[bool]] = set()
         application.on_response_prepare.append(self._remember)
 
@@ -240,21 +248,21 @@ class ServerSockets:
             self._of_request[id(request)] = response
             receive_directly(response, {}, HandshakeLimit())
             loop = asyncio.get_running_loop()
-            loop.call_later(STRANGERS_S, self._expire, loop, weakref.ref(response))
+            loop.call_later(HANDSHAKE_TIMEOUT_S, self._expire, loop, weakref.ref(response))
 
     def _expire(
-        self, loop: asyncio.AbstractEventLoop, of: "weakref.ref[web.WebSocketResponse]"
+        self, loop: asyncio.AbstractEventLoop, reference: "weakref.ref[web.WebSocketResponse]"
     ) -> None:
-        """Close the connection of somebody who was not let in for too long."""
-        websocket = of()
-        if websocket is None or websocket in self._let_in or websocket.closed:
+        """Close a connection that was not admitted in time."""
+        websocket = reference()
+        if websocket is None or websocket in self._admitted or websocket.closed:
             return
         closing = loop.create_task(websocket.close(code=WSCloseCode.POLICY_VIOLATION))
         self._closing.add(closing)
         closing.add_done_callback(self._closing.discard)
 
     async def close(self, timeout_s: float) -> None:
-        """Close all that are open, for at most this long."""
+        """Close all that are open, within `timeout_s`."""
         closing = [
             asyncio.ensure_future(websocket.close(code=WSCloseCode.GOING_AWAY))
             for websocket in self._of_request.values()
@@ -265,7 +273,7 @@ class ServerSockets:
                 task.cancel()
 
     def send(self, sid: str, environ: Mapping[str, object]) -> Send:
-        """Return what sends an encoded message to the client that connects so."""
+        """Return the function that sends an encoded message to the client with this environ."""
         websocket = self._websocket(environ)
         if websocket is not None:
             return UnbufferedSend(websocket)
@@ -273,19 +281,21 @@ class ServerSockets:
             self._server.eio.send, self._server.manager.eio_sid_from_sid(sid, _NAMESPACE)
         )
 
-    def let_in(self, environ: Mapping[str, object], handlers: Handlers, gate: RateLimit) -> None:
-        """Take these events of the client that connects so past the library, through a gate."""
+    def admit(
+        self, environ: Mapping[str, object], handlers: Handlers, rate_limit: RateLimit
+    ) -> None:
+        """Admit the client with this environ: its events bypass the library, rate-limited."""
         websocket = self._websocket(environ)
         if websocket is not None:
-            self._let_in.add(websocket)
-            receive_directly(websocket, handlers, gate)
+            self._admitted.add(websocket)
+            receive_directly(websocket, handlers, rate_limit)
 
     def _websocket(self, environ: Mapping[str, object]) -> web.WebSocketResponse | None:
         return self._of_request.get(id(environ.get("aiohttp.request")))
 
 
 def client_send(client: socketio.AsyncClient) -> Send:
-    """Return what sends an encoded message to the server."""
+    """Return the function that sends an encoded message to the server."""
     websocket = getattr(client.eio, "ws", None)
     if isinstance(websocket, ClientWebSocketResponse):
         return UnbufferedSend(websocket)

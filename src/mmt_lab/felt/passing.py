@@ -14,7 +14,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray, IntArray, RecordArray
 from mmt.core.frames import CHANNELS
 from mmt.devices.protocols import Vector
-from mmt.link.impairments import MessageFates
+from mmt.link.impairments import MessageImpairments
 from mmt.scene import Hand, Network, Simulated
 from mmt.testing.simulation import PERIOD_NS
 from mmt.testing.simulation.follower import SimulatedFollower
@@ -88,8 +88,8 @@ def pass_over(surface: Surface, network: Network, ticks: int, seed: int) -> Pass
     hand = SimulatedHand(headings, seed, compliance_mm_n=nominal_compliance_mm_n(settings))
     follower = SimulatedFollower(settings, channels=CHANNELS, seed=seed, surface=surface)
     follower.start(0)
-    down = MessageFates(network, seed, 0)
-    up = MessageFates(network, seed + 1, 0)
+    down = MessageImpairments(network, seed, 0)
+    up = MessageImpairments(network, seed + 1, 0)
     under_way: list[tuple[int, int, Vector]] = []
     newest, command = -1, None
     motion = np.empty((ticks, 3))
@@ -99,14 +99,14 @@ def pass_over(surface: Surface, network: Network, ticks: int, seed: int) -> Pass
         now_ns = tick * PERIOD_NS
         state = hand.read(1)
         motion[tick] = *state.velocity_mm_s[:2], state.force_n if state.contact else 0.0
-        for arrival_ns in down.fate(now_ns, COMMAND_BYTES):
+        for arrival_ns in down.arrivals_ns(now_ns, COMMAND_BYTES):
             heapq.heappush(under_way, (arrival_ns, tick, state.position_mm))
         while under_way and under_way[0][0] <= now_ns:
             _, number, position_mm = heapq.heappop(under_way)
             if number > newest:
                 newest, command = number, position_mm
         frames.append(follower.step(1, now_ns, command))
-        due_ns = min(up.fate(now_ns, FRAME_BYTES), default=None)
+        due_ns = min(up.arrivals_ns(now_ns, FRAME_BYTES), default=None)
         if due_ns is not None:
             arrivals[tick] = -(-due_ns // PERIOD_NS)
     return Passage(surface, motion[:, :2], motion[:, 2], np.concatenate(frames), arrivals)

@@ -78,7 +78,7 @@ class PlayerServer:
             The host or the port cannot be had.
         """
         check_listening(
-            host, port, self._access, allowed=everyone, whom="the player", remedy=_REMEDY
+            host, port, self._access, allowed=everyone, role="the player", remedy=_REMEDY
         )
         self._host = host
         await self._listener.start(host, port, self._access, allowed=True)
