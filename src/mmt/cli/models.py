@@ -32,7 +32,7 @@ def build_model(
     ] = None,
     whole: Annotated[
         bool,
-        typer.Option("--whole", help="Continue to the session's end, past the stop criterion."),
+        typer.Option("--whole", help="Continue past the stop criterion, to the end."),
     ] = False,
     surface: Annotated[
         int | None, typer.Option(min=1, help="The number of the surface, where there are several.")
