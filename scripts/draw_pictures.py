@@ -16,7 +16,7 @@ from mmt.evaluation import figures, growth
 from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.recorded_surfaces import part_by_surface
 from mmt.evaluation.results import Evaluation
-from mmt.evaluation.surface_figure import surfaces_over_time
+from mmt.evaluation.surface_report import surfaces_over_time
 from mmt.session import RecordedSession, read_session
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 

@@ -72,8 +72,8 @@ def test_models_are_pooled_and_the_published_algorithm_can_be_asked(
 
 
 def test_a_model_whose_heading_counts_is_drawn_in_two_planes(tmp_path: Path):
+    from mmt.evaluation.figures import selection_plane
     from mmt.evaluation.pooling import pool_models
-    from mmt.evaluation.selection_figure import selection_plane
     from mmt.texture.model.inputs import InputSpace
     from mmt.texture.selection import select
 

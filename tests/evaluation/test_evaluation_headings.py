@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from mmt.evaluation.evaluate import evaluate_session
-from mmt.evaluation.grid_errors import GridErrors, by_heading
+from mmt.evaluation.grid_errors import GridErrors, Strokes, all_headings, by_heading
 from mmt.evaluation.report import write_report
-from mmt.evaluation.strokes import Strokes, all_headings
 from mmt.evaluation.table import heading_tables
 from mmt.evaluation.truth import KnownTexture
 from mmt.scene import Hand, Scene

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from mmt.evaluation.grid_errors import GRID_FORCE_N, GRID_SPEED_MM_S, Strokes
 from mmt.evaluation.levels import level_error_db
-from mmt.evaluation.strokes import GRID_FORCE_N, GRID_SPEED_MM_S, Strokes
 from mmt.evaluation.truth import KnownTexture, known_texture
 from mmt.testing.simulation.modes import Resonance
 from mmt.testing.simulation.surfaces import Surface

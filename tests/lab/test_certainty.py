@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from mmt.texture.completion.grid import completion_grid
+from mmt.texture.completion.uncertainty import completion_grid
 from mmt.texture.settings import START_SHARE, STOP_SHARE
 from mmt_lab.methods.cases import Case
 from mmt_lab.methods.certainty import (

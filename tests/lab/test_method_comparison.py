@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from mmt.cli.main import app
 from mmt.core.errors import InputError
-from mmt.evaluation.bands import BAND_EDGES_HZ, band_errors_db
+from mmt.evaluation.levels import BAND_EDGES_HZ, band_errors_db
 from mmt.testing.simulation.textures import SURFACES
 from mmt_lab.methods.cases import Case, recorded_cases, simulated_cases
 from mmt_lab.methods.judging import FIGURES, METHODS, Judged, blocks_of, check_methods, judge

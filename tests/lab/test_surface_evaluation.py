@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.evaluation.recorded_surfaces import part_by_surface
-from mmt.evaluation.surface_blocks import account, stay_table
+from mmt.evaluation.surface_report import account, stay_table
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
 from mmt.session.data import RecordedSession

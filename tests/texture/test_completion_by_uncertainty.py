@@ -7,14 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.texture.completion.criteria import make_criterion
+from mmt.texture.completion.criterion import make_criterion
 from mmt.texture.completion.distance import CompletionMonitor, cells_of
-from mmt.texture.completion.grid import completion_grid
-from mmt.texture.completion.uncertainty import UncertaintyCriterion
+from mmt.texture.completion.uncertainty import (
+    PRIOR_S,
+    StrokingDensity,
+    UncertaintyCriterion,
+    completion_grid,
+    outlook,
+    right_probability,
+)
 from mmt.texture.field.level_covariance import covariance, covariance_on_grid, departures, features
-from mmt.texture.field.level_outlook import outlook, right_probability
 from mmt.texture.field.level_process import LevelProcess
-from mmt.texture.field.stroking_density import PRIOR_S, StrokingDensity
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel

@@ -9,7 +9,7 @@ from scipy.signal import freqz, lfilter
 
 from mmt.texture.autoregression.effective_sample_size import LEAST, effective_samples
 from mmt.texture.autoregression.forms import reflection_to_lsf
-from mmt.texture.field.effective_sharing import shared_effective
+from mmt.texture.field.level_process import shared_effective
 from mmt.texture.model.fits import fit_segments
 from mmt.texture.settings import ModellingSettings
 

@@ -24,8 +24,7 @@ from mmt.texture.field.level_covariance import (
     matern,
     turn,
 )
-from mmt.texture.field.level_hyperparameters import log_posterior
-from mmt.texture.field.level_pooling import LevelSamples, pooled
+from mmt.texture.field.level_hyperparameters import LevelSamples, log_posterior, pooled
 from mmt.texture.field.level_process import DB, LevelProcess
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
 from mmt.texture.model.samples import TextureSamples

@@ -17,8 +17,8 @@ from mmt.texture.selection.damped_tones import loudest_tone_energy, modes
 from mmt.texture.selection.leave_one_out import retrained
 from mmt.texture.selection.outliers import find_outliers, least_points
 from mmt.texture.selection.points import band, log_density_of
+from mmt.texture.selection.published import valid_filter
 from mmt.texture.selection.transients import bursts, whitening
-from mmt.texture.selection.valid import valid_filter
 
 
 @pytest.fixture(scope="module")

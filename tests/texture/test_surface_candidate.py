@@ -33,7 +33,7 @@ def test_what_comes_next_is_expected_as_the_mixture_expects_it(known, ar, seed) 
     blocks = make_blocks(ar, 12, seed)
     unknown = SurfacePosterior()
     trial = Candidate(blocks)
-    trial.ask(unknown, known)
+    trial.compare(unknown, known)
     weights = np.log([0.5, 0.25, 0.25])
     each = np.array([jointly(surface, blocks) for surface in (unknown, *known.values())])
     total = np.logaddexp.reduce(weights[:, None] + each)
@@ -44,17 +44,17 @@ def test_what_comes_next_is_expected_as_the_mixture_expects_it(known, ar, seed) 
 
 def test_a_trial_beside_no_known_surface_is_what_it_has_told_itself() -> None:
     trial = Candidate(make_blocks(SMOOTH, 5, 1))
-    trial.ask(SurfacePosterior(), {})
+    trial.compare(SurfacePosterior(), {})
     alone = np.array([-3.0, -7.0, -9.0])
     assert np.array_equal(trial.after(alone), alone)
-    assert not trial.asked
+    assert not trial.is_compared
 
 
 def test_the_known_surface_that_it_is_leads_by_what_the_next_one_lacks(known) -> None:
     blocks = make_blocks(PEAKED, 15, 7, amplitude=0.7)
     unknown = SurfacePosterior()
     trial = Candidate(blocks)
-    trial.ask(unknown, known)
+    trial.compare(unknown, known)
     number, lead = trial.leading()
     every = {n: jointly(surface, blocks)[-1] for n, surface in {0: unknown, **known}.items()}
     assert number == 5
@@ -64,7 +64,7 @@ def test_the_known_surface_that_it_is_leads_by_what_the_next_one_lacks(known) ->
 
 def test_no_known_surface_leads_where_it_is_another_one(known) -> None:
     trial = Candidate(make_blocks(np.array([0.8]), 15, 7))
-    trial.ask(SurfacePosterior(), known)
+    trial.compare(SurfacePosterior(), known)
     assert trial.leading()[1] < 0.0
 
 
@@ -73,6 +73,6 @@ def test_a_surface_far_from_all_is_judged_by_what_it_has_told_itself(known) -> N
     blocks = make_blocks(SMOOTH, 10, 8, amplitude=1e4)
     unknown = SurfacePosterior()
     trial = Candidate(blocks)
-    trial.ask(unknown, known)
+    trial.compare(unknown, known)
     alone = np.array([-1.0, -2.5])
     assert trial.after(alone) == pytest.approx(alone, abs=1e-9)

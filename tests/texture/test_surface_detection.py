@@ -70,7 +70,7 @@ def test_a_trial_that_began_with_a_block_of_the_former_surface_is_of_the_one_tha
     followed(detector, make_blocks(SMOOTH, 40, 1))
     assert followed(detector, make_blocks(PEAKED, 70, 2, first=40))[0][0] == "new"
     detector._go_to(3)  # as where a change was placed one block too early
-    detector._trial, detector._window, detector._stayed = Candidate(), [], 0
+    detector._candidate, detector._window, detector._stayed = Candidate(), [], 0
     mixed = make_blocks(PEAKED, 1, 3, first=110) + make_blocks(SMOOTH, 20, 4, first=111)
     assert [(kind, number) for kind, number, _ in followed(detector, mixed)] == [("identified", 1)]
     assert set(detector.surfaces) == {1, 2}
@@ -86,7 +86,7 @@ def test_a_trial_whose_first_strokes_were_odd_was_of_a_known_surface_if_that_tel
     followed(detector, make_blocks(SMOOTH, 40, 1))
     followed(detector, make_blocks(PEAKED, 70, 2, first=40))
     detector._go_to(3)
-    detector._trial, detector._window, detector._stayed = Candidate(), [], 0
+    detector._candidate, detector._window, detector._stayed = Candidate(), [], 0
     odd = make_blocks(SMOOTH, 4, 3, first=110, amplitude=amplitude)
     found = followed(detector, odd + make_blocks(SMOOTH, 20, 4, first=114))
     assert [(found_kind, number) for found_kind, number, _ in found] == [(kind, 1)]

@@ -12,8 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from mmt.cli.child import Child
-from mmt.cli.common import messages, output, print_error, write_json
-from mmt.cli.tables import summary_table
+from mmt.cli.common import messages, output, print_error, summary_table, write_json
 from mmt.core.errors import InputError
 from mmt.core.realtime import require_real_time
 from mmt.follower.sources import build_source

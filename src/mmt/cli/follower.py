@@ -79,7 +79,7 @@ def follower(
     if json_lines:
         write_line("summary", **summary.as_dict())
     else:
-        from mmt.cli.tables import summary_table
+        from mmt.cli.common import summary_table
 
         output.print(summary_table("follower", summary.as_dict()))
     write_json(json_file, summary.as_dict())

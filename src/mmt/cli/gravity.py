@@ -7,8 +7,7 @@ from typing import Any, Final
 
 import typer
 
-from mmt.cli.common import messages, output, write_json
-from mmt.cli.tables import summary_table
+from mmt.cli.common import messages, output, summary_table, write_json
 from mmt.core.errors import InputError, MmtError
 from mmt.devices.adxl335.gravity import (
     UPS,

@@ -165,7 +165,7 @@ def _print_event(sentence: str) -> None:
 
 
 def _print_summary(summary: LeaderSummary) -> None:
-    from mmt.cli.tables import summary_table
+    from mmt.cli.common import summary_table
 
     tables: dict[str, Any] = summary.as_dict()
     output.print(summary_table("leader", tables))

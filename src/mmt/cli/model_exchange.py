@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mmt.cli.common import messages, output, write_json
+from mmt.cli.common import messages, output, summary_table, write_json
 from mmt.cli.models import SUFFIX, describe, save
-from mmt.cli.tables import summary_table
 from mmt.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -92,8 +91,7 @@ def export_model(
         return
     if suffix != ".wav":
         raise InputError(f"{target}: the name must end in .xml or .wav, which says what is written")
-    from mmt.exchange.effects import effect
-    from mmt.exchange.sound_file import write_wav
+    from mmt.exchange.effects import effect, write_wav
 
     velocity_mm_s, force_n, motion_hz = (
         _constant(speed, heading, force, seconds) if motion is None else _recorded(motion)

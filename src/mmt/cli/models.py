@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mmt.cli.common import messages, output, write_json
-from mmt.cli.tables import summary_table
+from mmt.cli.common import messages, output, summary_table, write_json
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError, MmtError
 from mmt.scene import Texture

@@ -56,7 +56,7 @@ def surface_section(parts: SurfaceParts | None) -> list[Block]:
     """Return a report's section on the surfaces, empty where they were not told apart."""
     if parts is None:
         return []
-    from mmt.evaluation.surface_blocks import surface_blocks
+    from mmt.evaluation.surface_report import surface_blocks
 
     return surface_blocks(parts, parts.stays[-1].to_s)
 

@@ -1,18 +1,22 @@
-"""``mmt session``: make, convert, look at, mend."""
+"""``mmt session``: make, convert, view and recover sessions."""
 
+import asyncio
+import os
+import sys
+import webbrowser
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from mmt.cli.common import messages, output, write_json
-from mmt.cli.tables import summary_table
+from mmt.cli.common import messages, output, stop_on_signals, summary_table, write_json
+from mmt.core.kernel_cache import kernels_are_compiled
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
 from mmt.session import export_session, import_session, read_session, write_session
 
-app = typer.Typer(no_args_is_help=True, help="Make, convert, look at and mend sessions.")
+app = typer.Typer(no_args_is_help=True, help="Make, convert, view and recover sessions.")
 
 SourceFile = Annotated[Path, typer.Argument(metavar="FILE")]
 TargetFile = Annotated[Path, typer.Argument(metavar="OUT")]
@@ -28,7 +32,7 @@ def simulate(
         float | None, typer.Option(help="Seconds; the scene's if absent, else 18.")
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(help="Of hand and noise; the scene's if absent, else 1.")
+        int | None, typer.Option(help="Seed of hand and noise; the scene's if absent, else 1.")
     ] = None,
     path: Annotated[
         Path | None, typer.Option(help="A recorded stroke (.npz) in place of the hand.")
@@ -37,7 +41,9 @@ def simulate(
     force_scale: Annotated[float, typer.Option(help="Factor on the stroke's force.")] = 1.0,
     trials: Annotated[
         int,
-        typer.Option(min=1, max=999, help="So many sessions, OUT-1 and so on, of seeds in a row."),
+        typer.Option(
+            min=1, max=999, help="Sessions to make, OUT-1 and so on, of consecutive seeds."
+        ),
     ] = 1,
     scene_file: Annotated[
         Path | None, typer.Option("--scene", help="Simulate this scene's follower and hand.")
@@ -107,7 +113,7 @@ def view(
     ] = True,
 ) -> None:
     """Show a session file in a browser, moment by moment, as the monitor shows a run."""
-    from mmt.cli.viewing import view_file
+    from mmt.cli.sessions import view_file
 
     view_file(source, port=port, show=show)
 
@@ -138,3 +144,42 @@ def recover(
         f"{saved.problem or 'the file was whole'}",
         highlight=False,
     )
+
+
+def view_file(path: Path, *, port: int, show: bool) -> None:
+    """Serve a recording's page until Ctrl-C; `show` opens it in the browser."""
+    if not kernels_are_compiled():
+        messages.print("compiling the numerics, at the first start only (15 to 60 s)")
+    from mmt.web.viewing.recording import ViewedRecording
+    from mmt.web.viewing.server import RecordingServer
+
+    recording = ViewedRecording.open(path)
+    if recording.windows.in_memory:
+        messages.print(f"{path} has no index: all of it is held in memory", highlight=False)
+
+    def ready(url: str) -> None:
+        output.print(f"{path.name}: {url}", highlight=False)
+        messages.print("Ctrl-C ends it", highlight=False)
+        if show and not open_page(url):
+            messages.print("no browser was found: open the address in one", highlight=False)
+
+    async def serve() -> None:
+        server = RecordingServer(recording, port)
+        stop_on_signals(server.stop)
+        await server.run(ready)
+
+    asyncio.run(serve())
+
+
+def open_page(url: str) -> bool:
+    """Open a page in a browser with a window; say whether there was one.
+
+    A browser in the terminal would take the place of what the command prints.
+    """
+    windows = sys.platform in ("win32", "darwin")
+    if not windows and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        return False
+    try:
+        return webbrowser.open(url)
+    except webbrowser.Error:
+        return False

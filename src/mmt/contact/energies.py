@@ -1,4 +1,4 @@
-"""Energies of three axes on their way between the two sides, late, lost or begun anew."""
+"""Exchange of port energies between leader and follower, robust to late, lost or reset counts."""
 
 from typing import Final
 
@@ -10,19 +10,19 @@ from mmt.core.feedback_records import ENERGY_DTYPE
 Energies = tuple[float, float, float]
 
 _REPEAT_TICKS: Final = 100
-"""What was said last is said again after so many ticks, for the case that it was lost."""
+"""Ticks after which the last report is repeated, in case it was lost."""
 
 
 class EnergyCounts:
-    """What the other side says of its port: three energies that only grow.
+    """Energies that the other side reports of its port, an axis each; they never decrease.
 
-    A count that is late is smaller than the newest and changes nothing. After `restart` a
-    smaller one means that the other side began anew; it is added to what was known before.
+    A late report is smaller than the newest and is ignored. After `restart` a smaller one means
+    that the other side started counting from zero; it is added to the earlier total.
 
     Parameters
     ----------
     opening_j
-        What each is before anything has come.
+        Initial energy (J) of each axis, before the first report.
     """
 
     def __init__(self, opening_j: float = 0.0) -> None:
@@ -37,7 +37,7 @@ class EnergyCounts:
         return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
     def receive(self, records: RecordArray) -> None:
-        """Take checked records (n,) of `ENERGY_DTYPE`, the newest last."""
+        """Receive checked records (n,) of `ENERGY_DTYPE`, the newest last."""
         x, y, z = records["energy_j"][-1].tolist()
         newest: Energies = (max(0.0, x), max(0.0, y), max(0.0, z))
         old = self._newest
@@ -48,12 +48,12 @@ class EnergyCounts:
         self._newest = (max(newest[0], old[0]), max(newest[1], old[1]), max(newest[2], old[2]))
 
     def restart(self) -> None:
-        """Expect that the next record is of another sender."""
+        """Expect the next record from a new sender."""
         self._restarted = True
 
 
 class EnergyReport:
-    """Say what came in through this side's port, when it is news and now and then again."""
+    """Report of the energy put into this side's port, on every change and repeated at intervals."""
 
     def __init__(self) -> None:
         self._said: Energies = (0.0, 0.0, 0.0)

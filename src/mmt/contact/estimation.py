@@ -1,4 +1,4 @@
-"""Estimate what a tool touches from its depth and the force on it.
+"""Estimation of contact models from the depth of a tool and the force on it.
 
 Two models side by side, each linear in three parameters that recursive least squares fits
 (`mmt.contact.least_squares`):
@@ -13,12 +13,13 @@ Two models side by side, each linear in three parameters that recursive least sq
 
 Force and depth pass the same first-order filter, whose own state gives the derivative: what
 is linear before it is linear after it, with the same parameters (a state variable filter).
-Only contact teaches, and places where a model expects a force and there is none; both only
-while the tool moves or the model is wrong. The rest of the time nothing is forgotten. The model
+Samples are used in contact, and where a model expects a force and there is none; both only while
+the tool moves or the model is wrong. At all other times nothing is updated or forgotten. The model
 in use is the one that has predicted the force better.
 
-A surface does not pull: pulls are bias, drag and inertia, and pushes no larger are not a
-surface's either. Nor does it begin to push a tool on its way out: such a push teaches nothing.
+A surface does not pull: pulls come from bias, drag and inertia, and pushes no larger than these are
+not attributed to a surface either. Contact cannot begin while the tool moves outward: such samples
+are ignored.
 
 Cost: about 9 us a sample in plain Python, 2 us before the first contact, and 17 us for `best`.
 """
@@ -104,12 +105,12 @@ class ContactModel:
 
 @dataclass(frozen=True, slots=True)
 class EstimationSettings:
-    """What the estimator takes for contact, and how long it remembers.
+    """Contact threshold and memory of the estimator.
 
     Parameters
     ----------
     contact_n
-        Contact begins above this force and the pulls of late, and ends below half of it; above 0.
+        Contact begins above this force and recent pulls, and ends below half of it; above 0.
     forgetting_s
         Time in moving contact after which a sample weighs 1/e; above 0.
     tick_s
@@ -164,12 +165,12 @@ class ContactEstimator:
         self.contacts = 0
         """Contacts begun so far."""
         self.samples = 0
-        """Samples that taught something."""
+        """Number of samples that were used."""
         self.largest_n = 0.0
         """Largest force so far, filtered."""
 
     def update(self, depth_m: float, force_n: float) -> None:
-        """Take a sample; one that is not finite is left out.
+        """Update the models with a sample; one that is not finite is ignored.
 
         Parameters
         ----------
@@ -222,10 +223,9 @@ class ContactEstimator:
         )
 
     def best(self) -> ContactModel | None:
-        """Return the model that has predicted the force better of late, None without any.
+        """Return the model that has predicted the force better recently, None without any.
 
-        It is as stiff as it is to be believed: scaled by the share of the force's mean square
-        that it has explained.
+        Its stiffness is scaled by the share of the force's mean square that it has explained.
         """
         linear, power = self.kelvin_voigt(), self.hunt_crossley()
         chosen, error = linear, self._linear_error
@@ -241,7 +241,7 @@ class ContactEstimator:
         )
 
     def _detect(self, speed_m_s: float) -> None:
-        """Notice the beginning and the end of contact, with hysteresis."""
+        """Detect the beginning and the end of contact, with hysteresis."""
         assert self._depth_m is not None  # noqa: S101 - the caller has set it
         self._pull_n = max(self._pull_keep * self._pull_n, -self._force_n)
         pull_n = min(_PULL_MARGIN * self._pull_n, _PULL_SHARE * self.largest_n)
@@ -266,7 +266,7 @@ class ContactEstimator:
         self.contact = True
 
     def _learn(self, speed: float) -> None:
-        """Take a sample of force, or of its absence where a force was expected."""
+        """Update with a sample of force, or of its absence where a force was expected."""
         assert self._depth_m is not None  # noqa: S101 - the caller has set it
         force_n = self._force_n if self.contact else 0.0
         linear = (_MM * (self._depth_m - self._origin_m), speed, 1.0)
@@ -292,7 +292,7 @@ class ContactEstimator:
             self.samples += 1
 
     def _remember(self, force_n: float, linear: float, power: float) -> None:
-        """Remember how well each model has predicted, before it takes the sample."""
+        """Update the prediction errors of both models, before they are fitted to the sample."""
         share = 1.0 - self._error_keep
         self._square += share * (force_n * force_n - self._square)
         self._linear_error += share * (linear * linear - self._linear_error)

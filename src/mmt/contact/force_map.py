@@ -1,15 +1,14 @@
-"""Remember the force that was met at a place and a speed.
+"""Map of the force met at a depth and a speed, to correct a parametric contact model.
 
-A model of a surface has few parameters, and what they do not explain comes back at every
-stroke: the width of a foam's hysteresis, the shape of a knock, the drag of the tool. The memory
-holds the mean force over a grid of depth and speed, interpolated bilinearly, and how far it is
-to be believed, which grows with the samples near there. Newer samples replace older ones. It
-is the look-up table of locally weighted learning (Atkeson, Moore and Schaal, "Locally weighted
-learning", Artificial Intelligence Review 11 (1997)) in its cheapest form: it says nothing of
-places where the tool has not been, for which there is the model.
+A model of a surface has few parameters, and its residuals repeat at every stroke: the width of a
+foam's hysteresis, the shape of a knock, the drag of the tool. The map holds the mean force over a
+grid of depth and speed, interpolated bilinearly, and a confidence that grows with the number of
+samples nearby. Newer samples replace older ones. It is the look-up table of locally weighted
+learning (Atkeson, Moore and Schaal, "Locally weighted learning", Artificial Intelligence Review 11
+(1997)) in its cheapest form; where the tool has not been, only the model is used.
 
-A force that depends on the speed without bound on its slope can keep a loop moving. Slow motion
-is therefore left to the model: the memory's weight falls with the square of the speed.
+A force whose slope over speed is unbounded can sustain motion in a closed loop. Slow motion is
+therefore left to the model: the weight of the map falls with the square of the speed.
 
 Cost: about 5 us a sample, and 4 us a look-up, in plain Python.
 """
@@ -20,15 +19,15 @@ from typing import Final
 _CELL_M: Final = 0.25e-3
 _CELL_M_S: Final = 0.025
 _FASTEST: Final = 40
-"""Cells of speed to either side; what is faster counts as this."""
+"""Number of cells of speed to either side; faster motion counts as the fastest."""
 _FARTHEST_M: Final = 1e3
 _MOST_CELLS: Final = 20_000
 _DOUBTED: Final = 1.0
-"""Samples that make a cell half believed."""
+"""Number of samples at which the confidence of a cell is one half."""
 _MOST_SAMPLES: Final = 8.0
-"""A cell's mean is over about so many of its newest samples."""
+"""Number of newest samples over which the mean of a cell extends, approximately."""
 _SLOW_M_S: Final = 0.02
-"""Speed at which the memory counts half."""
+"""Speed at which the weight of the map is halved."""
 _FILTER_S: Final = 0.01
 
 Cell = tuple[int, int]
@@ -60,7 +59,7 @@ class ForceMap:
         self._cells: dict[Cell, tuple[float, float]] = {}
 
     def add(self, depth_m: float, speed_m_s: float, force_n: float) -> None:
-        """Take a sample; one that is not finite or out of all reach is left out."""
+        """Add a sample; one that is not finite or beyond a plausible depth is ignored."""
         if not math.isfinite(force_n + speed_m_s) or not abs(depth_m) < _FARTHEST_M:
             return
         for cell, share in _corners(depth_m, speed_m_s):
@@ -72,7 +71,7 @@ class ForceMap:
             del self._cells[next(iter(self._cells))]
 
     def look_up(self, depth_m: float, speed_m_s: float) -> tuple[float, float]:
-        """Return the force (N) met there and its weight, from 0 (unknown) to 1."""
+        """Return the mean force (N) at a depth and speed, and its weight from 0 (unknown) to 1."""
         if not math.isfinite(speed_m_s) or not abs(depth_m) < _FARTHEST_M:
             return 0.0, 0.0
         weight = total_n = 0.0

@@ -1,4 +1,4 @@
-"""Contact along the surface's normal: a law that never pulls, and a step that never heats.
+"""Contact along the surface normal: a unilateral force law and an energy-consistent step.
 
 The law is linear-elastic with Kelvin-Voigt and Hunt-Crossley damping (Hunt and Crossley,
 "Coefficient of restitution interpreted as damping in vibroimpact", J. Appl. Mech. 42,
@@ -80,7 +80,7 @@ class Drive:
 
 
 def substeps(drive: Drive, law: ContactLaw, tick_s: float) -> int:
-    """Return how many sub-steps of a tick keep the phase within `STEP_ANGLE` each."""
+    """Return the number of sub-steps of a tick that keeps the phase within `STEP_ANGLE` each."""
     fastest = math.sqrt((drive.stiffness_n_m + law.stiffness_n_m) / drive.mass_kg)
     return max(1, math.ceil(fastest * tick_s / STEP_ANGLE))
 

@@ -1,4 +1,4 @@
-"""Time-domain passivity: count the energy at a port, and give out no more than was put in.
+"""Time-domain passivity: account for the energy at a port and never output more than was put in.
 
 The passivity observer and controller of Hannaford and Ryu ("Time-domain passivity control of
 haptic interfaces", IEEE Trans. Robot. Autom. 18 (2002)), at each end of a delayed two-port
@@ -123,7 +123,7 @@ class ForcePort:
 
     @property
     def out_j(self) -> float:
-        """Energy (J) that the hand has got."""
+        """Energy (J) that the hand has received."""
         return self._observer.out_j + self.overdrawn_j
 
     def step(
@@ -163,12 +163,12 @@ class ForcePort:
         return self._force_n
 
     def displayed(self, force_n: float) -> None:
-        """Note that another force was displayed than `step` returned, no larger than it."""
+        """Record that a force other than `step` returned, and no larger, was displayed."""
         self._withheld_n += self._force_n - force_n
         self._force_n = force_n
 
     def rest(self) -> None:
-        """Note that nothing is displayed, and that the next step is the first at its place."""
+        """Stop displaying a force; the next step starts at a new position."""
         self._position_m = None
         self._force_n = self._withheld_n = 0.0
 
@@ -200,7 +200,7 @@ class MotionPort:
     """
 
     _QUIET_N: Final = 0.05
-    """Less is taken for the sensor's noise."""
+    """Forces below this are treated as sensor noise."""
     _CATCH_UP: Final = 0.02
     """Share of the drift that is made up for in a tick, where the energy is there."""
     _CATCH_UP_M_S: Final = 0.05
@@ -235,7 +235,7 @@ class MotionPort:
         return 0.0 if self._command_m is None else self._command_m - self._wanted_m
 
     def measure(self, force_n: float) -> None:
-        """Take the force on the tool, the mean of the tick that followed the last command."""
+        """Record the force on the tool, the mean of the tick that followed the last command."""
         if not math.isfinite(force_n):
             force_n = 0.0
         self._force_n = force_n if abs(force_n) > self._QUIET_N else 0.0

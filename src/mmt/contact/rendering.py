@@ -1,13 +1,13 @@
-"""Render a contact model locally, its parameters changing without a jump.
+"""Local rendering of a contact model whose parameters change smoothly.
 
-The parameters go towards the newest estimate by and by. A stiffer spring, or a surface that
-comes nearer, holds more energy at the same depth, which nobody has put in. Holding it costs
-nothing; giving it to the hand would. That is what the port which displays the force prevents,
-by exact accounts of force and travel (`mmt.contact.passivity.ForcePort`): the hand never gets
-more than it gave and a small reserve, however the parameters change. It asks less of an update
-than to hold the stored energy itself (Xu, Cizmeci, Schuwerk and Steinbach, "Model-mediated
-teleoperation: toward stable and transparent teleoperation systems", IEEE Access 4 (2016),
-section V): there a hand that rests in contact would feel nothing of a model that comes late.
+The parameters approach the newest estimate exponentially. A stiffer spring, or a surface that moves
+towards the hand, stores energy at the same depth that the hand has not put in. The port that
+displays the force keeps this energy from the hand by an exact account of force and travel
+(`mmt.contact.passivity.ForcePort`): the hand never receives more than it gave plus a small reserve,
+however the parameters change. This restricts updates less than holding the stored energy constant
+(Xu, Cizmeci, Schuwerk and Steinbach, "Model-mediated teleoperation: toward stable and transparent
+teleoperation systems", IEEE Access 4 (2016), section V): there a hand that rests in contact would
+feel nothing of a model that comes late.
 
 The force is held for a tick, and so computed for the tick's middle: a spring that is evaluated
 at its beginning gives back half a tick's travel more than it took, at each stroke.
@@ -23,7 +23,7 @@ from mmt.contact.estimation import ContactModel
 from mmt.core.errors import InputError
 
 _FILTER_S: Final = 3e-3
-"""Time constant of the speed that the rendered damper feels: a position has steps."""
+"""Time constant of the speed filter of the rendered damper: positions are quantised."""
 _REFERENCE_N: Final = 1.0
 """Force at which a model's stiffness is compared with the largest allowed."""
 _REFERENCE_M: Final = 1e-3
@@ -32,7 +32,7 @@ _REFERENCE_M: Final = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class RenderingSettings:
-    """How a contact is rendered.
+    """Limits and smoothing of the rendering.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class RenderingSettings:
 
 
 class LocalContact:
-    """The model that the hand feels, one tick after another."""
+    """Renderer of the contact model at the hand, called every tick."""
 
     def __init__(self, settings: RenderingSettings | None = None) -> None:
         self._settings = settings or RenderingSettings()
@@ -78,15 +78,15 @@ class LocalContact:
         self._depth_m: float | None = None
         self._smooth_m = 0.0
         self.rendered: ContactModel | None = None
-        """What is rendered now, None before the first model."""
+        """The model rendered now, None before the first."""
 
     def set_target(self, model: ContactModel | None) -> None:
-        """Render this model from now on, by and by; None leaves what is rendered."""
+        """Set the model that the rendered one approaches; None keeps the present target."""
         if model is not None:
             self._target = self._no_stiffer(model)
 
     def rest(self) -> None:
-        """Forget where the hand was; the model stays."""
+        """Reset the position of the hand; the model is kept."""
         self._depth_m = None
 
     def step(self, depth_m: float, ticks: int = 1) -> float:

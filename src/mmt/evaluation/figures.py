@@ -8,8 +8,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from mmt.core.arrays import FloatArray
 from mmt.evaluation.results import Evaluation, HeldOutSegment, Score
 from mmt.evaluation.truth import DENSITY_HZ
+from mmt.texture.model.samples import TextureSamples
+from mmt.texture.selection import Selection
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
 from mmt.texture.signals.metrics import JND_DB
 
@@ -217,3 +220,68 @@ def _legend(axis: Axes, evaluations: Sequence[Evaluation]) -> None:
         frameon=False,
         fontsize=9,
     )
+
+
+def selection_plane(samples: TextureSamples, selection: Selection) -> Figure:
+    """Draw what is kept, redundant and wrong; a panel more where the heading counts."""
+    directed = samples.space.directed
+    figure = Figure(figsize=(9.6 if directed else 5.4, 4.0), layout="constrained")
+    axes = figure.subplots(1, 2 if directed else 1, squeeze=False)[0]
+    _scatter(axes[0], np.column_stack([samples.speed_mm_s, samples.force_n]), selection)
+    axes[0].set(xlabel="speed (mm/s)", ylabel="normal force (N)")
+    if directed:
+        _scatter(axes[1], samples.inputs[:, :2], selection)
+        axes[1].set(xlabel="velocity x (mm/s)", ylabel="velocity y (mm/s)", aspect="equal")
+    axes[0].legend(loc="best", fontsize=8, framealpha=0.9)
+    return figure
+
+
+def _scatter(axis: Axes, places: FloatArray, selection: Selection) -> None:
+    for name, chosen, size, colour, marker in (
+        ("redundant", selection.redundant, 12.0, "#8a9099", "o"),
+        ("kept", selection.kept, 26.0, "#0072b2", "o"),
+        ("outlier", selection.outlier, 34.0, "#d55e00", "X"),
+    ):
+        axis.scatter(
+            places[chosen, 0],
+            places[chosen, 1],
+            s=size,
+            color=colour,
+            marker=marker,
+            label=f"{name} ({int(chosen.sum())})",
+        )
+
+
+def errors_by_heading(evaluation: Evaluation) -> Figure:
+    """Draw GFC, log-spectral distance and power error against the heading, a line a model."""
+    figure = Figure(figsize=(9.6, 3.3), layout="constrained")
+    panels = (
+        ("gfc", "GFC"),
+        ("log_spectral_db", "log-spectral distance (dB)"),
+        ("power_error_db", "power error (dB rms)"),
+    )
+    axes = figure.subplots(1, len(panels))
+    for axis, (name, title) in zip(axes, panels, strict=True):
+        for place, errors in enumerate(evaluation.by_heading):
+            axis.plot(
+                [sector.heading_deg for sector in errors.sectors],
+                [getattr(sector, name) for sector in errors.sectors],
+                color=COLOURS[place],
+                marker="osD"[place],
+                markersize=4.5,
+                label=errors.model,
+            )
+        axis.set_title(title, fontsize=10)
+        axis.set_xlabel("heading (degrees)")
+        axis.set(xlim=(0, 360), xticks=range(0, 361, 90))
+        axis.grid(color="#e3e6ea", linewidth=0.6)
+        if name == "gfc":
+            axis.set_ylim(top=1.0)
+        else:
+            axis.set_ylim(bottom=0.0)
+    axes[-1].axhline(
+        JND_DB, color="#8a9099", linestyle="--", linewidth=1.0, label="just noticeable"
+    )
+    handles, labels = axes[-1].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    return figure

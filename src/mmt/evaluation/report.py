@@ -165,7 +165,6 @@ def _overview(evaluations: Sequence[Evaluation]) -> list[Block]:
 def _session(evaluation: Evaluation, prefix: str) -> list[Block]:
     from mmt.evaluation import figures
     from mmt.evaluation.growth import model_growth
-    from mmt.evaluation.heading_report import heading_blocks
 
     blocks: list[Block] = [
         Heading(f"Session {evaluation.name}"),
@@ -198,7 +197,7 @@ def _session(evaluation: Evaluation, prefix: str) -> list[Block]:
             ),
             tables.worst(evaluation),
         ]
-    blocks += heading_blocks(evaluation, prefix)
+    blocks += _heading_blocks(evaluation, prefix)
     return [*blocks, Heading("Every step", 3), tables.steps(evaluation)]
 
 
@@ -218,3 +217,16 @@ def _appendix(scene: Mapping[str, Any] | None, *, with_scores: bool) -> list[Blo
 
 def _file_name(name: str) -> str:
     return "".join(letter if letter.isalnum() or letter in "-_" else "-" for letter in name)[:48]
+
+
+def _heading_blocks(evaluation: Evaluation, prefix: str) -> list[Block]:
+    """Return what a report says by heading; nothing where the texture does not depend on it."""
+    if not evaluation.by_heading:
+        return []
+    from mmt.evaluation import figures
+
+    caption = f"Errors against the known texture by heading, at {evaluation.final.time_s:.1f} s."
+    return [
+        picture(f"{prefix}headings", caption, figures.errors_by_heading(evaluation)),
+        tables.by_heading(evaluation),
+    ]

@@ -6,13 +6,12 @@ from typing import Final
 
 import numpy as np
 
-from mmt.evaluation.grid_errors import GridErrors, HeadingErrors
+from mmt.evaluation.grid_errors import GridErrors, HeadingErrors, Strokes
 from mmt.evaluation.held_out import Approximation, HeldOutRecording
 from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.results import HeldOutSegment, PowerMap, Score, Worst
-from mmt.evaluation.strokes import Strokes
 from mmt.evaluation.truth import DENSITY_HZ, KnownTexture
-from mmt.texture.completion.criteria import make_criterion
+from mmt.texture.completion.criterion import make_criterion
 from mmt.texture.completion.distance import cells_of
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.online.history import ModelHistory

@@ -4,9 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mmt.evaluation.document import Block, Heading, SmallTables, Table
-from mmt.evaluation.grid_errors import SectorErrors
+from mmt.evaluation.grid_errors import SECTOR_DEG, SectorErrors
 from mmt.evaluation.results import Evaluation, Score
-from mmt.evaluation.strokes import SECTOR_DEG
 from mmt.evaluation.texts import label, number, plain, seconds, share
 
 

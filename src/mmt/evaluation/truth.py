@@ -12,11 +12,16 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.evaluation.bands import band_errors_db
-from mmt.evaluation.grid_errors import GridErrors, HeadingErrors, by_heading
-from mmt.evaluation.levels import bounded_error_db
+from mmt.evaluation.grid_errors import (
+    GridErrors,
+    HeadingErrors,
+    Strokes,
+    all_headings,
+    by_heading,
+    over_plane,
+)
+from mmt.evaluation.levels import band_errors_db, bounded_error_db
 from mmt.evaluation.results import PowerMap, Worst
-from mmt.evaluation.strokes import Strokes, all_headings, over_plane
 from mmt.evaluation.worst import Error, explain
 from mmt.testing.simulation.surfaces import Surface, surface_from_annotations
 from mmt.texture.autoregression.forms import ar_spectrum, lsf_to_ar, lsf_to_reflection, output_power

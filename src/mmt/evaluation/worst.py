@@ -6,8 +6,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mmt.core.arrays import FloatArray
+from mmt.evaluation.grid_errors import Strokes
 from mmt.evaluation.results import Limit, Worst
-from mmt.evaluation.strokes import Strokes
 from mmt.texture.interpolation.vertices import COINCIDENT
 from mmt.texture.model.texture_model import TextureModel
 

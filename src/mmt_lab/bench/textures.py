@@ -6,8 +6,8 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
+from mmt.evaluation.grid_errors import GRID_FORCE_N, GRID_SPEED_MM_S
 from mmt.evaluation.levels import root_mean_square
-from mmt.evaluation.strokes import GRID_FORCE_N, GRID_SPEED_MM_S
 from mmt.scene import Scene
 from mmt.session.data import RecordedSession
 from mmt.testing.simulation.offline import simulate_session

@@ -17,9 +17,13 @@ from mmt.core.arrays import FloatArray, RecordArray
 from mmt.evaluation.levels import level_error_db
 from mmt.evaluation.truth import KnownTexture
 from mmt.testing.simulation.textures import SURFACES
-from mmt.texture.completion.grid import CompletionGrid, completion_grid
-from mmt.texture.field.level_outlook import Outlook, outlook
-from mmt.texture.field.stroking_density import StrokingDensity
+from mmt.texture.completion.uncertainty import (
+    CompletionGrid,
+    Outlook,
+    StrokingDensity,
+    completion_grid,
+    outlook,
+)
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import ModelHistory, build
 from mmt.texture.settings import Criterion, ModellingSettings
@@ -38,7 +42,7 @@ DEVIATIONS_DB: Final = (0.0, 0.25, 0.5, 1.0, 2.0, float("inf"))
 class Update:
     """One update of a model: shares within one JND that are expected and true.
 
-    ``even`` over the grid of `mmt.texture.completion.grid`, otherwise weighted by the
+    ``even`` over the grid of `mmt.texture.completion.uncertainty`, otherwise weighted by the
     operator's motion up to then.
     """
 

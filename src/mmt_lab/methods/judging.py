@@ -60,7 +60,7 @@ class Judged:
     time_s, samples
         Session time, and samples of the model.
     figures
-        By `FIGURES`, over the grid of `mmt.evaluation.strokes`.
+        By `FIGURES`, over the grid of `mmt.evaluation.grid_errors`.
     bands_db
         Root mean square error of the power in each of nine bands, shape (9,).
     """

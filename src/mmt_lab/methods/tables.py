@@ -5,8 +5,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
-from mmt.evaluation.bands import BAND_EDGES_HZ
 from mmt.evaluation.document import Block, Heading, Table
+from mmt.evaluation.levels import BAND_EDGES_HZ
 from mmt.evaluation.report_files import picture
 from mmt.evaluation.texts import number
 from mmt_lab.judged_report import write_judged_report

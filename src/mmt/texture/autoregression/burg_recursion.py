@@ -176,7 +176,7 @@ def burg_each_into(
     """Fit segments that lie one behind the other in `joined`, each up to its stop (s,).
 
     `reflection` (s, m) and `variances` (s, m + 1) receive a row for each, see `burg_into`.
-    Returns how many were fitted, which is the number of the first one that is not finite.
+    Returns the number of segments fitted: all, or the index of the first that is not finite.
     """
     longest, start = 0, 0
     for stop in stops:

@@ -1,4 +1,4 @@
-"""How many independent samples the power of a stretch of vibration is worth.
+"""Effective sample size of the power of a stretch of vibration.
 
 The mean square of N samples of a stationary Gaussian process scatters about its power P with
 the variance ``2 P^2 sum_k rho_k^2 / N``, rho_k the autocorrelation at lag k and the sum over all
@@ -20,10 +20,10 @@ from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import lsf_to_ar
 
 LEAST: Final = 2.0
-"""Below this a power says next to nothing; narrower lines than the grid resolves end here."""
+"""Least effective sample size: narrower lines than the spectral grid resolves end here."""
 
 UNKNOWN: Final = 100.0
-"""Of a sample whose length is not known: 0.6 dB."""
+"""Effective sample size assumed where the length is not known: a scatter of 0.6 dB."""
 
 _PERIOD: Final = 1024  # lines of 1 Hz at 1 kHz
 _WEIGHTS: Final = np.r_[0.5, np.ones(_PERIOD // 2 - 1), 0.5] / (_PERIOD // 2)
@@ -31,29 +31,30 @@ _TINY: Final = 1e-300
 
 
 def effective_samples(lsf: FloatArray, counts: FloatArray) -> FloatArray:
-    """Return nu of each stretch, from `LEAST` to its number of samples.
+    """Return the effective sample size nu of each stretch, from `LEAST` to its length, (n,).
 
     Parameters
     ----------
     lsf
-        The filter fitted to each, shape (n, order), ascending in (0, pi).
+        Line spectral frequencies (rad) of the filter fitted to each, shape (n, order), ascending
+        in (0, pi).
     counts
-        Samples of each, shape (n,).
+        Number of samples of each, shape (n,).
     """
     longest = np.asarray(counts, dtype=np.float64)
     return np.asarray(np.maximum(longest * _independent(lsf), LEAST))
 
 
 def lengths(lsf: FloatArray, effective: FloatArray) -> FloatArray:
-    """Return how many samples stretches have whose powers are worth so many, shape (n,).
+    """Return the lengths (n,) in samples of stretches of given effective sample sizes.
 
-    The inverse of `effective_samples`, but for what `LEAST` has raised.
+    The inverse of `effective_samples`, except where that was raised to `LEAST`.
     """
     return np.asarray(effective / _independent(lsf))
 
 
 def _independent(lsf: FloatArray) -> FloatArray:
-    """Return the share of samples that are independent of each other, above 0 to 1, shape (n,)."""
+    """Return effective over actual sample size, above 0 and at most 1, shape (n,)."""
     if not len(lsf):
         return np.empty(0)
     response = np.fft.rfft(np.insert(lsf_to_ar(np.array(lsf)), 0, 1.0, axis=1), _PERIOD, axis=1)
@@ -69,7 +70,7 @@ def log_power_scatter(effective: FloatArray) -> tuple[FloatArray, FloatArray]:
     Parameters
     ----------
     effective
-        Independent samples nu that each mean square is worth, positive, shape (n,).
+        Effective sample size nu of each mean square, positive, shape (n,).
     """
     half = 0.5 * np.asarray(effective, dtype=np.float64)
     return digamma(half) - np.log(half), polygamma(1, half)

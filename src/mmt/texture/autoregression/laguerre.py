@@ -36,7 +36,7 @@ _EVEN_BEND: Final = 4 * LANES
 _ODD_BEND: Final = 5 * LANES
 _CHANGES: Final = 6 * LANES
 X: Final = 7 * LANES
-# The zero lies between; so many others are above it, of so many in all.
+# Bracket of the zero, the number of zeros above it, and the number of all zeros:
 _LOW: Final = 8 * LANES
 _HIGH: Final = 9 * LANES
 _ABOVE: Final = 10 * LANES
@@ -56,7 +56,7 @@ _STRETCH: Final = 8  # pairs of steps, each shrinking r by 2^-106 at most, withi
 def begin_search(
     state: FloatArray, lane: int, x: float, above: int, degree: int, longer: bool
 ) -> None:
-    """Let a lane search, from `x` on, the zero in (0, 4) that `above` of the `degree` exceed.
+    """Start the search of a lane at `x` for the zero in (0, 4) that `above` of `degree` exceed.
 
     Its recurrence has as many steps as `improve` is told, or one less if not `longer`.
     """
@@ -88,7 +88,7 @@ def _rescale(state: FloatArray) -> None:
 
 @kernel("void(f8[::1], f8[::1], i8)")
 def _steps_in_pairs(state: FloatArray, coefficients: FloatArray, pairs: int) -> None:
-    """Take pairs of steps of the recurrence and its derivatives; count the sign changes."""
+    """Advance the recurrence and its derivatives by pairs of steps; count the sign changes."""
     for pair in range(pairs):
         if pair > 0 and pair % _STRETCH == 0:
             _rescale(state)
@@ -112,7 +112,7 @@ def _steps_in_pairs(state: FloatArray, coefficients: FloatArray, pairs: int) -> 
 
 @kernel("void(f8[::1], f8[::1])")
 def _last_step(state: FloatArray, coefficients: FloatArray) -> None:
-    """Take the last of an odd number of steps, where there is one, as the result in odd place."""
+    """Advance by the last of an odd number of steps, if any; its result is in the odd place."""
     for lane in range(LANES):
         x, c, longer = state[X + lane], coefficients[lane], state[_LONGER + lane] > 0.0
         r, slope, bend = state[_ODD + lane], state[_ODD_SLOPE + lane], state[_ODD_BEND + lane]
@@ -193,7 +193,7 @@ def _move(state: FloatArray) -> None:
 
 @kernel("void(f8[::1], f8[::1], i8)")
 def improve(state: FloatArray, coefficients: FloatArray, order: int) -> None:
-    """Take one step towards its zero in every lane, about 4 in all from a fair start.
+    """Advance every lane by one step towards its zero; about 4 steps from a fair start.
 
     Parameters
     ----------

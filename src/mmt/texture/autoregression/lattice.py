@@ -1,4 +1,4 @@
-"""The normalised lattice: an all-pole filter that stays calm while it changes.
+"""The normalised lattice: an all-pole filter that stays bounded while it changes.
 
 Each stage turns the pair of forward and backward prediction error by a rotation, cosine
 ``sqrt(1 - k^2)``, sine k (Gray and Markel, "A normalized digital filter structure", IEEE

@@ -1,4 +1,4 @@
-"""Autoregressive filters in place of those with zeros.
+"""All-pole approximations of filters with zeros.
 
 A filter ``gain * C(z) / A(z)`` driven by white noise has an autocorrelation that follows from
 its coefficients without a transform; Levinson's recursion turns it into the all-pole filter of
@@ -17,12 +17,12 @@ from mmt.texture.settings import LARGEST_ORDER
 
 _CLOSE_DB = 0.1
 _FLOOR_DB = 60.0
-"""So far below its highest point a spectrum says no more: where it has zeros it has no end."""
+"""Spectra are compared down to this far below their maximum: at zeros they fall without bound."""
 _TRANSFORM = 2048
 
 
 class AllPole(NamedTuple):
-    """All-pole filters of one order in place of others.
+    """All-pole filters of one order that approximate others.
 
     ``reflection`` (n, order), ``variance`` (n,) of the excitation, and ``error_db`` (n,): the
     root mean square over frequency of the difference between the spectra in dB.

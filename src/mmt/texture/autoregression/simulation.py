@@ -1,4 +1,4 @@
-"""Realisations of an autoregressive model that are stationary from their first sample."""
+"""Simulation of autoregressive models, stationary from the first sample."""
 
 import math
 
@@ -16,7 +16,7 @@ def simulate_ar_into(
     output: FloatArray,
     past: FloatArray,
 ) -> None:
-    """Write one realisation (n,) from standard normal noise (m + n,).
+    """Write one simulated signal (n,) from standard normal noise (m + n,).
 
     The all-pole lattice, stable for every ``|k| < 1`` where a direct form is not. In the
     stationary state the backward errors of orders 0 ... m-1 are independent and have the

@@ -10,9 +10,14 @@ the linear phase taken out, the polynomials P and Q of every order obey three-te
 so that their zeros are the eigenvalues of symmetric tridiagonal matrices with a zero diagonal,
 in plus and minus pairs. From reflection coefficients, `mmt.texture.autoregression.laguerre`
 searches them by the recurrences. The other way, they are the singular values of bidiagonal
-matrices, whose squared entries are a qd array (see
-`mmt.texture.autoregression.quotient_difference`): alternately `q` and `e`, the coefficients of the
+matrices, whose squared entries are a qd array: alternately `q` and `e`, the coefficients of the
 recurrence.
+
+A qd array ``q[0], e[0], q[1], e[1], ...`` of positive numbers is the matrix ``B B^T``, B
+bidiagonal with the square roots of `q` on the diagonal and of `e` beside it (Rutishauser 1954;
+Fernando and Parlett, "Accurate singular values and differential qd algorithms", Numer. Math. 67
+(1994), 191-229). It is built from nodes and masses at O(size) a node, without subtractions, so
+that every result is accurate relative to itself.
 
 The coefficients are products of positive numbers, and small relative changes of them are all
 that roundings amount to. Hence small frequencies, frequencies near pi and reflection
@@ -35,7 +40,35 @@ from mmt.texture.autoregression.laguerre import (
     improve,
     is_found,
 )
-from mmt.texture.autoregression.quotient_difference import add_mass, move_origin
+
+
+@kernel("void(f8[::1], f8[::1], i8, f8)")
+def _move_origin(q: FloatArray, e: FloatArray, size: int, distance: float) -> None:
+    """Move all nodes up by `distance`: the stationary qd step with a positive shift."""
+    t = distance
+    for i in range(size):
+        old = q[i]
+        q[i] = old + t
+        if i + 1 < size:
+            share = e[i] / q[i]
+            e[i] = share * old
+            t = distance + share * t
+
+
+@kernel("void(f8[::1], f8[::1], i8, f8, f8)")
+def _add_mass(q: FloatArray, e: FloatArray, size: int, mass: float, added: float) -> None:
+    """Add a node of mass `added` at zero to nodes of total `mass`; the size grows by one."""
+    d = q[0] * (added / (mass + added))
+    q[0] *= mass / (mass + added)
+    for i in range(size - 1):
+        beside = d + e[i]
+        following = q[i + 1] / beside
+        q[i + 1] = following * e[i]
+        d *= following
+        e[i] = beside
+    e[size - 1] = d
+    q[size] = 0.0
+
 
 _LEAST_FREQUENCY: Final = 2.0**-100
 
@@ -207,15 +240,15 @@ def _recover(
     q[0] = 0.0
     size = 1
     for i in range(first + 2, order, 2):
-        move_origin(q, e, size, _distance(lsf[i - 2], lsf[i]))
-        add_mass(q, e, size, mass, weights[i // 2])
+        _move_origin(q, e, size, _distance(lsf[i - 2], lsf[i]))
+        _add_mass(q, e, size, mass, weights[i // 2])
         mass += weights[i // 2]
         size += 1
     last = order - 1 - (order - 1 - first) % 2
     cosine = math.cos(0.5 * lsf[last])
-    move_origin(q, e, size, 4.0 * cosine * cosine)
+    _move_origin(q, e, size, 4.0 * cosine * cosine)
     if at_pi > 0.0:
-        add_mass(q, e, size, mass, at_pi)
+        _add_mass(q, e, size, mass, at_pi)
     return float(mass + at_pi)
 
 

@@ -1,15 +1,15 @@
-"""When a model is good enough to render from, and when to stop modelling: what criteria share.
+"""What the criteria of completion share: their protocol, progress and thresholds.
 
-Two stand behind the one protocol here: the published sum of distances
-(`mmt.texture.completion.distance`) and the share of strokes whose level is expected to be right
-(`mmt.texture.completion.uncertainty`). Which one runs is known to
-`mmt.texture.completion.criteria` alone.
+A criterion says when a model is good enough to render from, and when modelling may stop. There are
+two: the published sum of distances (`mmt.texture.completion.distance`) and the share of strokes
+whose level is expected to be right (`mmt.texture.completion.uncertainty`). `make_criterion` builds
+the one that the settings name.
 """
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
-from mmt.texture.settings import CriterionScale
+from mmt.texture.settings import CriterionScale, ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 
 if TYPE_CHECKING:
@@ -25,10 +25,10 @@ class Progress:
     scale
         What is measured, and the thresholds.
     value
-        On that scale.
+        Value on that scale.
     cells
-        Of each cell of the input space, in the order of `completion.cells_of`: on the same
-        scale, or its part of it.
+        Value of each cell of the input space, in the order of `distance.cells_of`: on the same
+        scale, or its contribution to it.
     advice
         The inputs (d,), with units, of the stroke that helps most; None where nothing is known.
     """
@@ -42,17 +42,17 @@ class Progress:
         return f"{self.scale.title} {self.value:.2f}"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return which criterion it is and its value, for a program."""
+        """Return the name of the criterion and its value, for JSON."""
         return {"criterion": self.scale.criterion, "value": round(self.value, 4)}
 
 
 class Criterion(Protocol):
-    """Judges the model after each update.
+    """A criterion of completion, evaluated after each update of the model.
 
     Attributes
     ----------
     progress
-        After the newest update.
+        Progress after the newest update.
     start_s, stop_s
         The session time at which each threshold was first met, None before.
     """
@@ -62,13 +62,13 @@ class Criterion(Protocol):
     stop_s: float | None
 
     def observe(self, block: AlignedBlock) -> None:
-        """Take the newest of the stream: how the operator moves."""
+        """Add the newest aligned samples of the stream: how the operator moves."""
 
     def update(self, model: "TextureModel | None", time_s: float) -> None:
-        """Take the model, None where there is none, at a session time in seconds."""
+        """Evaluate the model (None before the first) at a session time in seconds."""
 
     def revoke_since(self, since_s: float) -> None:
-        """Count a threshold that was met later than `since_s` as not met where it is not."""
+        """Revoke thresholds met later than `since_s` that the present value does not meet."""
 
     @property
     def started(self) -> bool:
@@ -80,7 +80,7 @@ class Criterion(Protocol):
 
 
 class Thresholds:
-    """When the thresholds of a scale were first met; the base of criteria."""
+    """Base of criteria: session times at which the thresholds of a scale were first met."""
 
     progress: Progress
 
@@ -100,7 +100,7 @@ class Thresholds:
         return self.stop_s is not None
 
     def revoke_since(self, since_s: float) -> None:
-        """Count a threshold that was met later than `since_s` as not met where it is not."""
+        """Revoke thresholds met later than `since_s` that the present value does not meet."""
         value, scale = self.progress.value, self.scale
         if self.start_s is not None and self.start_s > since_s:
             self.start_s = self.start_s if scale.meets(value, scale.start) else None
@@ -108,8 +108,20 @@ class Thresholds:
             self.stop_s = self.stop_s if scale.meets(value, scale.stop) else None
 
     def meet(self, value: float, time_s: float) -> None:
-        """Note what a value meets at a session time."""
+        """Record which thresholds a value meets at a session time (s)."""
         if self.start_s is None and self.scale.meets(value, self.scale.start):
             self.start_s = time_s
         if self.stop_s is None and self.scale.meets(value, self.scale.stop):
             self.stop_s = time_s
+
+
+def make_criterion(settings: ModellingSettings) -> Criterion:
+    """Return the criterion that the settings name; the other one's module is not imported."""
+    if settings.criterion == "uncertainty":
+        from mmt.texture.completion.uncertainty import UncertaintyCriterion
+
+        return UncertaintyCriterion(settings)
+    from mmt.texture.completion.distance import CompletionMonitor
+
+    dimensions = 3 if settings.inputs == "anisotropic" else 2
+    return CompletionMonitor(*settings.distances, dimensions)

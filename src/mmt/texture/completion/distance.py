@@ -1,13 +1,13 @@
-"""When is a model complete: distances in its input space.
+"""Completion by distance: how densely samples cover the input space of a model.
 
 Awan et al., Model-Mediated Teleoperation for Remote Haptic Texture Sharing, section V.C and
 eq. (1). The plane, normalised by its maxima, is cut into 3 x 3 equal rectangles; for each
 centre the distances to the three nearest samples are added. Boundary points never count.
 
 With the heading as well, every axis is cut in three again, velocity from -300 to 300 mm/s:
-27 boxes. Of each, only what a hand can reach counts, at most 300 mm/s in any direction; its
-centre is that of the reachable part. The neighbours are four, as many as enclose a point of
-space, as three do in the plane. Eq. (1) asks for a mean distance of a third of a cell's
+27 boxes. Only the reachable part of each box counts, at most 300 mm/s in any direction, and its
+centre is that of this part. Four neighbours are summed, as many as enclose a point of space, as
+three do in the plane. Eq. (1) asks for a mean distance of a third of a cell's
 diagonal, and so does the sum here.
 """
 
@@ -61,13 +61,13 @@ class Cells:
     Attributes
     ----------
     centres
-        Normalised, shape (c, d).
+        Normalised centres, shape (c, d).
     neighbours
-        Whose distances are added at each.
+        Number of nearest samples whose distances are summed at each centre.
     diagonal
-        Of a whole cell.
+        Diagonal of a whole cell.
     farthest
-        The largest distance within the space, in place of a neighbour that is not there.
+        The largest distance within the space, which stands in for a missing neighbour.
     """
 
     centres: FloatArray
@@ -97,7 +97,7 @@ class Cells:
 
 
 def _reachable_centres() -> FloatArray:
-    """Return the centres (27, 3) of what the cylinder leaves of each box."""
+    """Return the centres (27, 3) of the part of each box inside the cylinder of speeds."""
     fine = (np.arange(_QUADRATURE) + 0.5) / _QUADRATURE
     rows = []
     for force in range(DIVISIONS):
@@ -114,7 +114,7 @@ def _reachable_centres() -> FloatArray:
 PLANE_CELLS: Final = Cells(
     CELL_CENTRES, NEIGHBOURS, math.hypot(1 / DIVISIONS, 1 / DIVISIONS), FARTHEST
 )
-"""Of speed and force."""
+"""Cells of the plane of speed and force."""
 
 VELOCITY_CELLS: Final = Cells(
     _reachable_centres(),
@@ -122,7 +122,7 @@ VELOCITY_CELLS: Final = Cells(
     math.hypot(2 / DIVISIONS, 2 / DIVISIONS, 1 / DIVISIONS),
     math.hypot(2.0, 1.0),
 )
-"""Of velocity vector and force."""
+"""Cells of the space of velocity vector and force."""
 
 
 def cells_of(dimensions: int) -> Cells:
@@ -160,14 +160,14 @@ def distance_sum(points: FloatArray) -> float:
 
 
 class CompletionMonitor(Thresholds):
-    """Remember which of the two criteria the model has met; see `mmt.texture.completion.criterion`.
+    """Completion criterion on the sum of distances; implements `criterion.Criterion`.
 
     Parameters
     ----------
     start_distance, stop_distance
         Thresholds on `distance_sum`.
     dimensions
-        Of the model's input space.
+        Dimensions of the model's input space, 2 or 3.
     """
 
     def __init__(
@@ -182,16 +182,16 @@ class CompletionMonitor(Thresholds):
         self.progress = self._at(np.empty((0, dimensions)))
 
     def observe(self, block: AlignedBlock) -> None:
-        """Take the newest of the stream, which says nothing here."""
+        """Ignore the stream: this criterion depends on the samples alone."""
 
     def update(self, model: "TextureModel | None", time_s: float) -> None:
-        """Take the model at a session time in seconds."""
+        """Evaluate the model (None before the first) at a session time in seconds."""
         self.update_points(
             np.empty((0, self._dimensions)) if model is None else model.points, time_s
         )
 
     def update_points(self, points: FloatArray, time_s: float) -> None:
-        """Take the samples (n, d) of the model at a session time in seconds."""
+        """Evaluate normalised samples (n, d) of a model at a session time in seconds."""
         self.progress = self._at(points)
         self.meet(self.progress.value, time_s)
 

@@ -1,33 +1,237 @@
-"""When is a model complete: the share of an operator's strokes whose level is expected right.
+"""Completion by uncertainty: the expected share of an operator's strokes rendered within one JND.
 
-In place of distances, the posterior of the level (`mmt.texture.field.level_process`) says at each
-stroke how likely its level is within one JND of the truth; the mean of that, weighted by where
-this operator strokes (`mmt.texture.field.stroking_density`), is the criterion's value. It is the
-expectation of a share that evaluations measure, `mmt evaluate --compare`, which shows how well it
-is calibrated.
+The posterior of the level (`mmt.texture.field.level_process`) gives the probability that the level
+at a stroke is within one just noticeable difference of the truth. The value of the criterion is the
+mean of that probability over a grid of strokes, weighted by an estimate of where this operator
+strokes (`StrokingDensity`). It is the expectation of a share that `mmt lab compare` measures.
 
-What it leaves out: the spectrum's shape, whose error has no posterior here, and what the stream
-does not tell, such as vibration far below the corner of the modelling's high-pass.
+It leaves out errors of the spectrum's shape, which have no posterior here, and what the stream does
+not contain, such as vibration far below the corner of the high-pass.
+
+*Level.* A normal error of standard deviation sd is within one JND with the probability
+``erf(JND / (sd sqrt(2)))``.
+
+*One step ahead.* A segment at stroke c whose power scatters with variance r reduces the variance at
+every x by ``cov(x, c)^2 / (var(c) + r)``, whatever it measures (a rank-one update; Rasmussen and
+Williams 2006, eq. 2.26). This gives the gain in the expected share for every c at once, in O(g^2)
+for g nodes.
+
+*Strokes.* The grid spans 40 to 260 mm/s and 0.4 to 2.6 N, the range that evaluations compare:
+strokes beyond are rare or hardly vibrate. The next stroke is taken to come from a Dirichlet process
+whose base measure is uniform over the grid with the weight of `PRIOR_S` of stroking: after t
+seconds it repeats an earlier stroke with probability t / (t + `PRIOR_S`) (Ferguson, "A Bayesian
+analysis of some nonparametric problems", Annals of Statistics 1, 1973; Blackwell and MacQueen,
+ibid., eq. 1). So unexplored strokes count, and count less the longer the operator leaves them out.
+A moment of stroking is spread over the nodes around it by Gaussians in the logarithms of speed and
+force and in heading; moments beyond the grid count at its edge.
 """
 
-import numpy as np
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
 
+import numpy as np
+from scipy.special import erf
+
+from mmt.core.arrays import FloatArray, IntArray
 from mmt.texture.completion.criterion import Progress, Thresholds
-from mmt.texture.completion.grid import completion_grid
-from mmt.texture.field.level_outlook import outlook
-from mmt.texture.field.stroking_density import StrokingDensity
+from mmt.texture.completion.distance import DIVISIONS, cells_of
+from mmt.texture.field.level_covariance import Features, nodes
+from mmt.texture.field.level_process import DB, LevelProcess
+from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
+from mmt.texture.signals.metrics import JND_DB
+
+SPEEDS_MM_S: Final = (40.0, 260.0)
+FORCES_N: Final = (0.4, 2.6)
+
+_PLANAR_SHAPE: Final = (1, 12, 12)
+_DIRECTED_SHAPE: Final = (12, 5, 5)
+"""Number of headings, speeds and forces."""
+
+
+class CompletionGrid:
+    """Grid of strokes, evenly spaced in speed, force and heading.
+
+    Parameters
+    ----------
+    space
+        Input space of the model.
+
+    Attributes
+    ----------
+    axes
+        Logarithms of normalised speeds and forces, and headings.
+    points
+        The nodes, normalised, shape (g, d), in the order of `level_covariance.nodes`.
+    """
+
+    def __init__(self, space: InputSpace) -> None:
+        headings, speeds, forces = _DIRECTED_SHAPE if space.directed else _PLANAR_SHAPE
+        turn = np.linspace(0.0, 2.0 * np.pi, headings, endpoint=False) + np.pi / headings
+        self.space = space
+        self.axes = Features(
+            np.log(np.linspace(*SPEEDS_MM_S, speeds) / space.maximum_speed_mm_s),
+            np.log(np.linspace(*FORCES_N, forces) / space.maximum_force_n),
+            turn if space.directed else 0.0 * turn,
+        )
+        self.nodes = at = nodes(self.axes)
+        speed, force = np.exp(at.speed), np.exp(at.force)
+        columns = [speed * np.cos(at.heading), speed * np.sin(at.heading), force]
+        self.points: FloatArray = np.column_stack(columns if space.directed else [speed, force])
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @property
+    def inputs(self) -> FloatArray:
+        """The nodes with units, shape (g, d)."""
+        return self.points * self.space.scale
+
+    @cached_property
+    def cells(self) -> IntArray:
+        """Index of the cell of `distance.cells_of` that holds each node, shape (g,)."""
+        places = self.points.copy()
+        if self.space.directed:
+            places[:, :2] = 0.5 * (places[:, :2] + 1.0)
+        steps = np.clip((places * DIVISIONS).astype(np.int64), 0, DIVISIONS - 1)
+        strides = DIVISIONS ** np.arange(self.space.dimensions)
+        return np.asarray(steps @ strides)
+
+    def mean_of_cells(self, values: FloatArray) -> FloatArray:
+        """Return the mean of the nodes' values (g,) in each cell, shape (c,)."""
+        count = len(cells_of(self.space.dimensions).centres)
+        total = np.bincount(self.cells, values, minlength=count)
+        return np.asarray(total / np.bincount(self.cells, minlength=count))
+
+
+def completion_grid(dimensions: int) -> CompletionGrid:
+    """Return the grid of the space of 2 or 3 inputs."""
+    return CompletionGrid(ISOTROPIC if dimensions == 2 else ANISOTROPIC)
+
+
+PRIOR_S: Final = 10.0
+"""Weight of the uniform base measure, in seconds of stroking: about the time that the published
+criterion takes to stop, by when half of the density is still uniform."""
+
+_WIDTHS: Final = (0.25, 0.25, 0.35)  # nepers, nepers, rad
+_STEP: Final = 10  # samples: a stroke changes little within 10 ms
+
+
+class StrokingDensity:
+    """Probability density of the operator's strokes over the nodes of a grid.
+
+    Parameters
+    ----------
+    grid
+        Grid of strokes.
+    least_speed_mm_s, least_force_n
+        Slower and lighter motion is no stroking.
+    rate_hz
+        Sampling rate of the stream.
+    """
+
+    def __init__(
+        self, grid: CompletionGrid, least_speed_mm_s: float, least_force_n: float, rate_hz: float
+    ) -> None:
+        self._grid = grid
+        self._least = least_speed_mm_s, least_force_n
+        self._moment_s = _STEP / rate_hz
+        self._seconds = np.zeros(len(grid))
+
+    def add(self, block: AlignedBlock) -> None:
+        """Add the newest block of aligned samples."""
+        stroking = block.valid & (block.speed_mm_s >= self._least[0])
+        stroking &= block.normal_force_n >= self._least[1]
+        chosen = np.flatnonzero(stroking)[::_STEP]
+        if not len(chosen):
+            return
+        space, axes = self._grid.space, self._grid.axes
+        speed = np.log(block.speed_mm_s[chosen] / space.maximum_speed_mm_s)
+        force = np.log(block.normal_force_n[chosen] / space.maximum_force_n)
+        velocity = block.velocity_mm_s[chosen]
+        turn = np.subtract.outer(axes.heading, np.arctan2(velocity[:, 1], velocity[:, 0]))
+        across = _near(axes.speed, np.clip(speed, axes.speed[0], axes.speed[-1]), _WIDTHS[0])
+        along = _near(axes.force, np.clip(force, axes.force[0], axes.force[-1]), _WIDTHS[1])
+        around = _shares(2.0 * np.sin(0.5 * turn), _WIDTHS[2])  # one heading: it alone
+        self._seconds += self._moment_s * np.einsum("hk,sk,fk->hsf", around, across, along).ravel()
+
+    @property
+    def seconds(self) -> FloatArray:
+        """Seconds of stroking at each node, shape (g,)."""
+        return self._seconds.copy()
+
+    @property
+    def weights(self) -> FloatArray:
+        """The probability of each node, shape (g,), all above zero, with the sum 1."""
+        seconds = self._seconds + PRIOR_S / len(self._seconds)
+        return np.asarray(seconds / seconds.sum())
+
+
+def _near(axis: FloatArray, values: FloatArray, width: float) -> FloatArray:
+    return _shares(np.subtract.outer(axis, values), width)
+
+
+def _shares(apart: FloatArray, width: float) -> FloatArray:
+    """Return the weights of k moments at the nodes of an axis, shape (nodes, k), summing to 1."""
+    square = np.square(apart / width)
+    near = np.exp(-0.5 * (square - square.min(axis=0)))
+    return np.asarray(near / near.sum(axis=0))
+
+
+_LEAST: Final = 1e-12
+"""Variances in nepers^2 count as no smaller: 4e-6 dB."""
+
+
+def right_probability(deviation_db: FloatArray) -> FloatArray:
+    """Return the probability that a normal error of each standard deviation is within one JND."""
+    least = DB * np.sqrt(_LEAST)
+    return np.asarray(erf(JND_DB / (np.sqrt(2.0) * np.maximum(deviation_db, least))))
+
+
+@dataclass(frozen=True, eq=False)
+class Outlook:
+    """Expected accuracy at every node of a grid, arrays of shape (g,).
+
+    Attributes
+    ----------
+    deviation_db
+        Standard deviation of the level's error.
+    right
+        Probability that it is within one JND.
+    gain
+        Increase of the weighted share by a further segment at that node.
+    """
+
+    deviation_db: FloatArray
+    right: FloatArray
+    gain: FloatArray
+
+    def share(self, weights: FloatArray) -> float:
+        """Return the expected share, weighted by (g,) weights whose sum is 1."""
+        return float(np.clip(self.right @ weights, 0.0, 1.0))
+
+
+def outlook(process: LevelProcess, grid: CompletionGrid, weights: FloatArray) -> Outlook:
+    """Return the `Outlook` of a posterior over a grid whose nodes have weights (g,)."""
+    covariance = process.covariance_on_grid(grid.axes)
+    variance = np.maximum(np.einsum("ii->i", covariance), _LEAST)
+    gained = np.square(covariance) / (variance + process.segment_variance)[:, None]
+    after = right_probability(DB * np.sqrt(np.maximum(variance - gained, _LEAST)))
+    deviation_db = DB * np.sqrt(variance)
+    right = right_probability(deviation_db)
+    return Outlook(deviation_db, right, np.asarray(after @ weights - right @ weights))
 
 
 class UncertaintyCriterion(Thresholds):
-    """Judge a model by the uncertainty of its level; see `Criterion`.
+    """Completion criterion on the uncertainty of the level; implements `Criterion`.
 
     Parameters
     ----------
     settings
-        Of the modelling: inputs, thresholds, what counts as stroking.
+        Modelling settings: inputs, thresholds, least speed and force of a stroke.
     """
 
     def __init__(self, settings: ModellingSettings) -> None:
@@ -40,11 +244,11 @@ class UncertaintyCriterion(Thresholds):
         self.progress = self._nothing = Progress(self.scale, 0.0, tuple(nothing.tolist()))
 
     def observe(self, block: AlignedBlock) -> None:
-        """Take the newest of the stream."""
+        """Add the newest block of the stream to the stroking density."""
         self.density.add(block)
 
     def update(self, model: TextureModel | None, time_s: float) -> None:
-        """Take the model at a session time; without one, or without any power, nothing is right."""
+        """Evaluate the model at a session time (s); the share is 0 without a model or any power."""
         process = None if model is None else model.level_process
         if process is None:
             self.progress = self._nothing

@@ -1,4 +1,4 @@
-"""How alike the levels at two strokes are: the prior of `mmt.texture.field.level_process`.
+"""Prior covariance of the level at two strokes, for `mmt.texture.field.level_process`.
 
 The level's logarithm is a power law of speed and force plus what departs from it:
 
@@ -27,7 +27,7 @@ from mmt.core.arrays import FloatArray
 from mmt.texture.field.trend import USUAL
 
 SLOWEST: Final = 0.01
-"""Of the largest speed and force; logarithms go no lower."""
+"""Least speed and force, as a share of the largest, whose logarithms are taken."""
 
 NAMES: Final = (
     "deviation",
@@ -48,10 +48,10 @@ chords, about radians; ``noise`` multiplies the standard deviation that the samp
 explain."""
 
 PLANAR: Final = 4
-"""Hyperparameters without headings."""
+"""Number of hyperparameters without headings."""
 
 NOISE: Final = 3
-"""Place of the noise's."""
+"""Index of the noise's hyperparameter."""
 
 PRIOR: Final = np.column_stack(
     [
@@ -70,7 +70,7 @@ _SPREAD: Final = (0.4, 0.25)  # of the exponents about the usual ones
 
 
 class Features(NamedTuple):
-    """Of k strokes: ln(speed), ln(force), heading (zeros in the plane), each shape (k,)."""
+    """Features of k strokes: ln(speed), ln(force), heading (zeros in the plane), each (k,)."""
 
     speed: FloatArray
     force: FloatArray
@@ -78,7 +78,7 @@ class Features(NamedTuple):
 
     @property
     def law(self) -> FloatArray:
-        """What the usual power law is at each, without its constant, shape (k,)."""
+        """Logarithm of the usual power law at each, without its constant, shape (k,)."""
         return USUAL[0] * self.speed + USUAL[1] * self.force
 
 

@@ -1,6 +1,10 @@
-"""The hyperparameters of `mmt.texture.field.level_process`: those of the largest posterior."""
+"""Hyperparameters of `mmt.texture.field.level_process`, chosen by maximum a posteriori.
 
-from typing import Final
+Samples of the level that lie close together are pooled first where there are too many: two
+samples at one stroke are worth exactly one at their weighted mean, with the variance of that mean.
+"""
+
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.linalg import cho_solve, cholesky
@@ -16,13 +20,56 @@ from mmt.texture.field.level_covariance import (
     covariance_and_slopes,
     departures,
 )
-from mmt.texture.field.level_pooling import LevelSamples
+
+_HEADINGS: Final = 2.0
+"""Weight of a radian of heading beside a neper of speed or force."""
+
+_COARSER: Final = 1.25
+
+
+class LevelSamples(NamedTuple):
+    """Samples of the level: features, bias-free logarithm of power (n,) and its variance (n,)."""
+
+    at: Features
+    logarithm: FloatArray
+    variance: FloatArray
+
+
+def pooled(samples: LevelSamples, largest: int) -> LevelSamples:
+    """Return at most `largest` samples; those of a cell become their precision-weighted mean.
+
+    The cells are squares in ln(speed) and ln(force), and heading, as small as possible.
+    The residual from the usual power law is averaged, not the level, so that pooling keeps the
+    law.
+    """
+    width = 0.05
+    while len(samples.logarithm) > largest:
+        samples = _by_cells(samples, width)
+        width *= _COARSER
+    return samples
+
+
+def _by_cells(samples: LevelSamples, width: float) -> LevelSamples:
+    at = samples.at
+    places = np.column_stack([at.speed, at.force, _HEADINGS * at.heading]) / width
+    _, cell = np.unique(np.floor(places), axis=0, return_inverse=True)
+    cell = cell.reshape(-1)
+    precision = 1.0 / samples.variance
+    total = np.bincount(cell, precision)
+
+    def mean(values: FloatArray) -> FloatArray:
+        return np.asarray(np.bincount(cell, precision * values) / total)
+
+    middle = Features(mean(at.speed), mean(at.force), mean(at.heading))
+    level = mean(samples.logarithm - at.law) + middle.law
+    return LevelSamples(middle, level, 1.0 / total)
+
 
 LARGEST_CHOICE: Final = 100
 """Samples, evenly chosen among all, that choose the hyperparameters."""
 
 BOUND: Final = 3.0
-"""Standard deviations of the prior beyond which no hyperparameter lies."""
+"""Bound on every hyperparameter, in standard deviations of its prior."""
 
 _SEARCH_STEPS: Final = 25
 _JITTER: Final = 1e-10
@@ -39,14 +86,14 @@ def add_noise(total: FloatArray, variance: FloatArray, logarithms: FloatArray) -
 def log_posterior(
     between: Departures, residuals: FloatArray, variance: FloatArray, logarithms: FloatArray
 ) -> tuple[float, FloatArray]:
-    """Return the log of the hyperparameters' posterior, but for a constant, and its slopes.
+    """Return the log posterior of the hyperparameters, up to a constant, and its gradient.
 
     Rasmussen and Williams, eq. 5.8 and 5.9, plus the logarithm of the prior.
 
     Parameters
     ----------
     between
-        Among the samples.
+        Distances among the samples.
     residuals, variance
         Logarithms of power without the usual law, and their variances, shape (n,).
     logarithms

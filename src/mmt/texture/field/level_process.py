@@ -23,8 +23,7 @@ from scipy.linalg import cho_solve, cholesky, solve_triangular
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.texture.autoregression.effective_sample_size import UNKNOWN, log_power_scatter
-from mmt.texture.field.effective_sharing import shared_effective
+from mmt.texture.autoregression.effective_sample_size import LEAST, UNKNOWN, log_power_scatter
 from mmt.texture.field.level_covariance import (
     NOISE,
     PLANAR,
@@ -40,10 +39,53 @@ from mmt.texture.field.level_covariance import (
     mean_on_grid,
     nodes,
 )
-from mmt.texture.field.level_hyperparameters import BOUND, add_noise, choose_hyperparameters
-from mmt.texture.field.level_pooling import LevelSamples, pooled
+from mmt.texture.field.level_hyperparameters import (
+    BOUND,
+    LevelSamples,
+    add_noise,
+    choose_hyperparameters,
+    pooled,
+)
 from mmt.texture.field.level_table import table_grid
 from mmt.texture.model.samples import TextureSamples
+
+_LARGEST_SHARED: Final = 200
+"""Number of evenly chosen segments that `shared_effective` averages over: its cost stays O(n)."""
+
+_SPEED_WIDTH: Final = 0.5  # nepers
+_LINE_WIDTH: Final = 0.3  # sine of the angle between two lines
+
+
+def shared_effective(points: FloatArray, lengths: FloatArray, effective: FloatArray) -> FloatArray:
+    """Return effective sample sizes that are averaged over segments of similar strokes, shape (n,).
+
+    A segment's effective sample size follows from the spectrum that is fitted to it, and scatters
+    with that fit: the powers of short segments whose narrow lines look broad would be trusted too
+    much. The share of independent samples is a property of the texture at that stroke, so it is
+    averaged over segments of similar speed along a similar line (a stroke and its return count as
+    alike), weighted by their length. Force, which hardly moves lines, does not count.
+
+    Parameters
+    ----------
+    points
+        Normalised inputs of the segments, shape (n, 2) or (n, 3).
+    lengths
+        Number of samples of each, shape (n,).
+    effective
+        Result of `effective_sample_size.effective_samples` for each alone, shape (n,).
+    """
+    count = len(effective)
+    chosen = np.unique(np.linspace(0, count - 1, min(count, _LARGEST_SHARED)).round().astype(int))
+    at = features(points)
+    apart = np.square(np.subtract.outer(at.speed, at.speed[chosen]) / _SPEED_WIDTH)
+    if points.shape[1] == 3:
+        turn = np.sin(np.subtract.outer(at.heading, at.heading[chosen]))
+        apart += np.square(turn / _LINE_WIDTH)
+    apart -= apart.min(axis=1, keepdims=True)  # so that one of them counts, however far
+    weights = np.exp(-0.5 * apart) * lengths[chosen]
+    dependent = weights @ (lengths / effective)[chosen] / weights.sum(axis=1)
+    return np.asarray(np.maximum(lengths / dependent, LEAST))
+
 
 DB: Final = 10.0 / np.log(10.0)
 """Decibel in a neper of power."""
@@ -66,12 +108,12 @@ class LevelProcess:
     points
         Normalised inputs of the samples, shape (n, 2) or (n, 3), finite.
     power
-        Mean square of each, shape (n,); samples of zero power say nothing, at least one is
+        Mean square of each, shape (n,); samples of zero power are ignored, at least one is
         above zero.
     effective
-        Independent samples that each power is worth, shape (n,), positive.
+        Effective sample size of each power, shape (n,), positive.
     noise_power
-        Of the sensor, which is in every power and is taken off.
+        Noise power of the sensor, which is subtracted from every power.
     previous
         An earlier state, whose hyperparameters are kept until there is much more to learn.
     hyperparameters

@@ -15,16 +15,16 @@ from mmt.core.compiled import kernel
 from mmt.texture.field.level_covariance import SLOWEST, Features
 
 PLANAR_SHAPE: Final = (1, 41, 41)
-"""Headings, speeds and forces of the table of a plane."""
+"""Headings, speeds and forces of a table without headings."""
 
 DIRECTED_SHAPE: Final = (48, 17, 17)
-"""Of one with headings, which are spread over a whole turn."""
+"""Headings (over a whole turn), speeds and forces of a table with headings."""
 
 TABLE_SIZES: Final = 8
-"""Place of the table's shape in `TextureModel.law`; headings are zero where there is none."""
+"""Index of the table's shape in `TextureModel.law`; headings are zero where there is none."""
 
 TABLE: Final = TABLE_SIZES + 3
-"""Place of its first value."""
+"""Index of the table's first value."""
 
 _PER_LOGARITHM: Final = -1.0 / np.log(SLOWEST)
 _PER_RADIAN: Final = 0.5 / np.pi

@@ -1,7 +1,7 @@
-"""Line spectral frequencies of a model's samples, with the scatter of their fits taken out.
+"""Line spectral frequencies of a model's samples, smoothed to remove the scatter of their fits.
 
-Each segment tells its filter with noise that shrinks with its length, and neighbours tell each
-other's: a stretch that is visited again and again is known as well as all its visits. Every
+The filter of each segment has an error that shrinks with its length, and neighbours are similar:
+repeated strokes in one region determine its filter together. Every
 frequency of the common order is estimated as a Gaussian process over the plane, or over velocity
 and force: a linear part, and a departure with a Matern covariance of smoothness 5/2 (Rasmussen
 and Williams, Gaussian Processes for Machine Learning, 2006, section 2.2). A sample's noise is in
@@ -37,7 +37,7 @@ LARGEST: Final = 128
 """Nodes of the process; more samples are pooled."""
 
 LEAST_SAMPLES: Final = 4
-"""With fewer there is nothing to tell noise by."""
+"""Least number of samples from which the noise is estimated."""
 
 _CHOICE: Final = 64
 _SCALES: Final = ((0.25, 0.5, 1.0), (0.35, 0.7, 1.4))  # of speed or velocity, of force
@@ -68,7 +68,7 @@ def smoothed(
     lsf
         Strictly ascending in (0, pi), shape (n, order).
     weights
-        How much each sample knows, such as its length, positive, shape (n,).
+        Precision of each sample, such as its length, positive, shape (n,).
     around
         Further points to which the process is continued, shape (b, d), none by default.
     """

@@ -1,4 +1,4 @@
-"""How the level of an anisotropic texture grows with speed and force, as a power law.
+"""Power law of the level of an anisotropic texture over speed and force.
 
 A hand at rest, or one that does not press, feels nothing. In the plane of speed and force two
 edges say so; in the space of velocity and force it is a line and a face with a corner between
@@ -26,7 +26,7 @@ _SPREAD: Final = 0.3  # of the exponents of textures about the usual ones
 _SCATTER: Final = 1.0  # of a level's logarithm about the law: heading, shape of the spectrum
 _BOUNDS: Final = (0.2, 2.5)
 _SLOWEST: Final = 0.01
-"""Of the largest speed and force; below, the level falls to zero linearly."""
+"""Share of the largest speed and force below which the level falls to zero linearly."""
 
 
 class Trend(NamedTuple):
@@ -61,7 +61,7 @@ def fit_trend(points: FloatArray, level: FloatArray, *, is_amplitude: bool) -> T
     points
         Normalised velocity and force, shape (n, 3).
     level
-        Shape (n,), not negative; zeros say nothing.
+        Shape (n,), not negative; zeros are ignored.
     is_amplitude
         Whether the level is the root of a power: exponents are then half as large.
     """

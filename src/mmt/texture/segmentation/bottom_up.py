@@ -206,7 +206,7 @@ def _bottom_up(
                     cost = _deviation(position_mm, left * CELL, stop[right] * CELL)
                 else:
                     cost = _variation(moments, vector, left, right, stop[right])
-            # Neither what is too dear nor what is no number may ever be chosen.
+            # A cost above the limit, or NaN, must never be chosen.
             _set_leaf(tree, left, cost if cost <= limit else np.inf)
         if tree[1] == np.inf:
             return begins

@@ -1,18 +1,18 @@
-"""What the modelling's high-pass takes from lines that are too slow for it, given back.
+"""Restoration of the low-frequency vibration that the modelling's high-pass removes.
 
-Ridges that a stroke follows, or crosses slowly, have lines below some 15 Hz, of which the 10 Hz
-high-pass leaves too little. It stands there to keep the hand's own motion out. What the hand does
-at those frequencies is told in the air, where nothing is felt and the hand moves no less than in a
-stroke. So a segment is modelled from vibration with a lower corner where this brings more power
-than it brings in nine of ten windows in the air; the others, and all segments as long as the hand
-is not known, stay as they are.
+Ridges that a stroke follows, or crosses slowly, have lines below some 15 Hz, which the 10 Hz
+high-pass attenuates. The high-pass is there to remove the hand's own motion. How much of that
+motion lies at those frequencies is measured in the air, where nothing is touched and the hand moves
+no less than in a stroke. A segment is modelled from vibration with a lower corner where this adds
+more power than it adds in nine of ten windows in the air; all others, and all segments as long as
+too few windows were measured, are unchanged.
 
-The lower corner is half an octave below. A second-order high-pass lets motion far below its
-corner through with an amplitude of 1 / corner^2: twice as much, while a line at 8 Hz keeps 0.62
-of its power in place of 0.29. Two high-passes of one order differ by a quotient of
-denominators, a stable filter of gain 1 for high frequencies and 2 for a constant, through which
-the vibration is led on. It starts, like the high-pass itself, in the steady state of the first
-sample after a gap, so that the two together are the high-pass of the lower corner to rounding.
+The lower corner is half an octave below. A second-order high-pass passes motion far below its
+corner with an amplitude of 1 / corner^2: twice as much, while a line at 8 Hz keeps 0.62 of its
+power instead of 0.29. Two high-passes of one order differ by a quotient of denominators, a stable
+filter of gain 1 at high frequencies and 2 at zero, which is applied to the vibration. It starts,
+like the high-pass itself, in the steady state of the first sample after a gap, so that the two
+together are the high-pass of the lower corner to rounding.
 """
 
 from collections import deque
@@ -32,22 +32,22 @@ from mmt.texture.signals.noise_floor import WINDOWS_KEPT, still_powers
 LOW_CUTOFF_HZ: Final = VIBRATION_CUTOFF_HZ / 2.0**0.5
 
 LEAST_AIR_WINDOWS: Final = 20
-"""A second in the air; with less, a start with a quiet hand would stand for all that follows."""
+"""Least windows in the air, a second: fewer may miss how much the hand moves later."""
 
 _PERCENTILE: Final = 90.0
 _KEPT_SAMPLES: Final = 10_000
-"""Before the newest block; a segment that is still found reaches back a second or two."""
+"""Samples kept before the newest block; segments reach back a second or two."""
 
 
 class LowBand:
-    """The vibration of a stream with a lower corner, and how much of that is the hand's.
+    """Vibration of a stream with a lower corner frequency, and the power of the hand in it.
 
     Cost: 0.1 us a sample and axis.
 
     Parameters
     ----------
     rate_hz
-        Of the stream.
+        Sampling rate of the stream.
     """
 
     def __init__(self, rate_hz: float) -> None:
@@ -57,7 +57,7 @@ class LowBand:
         self._hand: deque[float] = deque(maxlen=WINDOWS_KEPT)
 
     def update(self, block: AlignedBlock) -> None:
-        """Take the next block of the stream."""
+        """Add the next block of the stream."""
         if not len(block):
             return
         before = self._index[-1] if len(self._index) else block.index[0] - 2
@@ -73,16 +73,16 @@ class LowBand:
 
     @property
     def hand_power(self) -> float:
-        """Power in (m/s2)^2 that the lower corner brings in the air.
+        """Power in (m/s2)^2 that the lower corner adds in the air: its 90th percentile.
 
-        Its 90th percentile over windows; infinite as long as nothing is known.
+        Infinite with fewer than `LEAST_AIR_WINDOWS` windows.
         """
         if len(self._hand) < LEAST_AIR_WINDOWS:
             return float("inf")
         return float(np.percentile(self._hand, _PERCENTILE))
 
     def restored(self, segment: Segment) -> Segment:
-        """Return a segment with what the high-pass took, where that is not the hand's."""
+        """Return the segment with its low band restored where that exceeds the hand's power."""
         if self._vibration_m_s2 is None:
             return segment
         start = int(np.searchsorted(self._index, segment.start))
@@ -99,7 +99,7 @@ class LowBand:
 
 
 def lowering(rate_hz: float) -> Biquad:
-    """Return what turns the published high-pass into the one of the lower corner."""
+    """Return the section that turns the published high-pass into that of the lower corner."""
     usual = butterworth_high_pass(VIBRATION_CUTOFF_HZ, rate_hz)
     lower = butterworth_high_pass(LOW_CUTOFF_HZ, rate_hz)
     gain = lower.b0 / usual.b0

@@ -39,7 +39,7 @@ from mmt.texture.signals.aligned import AlignedBlock
 
 @dataclass(frozen=True)
 class SegmentationSettings:
-    """What counts as a segment.
+    """Thresholds of the segmentation.
 
     ``straightness_mm`` (tau_1) is the largest distance of the path from its chord,
     ``stationarity`` (tau_2) the largest std/mean of speed and of force. A segment has
@@ -74,7 +74,7 @@ class SegmentationSettings:
 
 
 def segmentation_settings(settings: ModellingSettings) -> SegmentationSettings:
-    """Return what a modelling's settings say of segments."""
+    """Return the thresholds of segmentation among the settings of modelling."""
     return SegmentationSettings(
         straightness_mm=settings.straightness_mm,
         stationarity=settings.stationarity,
@@ -87,7 +87,7 @@ def segmentation_settings(settings: ModellingSettings) -> SegmentationSettings:
 
 
 class SegmentChange(NamedTuple):
-    """What an update changes: take `removed` out first, then put `added` in."""
+    """Result of an update: remove `removed` from the model first, then insert `added`."""
 
     added: list[Segment]
     removed: list[SampleRange]
@@ -108,9 +108,9 @@ class OnlineSegmenter:
     Parameters
     ----------
     settings
-        What counts as a segment.
+        Thresholds.
     overlap_samples
-        Pieces of a stretch that goes on can change while they reach into so many newest
+        Pieces of an unfinished stretch stay provisional while they reach into this many newest
         samples; with 0, only the one that touches the newest sample and the one before.
 
     Raises
@@ -131,7 +131,7 @@ class OnlineSegmenter:
         self._provisional: list[SampleRange] = []
 
     def update(self, block: AlignedBlock) -> SegmentChange:
-        """Take the next aligned samples, any number of them, and return what changed."""
+        """Add the next aligned samples, any number of them, and return the changed segments."""
         change = SegmentChange([], [])
         runs = list(_contiguous_runs(block))
         for number, run in enumerate(runs):
@@ -210,7 +210,7 @@ def _contiguous_runs(block: AlignedBlock) -> Iterator[AlignedBlock]:
 
 @dataclass(frozen=True, eq=False)
 class _Pieces:
-    """What a grid of cells was cut into.
+    """Pieces that a grid of cells was cut into.
 
     ``whole`` (cells,): every sample of the cell is usable. ``usable`` (cells,): those of its
     neighbours are too. ``lines`` (cells,): a piece of path begins. ``starts`` and ``stops``

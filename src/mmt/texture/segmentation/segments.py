@@ -1,4 +1,4 @@
-"""Segments: stationary stretches of a stream, with what a model needs of them."""
+"""Segments: stationary stretches of a stream, with their mean inputs and their vibration."""
 
 from dataclasses import dataclass
 from typing import NamedTuple, Self
@@ -55,7 +55,7 @@ class Segment:
         )
 
     def inputs(self, space: InputSpace) -> tuple[float, ...]:
-        """Return where the segment stands in the input space of a model, shape (d,)."""
+        """Return the segment's inputs in the input space of a model, shape (d,)."""
         if space.directed:
             return (*self.velocity_mm_s, self.force_n)
         return self.speed_mm_s, self.force_n

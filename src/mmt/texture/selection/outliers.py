@@ -19,10 +19,47 @@ import numpy as np
 from mmt.core.arrays import BoolArray, FloatArray
 from mmt.texture.selection.cache import SearchCache
 from mmt.texture.selection.knocks import WhitenedSegments, knock_evidence, learn_wave
-from mmt.texture.selection.likeness import LEAST, likeness
 from mmt.texture.selection.neighbour_prediction import NeighbourPrediction, NeighbourPredictor
 from mmt.texture.selection.points import ModelPoints, log_density_of
 from mmt.texture.selection.transients import bursts, whitening
+
+LEAST: Final = 8
+"""Least number of outliers from which what they have in common is estimated."""
+
+
+def discriminant_scores(excess: FloatArray, accused: BoolArray) -> FloatArray:
+    """Return Fisher's linear discriminant of each point, good points against outliers, shape (n,).
+
+    Knocks resemble each other, since mostly the same table is struck. The discriminant (Fisher
+    1936) is taken in the whitened excess of the log spectra over the prediction. The covariance of
+    the good points is shrunk half and half towards a multiple of the identity (Ledoit and Wolf
+    2004), since there are about as many frequencies as points. The mean of the outliers leaves out
+    the point in question.
+
+    Parameters
+    ----------
+    excess
+        Logarithms of the spectra over the prediction, in sampling deviations, shape (n, f).
+    accused
+        Which points are outliers so far, shape (n,).
+
+    Notes
+    -----
+    Zero for all where fewer than `LEAST` are outliers, or fewer are not. O(n f^2 + f^3).
+    """
+    count = int(accused.sum())
+    if count < LEAST or len(accused) - count < LEAST:
+        return np.zeros(len(accused))
+    good = excess[~accused]
+    centred = excess - np.median(good, axis=0)
+    deviations = good - good.mean(axis=0)
+    covariance = deviations.T @ deviations / len(good)
+    size = len(covariance)
+    covariance[np.diag_indices(size)] += max(np.trace(covariance) / size, np.finfo(np.float64).tiny)
+    total = centred[accused].sum(axis=0)
+    others = (total - centred * accused[:, None]) / (count - accused)[:, None]
+    return np.asarray(np.einsum("nf,nf->n", centred, np.linalg.solve(covariance, others.T).T))
+
 
 LIMIT: Final = 14.5
 """Score with segments from which a point is an outlier."""
@@ -172,7 +209,8 @@ class _Witness:
         if self._data.segments is None:
             kind, (weight, growth) = LIKENESS, _LIKENESS
             spread = neighbours.scatter(self._variances)
-            common = likeness((self._logarithm - predicted) / np.sqrt(spread)[:, None], accused)
+            excess = (self._logarithm - predicted) / np.sqrt(spread)[:, None]
+            common = discriminant_scores(excess, accused)
         else:
             kind, (weight, growth) = BLOW, _BLOW
             common = self._heard_blow(predicted, neighbours, accused)

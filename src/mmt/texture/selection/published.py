@@ -1,4 +1,4 @@
-"""The published sample selection, to the letter.
+"""The published sample selection, exactly as described in the paper.
 
 "Sample selection of multi-trial data for data-driven haptic texture modeling", algorithm 1:
 an edited nearest neighbour rule that removes outliers one after the other, then a condensed
@@ -31,7 +31,27 @@ from mmt.texture.selection.leave_one_out import (
     leave_each_out,
 )
 from mmt.texture.selection.points import ModelPoints, amplitude_of
-from mmt.texture.selection.valid import valid_filter
+
+LEAST_GAP_RAD: Final = 0.01
+"""Least gap between line spectral frequencies that had to be put in order."""
+
+
+def valid_filter(lsf: FloatArray, variance: float) -> tuple[FloatArray, float]:
+    """Return line spectral frequencies in order inside (0, pi), and a positive variance.
+
+    Interpolators that know nothing of filters may return invalid values. Valid ones, such as any
+    convex combination, are returned unchanged. Otherwise the frequencies are sorted and pushed
+    apart to `LEAST_GAP_RAD` (less where the order leaves no room for it).
+    """
+    variance = max(variance, float(np.finfo(np.float64).tiny))
+    if (np.diff(lsf, prepend=0.0, append=np.pi) > 0).all():
+        return lsf, variance
+    gap = min(LEAST_GAP_RAD, 0.5 * np.pi / (len(lsf) + 1))
+    steps = gap * np.arange(1, len(lsf) + 1)
+    ordered = np.maximum.accumulate(np.sort(lsf) - steps)
+    top = np.pi - gap * (len(lsf) + 1)
+    return np.clip(ordered, 0.0, top) + steps, variance
+
 
 TAU_1: Final = 0.25
 TAU_2: Final = 0.42
@@ -39,11 +59,11 @@ TAU_2: Final = 0.42
 
 @dataclass(frozen=True)
 class PublishedSelection:
-    """What algorithm 1 made of n points, each of shape (n,).
+    """Result of algorithm 1 for n points, arrays of shape (n,).
 
     ``minimal``: corners of the hull. ``outlier``: removed by the first stage. ``kept``: in the
     selected set. ``error``: relative spectral error of the first stage at the moment of the
-    test, ``threshold`` what it was held against; both NaN for what was not tested.
+    test, ``threshold`` its threshold; both NaN for points that were not tested.
     """
 
     minimal: BoolArray
@@ -91,7 +111,7 @@ def select_published(
     tau_1, tau_2
         Thresholds on the relative spectral error.
     interpolator
-        What is trained.
+        Interpolation model that is trained.
 
     Raises
     ------

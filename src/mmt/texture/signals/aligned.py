@@ -1,4 +1,4 @@
-"""What the filters hand on: channels that belong together, sample by sample."""
+"""Aligned channels: the output of the filters, sample by sample."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields

@@ -1,4 +1,4 @@
-"""Welch's amplitude spectra: of signals, and what they are on average for a known density.
+"""Welch's amplitude spectra of signals, and their expectation for a known density.
 
 Numpy alone; offline use.
 """
@@ -88,7 +88,7 @@ def amplitude_spectra(
 
 
 def expected_amplitude(density: FloatArray, nperseg: int = 64) -> FloatArray:
-    """Return what `amplitude_spectrum` would give on average over endless realisations.
+    """Return the expected `amplitude_spectrum` of a process of known density.
 
     The expected estimate is the true density seen through the window: its autocorrelation
     times that of the window, transformed back. It puts a known density at the resolution at

@@ -153,14 +153,14 @@ class BiquadFilter:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the past: the next sample starts in its own steady state."""
+        """Reset the state: the next sample starts in its own steady state."""
         self._started = False
         self._held = 0.0
         self._first = 0.0
         self._second = 0.0
 
     def step(self, value: float) -> float:
-        """Take the next sample and return the filtered one."""
+        """Filter one sample."""
         value = float(value)  # a float32 scalar would pull the states down to its precision
         if not -LARGEST <= value <= LARGEST:
             if not self._started:

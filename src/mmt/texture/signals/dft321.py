@@ -1,4 +1,4 @@
-"""Three axes of vibration made one, as felt: DFT321."""
+"""DFT321: reduction of three-axis vibration to one perceptually equivalent signal."""
 
 import numpy as np
 

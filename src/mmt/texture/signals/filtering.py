@@ -38,7 +38,7 @@ _AXES: Final = "xyz"
 
 @dataclass(frozen=True)
 class ChannelDelays:
-    """Group delays in samples, and how they are made good.
+    """Group delays in samples, and the whole delay that aligns the channels.
 
     ``position``, ``force`` and ``speed`` are limits at low frequency; ``vibration`` is taken
     a decade above the high-pass's cutoff. ``alignment`` is the whole number of samples by
@@ -79,7 +79,7 @@ class StreamFilter:
     normal
         The surface's normal axis.
     axis
-        What becomes the vibration: one axis, or all three for DFT321.
+        Source of the vibration: one axis, or all three for DFT321.
     rate_hz, motion_cutoff_hz, vibration_cutoff_hz
         Frames a second, and the cutoffs of the low-pass and of the high-pass.
 
@@ -126,7 +126,7 @@ class StreamFilter:
         )
 
     def process(self, frames: RecordArray) -> AlignedBlock:
-        """Take the next frames, shape (n,) with n >= 0, and return what is now complete.
+        """Filter the next frames (n,), n >= 0, and return the samples that are now complete.
 
         Raises
         ------
@@ -208,12 +208,12 @@ class StreamFilter:
 
 
 class SectionFilter:
-    """One section over all channels of a signal that comes in blocks.
+    """One second-order section, applied to all channels of a signal block by block.
 
     Parameters
     ----------
     section
-        Of the same kind for all channels; it starts in the steady state of the first sample.
+        Coefficients for all channels; it starts in the steady state of the first sample.
     """
 
     def __init__(self, section: Biquad) -> None:
@@ -221,7 +221,7 @@ class SectionFilter:
         self._state: FloatArray | None = None
 
     def process(self, samples: FloatArray, restart: BoolArray) -> FloatArray:
-        """Return the next samples (n, channels) filtered; anew where `restart` (n,) is true."""
+        """Filter samples (n, channels), restarting where `restart` (n,) is true."""
         if self._state is None:
             self._state = np.zeros((samples.shape[1], 2))
         filtered = np.array(samples, dtype=np.float64, order="C")
@@ -231,7 +231,7 @@ class SectionFilter:
 
 @dataclass(frozen=True, eq=False)
 class _Pending:
-    """Frames that wait for their motion."""
+    """Frames that wait for the motion filters' delay."""
 
     index: IntArray
     time_ns: IntArray
@@ -245,7 +245,7 @@ class _Pending:
 
 
 def _taps(section: Biquad) -> FloatArray:
-    """Return (7,) what the kernel needs: coefficients and the states for a constant 1."""
+    """Return the coefficients (5) and the steady states (2) for a constant 1, shape (7,)."""
     coefficients = (section.b0, section.b1, section.b2, section.a1, section.a2)
     return np.array([*coefficients, *section.steady_state(1.0)])
 

@@ -101,7 +101,7 @@ def gfc_ceiling(
     *,
     nperseg: int = 64,
 ) -> float:
-    """Return the mean GFC of two independent realisations of one model: what a perfect one scores.
+    """Return the mean GFC of two realisations of one model, which a perfect model would score.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the accelerometer measures where there is nothing to feel.
+"""Noise floor of the accelerometer, estimated while nothing is touched.
 
 While the tool is in the air or at rest, what passes the high-pass is the sensor's own noise, and
 now and then a knock or the robot's motion. The lower quartile of the power of short windows is
@@ -18,10 +18,10 @@ WINDOW: Final = 50
 """Samples of a window, which is used whole or not at all."""
 
 LEAST_WINDOWS: Final = 4
-"""With fewer nothing is said."""
+"""Least windows from which the noise is estimated."""
 
 WINDOWS_KEPT: Final = 200
-"""So many of the newest tell the noise."""
+"""Number of newest windows from which the noise is estimated."""
 
 _IN_AIR_N: Final = 0.05
 _AT_REST_MM_S: Final = 3.0
@@ -29,18 +29,18 @@ _QUARTILE: Final = 25.0
 
 
 class NoiseFloor:
-    """The noise of a stream, from the windows of its newest blocks."""
+    """Noise power of a stream, from its newest windows without contact or motion."""
 
     def __init__(self) -> None:
         self._powers: deque[float] = deque(maxlen=WINDOWS_KEPT)
 
     def update(self, block: AlignedBlock) -> None:
-        """Take a block of the stream."""
+        """Add a block of the stream."""
         self._powers.extend(still_powers(block, np.square(block.vibration_m_s2).sum(axis=1)))
 
     @property
     def power(self) -> float:
-        """The noise's power in (m/s2)^2, 0 as long as nothing is known."""
+        """Noise power in (m/s2)^2, 0 with fewer than `LEAST_WINDOWS` windows."""
         if len(self._powers) < LEAST_WINDOWS:
             return 0.0
         return float(np.percentile(self._powers, _QUARTILE))
@@ -52,9 +52,9 @@ def still_powers(block: AlignedBlock, squares: FloatArray, *, at_rest: bool = Tr
     Parameters
     ----------
     block
-        Of the stream.
+        Aligned samples of the stream.
     squares
-        What is averaged, one of each of the block's samples, shape (n,).
+        Values to average, one for each sample of the block, shape (n,).
     at_rest
         Whether windows at rest on the surface count.
     """

@@ -1,4 +1,4 @@
-"""More than one surface: when the tool comes onto another one, and which."""
+"""Detection of changes of surface, and recognition of surfaces met before."""
 
 from mmt.texture.surfaces.blocks import BlockCutter, SurfaceBlock
 from mmt.texture.surfaces.changes import SurfaceChange

@@ -1,4 +1,4 @@
-"""Blocks in the form in which every surface is asked how likely it makes them."""
+"""Blocks prepared for evaluating their likelihood under every surface."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -12,16 +12,16 @@ from mmt.texture.surfaces.prior import NOISE, PRIORS, cosine_transform
 
 
 class PreparedBlocks:
-    """Blocks in the order in which they are to be judged, prepared once for all surfaces.
+    """Blocks in the order in which they are evaluated, prepared once for all surfaces.
 
     Parameters
     ----------
     inputs : (n, 2) or (n, 4)
-        Of n blocks.
+        Inputs of n blocks.
     log_power : (n, `BANDS`)
-        Of the same.
+        Log powers of their bands.
     settings : (k,)
-        How rough surfaces may be.
+        Settings of the prior, see `prior.Setting`.
     """
 
     def __init__(self, inputs: FloatArray, log_power: FloatArray, settings: RecordArray) -> None:
@@ -31,7 +31,7 @@ class PreparedBlocks:
             kind: values[:, prior.first : prior.last] - self.places.mean(prior)[:, :, None]
             for kind, prior in PRIORS.items()
         }
-        """By kind of component, what is left without the prior's mean, (k, n, c) or (1, n, c)."""
+        """Residuals from the prior mean by kind of component, (k, n, c) or (1, n, c)."""
 
     def __len__(self) -> int:
         """Return the number of blocks."""
@@ -45,7 +45,7 @@ class PreparedBlocks:
 
     @cached_property
     def covariances(self) -> dict[str, FloatArray]:
-        """By kind, the prior covariances of components and noise, (k, n, n); read them."""
+        """Prior covariances (k, n, n) of components and noise, by kind; do not modify."""
         within = Covariances(self.places, self.places)
         found = {kind: within.of(prior) for kind, prior in PRIORS.items()}
         blocks = np.arange(len(self))
@@ -55,7 +55,7 @@ class PreparedBlocks:
 
     @cached_property
     def unknown(self) -> FloatArray:
-        """How likely the blocks are on a surface that nobody knows, as `log_densities`."""
+        """Log densities of the blocks on an unknown surface, as `log_densities`."""
         each = [log_densities(self.rests[kind], self.covariances[kind]) for kind in PRIORS]
         return np.asarray(np.sum(each, axis=0), dtype=np.float64)
 
@@ -71,7 +71,7 @@ def log_densities(rests: FloatArray, covariances: FloatArray) -> FloatArray:
     Parameters
     ----------
     rests
-        Of c components that are alike, shape (k, n, c) or (1, n, c).
+        Residuals of c components with one covariance, shape (k, n, c) or (1, n, c).
     covariances
         Shape (k, n, n).
     """

@@ -1,15 +1,14 @@
-"""The stream in blocks of a tenth of a second: where the hand was, and the power in bands.
+"""Blocks of a tenth of a second of the stream: mean inputs, and power in frequency bands.
 
-A block is what a surface is recognised by. It is 100 consecutive samples of steady contact. Its
+Surfaces are recognised by blocks. A block is 100 consecutive samples of steady contact. Its
 spectrum is estimated with sine tapers (Riedel and Sidorenko, "Minimum bias multiple taper
 spectral estimation", IEEE Trans. Signal Processing 43(1), 1995) and added up in nine bands of
 50 Hz, from 15 to 465 Hz. The logarithm of a band's power is nearly normal with a spread that
 does not depend on the level: about that of a chi-square of twice the number of independent
 frequencies.
 
-Samples of the first hundredths of a second of contact are left out, and so is what a hand does
-while its speed changes by more than a factor of two within a block: what is heard then belongs
-to no speed.
+The first hundredths of a second of contact are left out, and so are blocks within which speed or
+force changes by more than a factor of two: their spectrum belongs to no one speed.
 """
 
 from dataclasses import dataclass
@@ -22,10 +21,10 @@ from mmt.core.arrays import FloatArray
 from mmt.texture.signals.aligned import AlignedBlock
 
 BLOCK: Final = 100
-"""Samples of a block."""
+"""Number of samples of a block."""
 
 BANDS: Final = 9
-"""Bands of its spectrum."""
+"""Number of bands of its spectrum."""
 
 _TAPERS: Final = 3
 _FIRST_BIN: Final = 2  # of 10 Hz
@@ -34,7 +33,7 @@ _CELL: Final = 10
 _MARGIN: Final = 20
 _LARGEST_CHANGE: Final = 2.0
 _LEAST_POWER: Final = 1e-12
-"""Powers below, in (m/s2)^2, count as this: a sensor that is stuck gives none at all."""
+"""Least power in (m/s2)^2: a stuck sensor measures none at all."""
 
 SPEED_MM_S, FORCE_N = 100.0, 1.0
 """Where the logarithms of speed and of force are zero."""
@@ -42,7 +41,7 @@ SPEED_MM_S, FORCE_N = 100.0, 1.0
 
 @dataclass(frozen=True, eq=False)
 class SurfaceBlock:
-    """One block.
+    """Features of one block.
 
     ``start`` and ``stop`` are absolute sample numbers, half-open. ``inputs`` (2,) or (4,): the
     logarithms of the speed over 100 mm/s and of the force over 1 N, and for textures that
@@ -91,7 +90,7 @@ class BlockCutter:
         self._cells: list[AlignedBlock] = []
 
     def cut(self, aligned: AlignedBlock) -> list[SurfaceBlock]:
-        """Take the next samples, any number of them, and return the blocks that are full."""
+        """Add the next samples, any number of them, and return the blocks they complete."""
         if len(self._rest) and len(aligned):
             aligned = AlignedBlock.concatenate([self._rest, aligned])
         found: list[SurfaceBlock] = []
@@ -105,7 +104,7 @@ class BlockCutter:
         return found
 
     def _add_cell(self, cell: AlignedBlock) -> SurfaceBlock | None:
-        """Take the next ten samples; return the block that they complete."""
+        """Add a cell of ten samples; return the block that it completes, if any."""
         start, stop = int(cell.index[0]), int(cell.index[-1]) + 1
         whole = stop - start == _CELL and bool(cell.valid.all())
         if start != self._next or not whole:
@@ -132,7 +131,7 @@ class BlockCutter:
         return self._finish()
 
     def _drop_what_differs(self) -> None:
-        """Begin the block later where speed or force has changed too much since its begin."""
+        """Drop the oldest cells where speed or force has changed too much since them."""
         for values in ("speed_mm_s", "normal_force_n"):
             means = np.array([getattr(cell, values).mean() for cell in self._cells])
             ratio = means / means[-1]

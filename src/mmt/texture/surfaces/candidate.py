@@ -1,9 +1,9 @@
-"""The trial of a surface that was just found: it may turn out to be a known one.
+"""A candidate surface: one just detected as new, which may prove to be a known one.
 
-Until that is settled the tool may be on a surface that nobody knows or on any of the known ones.
-Each of these has the weight that the blocks of the trial leave it, half of it the former's before
-any block, and what comes next is expected as their mixture expects it. So a surface of which a few
-blocks are known is not left for what a known one, that it may well be, would have told.
+Until that is decided the tool may be on an unknown surface or on any known one. Each hypothesis is
+weighted by the likelihood of the candidate's blocks, with half of the prior weight on the unknown
+one, and further blocks are predicted by their mixture. So a candidate of which a few blocks are
+known is not left because of blocks that one of the known surfaces would have predicted.
 """
 
 import math
@@ -18,16 +18,16 @@ from mmt.texture.surfaces.blocks import SurfaceBlock
 from mmt.texture.surfaces.posterior import SurfacePosterior
 
 LONGEST: Final = 60
-"""Blocks for which a new surface may still turn out to be a known one."""
+"""Number of blocks after which a candidate is taken to be a new surface."""
 
 
 class Candidate:
-    """All blocks of a stay on a surface that was new.
+    """A surface detected as new, with all blocks of its stay.
 
     Parameters
     ----------
     blocks
-        The first of them, oldest first.
+        First blocks, oldest first.
     """
 
     def __init__(self, blocks: Sequence[SurfaceBlock] = ()) -> None:
@@ -39,10 +39,10 @@ class Candidate:
         """Return the number of blocks."""
         return len(self.blocks)
 
-    def ask(self, unknown: SurfacePosterior, known: Mapping[int, SurfacePosterior]) -> None:
-        """Ask surfaces by number, and one that nobody knows, how likely they make the blocks.
+    def compare(self, unknown: SurfacePosterior, known: Mapping[int, SurfacePosterior]) -> None:
+        """Evaluate the likelihood of the blocks under known surfaces and an unknown one.
 
-        Costs what one prediction of all blocks costs with each of them.
+        Costs one prediction of all blocks with each of them.
         """
         heard = PreparedBlocks.of(self.blocks, unknown.settings)
         self._unknown, *each = (
@@ -52,14 +52,14 @@ class Candidate:
         self._known = dict(zip(known, each, strict=True))
 
     def after(self, alone: FloatArray) -> FloatArray:
-        """Return how likely the newest block is, the newest two, and so on, given those before.
+        """Return the log likelihoods of the newest block, the newest two, ..., given those before.
 
-        Under the mixture of what the surface may be, as it was when `ask` was called.
+        Under the mixture of all hypotheses, as of the last call of `compare`.
 
         Parameters
         ----------
         alone
-            The same under what the surface on trial has told by itself, shape (n,).
+            The same under the posterior of the candidate alone, shape (n,).
         """
         if not self._known:
             return alone
@@ -71,22 +71,22 @@ class Candidate:
         return np.asarray(total, dtype=np.float64)
 
     def gains(self) -> dict[int, float]:
-        """Return how much likelier than one that nobody knows each known surface makes all blocks.
+        """Return the log Bayes factor of each known surface against an unknown one, by number.
 
-        Natural logarithms.
+        Natural logarithms, over all blocks.
         """
         return {n: float(each[-1] - self._unknown[-1]) for n, each in self._known.items()}
 
     def leading(self) -> tuple[int, float]:
-        """Return the known surface that the blocks speak for most, and by how much.
+        """Return the number of the likeliest known surface, and its lead.
 
-        That is against one that nobody knows and every other known one, as a natural logarithm.
+        The lead is over an unknown surface and every other known one, as a natural logarithm.
         """
         gains = self.gains()
         first = max(gains, key=lambda n: gains[n])
         return first, gains[first] - max([0.0, *(g for n, g in gains.items() if n != first)])
 
     @property
-    def asked(self) -> bool:
-        """Whether there was a known surface to ask."""
+    def is_compared(self) -> bool:
+        """Whether the candidate was compared with any known surface."""
         return bool(self._known)

@@ -1,4 +1,4 @@
-"""A change of surface that was found, and where it is taken to have been."""
+"""Detected changes of surface, and the estimate of their change-points."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,13 +9,13 @@ from mmt.texture.surfaces.blocks import SurfaceBlock
 
 @dataclass(frozen=True)
 class SurfaceChange:
-    """The tool was found to be on another surface.
+    """A detected change of the surface under the tool.
 
     ``kind``: ``"new"`` one, a known one ``"recalled"``, or the new one on trial ``"identified"``
     as a known one. ``before`` and ``surface`` are the numbers of the two surfaces.
     ``from_sample``: the first sample that is no longer the former one's; ``since_sample``: the
-    first of the blocks that are taken to be the other one's alone; ``at_sample``: where it was
-    found. ``evidence``: the Bayes factor's natural logarithm.
+    first of the blocks that are taken to be the other one's alone; ``at_sample``: the sample
+    at which it was detected. ``evidence``: natural logarithm of the Bayes factor.
     """
 
     kind: Literal["new", "recalled", "identified"]
@@ -28,10 +28,10 @@ class SurfaceChange:
 
 
 def change_point(blocks: Sequence[SurfaceBlock], first: int) -> int:
-    """Return where the change is taken to be that block `first` is the first one behind.
+    """Return the change-point, as a sample number, if block `first` is the first after it.
 
-    Behind a lift-off, where contact began; within contact the block before, which may be of
-    both, is neither's.
+    After a lift-off this is where contact began; within contact it is the start of the block
+    before, which may belong to both surfaces.
     """
     block = blocks[first]
     if block.touchdown or first == 0:

@@ -1,7 +1,7 @@
-"""Covariances of what is known of a surface, between blocks and for many settings at once.
+"""Prior covariances of surfaces between blocks, for many settings of the prior at once.
 
-Of k settings, n blocks and m others: arrays (k, n, m). A surface that nobody knows is asked under
-every setting with each new block, and in one array that takes a fraction of the time.
+Arrays are (k, n, m) for k settings, n blocks and m others. The likelihood of an unknown surface is
+needed under every setting with each new block; one array for all takes a fraction of the time.
 """
 
 from collections.abc import Sequence
@@ -21,10 +21,10 @@ _CONTRAST: Final = 0.5
 
 
 class SettingInputs:
-    """Inputs of n blocks, (n, 2) or (n, 4), as k settings take them.
+    """Inputs of n blocks, (n, 2) or (n, 4), transformed for each of k settings.
 
-    ``across`` and ``along`` (k, n): the logarithms of the speeds that are heard across a grain and
-    along it; without a grain that of the speed. ``law`` (k, n): the one that power follows.
+    ``across`` and ``along`` (k, n): logarithms of the effective speeds across and along a grain;
+    without a grain that of the speed. ``law`` (k, n): the one that the power law uses.
     """
 
     def __init__(self, inputs: FloatArray, settings: RecordArray) -> None:
@@ -47,7 +47,7 @@ class SettingInputs:
         self.law = np.where(angle > 0.0, 0.5 * (self.across + self.along), self.across)
 
     def under(self, numbers: Sequence[int]) -> "SettingInputs":
-        """Return the same for some of the settings."""
+        """Return the inputs under some of the settings."""
         if len(numbers) == len(self.settings):
             return self
         found, chosen = copy(self), list(numbers)
@@ -64,7 +64,7 @@ class SettingInputs:
 
 
 class Covariances:
-    """What covariances between n blocks and m others are made of, under the same k settings."""
+    """Common factors of the covariances between n blocks and m others under k settings."""
 
     def __init__(self, one: SettingInputs, other: SettingInputs) -> None:
         self._of = {name: one.settings[name][:, None, None] for name in Setting._fields}
@@ -87,7 +87,7 @@ class Covariances:
         return total
 
     def _residuals(self, one: SettingInputs, other: SettingInputs) -> FloatArray:
-        """Return the covariance of what is smooth in the logarithms and of lines."""
+        """Return the covariance of smooth residuals and of spectral lines."""
         of, crossed = self._of, self._crossed
         smooth = -0.5 / np.square(of["length"])
         both = smooth * np.square(one.inputs[:, 1, None] - other.inputs[None, :, 1])
@@ -109,7 +109,7 @@ class Covariances:
         return total
 
     def _follow_heading(self, one: SettingInputs, other: SettingInputs) -> None:
-        """Let the residual, and a part besides, vary with the heading."""
+        """Add the dependence of the residual, and of a separate term, on the heading."""
         of = self._of
         cosine = one.inputs[:, 2:] @ other.inputs[:, 2:].T
         heading = np.square(of["nap"]) * cosine

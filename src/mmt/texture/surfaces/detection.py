@@ -1,29 +1,29 @@
-"""Has the tool come onto another surface: a sequential test with a stated false-alarm rate.
+"""Change-point detection between surfaces: a sequential test with a stated false-alarm rate.
 
-For each moment in the last seconds the hypothesis that the tool has been on another surface ever
-since, a known one or a new one, stands against the one that it has stayed on the current one. The
-evidence is the Bayes factor of all blocks since that moment (`mmt.texture.surfaces.posterior`),
-and the largest counts: a generalised CUSUM (Page 1954; Lorden, "Procedures for reacting to a
+For each possible change-point in the last seconds, the hypothesis that the tool has since been on
+another surface, known or new, is tested against the one that it has stayed on the current one. The
+evidence is the Bayes factor of all blocks since then (`mmt.texture.surfaces.posterior`), maximised
+over change-points: a generalised CUSUM (Page 1954; Lorden, "Procedures for reacting to a
 change in distribution", Annals of Mathematical Statistics 42, 1971).
 
-*Threshold.* Where the current surface's model holds, a Bayes factor that is followed from
-one moment on ever exceeds e^h with a probability of e^-h at most (Ville's inequality), against
+*Threshold.* Where the model of the current surface holds, a Bayes factor that starts at a given
+moment ever exceeds e^h with a probability of e^-h at most (Ville's inequality), against
 each alternative. So with N moments an hour and M alternatives, h = log(N M / rate) gives at most
 `rate` false alarms an hour. Lift-offs are natural boundaries: half of the rate is spent on the
 touchdowns, which are few, and half on all the other blocks.
 
-Moments within contact in the first `YOUNG` blocks of a stay get less, by e^-`EARLY`: what is known
-of a surface by then is mostly the prior.
+Change-points within contact in the first `YOUNG` blocks of a stay get a smaller share, by
+e^-`EARLY`: the posterior of a surface is then still mostly the prior.
 
 The evidence must hold with some blocks left out (`robustness`), and where blocks
 have headings more is asked for.
 
 *Afterwards.* The alternative of most evidence is taken. It learns what came after the last moment
-that is plausible, the former one what came before the likeliest. A new surface is on trial for its
-first blocks (`mmt.texture.surfaces.candidate`): where a known one predicts all of them better than
-nothing known by `SURE`, and better than every other known one, it was that one. Where blocks have
-headings a known surface is not recalled from a few, in which it may look like another; till then
-the surface is a new one.
+that is plausible, the former one what came before the likeliest. A new surface is a candidate for
+its first blocks (`mmt.texture.surfaces.candidate`): where a known one predicts all of them better
+than nothing known by `SURE`, and better than every other known one, it was that one. Where blocks
+have headings a known surface is not recalled from a few, in which it may look like another; till
+then the surface is a new one.
 """
 
 import itertools
@@ -44,17 +44,17 @@ from mmt.texture.surfaces.prior import GRAINED, SETTINGS
 from mmt.texture.surfaces.robustness import RobustnessCheck
 
 WINDOW: Final = 20
-"""Blocks that are looked back; older ones are what the current surface is learned from."""
+"""Number of newest blocks that may contain a change; the current surface learns from older ones."""
 
 SURE: Final = 7.0
-"""Evidence (natural logarithm) that a recall takes, against a new surface and every other one."""
+"""Evidence (natural logarithm) needed for a recall, against a new surface and every other one."""
 
 
 class _Caution(NamedTuple):
-    """How much more evidence is asked for where blocks have headings: along some, many are alike.
+    """Additional evidence needed where blocks have headings: along some, many surfaces are alike.
 
-    ``alarm``, ``recall``, ``trial``: of a change, of a known surface, of one on trial.
-    ``blocks``: so many of a stay a known surface takes.
+    ``alarm``, ``recall``, ``trial``: for a change, for a known surface, for a candidate.
+    ``blocks``: least number of blocks of a stay from which a known surface is recalled.
     """
 
     alarm: float = 2.0
@@ -64,34 +64,35 @@ class _Caution(NamedTuple):
 
 
 MIXED: Final = 2
-"""First blocks of a trial that may be of the former surface."""
+"""Number of first blocks of a candidate that may belong to the former surface."""
 
 YOUNG: Final = 20
-"""Blocks of a stay in which a change within contact takes more evidence."""
+"""Number of first blocks of a stay in which a change within contact needs more evidence."""
 
 EARLY: Final = 3.0
-"""So much more, for of a surface that was just met the least is known."""
+"""Additional evidence (natural logarithm) in these blocks, when little is known of the surface."""
 
 DOUBT: Final = 3.0
-"""Change points with so much less evidence are plausible too; in between nothing is learned."""
+"""Evidence below the best at which change-points are still plausible; neither surface learns from
+the blocks between them."""
 
 _TOGETHER: Final = 5
-"""Blocks that the current surface learns at a time."""
+"""Number of blocks that the current surface learns at a time."""
 
 _TOUCHDOWNS_PER_HOUR: Final = 1800.0
 _RATE_HZ: Final = 1000.0
 
 
 class SurfaceDetector:
-    """Follow on which surface the tool is, block by block.
+    """Detector of the surface under the tool, updated block by block.
 
     Parameters
     ----------
     false_alarms_per_hour
-        How often a change may be found where there is none, in an hour of stroking.
+        Expected number of false changes in an hour of stroking, at most.
     most
-        Surfaces that are kept, at least 2; for one more, that on which the tool was not for
-        longest is forgotten.
+        Largest number of surfaces kept, at least 2; beyond, the least recently touched one is
+        dropped.
     by_heading
         Whether blocks have headings, on which a texture may depend.
 
@@ -119,19 +120,19 @@ class SurfaceDetector:
         self.surfaces: dict[int, SurfacePosterior] = {
             self.current: SurfacePosterior(self._settings)
         }
-        """Those that are known, by number; the one that the tool was on last stands last."""
+        """Known surfaces by number; the most recently touched one is last."""
         self._stayed = 0  # blocks of this stay
         self._window: list[SurfaceBlock] = []  # the newest of the current surface, oldest first
-        self._trial: Candidate | None = Candidate()
+        self._candidate: Candidate | None = Candidate()
         self._unknown = SurfacePosterior(self._settings)
 
     def update(self, block: SurfaceBlock) -> SurfaceChange | None:
-        """Take the next block; return the change that it brings to light."""
+        """Add the next block; return the change that it reveals, if any."""
         window = self._window
         window.append(block)
         self._stayed += 1
-        if self._trial is not None:
-            self._trial.blocks.append(block)
+        if self._candidate is not None:
+            self._candidate.blocks.append(block)
         change = self._decide(self._weigh()) or self._identify()
         if change is None and len(window) >= WINDOW + _TOGETHER:
             self.surfaces[self.current].add(window[:_TOGETHER])
@@ -139,7 +140,7 @@ class SurfaceDetector:
         return change
 
     def threshold(self, *, touchdown: bool, young: bool = False) -> float:
-        """Return the evidence (natural logarithm) that a change takes.
+        """Return the evidence (natural logarithm) needed for a change.
 
         Parameters
         ----------
@@ -163,9 +164,9 @@ class SurfaceDetector:
         oldest_first = PreparedBlocks.of(self._window, self._settings)
         stayed = self.surfaces[self.current].log_likelihood_after(oldest_first)[::-1]
         others = {n: k for n, k in self.surfaces.items() if n != self.current}
-        if self._trial is not None and others:
-            self._trial.ask(self._unknown, others)
-            stayed = self._trial.after(stayed)
+        if self._candidate is not None and others:
+            self._candidate.compare(self._unknown, others)
+            stayed = self._candidate.after(stayed)
         others[0] = self._unknown
         return {n: k.log_likelihood(newest_first) - stayed for n, k in others.items()}
 
@@ -186,21 +187,22 @@ class SurfaceDetector:
         threshold = -float(margins[since - 1])
         number = self._best_since(evidence, since)
         named = number if since >= self._caution.blocks else 0
-        if number and self._trial is not None and since >= len(self._trial) - MIXED:
+        candidate = self._candidate
+        if number and candidate is not None and since >= len(candidate) - MIXED:
             found = float(evidence[number][since - 1])
-            return self._identified(named, self._trial.blocks[-since:], found) if named else None
+            return self._identified(named, candidate.blocks[-since:], found) if named else None
         if since < 2 or evidence[number][since - 1] <= threshold:
             return None
         other = self.surfaces[number] if number else self._unknown
-        held = RobustnessCheck(blocks, since, self.surfaces[self.current], other)
-        if not held.above(threshold, at_any_heading=bool(number) and blocks[-since].touchdown):
+        check = RobustnessCheck(blocks, since, self.surfaces[self.current], other)
+        if not check.above(threshold, at_any_heading=bool(number) and blocks[-since].touchdown):
             return None
-        if named and self._trial is not None and (gain := self._trial.gains()[named]) > 0.0:
-            return self._identified(named, self._trial.blocks, gain)  # so it was there all along
+        if named and candidate is not None and (gain := candidate.gains()[named]) > 0.0:
+            return self._identified(named, candidate.blocks, gain)  # it was on that one before
         return self._change(named, since, evidence[number], margins)
 
     def _best_since(self, evidence: Mapping[int, FloatArray], since: int) -> int:
-        """Return the known surface that is surely meant, 0 for a new one."""
+        """Return the number of the known surface identified with certainty, 0 for a new one."""
         at = {number: float(values[since - 1]) for number, values in evidence.items()}
         ranked = sorted(at, key=lambda n: at[n], reverse=True)
         if ranked[0] and at[ranked[0]] - at[ranked[1]] < SURE + self._caution.recall:
@@ -210,7 +212,7 @@ class SurfaceDetector:
     def _change(
         self, number: int, since: int, evidence: FloatArray, margins: FloatArray
     ) -> SurfaceChange:
-        """Go to another surface: from when on it surely is, and from when on perhaps."""
+        """Change to another surface, and estimate the certain and the earliest change-point."""
         blocks = self._window
         earliest = len(blocks) - since
         plausible = evidence + margins >= evidence[since - 1] + margins[since - 1] - DOUBT
@@ -229,7 +231,7 @@ class SurfaceDetector:
         self.surfaces[self.current].add(blocks[: max(earliest - 1, 0)])
         self._window = blocks[alone:]
         self._stayed = len(self._window)
-        self._trial = None if number else Candidate(self._window)
+        self._candidate = None if number else Candidate(self._window)
         self._go_to(change.surface)
         return change
 
@@ -239,26 +241,26 @@ class SurfaceDetector:
         if len(self.surfaces) > self._most:
             del self.surfaces[next(iter(self.surfaces))]
 
-    # --- the trial of a new surface
+    # --- identification of a new surface
 
     def _identify(self) -> SurfaceChange | None:
-        """Say whether the surface on trial is a known one."""
-        trial = self._trial
-        if trial is None:
+        """Return the change if the candidate proves to be a known surface."""
+        candidate = self._candidate
+        if candidate is None:
             return None
-        if len(trial) >= LONGEST:
-            self._trial = None
-        if not trial.asked or len(trial) < max(2, self._caution.blocks):
+        if len(candidate) >= LONGEST:
+            self._candidate = None
+        if not candidate.is_compared or len(candidate) < max(2, self._caution.blocks):
             return None
-        number, lead = trial.leading()
+        number, lead = candidate.leading()
         if lead < SURE + self._caution.trial + math.log(len(self.surfaces) - 1):
             return None
-        return self._identified(number, trial.blocks, lead)
+        return self._identified(number, candidate.blocks, lead)
 
     def _identified(
         self, number: int, blocks: list[SurfaceBlock], evidence: float
     ) -> SurfaceChange:
-        """Take the surface on trial for a known one, which learns these of its blocks."""
+        """Merge the candidate into a known surface, which learns these of its blocks."""
         change = SurfaceChange(
             kind="identified",
             before=self.current,
@@ -273,6 +275,6 @@ class SurfaceDetector:
         self.surfaces[number].add(blocks[: len(blocks) - waiting])
         self._window = blocks[len(blocks) - waiting :]
         self._stayed = len(blocks)
-        self._trial = None
+        self._candidate = None
         self._go_to(number)
         return change

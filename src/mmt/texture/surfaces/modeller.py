@@ -1,9 +1,9 @@
 """A model for each surface: the online update of several texture models from one stream.
 
-The stream is looked at several times between two updates of a model, so that a change is found
-soon. It is found a few blocks late: what the former surface's model has made of the frames from
-the change point on leaves it again, and they go to the model of the surface that the tool has
-come to. Each model meets its criteria by itself; one that is complete stays as it is.
+The stream is checked several times between two updates of a model, so that changes are detected
+early. Detection is a few blocks late: segments from the change-point on are removed from the former
+surface's model again, and their frames go to the model of the new one. Each model meets its
+criteria by itself; one that is complete stays as it is.
 """
 
 from collections.abc import Iterator
@@ -20,14 +20,14 @@ from mmt.texture.surfaces.changes import SurfaceChange
 from mmt.texture.surfaces.tracking import SurfaceTracker
 
 LOOK_S: Final = 0.05
-"""Time between two looks at the stream."""
+"""Time between two checks of the stream."""
 
 REMEMBERED_S: Final = 30.0
-"""So far back frames are kept, for those of a new surface that turns out to be a known one."""
+"""Seconds of frames kept, for those of a new surface that proves to be a known one."""
 
 
 class SurfaceModeller:
-    """Follow the surfaces, and build a texture model of each.
+    """Track the surfaces, and build a texture model of each.
 
     Cost: that of `SurfaceTracker` and, once a period, of one `OnlineModeller`. Memory: the models,
     and the frames of `REMEMBERED_S`. How many frames come at a time changes no surface.

@@ -1,18 +1,18 @@
-"""What is known of one surface, and how likely it makes what the tool hears now.
+"""Posterior of one surface given its blocks, and the likelihood of further blocks under it.
 
-Blocks that stand close to each other in the plane are merged into *cells*, so that the cost does
-not grow with time: n cells, `LARGEST` at most. The posterior of the Gaussian processes of
-`mmt.texture.surfaces.prior` given the cells predicts any further blocks jointly: their level
-and shape may be off together by what is not known of the surface, and each of them by the noise
-of a block. How rough the surface is is not known either: the density is the mean over the
-settings, each weighted by the evidence of the cells (Rasmussen and Williams, chapter 5). It is
-exact for the model assumed, so that between two surfaces its ratio is a Bayes factor.
+Blocks that are close to each other in the input plane are merged into *cells*, so that the cost
+does not grow with time: n cells, `LARGEST` at most. The posterior of the Gaussian processes of
+`mmt.texture.surfaces.prior` given the cells predicts any further blocks jointly: their level and
+shape share the uncertainty of the surface, and each has the noise of a block. The roughness of the
+surface is unknown: the density is the mean over the settings of the prior, each weighted by the
+evidence of the cells (Rasmussen and Williams, chapter 5). It is exact for the model assumed, so
+that its ratio between two surfaces is a Bayes factor.
 
 Cost: with n = 100 about 1 ms for each setting that is still possible after blocks were added,
-mostly one or two, and as much to predict 25 blocks; 4 ms where nothing is known yet, for all
-settings at once. Stability: covariances are positive
-definite by the noise on their diagonal, `NOISE` over the number of blocks in a cell, against a
-largest prior variance of about 65: with `LARGEST` cells a condition number below 1e7.
+mostly one or two, and as much to predict 25 blocks; 4 ms for an unknown surface, for all settings
+at once. Stability: covariances are positive definite by the noise on their diagonal, `NOISE` over
+the number of blocks in a cell, against a largest prior variance of about 65: with `LARGEST` cells a
+condition number below 1e7.
 """
 
 from collections.abc import Sequence
@@ -29,10 +29,10 @@ from mmt.texture.surfaces.covariance import Covariances, SettingInputs
 from mmt.texture.surfaces.prior import NOISE, PRIORS, SETTINGS, cosine_transform
 
 LARGEST: Final = 250
-"""Most cells of a surface; the one that was not touched for longest leaves for the next."""
+"""Largest number of cells of a surface; beyond, the least recently touched one is dropped."""
 
 SHARED: Final = 0.02
-"""Of the weight of all settings, divided anew between them where a surface may go on otherwise."""
+"""Share of the weight of all settings that is redistributed evenly at each possible change."""
 
 _CELL_WIDTH: Final = 0.2  # of the logarithms of speed and force
 _SECTORS: Final = 12
@@ -49,7 +49,7 @@ class _Cell:
     weight: float = 1.0
 
     def merge(self, inputs: FloatArray, values: FloatArray) -> None:
-        """Take a further block into the means; beyond a weight old ones fade."""
+        """Add a block to the means; beyond the largest weight old blocks fade."""
         share = 1.0 / (self.weight + 1.0)
         self.inputs = self.inputs + share * (inputs - self.inputs)
         self.values = self.values + share * (values - self.values)
@@ -65,18 +65,18 @@ class _Posterior:
 
     @property
     def evidence(self) -> float:
-        """Natural logarithm, but for a constant."""
+        """Natural logarithm of the evidence, up to a constant."""
         logarithms = float(np.log(np.diag(self.factor)).sum())
         return -0.5 * float(np.square(self.whitened).sum()) - len(self.whitened.T) * logarithms
 
 
 class SurfacePosterior:
-    """The blocks of one surface; without any it is the prior, a surface that nobody knows.
+    """Posterior of one surface; without blocks it is the prior, an unknown surface.
 
     Parameters
     ----------
     settings
-        How rough it may be.
+        Settings of the prior: possible roughness of the surface.
     """
 
     def __init__(self, settings: RecordArray = SETTINGS) -> None:
@@ -89,7 +89,7 @@ class SurfacePosterior:
         self._judged = 0
         self._current = True
         self.blocks = 0
-        """How many blocks were added."""
+        """Number of blocks added."""
 
     def __len__(self) -> int:
         """Return the number of cells."""
@@ -97,13 +97,13 @@ class SurfacePosterior:
 
     @property
     def headings(self) -> FloatArray:
-        """Cosines and sines of the headings at which it was touched, shape (n, 2) or (n, 0)."""
+        """Cosines and sines of the headings of the cells, shape (n, 2) or (n, 0)."""
         if not self._cells:
             return np.empty((0, 2))
         return np.array([cell.inputs[2:] for cell in self._cells.values()])
 
     def add(self, blocks: Sequence[SurfaceBlock]) -> None:
-        """Learn that these blocks are of this surface."""
+        """Add blocks of this surface to the posterior."""
         for block in blocks:
             values = cosine_transform() @ block.log_power
             key = _key(block.inputs)
@@ -119,7 +119,7 @@ class SurfacePosterior:
         self._current = self._current and not blocks
 
     def log_likelihood(self, heard: PreparedBlocks) -> FloatArray:
-        """Return how likely the first block is, the first two, and so on, jointly.
+        """Return the joint log likelihoods of the first block, the first two, and so on.
 
         Natural logarithms of densities, shape (n,).
         """
@@ -127,7 +127,7 @@ class SurfacePosterior:
         return total
 
     def log_likelihood_after(self, heard: PreparedBlocks) -> FloatArray:
-        """Return how likely all blocks are, all but the first, and so on, given those before.
+        """Return the log likelihoods of all blocks, all but the first, ..., given those before.
 
         Natural logarithms of densities, shape (n,). A share of the weight is divided anew between
         the settings at the moment in question (fixed share; Herbster and Warmuth, "Tracking the
@@ -162,12 +162,12 @@ class SurfacePosterior:
 
     @property
     def likeliest(self) -> int:
-        """The number of the setting that the blocks make likeliest."""
+        """Index of the setting of largest posterior weight."""
         self._condition()
         return int(np.argmax(self._weights))
 
     def spread(self, inputs: FloatArray) -> dict[str, FloatArray]:
-        """Return how well each kind of component is known at inputs (n, d).
+        """Return the posterior spread of each kind of component at inputs (n, d).
 
         Standard deviations (n,) in natural logarithms of the power in a band, without the noise
         of a block, under the likeliest setting.
@@ -185,11 +185,11 @@ class SurfacePosterior:
         return found
 
     def _possible(self, least: float = _IMPOSSIBLE) -> list[int]:
-        """Return the settings that the cells leave possible."""
+        """Return the indices of settings whose weight is not negligible."""
         return np.flatnonzero(self._weights >= self._weights.max() + least).tolist()
 
     def _condition(self) -> None:
-        """Bring the posteriors up to date; now and then all settings that have hope are judged."""
+        """Update the posteriors; at intervals reweight all settings that are not ruled out."""
         if self._current:
             return
         self._current = True

@@ -1,4 +1,4 @@
-"""What is known of the bands of a surface before it is touched, as Gaussian processes.
+"""Gaussian process prior of the band powers of a surface.
 
 The logarithms of nine band powers are turned by an orthonormal cosine transform into nine
 components: the mean (the *level*), the *tilt* of the spectrum, and ever finer features of its
@@ -8,12 +8,12 @@ Williams, "Gaussian Processes for Machine Learning", 2006, section 2.7):
     f = c + a l + b g + r(l, g),   c, a, b normal,   r of squared exponential covariance.
 
 The level follows a power law of speed and force as far as is published for textures (power as
-speed^0.8..1.4 and force^0.4..1), and bends away from it by a residual r. What a surface is like
-where it was not touched follows: near its samples it is known to within the residual, far
-from them only to within the slopes, and of a surface that was never touched nothing is known but
-the wide prior of c. Vibration falls towards high frequencies, and the finer a feature, the smaller;
-the widths are near those at which stays on the known textures are likeliest, on the wide side: a
-prior that is too wide takes two textures that are merely alike for the same.
+speed^0.8..1.4 and force^0.4..1), and bends away from it by a residual r. Predictions where the
+surface was not touched follow: near its samples they are uncertain by the residual, far from them
+by the slopes, and for an untouched surface by the wide prior of c. Vibration falls towards high
+frequencies, and the finer a feature, the smaller; the widths are near those at which stays on the
+known textures are likeliest, on the wide side: a prior that is too wide takes two textures that are
+merely alike for the same.
 
 How rough r is differs between textures: each of `SETTINGS` is held possible. One has *lines*,
 which move with the speed v through the bands. These are equally wide, and a line of period p
@@ -41,7 +41,7 @@ NOISE: Final = 0.19
 
 
 class Prior(NamedTuple):
-    """Of one kind of component, in natural logarithms of the power in a band.
+    """Prior of one kind of component, in natural logarithms of the power in a band.
 
     ``first`` and ``last``: the components that it holds for, half-open. ``mean``: of c, a and b.
     ``constant``, ``per_speed``, ``per_force``: their standard deviations; ``per_heading``: of a
@@ -73,7 +73,7 @@ REVERSAL: Final = 3.0
 
 
 class Setting(NamedTuple):
-    """How rough a surface may be, and how its texture may depend on the heading.
+    """Roughness of a surface, and the dependence of its texture on the heading.
 
     ``residual`` and ``length``: size of r, and its length in the logarithms of speed and force.
     ``noise``: over `NOISE`. ``lines`` and ``period``: size of a further residual, and its length in
@@ -143,7 +143,7 @@ GRAINED: Final = settings_of(
     Setting(0.5, 0.4, 1.8, turning=1.0, turn=0.8),
     *_along_axes(),
 )
-"""Of surfaces whose texture depends on the heading."""
+"""Settings of surfaces whose texture depends on the heading."""
 
 
 @cache

@@ -1,7 +1,7 @@
-"""Whether the evidence for a change holds with some of the blocks left out.
+"""Robustness of the evidence for a change when some of the blocks are left out.
 
-The Bayes factor is exact for the model assumed, and no model is: an alarm must not rest on what it
-knows least.
+The Bayes factor is exact only for the model assumed: a detection must not rest on the blocks that
+the model describes worst.
 """
 
 import math
@@ -15,26 +15,26 @@ from mmt.texture.surfaces.block_likelihood import PreparedBlocks
 from mmt.texture.surfaces.blocks import SurfaceBlock
 from mmt.texture.surfaces.posterior import SurfacePosterior
 
-VISIT: Final = 8
-"""Blocks just before a change without which the evidence must hold."""
+LAST_BLOCKS: Final = 8
+"""Number of blocks just before a change without which the evidence must hold."""
 
 LEARNED: Final = 20
-"""Blocks that a surface must have been learned from before any can be done without."""
+"""Least number of learned blocks of a surface before blocks are left out."""
 
 _SAME_HEADING: Final = math.cos(math.radians(30.0))
 
 
 class RobustnessCheck:
-    """The evidence that the tool has been on another surface in the last blocks.
+    """Check of the evidence that the tool has been on another surface in the last blocks.
 
     Parameters
     ----------
     blocks
-        The newest ones, oldest first.
+        The newest blocks, oldest first.
     since
-        How many of them are taken to be of the other surface.
+        Number of last blocks assumed to be of the other surface.
     current, other
-        What is known of either.
+        Posteriors of both surfaces.
     """
 
     def __init__(
@@ -50,41 +50,41 @@ class RobustnessCheck:
         self._other = other
 
     def above(self, threshold: float, *, at_any_heading: bool) -> bool:
-        """Say whether it is above a threshold, whatever may be left out.
+        """Return whether the evidence exceeds a threshold under every check.
 
         Parameters
         ----------
         threshold
-            As a natural logarithm.
+            Evidence, as a natural logarithm.
         at_any_heading
-            Whether blocks count at headings at which the current surface was never touched.
+            Whether blocks at headings new to the current surface are included.
         """
         return (
             all(self._evidence(kept) > threshold for kept in self._without_one())
-            and (self._current.blocks < LEARNED or self._without_a_visit() > threshold)
+            and (self._current.blocks < LEARNED or self._without_last_blocks() > threshold)
             and (at_any_heading or self._at_known_headings(threshold))
         )
 
     def _without_one(self) -> list[BoolArray]:
-        """Leave out each block of the other surface in turn, for a knock is no surface."""
+        """Leave out each block of the other surface in turn: one knock is no surface."""
         places = np.arange(len(self._blocks))
         return [places != left_out for left_out in places[self._first :]]
 
-    def _without_a_visit(self) -> float:
-        """Leave out what was heard just before.
+    def _without_last_blocks(self) -> float:
+        """Return the evidence without the blocks just before the change.
 
-        That may have been a short visit to another surface, which was not found: what is heard
-        behind it is the current one again, though not what the visit makes one expect.
+        These may be an undetected short contact with another surface, after which the current one
+        looks different from what those blocks predict.
         """
         kept = np.ones(len(self._blocks), dtype=np.bool_)
-        kept[max(self._first - VISIT, 0) : self._first] = False
+        kept[max(self._first - LAST_BLOCKS, 0) : self._first] = False
         return self._evidence(kept)
 
     def _at_known_headings(self, threshold: float) -> bool:
-        """Say whether it holds without blocks at headings not touched before.
+        """Return whether the evidence holds without blocks at headings not touched before.
 
-        A texture may be rough along one heading and smooth along another, and one that was touched
-        along the former alone does not tell.
+        A texture may be rough along one heading and smooth along another, so contact along one does
+        not determine the other.
         """
         inputs = np.array([block.inputs for block in self._blocks])
         if inputs.shape[1] < 4:

@@ -1,4 +1,4 @@
-"""From frames to the surface under the tool: filter, cut into blocks, detect."""
+"""Surface tracking from frames: filter, cut into blocks, detect changes."""
 
 from mmt.core.arrays import RecordArray
 from mmt.texture.model.inputs import InputSpace
@@ -10,7 +10,7 @@ from mmt.texture.surfaces.detection import SurfaceDetector
 
 
 class SurfaceTracker:
-    """Follow a stream of frames over several surfaces.
+    """Tracker of the surface under the tool in a stream of frames.
 
     Cost: a block of 100 ms takes about 3 ms with two to six known surfaces, where it has a heading
     12 to 16 ms on the average, 50 near the end of a trial and 170 at the worst.
@@ -20,7 +20,7 @@ class SurfaceTracker:
     modelling
         Its axes, its least speed and force, and its inputs.
     settings
-        Of the detection.
+        Settings of the detection.
     """
 
     def __init__(self, modelling: ModellingSettings, settings: SurfaceSettings) -> None:
@@ -35,7 +35,7 @@ class SurfaceTracker:
             settings.false_alarms_per_hour, settings.most, by_heading=by_heading
         )
         self.stroked_s = 0.0
-        """Seconds of stroking that were looked at."""
+        """Seconds of stroking analysed."""
 
     @property
     def surface(self) -> int:
@@ -43,7 +43,7 @@ class SurfaceTracker:
         return self.detector.current
 
     def update(self, frames: RecordArray) -> list[SurfaceChange]:
-        """Take the newest frames (n,); return the changes that they bring to light."""
+        """Add the newest frames (n,); return the changes that they reveal."""
         changes = []
         for block in self._cutter.cut(self._filter.process(frames)):
             self.stroked_s += BLOCK / 1000.0

@@ -37,7 +37,7 @@ _STEEPEST: Final = 1.0 / 16.0
 def continuation(
     past: FloatArray, gain: FloatArray, noise: FloatArray, order: int = ORDER
 ) -> FloatArray:
-    """Return what may come after a vibration, (n,), in its unit.
+    """Return a plausible continuation (n,) of a vibration, in its unit.
 
     Parameters
     ----------

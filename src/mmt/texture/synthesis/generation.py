@@ -1,4 +1,4 @@
-"""White noise through the filter of the moment, at its amplitude.
+"""Generation of vibration: white noise through a filter that may change at every sample.
 
 A filter is a normalised lattice of unit power (`mmt.texture.autoregression.lattice`) and an
 amplitude. It may be replaced between any two samples: the lattice's memory is carried over, and
@@ -56,9 +56,9 @@ def estimate(model: TextureModel, *inputs: float) -> VibrationFilter:
     Parameters
     ----------
     model
-        To ask.
+        Texture model.
     *inputs
-        As of `TextureModel.at`, scalars.
+        Scalar inputs as in `TextureModel.at`.
 
     Raises
     ------
@@ -82,11 +82,11 @@ class Generator:
     Parameters
     ----------
     seed
-        Of the excitation.
+        Seed of the excitation.
     rate_hz
         Sampling rate, that of the filters.
     limit_m_s2
-        Bound of the output.
+        Bound on the output.
     """
 
     def __init__(self, *, seed: int = 0, rate_hz: float = 1000.0, limit_m_s2: float = 60.0) -> None:
@@ -101,13 +101,13 @@ class Generator:
         self._used = 0
 
     def set_rate(self, rate_hz: float) -> None:
-        """Generate at another sampling rate from here on."""
+        """Set the sampling rate of the samples that follow."""
         self.rate_hz = rate_hz
         self.release = math.exp(-1.0 / (_RELEASE_S * rate_hz))
-        """By what the amplitude may fall from one sample to the next."""
+        """Least ratio of the amplitudes of successive samples."""
 
     def use(self, wanted: VibrationFilter | None) -> None:
-        """Go on with another filter, or with none: the last one, falling silent."""
+        """Set the filter; None keeps the last one and lets its amplitude decay."""
         if wanted is None:
             self.state[WANTED] = 0.0
             return
@@ -124,7 +124,7 @@ class Generator:
         return output
 
     def reset(self) -> None:
-        """Be silent at once; the excitation goes on."""
+        """Silence the output at once; the excitation goes on."""
         self.state[_AMPLITUDE] = 0.0
 
     def draw(self, count: int) -> FloatArray:

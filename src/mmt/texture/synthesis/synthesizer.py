@@ -59,13 +59,13 @@ class Synthesizer:
     Parameters
     ----------
     model
-        What to render, None for silence. Assigning `model` later keeps the filter's memory.
+        Model to render, None for silence. Assigning `model` later keeps the filter's memory.
     seed
-        Of the excitation.
+        Seed of the excitation.
     renewal_samples
-        The filter follows speed and force every so many samples.
+        Number of samples between updates of the filter to speed and force.
     limit_m_s2
-        Bound of the output.
+        Bound on the output.
     """
 
     def __init__(
@@ -142,7 +142,7 @@ class Synthesizer:
         return output
 
     def reset(self) -> None:
-        """Be silent at once; the excitation goes on."""
+        """Silence the output at once; the excitation goes on."""
         self._generator.reset()
 
 

@@ -19,8 +19,7 @@ from mmt.core.arrays import BoolArray, FloatArray, RecordArray
 from mmt.core.errors import MmtError
 from mmt.session.data import JsonObject
 from mmt.session.windows import SessionWindows
-from mmt.texture.completion.criteria import make_criterion
-from mmt.texture.completion.criterion import Progress
+from mmt.texture.completion.criterion import Progress, make_criterion
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import update_blocks
 from mmt.texture.online.modeller import ModellerFactory, ModelUpdate
