@@ -102,7 +102,7 @@ def list_models(
 
     figures = {}
     for name, path in shipped_models().items():
-        samples, _ = unpack(path.read_bytes())
+        samples = unpack(path.read_bytes()).samples
         figures[name] = {
             "inputs": samples.space.name,
             "samples": len(samples),
