@@ -32,13 +32,13 @@ class Stream:
     event: str
     holds: tuple[str, ...]
     record_bytes: int
-    """Of a frame or a command."""
+    """Bytes of a frame or a command."""
     records_per_message: int
     message_bytes: int
     """With Socket.IO's envelope, as the link's statistics count what is sent."""
     messages_per_s: float
     payload_bytes_per_s: float
-    """Of the records alone, as the link's statistics count what is received."""
+    """Bytes of the records alone, as the link's statistics count them."""
     bytes_per_s: float
 
 
