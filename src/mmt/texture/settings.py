@@ -10,7 +10,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 
 from annotated_types import Ge, Gt, Le, Lt
 
-from mmt.texture.interpolation.registry import check_interpolator
+from mmt.texture.interpolation.registry import check_name
 
 Axis = Literal["x", "y", "z"]
 VibrationAxis = Literal["x", "y", "z", "dft321"]
@@ -53,7 +53,7 @@ its stop criterion (0.78, the mean of 170 sessions on 17 known textures)."""
 
 STOP_SHARE: Final = 0.95
 """Expected share at which modelling ends: nine of ten sessions that reach it are right on 0.9 of
-the plane and more (`mmt evaluate --compare published,ours`)."""
+the plane and more (`mmt lab compare`)."""
 
 
 @dataclass(frozen=True)
@@ -208,7 +208,7 @@ class TextureSettings:
             )
         if self.longest_samples < 2 * self.shortest_samples:
             raise ValueError("longest_samples must be at least twice shortest_samples")
-        check_interpolator(self.interpolator)
+        check_name(self.interpolator)
 
     @property
     def distances(self) -> Distances:
