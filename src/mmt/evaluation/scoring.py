@@ -93,7 +93,7 @@ class Scorer:
     def by_heading(self, time_s: float) -> tuple[HeadingErrors, ...]:
         """Return errors by heading at a session time, where the texture depends on it.
 
-        Of the leader's model, and of that of the other inputs, from the same session.
+        Errors of the leader's model, and of the model of the other inputs, from the same session.
         """
         grid = self._grid(self._leader.number(time_s))
         if self._truth is None or grid is None:
