@@ -1,4 +1,4 @@
-"""Draw the pictures of ``mmt bench``, ``mmt stability`` and ``mmt evaluate --end-to-end``.
+"""Draw the pictures of ``mmt bench``, ``mmt stability`` and ``mmt lab felt``.
 
 See ``scripts/pictures``.
 """

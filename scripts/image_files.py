@@ -20,7 +20,7 @@ def write(name: str, figure: Figure) -> None:
 
 
 def write_png(name: str, png: bytes, colours: int = 256) -> None:
-    """Write a PNG anew, in full colour where that is small enough, else in so many."""
+    """Write a PNG anew, in full colour where that is small enough, else in `colours` colours."""
     path = IMAGES / f"{name}.png"
     IMAGES.mkdir(parents=True, exist_ok=True)
     drawn = Image.open(io.BytesIO(png)).convert("RGB")

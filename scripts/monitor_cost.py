@@ -1,4 +1,4 @@
-"""What looking on costs the leader's tick: runs with and without viewers, in turns.
+"""What viewers of the monitor cost the leader's tick: runs with and without, in turns.
 
 Usage, after ./scripts/demo has set up .venv:
 .venv/bin/python scripts/monitor_cost.py [ROUNDS [SECONDS [VIEWERS]]]
@@ -27,7 +27,7 @@ FIGURES = {
 
 
 def free_port() -> int:
-    """Return a port that nobody listens on."""
+    """Return a free port."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
@@ -87,7 +87,7 @@ async def main(rounds: int = 3, seconds: float = 18.0, viewers: int = 2) -> None
     found: dict[bool, list[dict[str, float]]] = {False: [], True: []}
     with tempfile.TemporaryDirectory() as folder:
         for number in range(rounds):
-            # who begins changes, so that a machine that warms up favours nobody
+            # the order alternates, so that warming up favours neither
             for watched in (False, True) if number % 2 == 0 else (True, False):
                 figures = await run(seconds, viewers if watched else 0, Path(folder))
                 found[watched].append(figures)

@@ -25,7 +25,7 @@ SCENE_COLUMNS: Final = (
     "up, down",
 )
 WRITTEN_COLUMNS: Final = 3
-"""Of the scenes' table; people write these, the rest is measured."""
+"""Columns of the scenes' table that people write; the rest is measured."""
 
 
 def main() -> None:

@@ -72,10 +72,16 @@ def test_a_scene_without_a_link_has_a_leader_alone() -> None:
     assert description.leader.runs == ("hand", "rendering", "actuator")
 
 
+def test_the_tasks_of_the_leader_are_named() -> None:
+    tasks = describe_scene(load_scene(example_scenes()["ours"])).leader.tasks
+    assert tasks == ("segmenting", "fitting", "synthesizing", "completing", "warming")
+
+
 def test_both_services_say_what_they_leave_out() -> None:
     description = describe_scene(load_scene(example_scenes()["stream-only"]))
     assert description.leader.runs == ("link", "hand", "playout", "actuator", "force_feedback")
     assert {"texture", "rendering", "recording"} <= set(description.leader.left_out)
+    assert description.leader.tasks == ()
     assert description.follower is not None
     assert description.follower.runs == ("link", "simulated")
     assert {"replay", "devices"} <= set(description.follower.left_out)

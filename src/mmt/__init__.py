@@ -28,15 +28,14 @@ if TYPE_CHECKING:
     from mmt.evaluation.evaluate import evaluate_session, evaluate_surfaces
     from mmt.evaluation.results import Evaluation
     from mmt.follower.service import Follower
-    from mmt.leader.service import LeaderService as Leader
+    from mmt.leader.service import Leader
     from mmt.scene import Scene
     from mmt.scene.files import load_scene
     from mmt.session.data import RecordedSession
     from mmt.session.files import export_session, import_session, read_session, write_session
     from mmt.testing.simulation.offline import simulate_session
-    from mmt.texture.model.file import load_model
     from mmt.texture.model.samples import TextureSamples
-    from mmt.texture.model.texture_model import TextureModel
+    from mmt.texture.model.texture_model import TextureModel, load_model
     from mmt.texture.online.history import ModelHistory, build_model, follow_surfaces
     from mmt.texture.settings import ModellingSettings, SurfaceSettings
     from mmt.texture.synthesis.synthesizer import Synthesizer
@@ -73,7 +72,7 @@ _HOMES = {
     "Evaluation": "mmt.evaluation.results",
     "Follower": "mmt.follower.service",
     "InputError": "mmt.core.errors",
-    "Leader": "mmt.leader.service:LeaderService",
+    "Leader": "mmt.leader.service",
     "MmtError": "mmt.core.errors",
     "ModelHistory": "mmt.texture.online.history",
     "ModellingSettings": "mmt.texture.settings",
@@ -89,7 +88,7 @@ _HOMES = {
     "export_session": "mmt.session.files",
     "follow_surfaces": "mmt.texture.online.history",
     "import_session": "mmt.session.files",
-    "load_model": "mmt.texture.model.file",
+    "load_model": "mmt.texture.model.texture_model",
     "load_scene": "mmt.scene.files",
     "read_session": "mmt.session.files",
     "simulate_session": "mmt.testing.simulation.offline",

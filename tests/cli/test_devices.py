@@ -12,7 +12,7 @@ from typer.testing import Result
 
 from mmt.core.errors import InputError
 from mmt.devices import drivers as driver_table
-from mmt.devices.device_check import observe
+from mmt.devices.device_check import check_device
 
 
 def figures_of(drivers: str, name: str, directory: Path, *settings: str) -> tuple[Result, dict]:
@@ -68,17 +68,17 @@ def test_what_is_wrong_is_said_with_what_to_do(
 
 def test_a_silent_and_a_stuck_sensor_are_told_apart(drivers: str) -> None:
     module = __import__(drivers)
-    silent = observe("force_sensor", "a", module.Sampled(silent=True), duration_s=2.0)
+    silent = check_device("force_sensor", "a", module.Sampled(silent=True), duration_s=2.0)
     assert "gives no reading: check its cable" in silent.problems[0]
     stuck = module.Sampled(noise=0.0)
-    assert "never changes" in observe("force_sensor", "a", stuck, duration_s=1.2).problems[0]
+    assert "never changes" in check_device("force_sensor", "a", stuck, duration_s=1.2).problems[0]
     assert stuck.closed == 1
 
 
 @pytest.mark.parametrize(("z", "words"), [(1.0, "may be in g"), (3.0, "feels 3: keep it still")])
 def test_an_accelerometer_must_feel_gravity(drivers: str, z: float, words: str) -> None:
     device = __import__(drivers).Polled(z=z)
-    assert words in observe("accelerometer", "a", device, duration_s=0.05).problems[0]
+    assert words in check_device("accelerometer", "a", device, duration_s=0.05).problems[0]
 
 
 def test_calibration_is_asked_for(drivers: str, tmp_path: Path) -> None:
@@ -152,7 +152,7 @@ def test_an_actuator_plays_silence_and_shows_what_it_counted(tmp_path: Path) -> 
 
 
 def test_a_board_shows_the_voltages_of_its_inputs(drivers: str) -> None:
-    seen = observe("board", "a", __import__(drivers).Board(), duration_s=0.05)
+    seen = check_device("board", "a", __import__(drivers).Board(), duration_s=0.05)
     assert seen.mean == pytest.approx((0.1, 0.2, 0.3, 0.4))
     assert seen.unit == "V"
 
@@ -161,13 +161,13 @@ def test_a_capacitor_that_passes_too_little_is_a_problem(drivers: str) -> None:
     from mmt.devices.drivers import load_device
 
     sensor = load_device("adxl335-serial", {"port": "/dev/none", "bandwidth_hz": 50})
-    problems = observe("accelerometer", "adxl335-serial", sensor, duration_s=0.05).problems
+    problems = check_device("accelerometer", "adxl335-serial", sensor, duration_s=0.05).problems
     assert any("Replace the three capacitors by 0.01 uF or less" in text for text in problems)
 
 
 def test_readings_that_come_in_bursts_are_told(drivers: str) -> None:
     sensor = __import__(drivers).Sampled(at_once=80)
-    (problem,) = observe("force_sensor", "a", sensor, duration_s=0.5).problems
+    (problem,) = check_device("force_sensor", "a", sensor, duration_s=0.5).problems
     assert "come in bursts, up to" in problem or BUSY in problem
 
 
@@ -175,7 +175,7 @@ def test_a_busy_machine_is_told_from_a_fault(drivers: str, monkeypatch: pytest.M
     sensor = __import__(drivers).Sampled()
     sleep = time.sleep
     monkeypatch.setattr("mmt.devices.device_check.time.sleep", lambda _: sleep(0.03))
-    problems = observe("force_sensor", "a", sensor, duration_s=0.5).problems
+    problems = check_device("force_sensor", "a", sensor, duration_s=0.5).problems
     assert len(problems) == 1
     assert "this machine is busy, the test itself had to wait up to" in problems[0]
 

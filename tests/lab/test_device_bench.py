@@ -115,7 +115,7 @@ def test_a_child_that_fails_is_quoted() -> None:
     child = Child("mmt_lab.bench.device_path.emulated", "no_such_sensor", "adxl335", "ordinary")
     try:
         with pytest.raises(MmtError, match=r"emulated has ended: KeyError.*no_such_sensor"):
-            child.hear(30.0)
+            child.receive(30.0)
     finally:
         child.close()
 

@@ -9,7 +9,14 @@ from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import COMMAND_DTYPE
 from mmt_lab.bench.link_sides import Report
 from mmt_lab.bench.link_traffic import Measured, Side
-from mmt_lab.experiments.link import _order, _ratios, _receive, _summarise, _unheard, bench_link
+from mmt_lab.experiments.link import (
+    _missing_at_end,
+    _order,
+    _ratios,
+    _receive,
+    _summarise,
+    bench_link,
+)
 
 
 def measured(**changes: float) -> Measured:
@@ -66,20 +73,20 @@ def test_a_disturbed_turn_does_not_move_the_ratios() -> None:
 
 def test_what_is_lost_is_summed_and_includes_the_tail() -> None:
     turns = [(measured(lost=2, received=8), measured()), (measured(out_of_order=1), measured())]
-    result = _summarise(turns, unheard_up=3, unheard_down=1)
+    result = _summarise(turns, missing_up=3, missing_down=1)
     assert (result.up.lost, result.up.out_of_order, result.up.messages) == (5, 1, 18)
     assert (result.down.lost, result.down.out_of_order) == (1, 0)
     sender = Report([], {"ours": 10, "bare": 0}, {"ours": -1, "bare": -1})
     receiver = Report([], {"ours": 0, "bare": 0}, {"ours": 7, "bare": -1})
-    assert _unheard(sender, receiver) == {"ours": 2, "bare": 0}
+    assert _missing_at_end(sender, receiver) == {"ours": 2, "bare": 0}
 
 
 def test_a_side_counts_gaps_and_disorder() -> None:
     sender, receiver = Side(COMMAND_DTYPE), Side(COMMAND_DTYPE)
     records = [sender.next_record() for _ in range(8)]
-    receiver.take_block(np.concatenate(records[:2]), 0)
+    receiver.record_block(np.concatenate(records[:2]), 0)
     for number in (4, 3, 7):
-        receiver.take(records[number].tobytes())
+        receiver.record(records[number].tobytes())
     assert receiver.counts == (0, 5, 2 + 2, 1)
     assert sender.counts == (8, 0, 0, 0)
     assert receiver.latency.count == 5

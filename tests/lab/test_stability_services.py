@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mmt.leader.playout
-import mmt.texture.online.modeller
+import mmt.texture.online.fitting
 from mmt_lab.stability import clocks, uptime
 from mmt_lab.stability.cases import Case, run_case
 from mmt_lab.stability.fake_time import FakeClock, run_in_fake_time
@@ -87,14 +87,14 @@ def test_a_part_that_loses_samples_is_seen(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_endless_modelling_keeps_its_size(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mmt.texture.online.modeller, "LARGEST_MODEL", 60)
+    monkeypatch.setattr(mmt.texture.online.fitting, "LARGEST_MODEL", 60)
     figures = run_endless_modelling(60).figures
     assert figures["samples"] == 60
     assert figures["growth_blocks"] < uptime.MOST_BLOCKS
 
 
 def test_a_model_without_an_end_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mmt.texture.online.modeller, "LARGEST_MODEL", 10**9)
+    monkeypatch.setattr(mmt.texture.online.fitting, "LARGEST_MODEL", 10**9)
     outcome = run_endless_modelling(120)
     assert outcome.figures["samples"] > 300
     assert outcome.figures["growth_blocks"] > uptime.MOST_BLOCKS

@@ -133,6 +133,9 @@ async def test_the_model_is_in_the_metrics(tmp_path: Path, http: aiohttp.ClientS
     assert figures["mmt_model_samples", ()] == 0
     assert figures["mmt_model_updates_total", ()] == 2
     assert figures["mmt_model_update_seconds_total", ()] == 0.75
+    for task in ("segmenting", "fitting", "synthesizing", "completing"):
+        for name in ("queue_items", "queue_most_items", "median_seconds", "items_total"):
+            assert figures[f"mmt_task_{name}", (("task", task),)] == 0
     together.leader.stop()
     await together.end()
 

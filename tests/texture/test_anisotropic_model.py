@@ -9,7 +9,7 @@ from scipy.spatial import Delaunay
 
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
-from mmt.texture.interpolation.interpolators import BUILDERS
+from mmt.texture.interpolation.registry import INTERPOLATORS
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace, normalise_into
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.synthesis.synthesizer import Synthesizer
@@ -44,7 +44,7 @@ def everywhere(count: int) -> np.ndarray:
 @pytest.mark.parametrize("interpolator", ["delaunay", "nearest"])
 def test_a_sample_is_reproduced_at_its_own_velocity_and_force(interpolator: str) -> None:
     samples = make_samples(scattered(40))
-    model = TextureModel(samples, interpolator=interpolator)  # type: ignore[arg-type]
+    model = TextureModel(samples, interpolator=interpolator)
     lsf, variance = model.at(*samples.inputs.T)
     np.testing.assert_allclose(lsf, samples.lsf, atol=1e-9)
     np.testing.assert_allclose(variance, samples.variance, rtol=1e-7)
@@ -64,7 +64,7 @@ def test_the_interpolation_is_scipys() -> None:
     np.testing.assert_allclose(lsf, scipys[:, 1:], atol=1e-8)
 
 
-@pytest.mark.parametrize("interpolator", list(BUILDERS))
+@pytest.mark.parametrize("interpolator", list(INTERPOLATORS))
 @pytest.mark.parametrize(
     "inputs",
     [
@@ -82,7 +82,7 @@ def test_the_interpolation_is_scipys() -> None:
 def test_degenerate_sample_sets_give_a_finite_stable_model(
     inputs: list[list[float]], interpolator: str
 ) -> None:
-    model = TextureModel(make_samples(np.array(inputs)), interpolator=interpolator)  # type: ignore[arg-type]
+    model = TextureModel(make_samples(np.array(inputs)), interpolator=interpolator)
     lsf, variance = model.at(*everywhere(1000).T)
     assert np.isfinite(variance).all()
     assert (variance >= 0).all()
@@ -90,32 +90,32 @@ def test_degenerate_sample_sets_give_a_finite_stable_model(
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.integers(1, 30), st.integers(0, 2**32), st.sampled_from(list(BUILDERS)))
+@given(st.integers(1, 30), st.integers(0, 2**32), st.sampled_from(list(INTERPOLATORS)))
 def test_any_samples_give_ordered_frequencies(count: int, seed: int, interpolator: str) -> None:
     samples = make_samples(np.round(scattered(count, seed), 1))
-    model = TextureModel(samples, interpolator=interpolator)  # type: ignore[arg-type]
+    model = TextureModel(samples, interpolator=interpolator)
     lsf, variance = model.at(*everywhere(200).T)
     assert (np.diff(lsf, axis=1, prepend=0.0, append=np.pi) > 0).all()
     assert (variance >= 0).all()
 
 
-@pytest.mark.parametrize("interpolator", list(BUILDERS))
+@pytest.mark.parametrize("interpolator", list(INTERPOLATORS))
 @pytest.mark.parametrize("slowest_mm_s", [3.0, 10.0, 100.0])
 def test_a_hand_at_rest_or_without_force_feels_nothing(
     slowest_mm_s: float, interpolator: str
 ) -> None:
     inputs = scattered(80)
     inputs[:10, :2] *= slowest_mm_s / np.hypot(inputs[:10, :1], inputs[:10, 1:2])
-    model = TextureModel(make_samples(inputs), interpolator=interpolator)  # type: ignore[arg-type]
+    model = TextureModel(make_samples(inputs), interpolator=interpolator)
     assert model.at(0.0, 0.0, np.linspace(0.0, 3.0, 301))[1].max() == 0.0
     turn = np.linspace(0.0, 2 * np.pi, 50)
     for speed in (50.0, 150.0, 300.0):
         assert model.at(speed * np.cos(turn), speed * np.sin(turn), 0.0)[1].max() == 0.0
 
 
-@pytest.mark.parametrize("interpolator", list(BUILDERS))
+@pytest.mark.parametrize("interpolator", list(INTERPOLATORS))
 def test_every_stroke_is_felt_however_slow_and_light(interpolator: str) -> None:
-    model = TextureModel(make_samples(scattered(30)), interpolator=interpolator)  # type: ignore[arg-type]
+    model = TextureModel(make_samples(scattered(30)), interpolator=interpolator)
     inputs = scattered(500, 3) * (0.1, 0.1, 0.1)
     assert model.at(*inputs.T)[1].min() > 0.0
 
@@ -133,7 +133,7 @@ def test_a_power_law_is_found_and_rendered_beyond_the_samples(
     for interpolate, share in (("power", 1.0), ("amplitude", 0.5)):
         model = TextureModel(
             TextureSamples(inputs, lsf, gain * power, power, ANISOTROPIC),
-            interpolate=interpolate,  # type: ignore[arg-type]
+            interpolate=interpolate,
         )
         expected = pytest.approx((share * exponents[0], share * exponents[1]), abs=0.15)
         assert tuple(model.trend) == expected
@@ -214,11 +214,11 @@ def test_the_wrong_number_of_inputs_is_explained() -> None:
     with pytest.raises(InputError, match="int64: each must be"):
         Synthesizer(model).render(*np.ones((3, 3), dtype=np.int64))
     with pytest.raises(InputError, match="isotropic, anisotropic"):
-        InputSpace("directed")  # type: ignore[arg-type]
+        InputSpace("directed")
     with pytest.raises(InputError, match="maximum_force_n"):
         InputSpace("isotropic", 300.0, 0.0)
     with pytest.raises(InputError, match="delaunay"):
-        TextureModel(make_samples(scattered(3)), interpolator="spline")  # type: ignore[arg-type]
+        TextureModel(make_samples(scattered(3)), interpolator="spline")
 
 
 def test_a_model_of_version_1_is_read(tmp_path) -> None:

@@ -328,7 +328,7 @@ def test_a_saved_model_has_the_same_level_when_it_is_loaded(tmp_path: Path):
     model.save(tmp_path / "model.npz")
     loaded = TextureModel.load(tmp_path / "model.npz")
     assert loaded.level == "gaussian_process"
-    np.testing.assert_array_equal(loaded.law, model.law)
+    np.testing.assert_array_equal(loaded.kernel_parameters, model.kernel_parameters)
     np.testing.assert_array_equal(loaded.samples.effective, effective)
 
 
@@ -340,7 +340,7 @@ def test_a_model_that_has_grown_keeps_its_hyperparameters_in_its_file():
         samples = samples_of(points[:count], power[:count], effective[:count])
         model = TextureModel(samples, level="gaussian_process", previous=model)
     loaded = TextureModel.from_bytes(model.to_bytes())
-    np.testing.assert_array_equal(loaded.law, model.law)
+    np.testing.assert_array_equal(loaded.kernel_parameters, model.kernel_parameters)
 
 
 def test_hyperparameters_of_another_space_are_refused_in_words(tmp_path: Path):

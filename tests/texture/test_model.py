@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.signal import welch
 
 from mmt.core.errors import InputError
+from mmt.models import find_model
 from mmt.texture.autoregression.forms import (
     ar_to_reflection,
     lsf_to_ar,
@@ -302,3 +303,18 @@ def test_bad_inputs_are_silence() -> None:
     assert np.isfinite(fast).all()
     assert fast.any()
     assert len(synthesizer.render(np.empty(0), np.empty(0))) == 0
+
+
+def test_a_model_says_what_it_is() -> None:
+    model = TextureModel.load(str(find_model(Path("oak"))))
+    told = repr(model)
+    for words in ("anisotropic", "282 samples of order 5", "1000 Hz", "mm/s", " N", "rbf"):
+        assert words in told
+
+
+def test_a_model_is_saved_and_loaded_by_a_path_or_its_text(tmp_path) -> None:
+    model = TextureModel.load(find_model(Path("felt")))
+    model.save(str(tmp_path / "one.npz"))
+    model.save(tmp_path / "other.npz")
+    assert TextureModel.load(str(tmp_path / "one.npz")).to_bytes() == model.to_bytes()
+    assert (tmp_path / "one.npz").read_bytes() == (tmp_path / "other.npz").read_bytes()

@@ -13,6 +13,7 @@ from mmt.core.errors import InputError
 from mmt.models import find_model
 from mmt.texture.autoregression.forms import lsf_to_ar, output_power, reflection_to_lsf
 from mmt.texture.autoregression.lsf import lsf_inverse_gain
+from mmt.texture.model.file import FittedParameters
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
@@ -38,6 +39,14 @@ def make_samples(space, count: int, order: int = 6) -> TextureSamples:
     return TextureSamples(inputs_of(space, count, 1), lsf, variance, power, space)
 
 
+def assert_alike(one: FittedParameters, other: FittedParameters) -> None:
+    assert one.trend == other.trend
+    assert one.interpolator_state.keys() == other.interpolator_state.keys()
+    for name, array in one.interpolator_state.items():
+        np.testing.assert_array_equal(array, other.interpolator_state[name])
+    np.testing.assert_array_equal(one.level_hyperparameters, other.level_hyperparameters)
+
+
 def grown(space, interpolator: str) -> TextureModel:
     """Return a model that has grown, whose settings are of fewer samples than it has."""
     samples = make_samples(space, 70)
@@ -59,7 +68,7 @@ def test_a_loaded_model_is_the_saved_one_to_the_bit(space, interpolator, interpo
     samples = make_samples(space, 40)
     model = TextureModel(samples, interpolator=interpolator, interpolate=interpolate)
     again = TextureModel.from_bytes(model.to_bytes())
-    assert again.fitted == model.fitted
+    assert_alike(again.fitted, model.fitted)
     assert again.to_bytes() == model.to_bytes()
     queries = inputs_of(space, 200, 2).T
     for one, other in zip(model.at(*queries), again.at(*queries), strict=True):
@@ -70,8 +79,9 @@ def test_a_loaded_model_is_the_saved_one_to_the_bit(space, interpolator, interpo
 def test_a_model_that_grew_keeps_its_settings(space) -> None:
     model = grown(space, "rbf")
     again = TextureModel.from_bytes(model.to_bytes())
-    assert again.fitted == model.fitted
-    assert again.fitted != TextureModel(model.samples, interpolator="rbf").fitted
+    assert_alike(again.fitted, model.fitted)
+    with pytest.raises(AssertionError):
+        assert_alike(again.fitted, TextureModel(model.samples, interpolator="rbf").fitted)
     queries = inputs_of(space, 200, 2).T
     for one, other in zip(model.at(*queries), again.at(*queries), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-6)
@@ -125,7 +135,7 @@ def test_a_model_of_version_2_is_fitted_anew() -> None:
         trend_exponents=None,
         **{f"network_{name}": None for name in names},
     )
-    assert TextureModel.from_bytes(older).fitted == model.fitted
+    assert_alike(TextureModel.from_bytes(older).fitted, model.fitted)
 
 
 def test_a_level_of_version_4_has_its_hyperparameters_chosen_anew() -> None:
@@ -136,9 +146,15 @@ def test_a_level_of_version_4_has_its_hyperparameters_chosen_anew() -> None:
     found = TextureModel.from_bytes(model.to_bytes())
     np.testing.assert_array_equal(found.samples.counts, samples.counts)
     other = changed(model.to_bytes(), level_hyperparameters=np.zeros(10))
-    assert (TextureModel.from_bytes(other).fitted.level != model.fitted.level).any()
+    assert (
+        TextureModel.from_bytes(other).fitted.level_hyperparameters
+        != model.fitted.level_hyperparameters
+    ).any()
     older = changed(other, format_version=4)
-    np.testing.assert_array_equal(TextureModel.from_bytes(older).fitted.level, model.fitted.level)
+    np.testing.assert_array_equal(
+        TextureModel.from_bytes(older).fitted.level_hyperparameters,
+        model.fitted.level_hyperparameters,
+    )
 
 
 def test_counts_that_are_none_are_refused() -> None:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power, reflection_to_lsf
 from mmt.texture.field.trend import without_trend
-from mmt.texture.interpolation.radial_basis.model import LEVEL_ROOM
+from mmt.texture.interpolation.radial_basis.interpolator import LEVEL_ROOM
 from mmt.texture.interpolation.radial_basis.online import RadialBasisSystem
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
 from mmt.texture.model.samples import TextureSamples

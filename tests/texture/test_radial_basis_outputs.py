@@ -7,7 +7,11 @@ from hypothesis import strategies as st
 from scipy.optimize import isotonic_regression, minimize
 
 from mmt.texture.autoregression.forms import lsf_to_reflection
-from mmt.texture.interpolation.radial_basis.outputs import LEAST_GAP, least_gap, nearest_valid_lsf
+from mmt.texture.interpolation.radial_basis.evaluation import (
+    LEAST_GAP,
+    least_gap,
+    nearest_valid_lsf,
+)
 
 ANY = st.floats(allow_nan=True, allow_infinity=True)
 NEAR = st.floats(-1.0, 5.0)

@@ -169,7 +169,7 @@ def test_the_blow_counts_once_there_are_enough_outliers():
 def test_a_wave_is_remembered_until_there_are_many_more_outliers():
     memory = SearchCache()
     assert memory.wave(LEAST) is None
-    memory.hear(TABLE, 8)
-    memory.hear(TABLE + 1.0, 9)
+    memory.put_wave(TABLE, 8)
+    memory.put_wave(TABLE + 1.0, 9)
     np.testing.assert_array_equal(memory.wave(9), TABLE + 1.0)
     assert memory.wave(10) is None

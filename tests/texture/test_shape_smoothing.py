@@ -134,7 +134,7 @@ def test_a_model_of_smoothed_spectra_keeps_its_samples_and_comes_back_from_its_f
     again = TextureModel.from_bytes(model.to_bytes())
     assert (again.shape, again.samples.noise_power) == ("smoothed", 0.01)
     np.testing.assert_array_equal(again.vertices, model.vertices)
-    np.testing.assert_array_equal(again.law, model.law)
+    np.testing.assert_array_equal(again.kernel_parameters, model.kernel_parameters)
 
 
 @pytest.mark.parametrize("space", [ISOTROPIC, ANISOTROPIC], ids=lambda space: space.name)

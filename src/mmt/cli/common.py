@@ -49,7 +49,7 @@ def run_app(app: typer.Typer, program: str) -> None:
 
 
 def print_error(sentence: str) -> None:
-    """Say what went wrong."""
+    """Print an error."""
     messages.print(Text.assemble(("error:", "red"), f" {sentence}"), soft_wrap=True)
 
 
@@ -93,7 +93,7 @@ async def with_inventory(running: Coroutine[Any, Any, Result]) -> Result:
 
 
 def print_parts(scene: Scene, service: Service) -> None:
-    """Say which of the parts that concern a service run, and which are left out."""
+    """Print which parts of a service run, and which are left out."""
     parts = scene.parts(service)
     running = [name for name, runs in parts.items() if runs]
     left_out = [name for name, runs in parts.items() if not runs]
@@ -137,7 +137,7 @@ def flatten(content: object, prefix: str = "") -> list[tuple[str, str]]:
 
 
 def as_text(value: object) -> str:
-    """Return a value as a person wants to read it."""
+    """Return a value as text for people."""
     if isinstance(value, float):
         return f"{value:.4g}"
     if isinstance(value, bool):

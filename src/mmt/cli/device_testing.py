@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from mmt.cli.common import messages, output, write_json
 from mmt.core.errors import InputError
-from mmt.devices.device_check import DeviceCheck, Values, observe
+from mmt.devices.device_check import DeviceCheck, Values, check_device
 from mmt.devices.drivers import ROLE_NAMES, Role, load_device, role_for
 from mmt.scene import Scene
 from mmt.scene.files import example_scenes, load_scene
@@ -35,7 +35,7 @@ def try_all(
     for named in devices:
         device = load_device(named.driver, named.options, role=named.role)
         messages.print(f"{named.title}: {duration_s:g} s", highlight=False)
-        one = observe(
+        one = check_device(
             named.role or "device",
             named.driver,
             device,

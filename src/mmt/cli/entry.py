@@ -1,7 +1,7 @@
 """Start a command line; Ctrl-C while it is still being loaded ends it without a traceback.
 
 ``python -m mmt.cli.entry leader`` is ``mmt-leader``. Nothing but the standard library is
-imported here, so that there is next to no time in which Ctrl-C finds nobody.
+imported here, so that Ctrl-C is handled almost from the start.
 """
 
 import importlib

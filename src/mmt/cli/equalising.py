@@ -17,7 +17,7 @@ from mmt.devices.haptuator.sweep import SweepRecording, SweepSettings, record_sw
 
 _NAMES = ("drive_v", "acceleration_m_s2")
 _BUFFER_MS = 60.0
-"""Of the actuator while it is swept, unless told: nobody waits for it, and gaps do harm."""
+"""Default latency of the actuator while it is swept: no one waits for it, and gaps do harm."""
 _MARGIN_HZ = (30.0, 40.0)
 """By which the sweep goes beyond the band that is evened out, below and above."""
 _EDGES_HZ = (20.0, 495.0)

@@ -24,7 +24,7 @@ def evaluate_files(
     json_file: Path | None,
     report: Path | None,
 ) -> None:
-    """Evaluate session files, print the table, and write what is asked for."""
+    """Evaluate session files, print the table, and write the files that were asked for."""
     evaluations: list[Evaluation] = []
     scenes: list[dict[str, Any]] = []
     more: list[Block] = []

@@ -73,7 +73,7 @@ def main(
         bool, typer.Option("--version", callback=version, is_eager=True, help="Print it.")
     ] = False,
 ) -> None:
-    """Take the options that stand before a command."""
+    """Handle the options that precede a command."""
 
 
 @app.command()
@@ -124,7 +124,7 @@ def play(
     record: Annotated[
         Path | None, typer.Option(help="Record touches into this MCAP file, one a texture.")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the orders and the excitation.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the orders and the excitation.")] = 0,
     host: Annotated[str, typer.Option(help="Listen on this address.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Listen on this port; 0 takes any free one.")] = 8770,
     token_file: Annotated[Path | None, typer.Option(help="A file with the token.")] = None,

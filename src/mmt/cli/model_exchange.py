@@ -64,12 +64,12 @@ def export_model(
         Path | None, typer.Option(help="WAV: move as in this recorded session.")
     ] = None,
     speed: Annotated[
-        float, typer.Option(min=0.0, help="WAV: move at so many mm/s, without --motion.")
+        float, typer.Option(min=0.0, help="WAV: speed in mm/s, without --motion.")
     ] = 100.0,
     heading: Annotated[
         float, typer.Option(help="WAV: in this direction, degrees from x towards y.")
     ] = 0.0,
-    force: Annotated[float, typer.Option(min=0.0, help="WAV: press with so many N.")] = 1.0,
+    force: Annotated[float, typer.Option(min=0.0, help="WAV: normal force in N.")] = 1.0,
     seconds: Annotated[
         float, typer.Option(min=0.001, max=_LONGEST_S, help="WAV: for so long.")
     ] = 5.0,

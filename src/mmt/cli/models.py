@@ -31,10 +31,11 @@ def build_model(
         Path | None, typer.Option("--scene", help="Take \\[texture] from this scene.")
     ] = None,
     whole: Annotated[
-        bool, typer.Option("--whole", help="Go on to the session's end, past the stop criterion.")
+        bool,
+        typer.Option("--whole", help="Continue past the stop criterion, to the end."),
     ] = False,
     surface: Annotated[
-        int | None, typer.Option(min=1, help="Of several surfaces, the one of this number.")
+        int | None, typer.Option(min=1, help="The number of the surface, where there are several.")
     ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
 ) -> None:
@@ -82,7 +83,7 @@ def info(
     ],
     json_file: Annotated[Path | None, typer.Option("--json", help="Write it there.")] = None,
 ) -> None:
-    """Say what a model file holds."""
+    """Show what a model file holds."""
     from mmt.models import find_model
     from mmt.texture.model.texture_model import TextureModel
 
@@ -95,13 +96,13 @@ def info(
 def list_models(
     json_file: Annotated[Path | None, typer.Option("--json", help="Write it there.")] = None,
 ) -> None:
-    """Name the shipped models."""
+    """List the shipped models."""
     from mmt.models import shipped_models
     from mmt.texture.model.file import unpack
 
     figures = {}
     for name, path in shipped_models().items():
-        samples, _ = unpack(path.read_bytes())
+        samples = unpack(path.read_bytes()).samples
         figures[name] = {
             "inputs": samples.space.name,
             "samples": len(samples),
@@ -113,7 +114,7 @@ def list_models(
 
 
 def describe(model: "TextureModel") -> dict[str, Any]:
-    """Return what a person wants to know of a model, as plain values."""
+    """Return the properties of a model as plain values."""
     from mmt.texture.completion.distance import distance_sum
 
     samples = model.samples

@@ -48,7 +48,7 @@ def report_recording(directory: Path, recording: Path, run: Mapping[str, Any]) -
 
 
 def remark(evaluation: Evaluation, beside: Sequence[Evaluation]) -> str:
-    """Say what an evaluation's coverage is, and of which session where there are several."""
+    """Return a remark on an evaluation's coverage, with its name where there are several."""
     return f"{evaluation.name}: " * (len(beside) > 1) + evaluation.coverage.remark
 
 

@@ -1,4 +1,4 @@
-"""``mmt report``: what reports say, side by side."""
+"""``mmt report``: two reports side by side."""
 
 from pathlib import Path
 from typing import Annotated
@@ -25,7 +25,7 @@ def compare(
     ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the differences.")] = None,
 ) -> None:
-    """Say what differs between two runs, evaluations or measurements."""
+    """Show what differs between two runs, evaluations or measurements."""
     from mmt.evaluation.comparison import COLUMNS, compare_reports, write_comparison
 
     found = compare_reports(left, right)

@@ -48,7 +48,7 @@ def explain(
     ] = False,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
 ) -> None:
-    """Say what a scene runs, sends and imports, and measure what each part costs."""
+    """Show what a scene runs, sends and imports, and measure what each part costs."""
     from mmt.cli.scene import tables as scene_tables
     from mmt.cli.scene.description import describe_scene
 

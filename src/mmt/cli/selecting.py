@@ -40,7 +40,7 @@ def select_samples(
     ] = False,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
 ) -> None:
-    """Say which samples are kept, redundant or outliers, and what that does to the error."""
+    """Select samples: which are kept, redundant or outliers, and how that changes the error."""
     for path, suffix in ((target, SUFFIX), (plot, ".png")):
         if path is not None and path.suffix.lower() != suffix:
             raise InputError(f"{path}: its name must end in {suffix}")

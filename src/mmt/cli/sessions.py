@@ -91,7 +91,7 @@ def info(
     source: SourceFile,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write it there.")] = None,
 ) -> None:
-    """Say what a session file holds."""
+    """Show what a session file holds."""
     from mmt.session.info import info as session_info
 
     content = {
@@ -106,7 +106,7 @@ def info(
 def view(
     source: SourceFile,
     port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Of the page; 0 for any that is free.")
+        int, typer.Option(min=0, max=65535, help="Port of the page; 0 for any free one.")
     ] = 0,
     show: Annotated[
         bool, typer.Option("--open/--no-open", help="Open the page in the browser.")

@@ -9,12 +9,13 @@ KERNELS: Final = Path(__file__).parents[1] / "texture"
 """Folder of the kernels' sources; numba caches compiled code in folders beside them."""
 
 
-def drop_stale_kernels(sources: Path = KERNELS) -> bool:
+def drop_stale_kernels(sources: str | Path = KERNELS) -> bool:
     """Delete the compiled kernels of a folder if any of its sources has changed since.
 
     numba renews a cached kernel when its own file changes, not when a kernel that it has
     inlined from another file does. Returns whether anything was stale.
     """
+    sources = Path(sources)
     cache = sources / "__pycache__"
     digest = hashlib.sha256()
     for source in sorted(sources.rglob("*.py")):

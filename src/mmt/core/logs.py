@@ -53,7 +53,9 @@ class Logs:
         The level is unknown, or the file cannot be written.
     """
 
-    def __init__(self, service: str, file: Path | None = None, level: str | None = None) -> None:
+    def __init__(
+        self, service: str, file: str | Path | None = None, level: str | None = None
+    ) -> None:
         if level is not None and level not in LEVELS:
             raise InputError(f"--log-level {level}: allowed are {', '.join(LEVELS)}")
         self._lines = _JsonLines(service)
@@ -64,7 +66,7 @@ class Logs:
         self._handlers: list[logging.Handler] = [terminal]
         self._listener: QueueListener | None = None
         if file is not None:
-            self._open(file, chosen)
+            self._open(Path(file), chosen)
         self._root, self._own = logging.getLogger(), logging.getLogger("mmt")
         self._levels = self._own.level
         for handler in self._handlers:

@@ -1,4 +1,4 @@
-"""Watch one device for a while: its values, its rate and jitter, and what is wrong with it."""
+"""Check one device: read it for a while, and report values, rate, jitter and faults."""
 
 import inspect
 import math
@@ -71,7 +71,7 @@ class DeviceCheck:
         return UNITS[self.role]
 
 
-def observe(
+def check_device(
     role: str,
     driver: str,
     device: Any,

@@ -1,4 +1,7 @@
-"""Drivers by name and role; none is imported before a scene asks for it."""
+"""Drivers by name and role: where they are, how a device is made of one, what each can be.
+
+No driver is imported before a scene asks for it.
+"""
 
 import importlib
 import inspect

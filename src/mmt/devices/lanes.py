@@ -1,8 +1,7 @@
-"""Form frames at the session's rate from sensors that run on clocks of their own.
+"""Lanes: what one device has measured lately, and its value at an instant.
 
-Each lane holds what one device has measured; a frame takes all of them at one physical
-instant: from the line between two readings, or from more of them (`vibration_lane`). Where there
-are none, there is no frame.
+The value comes from the line between two readings, or from more of them
+(`mmt.devices.vibration_lane`). Where no readings lie around the instant there is none.
 """
 
 from collections import deque

@@ -20,7 +20,7 @@ _NAMED_CELLS: Final = 9
 def coverage(
     frames: RecordArray, points: FloatArray, settings: ModellingSettings, *, stopped: bool
 ) -> Coverage:
-    """Say where the hand was and which of the cells its samples leave far.
+    """Describe where the hand was and which cells are far from its samples.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ class SideBySide:
 
     @property
     def inner(self) -> Sequence[Picture]:
-        """Return what stands beside each other."""
+        """Return the items that are shown side by side."""
         return self.pictures
 
     @property
@@ -64,14 +64,14 @@ class SideBySide:
 
 @dataclass(frozen=True)
 class SmallTables:
-    """Tables that stand beside each other where there is room."""
+    """Tables that are shown side by side where there is room."""
 
     tables: Sequence[Table]
     kind: ClassVar = "tables"
 
     @property
     def inner(self) -> Sequence[Table]:
-        """Return what stands beside each other."""
+        """Return the items that are shown side by side."""
         return self.tables
 
 
@@ -215,7 +215,7 @@ def _html_table(table: Table) -> str:
 
 
 def numeric_columns(table: Table) -> list[bool]:
-    """Say per column whether all its cells are numbers, dashes left aside."""
+    """Return for each column whether all its cells are numbers or dashes."""
     columns = [[row[index] for row in table.rows] for index in range(len(table.columns))]
     return [
         any(map(_is_number, cells)) and all(_is_number(cell) or cell in _EMPTY for cell in cells)

@@ -1,7 +1,7 @@
-"""Recorded segments that a model has not seen, against what it renders in their place.
+"""Held-out recorded segments against what a model built without them renders.
 
 Awan et al., section VII.A: five random samples of the finished model are taken out, the model
-is built anew without them, and their recorded vibration is compared with what the model
+is rebuilt without them, and their recorded vibration is compared with what the model
 synthesizes at their speed and force.
 """
 

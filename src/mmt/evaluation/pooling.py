@@ -176,7 +176,7 @@ def left_out_errors(
 
 
 def is_model(path: Path) -> bool:
-    """Say whether a file is a texture model, by what is in it."""
+    """Return whether a file is a texture model, by its content."""
     if path.suffix.lower() != ".npz":
         return False
     try:

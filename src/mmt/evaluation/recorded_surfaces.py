@@ -1,4 +1,4 @@
-"""A recorded session over several surfaces, parted as the live leader parts it."""
+"""A recorded session split by surface, as the live leader does it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ from mmt.texture.surfaces import SurfaceChange
 
 @dataclass(frozen=True)
 class SurfaceStay:
-    """One stay as the leader found it.
+    """One stay on a surface, as the leader found it.
 
     ``surface``: its number. ``from_s`` and ``to_s``: session times. ``found_s``: when the leader
     knew, None for the session's first. ``truth``: the name of the known surface that was under
@@ -60,14 +60,14 @@ class SurfaceParts:
 
 
 def part_by_surface(session: RecordedSession, settings: ModellingSettings) -> SurfaceParts:
-    """Tell the surfaces of a session apart.
+    """Split a session by its surfaces.
 
     Parameters
     ----------
     session
         With position, force and acceleration, and at least one frame.
     settings
-        Of the modelling; ``surfaces`` says how they are told apart.
+        How to model; ``surfaces`` says how surfaces are told apart.
     """
     frames = session.frames
     edges = _stays(list(surface_changes(frames, settings)), frames)

@@ -12,7 +12,7 @@ from mmt.evaluation.report_files import picture
 
 
 def surface_blocks(parts: SurfaceParts, duration_s: float) -> list[Block]:
-    """Return the section of a report on which surface the tool was on, and when."""
+    """Return a report's section on the surfaces that the tool was on, and when."""
     from mmt.evaluation.surface_report import surfaces_over_time
 
     caption = "Found: the surface that the leader took the tool to be on, by its number."
@@ -27,7 +27,7 @@ def surface_blocks(parts: SurfaceParts, duration_s: float) -> list[Block]:
 
 
 def account(parts: SurfaceParts) -> str:
-    """Say in a sentence how many surfaces were found."""
+    """Return a sentence with the number of surfaces that were found."""
     found, stays = len(parts.sessions), len(parts.stays)
     sentence = f"{found} surface{'s' * (found != 1)} in {stays} stay{'s' * (stays != 1)}"
     if parts.truth is not None:

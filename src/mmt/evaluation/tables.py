@@ -61,7 +61,7 @@ def by_time(evaluations: Sequence[Evaluation], name: str, digits: int, caption: 
 
 
 def account(evaluation: Evaluation) -> str:
-    """Say in sentences what was evaluated and against what."""
+    """Describe what was evaluated and against what."""
     state = "" if evaluation.complete else " (cut off and mended)"
     lost = evaluation.missing_frames
     against = "is measured against" if evaluation.basis == "truth" else "has no known texture:"

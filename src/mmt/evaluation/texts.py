@@ -1,15 +1,15 @@
-"""Numbers as a reader wants them; a dash where there is none."""
+"""Numbers as text for people; a dash where there is none."""
 
 from collections.abc import Mapping, Sequence
 
 
 def number(value: float | None, digits: int) -> str:
-    """Return a number with so many digits behind the point."""
+    """Return a number with this many decimals."""
     return "-" if value is None else f"{value:.{digits}f}"
 
 
 def seconds(value: float | None) -> str:
-    """Return the time at which a criterion was met, or that it never was."""
+    """Return the time at which a criterion was met, or "never"."""
     return "never" if value is None else f"{value:.1f}"
 
 

@@ -22,7 +22,7 @@ class Error(NamedTuple):
     gfc: float
 
     def much_of(self, other: "Error", *, shape: bool) -> bool:
-        """Say whether this error is at least half of another one, and of the same sign."""
+        """Return whether this error is at least half of another one, and of the same sign."""
         if shape:
             return 1.0 - self.gfc >= _MUCH * (1.0 - other.gfc)
         if other.power_error_db == 0.0:
@@ -43,7 +43,7 @@ def explain(
     *,
     shape: bool,
 ) -> Worst:
-    """Say what limits a model at one stroke.
+    """Explain what limits a model at one stroke.
 
     Parameters
     ----------

@@ -55,7 +55,7 @@ def import_hatt(path: Path, interpolate: Interpolated = "variance") -> Imported:
     """Read a model of the user's own toolkit.
 
     Every vertex of the file, its boundary points included, becomes a sample. The plane is
-    triangulated anew, on axes divided by the file's maxima. Filters with zeros are replaced by
+    triangulated again, on axes divided by the file's maxima. Filters with zeros are replaced by
     all-pole filters of a higher order, see `mmt.texture.autoregression.moving_average.all_pole`.
 
     Parameters

@@ -18,6 +18,8 @@ class PartEntry(NamedTuple):
     home: str
     """The module and the class, which has `build(session)`: the part, or None for none."""
     wanted: Callable[[Scene], bool]
+    tasks: tuple[str, ...] = ()
+    """Names of the tasks that it runs beside the ticks."""
 
 
 PARTS: Final[dict[str, PartEntry]] = {
@@ -35,11 +37,14 @@ PARTS: Final[dict[str, PartEntry]] = {
         lambda scene: scene.force_feedback is not None,
     ),
     "modelling": PartEntry(
-        "mmt.leader.modelling:Modelling", lambda scene: scene.texture is not None
+        "mmt.leader.modelling:Modelling",
+        lambda scene: scene.texture is not None,
+        ("segmenting", "fitting", "synthesizing", "completing"),
     ),
     "warming": PartEntry(
         "mmt.leader.warming:WarmingPart",
         lambda scene: scene.rendering is not None and scene.rendering.before == "warm",
+        ("warming",),
     ),
     "synthesizing": PartEntry(
         "mmt.leader.synthesizing:SynthesizingPart", lambda scene: scene.rendering is not None
@@ -50,10 +55,16 @@ PARTS: Final[dict[str, PartEntry]] = {
     "completing": PartEntry("mmt.leader.completing:ModelOutput", lambda _: True),
     "metrics": PartEntry("mmt.leader.metrics:MetricsPart", lambda scene: scene.metrics is not None),
     "monitor": PartEntry(
-        "mmt.leader.monitoring:MonitorPart", lambda scene: scene.monitor is not None
+        "mmt.leader.monitoring:MonitorPart", lambda scene: scene.monitor is not None, ("monitor",)
     ),
 }
 """By name: the part's home, and which scenes have it."""
+
+
+def tasks_of(scene: Scene) -> tuple[str, ...]:
+    """Return the names of the tasks that a scene's leader runs beside the ticks."""
+    entries = [entry for entry in PARTS.values() if entry.wanted(scene)]
+    return tuple(name for entry in entries for name in entry.tasks)
 
 
 def build_parts(session: Session, names: Collection[str] | None = None) -> Parts:

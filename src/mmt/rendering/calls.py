@@ -176,7 +176,7 @@ def touch(
     velocity_y_mm_s: float = 0.0,
     force_n: float = 0.0,
 ) -> None:
-    """Say what the hand does now; returns at once, from any thread.
+    """Set the hand's present motion; returns at once, from any thread.
 
     Parameters
     ----------

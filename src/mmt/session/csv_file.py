@@ -24,7 +24,7 @@ def read_csv(path: Path, longest_gap_s: float | None = None) -> RecordedSession:
 
     The first line names the columns, separated by commas; columns of other names are
     ignored. A column may end before the others (empty cells): so acceleration of another
-    rate can stand beside position and force.
+    rate can be beside position and force.
 
     Raises
     ------

@@ -10,7 +10,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 
 from annotated_types import Ge, Gt, Le, Lt
 
-from mmt.texture.interpolation.registry import check_interpolator
+from mmt.texture.interpolation.registry import check_name
 
 Axis = Literal["x", "y", "z"]
 VibrationAxis = Literal["x", "y", "z", "dft321"]
@@ -208,7 +208,7 @@ class TextureSettings:
             )
         if self.longest_samples < 2 * self.shortest_samples:
             raise ValueError("longest_samples must be at least twice shortest_samples")
-        check_interpolator(self.interpolator)
+        check_name(self.interpolator)
 
     @property
     def distances(self) -> Distances:

@@ -1,8 +1,8 @@
-"""Messages of numbers for a browser: a JSON header, then arrays that it reads in place.
+"""Binary messages for a browser: a JSON header, then arrays that it reads in place.
 
 A message is the header's length (uint32), the header padded with spaces to a multiple of
 four bytes, and the arrays one after the other, all little-endian float32. ``arrays`` in the
-header lists name and shape of each. Arrays as JSON text would cost a service's event
+header lists name and shape of each. Encoding arrays as JSON text would take a service's event
 loop some ten times as long.
 """
 
@@ -21,7 +21,7 @@ def pack(kind: str, header: Mapping[str, Any], arrays: Mapping[str, npt.ArrayLik
     Parameters
     ----------
     kind
-        What the message is, for the page.
+        Kind of message, for the page.
     header
         Plain values; numbers that are not finite become null.
     arrays

@@ -1,10 +1,13 @@
-"""Pages for a browser and their sockets, for who may have them.
+"""Serve pages to a browser, and open their WebSockets for authorized pages only.
 
-The files hold nothing secret and are served to everyone who reaches the port. A socket is as
-closed as the link: with a token it opens for who shows it in the first message, since a browser
-cannot set a header there. A page of another site that runs in the person's own browser reaches
-the port too; so the socket asks for an origin of its own, and without a token for an address in
-the place of a name, which another site could have pointed here.
+The pages are static files that a browser runs as they are; the libraries under ``pages/vendor``
+are copies of published releases, each beside its licence, so that the pages work without a
+network. The files hold nothing secret and are served to everyone who reaches the port.
+
+A WebSocket is protected as the link is: where there is a token, the page sends it in the first
+message, since a browser cannot set a header there. A page of another site that runs in the same
+browser reaches the port too. So the WebSocket requires its own origin and, without a token, an IP
+address in the place of a host name, which another site could have pointed here (DNS rebinding).
 """
 
 import ipaddress
@@ -38,14 +41,14 @@ _VENDORED: Final = {
 
 @dataclass(frozen=True)
 class PageFile:
-    """A file as it is served."""
+    """A file with its content type."""
 
     body: bytes
     content_type: str
 
 
 MAIN: Final = "main.js"
-"""The module that the monitor's page starts with, which differs for a run and a recording."""
+"""The module with which the monitor's page starts: one for a run, another for a recording."""
 
 
 def monitor_files(main: str = "monitor.js") -> dict[str, PageFile]:
@@ -108,22 +111,22 @@ def add_page(application: web.Application, path: str, files: Mapping[str, PageFi
     application.router.add_get(f"{path}/{{name:[^/]*}}", file)
 
 
-def refuse_strangers(request: web.Request, access: Access, host: str) -> None:
-    """Refuse a request that is none of the server's own page.
+def refuse_foreign_page(request: web.Request, access: Access, host: str) -> None:
+    """Refuse a request that does not come from the server's own page.
 
     Parameters
     ----------
     request
-        That wants to open a socket.
+        The request that opens a WebSocket.
     access
-        What is asked of who connects.
+        What clients must present.
     host
-        What is listened on.
+        The host that is listened on.
 
     Raises
     ------
     web.HTTPForbidden
-        It comes from another site's page, or may do so.
+        It comes from another site's page, or could.
     """
     origin = request.headers.get("Origin")
     if origin is not None and urlsplit(origin).netloc.lower() != request.host.lower():
@@ -137,9 +140,9 @@ def refuse_strangers(request: web.Request, access: Access, host: str) -> None:
 async def open_socket(
     request: web.Request, access: Access, most_bytes: int = _MOST_BYTES
 ) -> tuple[web.WebSocketResponse, bool]:
-    """Open a socket and hear its first message; return it, and whether it has the token.
+    """Open a WebSocket and read its first message; return it, and whether it has the token.
 
-    One that has not is closed. `most_bytes` bounds what the browser may send at once.
+    Without the token it is closed. `most_bytes` is the largest message that it accepts.
     """
     socket = web.WebSocketResponse(
         timeout=1.0, heartbeat=_HEARTBEAT_S, compress=False, max_msg_size=most_bytes

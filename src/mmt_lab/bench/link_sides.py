@@ -22,7 +22,7 @@ from mmt.link.client import FollowerClient, FollowerEvents
 from mmt.link.protocol import FollowerHello
 from mmt.link.server import LeaderEvents, LeaderServer
 from mmt.scene import Link
-from mmt_lab.bench.link_traffic import Kind, Measured, Send, Side, Turn, take_turns
+from mmt_lab.bench.link_traffic import Kind, Measured, Send, Side, Turn, run_turns
 
 PATIENCE_S: Final = 60.0
 """How long one process waits for the other."""
@@ -65,7 +65,7 @@ async def _lead(pipe: Connection, rate_hz: int, realtime: bool) -> None:
     ours, bare = Side(COMMAND_DTYPE, leads=True), Side(COMMAND_DTYPE, leads=True)
     connected, ended = asyncio.Event(), asyncio.Event()
     events = LeaderEvents(
-        on_frames=ours.take_block,
+        on_frames=ours.record_block,
         on_follower=lambda _: connected.set(),
         on_end=lambda _: ended.set(),
     )
@@ -91,7 +91,7 @@ async def _follow(pipe: Connection, rate_hz: int, realtime: bool) -> None:
     client = FollowerClient(
         f"http://127.0.0.1:{ports.ours}",
         FollowerHello(channels=CHANNELS, source="bench", rate_hz=rate_hz),
-        FollowerEvents(on_commands=ours.take_block),
+        FollowerEvents(on_commands=ours.record_block),
     )
     await client.connect(PATIENCE_S)
     async with (
@@ -118,7 +118,7 @@ async def _report(
         be_real_time()
     pipe.send(READY)
     turns: list[Turn] = await asyncio.to_thread(pipe.recv)
-    measured = await take_turns(turns, sides, send)
+    measured = await run_turns(turns, sides, send)
     pipe.send(
         Report(
             measured,
@@ -166,7 +166,7 @@ async def _bare_traffic(
 
     async def receive() -> None:
         async for message in websocket:
-            side.take(message.data)
+            side.record(message.data)
 
     def put(record: RecordArray) -> None:
         queue.put_nowait(record.tobytes())

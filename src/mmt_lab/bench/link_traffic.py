@@ -1,4 +1,4 @@
-"""What goes over a link while it is measured, and what one process notes of it."""
+"""The traffic over a link while it is measured, and what one process measures of it."""
 
 import asyncio
 import math
@@ -16,9 +16,9 @@ from mmt.core.ticking import Ticker, TimeHistogram
 Kind = Literal["ours", "bare"]
 
 WARM_UP_S: Final = 0.1
-"""A turn sends for so long before it measures."""
+"""Time for which a turn sends before it measures."""
 SETTLE_S: Final = 0.1
-"""After a turn nothing is sent for so long, while what is under way arrives."""
+"""Pause after a turn, in which the last messages arrive."""
 
 _SLEEP_GRAIN_NS: Final = 2_000_000
 _HEAD: Final = struct.Struct("<Iq")
@@ -33,7 +33,7 @@ class Turn:
     start_ns: int
     """On the machine's monotonic clock, which both processes read."""
     duration_s: float
-    """Of the measurement, which a short warming up precedes."""
+    """Length of the measurement, after a short warm-up."""
     leader_lag: float = 0.0
     """How far the leader's ticks come after the follower's, as a part of the period."""
 
@@ -53,7 +53,7 @@ class Measured:
     p99_ms: float
     worst_ms: float
     rate_hz: float
-    """Of what came to it."""
+    """Messages a second that it received."""
     cores: float
     """Processor time over time."""
     sent: int
@@ -97,7 +97,7 @@ class Side:
         self.sent += 1
         return block
 
-    def take(self, data: bytes, offset: int = 0) -> None:
+    def record(self, data: bytes, offset: int = 0) -> None:
         """Count and time one record that arrived."""
         sequence, time_ns = _HEAD.unpack_from(data, offset)
         self.latency.add(time.monotonic_ns() - time_ns)
@@ -108,24 +108,24 @@ class Side:
         self.lost += sequence - self.newest - 1
         self.newest = sequence
 
-    def take_block(self, block: RecordArray, _arrival_ns: int) -> None:
+    def record_block(self, block: RecordArray, _arrival_ns: int) -> None:
         """Count and time what the link hands over, its checks included."""
         data = block.tobytes()
         for offset in range(0, len(data), block.itemsize):
-            self.take(data, offset)
+            self.record(data, offset)
 
 
 Send = Callable[[RecordArray], None]
 
 
-async def take_turns(
+async def run_turns(
     turns: list[Turn], sides: Mapping[Kind, Side], send: Mapping[Kind, Send]
 ) -> list[Measured]:
     """Send at each turn over its link, and return what was noted of each."""
-    return [await _take_turn(turn, sides[turn.kind], send[turn.kind]) for turn in turns]
+    return [await _run_turn(turn, sides[turn.kind], send[turn.kind]) for turn in turns]
 
 
-async def _take_turn(turn: Turn, side: Side, send: Send) -> Measured:
+async def _run_turn(turn: Turn, side: Side, send: Send) -> Measured:
     before = side.counts
 
     def tick(elapsed: int) -> None:

@@ -9,7 +9,7 @@ from scipy.interpolate import LinearNDInterpolator, RBFInterpolator
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import lsf_to_reflection
-from mmt.texture.interpolation.radial_basis.outputs import least_gap, nearest_valid_lsf
+from mmt.texture.interpolation.radial_basis.evaluation import least_gap, nearest_valid_lsf
 from mmt.texture.interpolation.vertices import vertex_table
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
@@ -74,9 +74,8 @@ def _scipy_radial(samples: TextureSamples) -> tuple[TextureSamples, RBFInterpola
 
 
 def _scipy_linear(samples: TextureSamples) -> tuple[TextureSamples, LinearNDInterpolator]:
-    table, _ = vertex_table(samples.points, samples.power, samples.lsf)
-    dimensions = samples.space.dimensions
-    return samples, LinearNDInterpolator(table[:, :dimensions], table[:, dimensions:])
+    vertices = vertex_table(samples.points, samples.power, samples.lsf)
+    return samples, LinearNDInterpolator(vertices.points, vertices.values)
 
 
 def _ask_scipy(built: tuple[TextureSamples, Callable[..., Any]], inputs: FloatArray) -> FloatArray:

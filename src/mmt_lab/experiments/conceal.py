@@ -52,7 +52,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Errors:
-    """Of one method and gap on one texture: in dB, of one gap alone, and of the joints."""
+    """Errors of a method and gap length on a texture: in dB, of single gaps, and at the joints."""
 
     spectrum_db: float
     alone: float
@@ -125,10 +125,10 @@ def _errors(surface: str, gap: int, method: str, plan: Plan) -> Errors:
         lost = np.zeros(count, dtype=bool)
         lost[(starts[:, np.newaxis] + np.arange(gap)).ravel()] = True
         bridged = played(surface, plan.duration_s, lost, METHODS[method](gap, seed + shift))
-        heard = starts + _DELAY_MS
-        whole.append(_windows(true, heard + gap // 2))
-        holed.append(_windows(bridged, heard + gap // 2))
-        steps.append(_steps(true, bridged, heard, gap))
+        starts_out = starts + _DELAY_MS
+        whole.append(_windows(true, starts_out + gap // 2))
+        holed.append(_windows(bridged, starts_out + gap // 2))
+        steps.append(_steps(true, bridged, starts_out, gap))
     first, second, ratio = np.concatenate(whole), np.concatenate(holed), np.concatenate(steps)
     level = np.sqrt(np.mean(first**2, axis=1, keepdims=True))
     felt = level[:, 0] > _FELT_M_S2
@@ -171,11 +171,11 @@ def _windows(signal: FloatArray, middles: IntArray) -> FloatArray:
     return rows
 
 
-def _steps(true: FloatArray, bridged: FloatArray, heard: IntArray, gap: int) -> FloatArray:
+def _steps(true: FloatArray, bridged: FloatArray, starts_out: IntArray, gap: int) -> FloatArray:
     """Return the largest step at the joints of each gap over that of the whole stream near it."""
-    own = np.abs(np.diff(_windows(true, heard + gap // 2))).max(axis=1)
-    into = np.abs(bridged[heard] - bridged[heard - 1])
-    back = (heard + gap - 1)[:, np.newaxis] + np.arange(_FADE + 1)
+    own = np.abs(np.diff(_windows(true, starts_out + gap // 2))).max(axis=1)
+    into = np.abs(bridged[starts_out] - bridged[starts_out - 1])
+    back = (starts_out + gap - 1)[:, np.newaxis] + np.arange(_FADE + 1)
     out = np.abs(np.diff(bridged[back])).max(axis=1)
     ratio: FloatArray = np.maximum(into, out) / np.where(own > 0.0, own, 1.0)
     return ratio

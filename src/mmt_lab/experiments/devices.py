@@ -30,7 +30,7 @@ class Plan:
     set_ups: tuple[SetUp, ...] = SET_UPS
     duration_s: float = 20.0
     stops: int = 10
-    """Of each sensor."""
+    """How often each sensor stops."""
     realtime: bool = False
     """Whether the follower's part and the emulated devices run by real-time scheduling."""
 

@@ -132,7 +132,7 @@ def bench_link(
     )
     *compared, sustained = zip(leader.turns, follower.turns, strict=True)
     ours, bare = ([pair for pair in compared if pair[0].kind == kind] for kind in _KINDS)
-    up, down = (_unheard(*pair) for pair in ((follower, leader), (leader, follower)))
+    up, down = (_missing_at_end(*pair) for pair in ((follower, leader), (leader, follower)))
     return LinkBenchResult(
         duration_s,
         rate_hz,
@@ -177,7 +177,7 @@ def _run(rate_hz: int, turns: list[Turn], realtime: bool) -> tuple[Report, Repor
 
 
 def _conduct(pipes: list[Connection], turns: list[Turn]) -> tuple[Report, Report]:
-    """Introduce the two processes to each other, tell them their turns, and hear them."""
+    """Exchange the ports, send both processes their turns, and receive their reports."""
     leader, follower = pipes
     follower.send(_receive(leader, PATIENCE_S))
     for pipe in pipes:
@@ -201,7 +201,7 @@ def _receive(pipe: Connection, timeout_s: float) -> Any:
         raise MmtError("a process of the link's measurement failed") from error
 
 
-def _unheard(sender: Report, receiver: Report) -> dict[Kind, int]:
+def _missing_at_end(sender: Report, receiver: Report) -> dict[Kind, int]:
     """Return how many of the last records never came, by kind."""
     return {kind: sender.sent[kind] - 1 - receiver.newest[kind] for kind in _KINDS}
 
@@ -210,24 +210,24 @@ Pair = tuple[Measured, Measured]
 """The leader's and the follower's notes of one turn."""
 
 
-def _summarise(turns: list[Pair], unheard_up: int, unheard_down: int) -> KindResult:
+def _summarise(turns: list[Pair], missing_up: int, missing_down: int) -> KindResult:
     leader, follower = ([pair[end] for pair in turns] for end in (0, 1))
     return KindResult(
-        up=_direction(leader, unheard_up),
-        down=_direction(follower, unheard_down),
+        up=_direction(leader, missing_up),
+        down=_direction(follower, missing_down),
         leader_cores=statistics.median(turn.cores for turn in leader),
         follower_cores=statistics.median(turn.cores for turn in follower),
     )
 
 
-def _direction(receiver: list[Measured], unheard: int) -> DirectionResult:
+def _direction(receiver: list[Measured], missing: int) -> DirectionResult:
     return DirectionResult(
         p50_ms=statistics.median(turn.p50_ms for turn in receiver),
         p99_ms=statistics.median(turn.p99_ms for turn in receiver),
         worst_ms=max(turn.worst_ms for turn in receiver),
         rate_hz=statistics.median(turn.rate_hz for turn in receiver),
         messages=sum(turn.received for turn in receiver),
-        lost=sum(turn.lost for turn in receiver) + unheard,
+        lost=sum(turn.lost for turn in receiver) + missing,
         out_of_order=sum(turn.out_of_order for turn in receiver),
     )
 

@@ -137,7 +137,7 @@ def _median(values: list[float | None]) -> float | None:
 
 @contextmanager
 def _busy_processes(count: int) -> Iterator[None]:
-    """Keep so many processes busy at ordinary priority."""
+    """Keep `count` processes busy at ordinary priority during the block."""
     context = multiprocessing.get_context("spawn")
     processes = [context.Process(target=_be_busy, daemon=True) for _ in range(count)]
     try:

@@ -69,7 +69,7 @@ def measure(plan: Plan) -> Findings:
         name="update",
         title="Model update",
         about=(
-            "The newest second of a simulated session enters a model that already has so many "
+            "The newest second of a simulated session enters a model that already has that many "
             "samples, scattered over the plane. Every second of "
             f"{plan.seconds - plan.first_second}, {plan.repeats} times, in turns; median and "
             "quartiles over all. Filtering, segmenting and fitting concern the new second "

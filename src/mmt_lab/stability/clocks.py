@@ -24,7 +24,7 @@ _BURST_MS: Final = 2000
 
 
 def clock_cases(real_s: float) -> Iterator[Case]:
-    """Yield the cases of clocks and late frames; so many seconds on the system's clock."""
+    """Yield the cases of clocks and late frames; `real_s` seconds run on the system's clock."""
     for whose, step_ns in (
         ("follower", STEP_NS),
         ("follower", -STEP_NS),
@@ -60,9 +60,9 @@ def clock_cases(real_s: float) -> Iterator[Case]:
 
 
 def play(lateness_ms: FloatArray, clocks: Callable[[int], tuple[int, int]]) -> FloatArray:
-    """Play frames through a playout buffer; return what is heard in each tick (n,).
+    """Play frames through a playout buffer; return what is played in each tick (n,).
 
-    Frame k carries the value k + 1/3, so that a value which is heard says whose it is.
+    Frame k carries the value k + 1/3, so that a played value identifies its frame.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def play(lateness_ms: FloatArray, clocks: Callable[[int], tuple[int, int]]) -> F
     """
     count = len(lateness_ms)
     arrivals_ms = np.maximum.accumulate(np.arange(count) + lateness_ms)
-    buffer, heard = PlayoutBuffer(), np.zeros(count)
+    buffer, played = PlayoutBuffer(), np.zeros(count)
     frame = 0
     for tick in range(count):
         _, leader_ns = clocks(tick)
@@ -82,14 +82,14 @@ def play(lateness_ms: FloatArray, clocks: Callable[[int], tuple[int, int]]) -> F
             arrival_ns = round(arrivals_ms[frame] * 1e6) + leader_ns
             buffer.push(frame, frame * PERIOD_NS + follower_ns, arrival_ns, frame + 1.0 / 3.0)
             frame += 1
-        heard[tick] = buffer.pull(tick * PERIOD_NS + leader_ns)
-    return heard
+        played[tick] = buffer.pull(tick * PERIOD_NS + leader_ns)
+    return played
 
 
-def ages_ms(heard: FloatArray) -> FloatArray:
-    """Return the age of what is heard in each tick (n,), NaN where it is silent or fading."""
-    whole = np.abs(heard % 1.0 - 1.0 / 3.0) < 1e-6
-    return np.where(whole, np.arange(len(heard)) - heard, np.nan)
+def ages_ms(played: FloatArray) -> FloatArray:
+    """Return the age of what is played in each tick (n,), NaN where it is silent or fading."""
+    whole = np.abs(played % 1.0 - 1.0 / 3.0) < 1e-6
+    return np.where(whole, np.arange(len(played)) - played, np.nan)
 
 
 def _stepping_clock(of_follower: bool, step_ns: int) -> Outcome:
@@ -111,9 +111,9 @@ def _stepping_clock(of_follower: bool, step_ns: int) -> Outcome:
 def _late_burst() -> Outcome:
     late_ms = np.full(2 * _EVENT_MS + _BURST_MS, 3.0)
     late_ms[_EVENT_MS : _EVENT_MS + _BURST_MS] += np.arange(_BURST_MS, 0, -1)
-    heard = play(late_ms, lambda _: (0, _START_NS))
-    age_ms = ages_ms(heard)
-    during = np.abs(heard[_EVENT_MS + 30 : _EVENT_MS + _BURST_MS]).max()
+    played = play(late_ms, lambda _: (0, _START_NS))
+    age_ms = ages_ms(played)
+    during = np.abs(played[_EVENT_MS + 30 : _EVENT_MS + _BURST_MS]).max()
     silent = np.flatnonzero(np.isnan(age_ms[_EVENT_MS + _BURST_MS :]))
     back_ms = int(silent[-1]) + 1 if len(silent) else 0
     oldest_ms = float(np.nanmax(age_ms[1000:]))

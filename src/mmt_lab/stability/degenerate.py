@@ -117,7 +117,7 @@ def build(
     interpolator
         Between the samples.
     space
-        The input space, by default that of so many dimensions.
+        The input space, by default the one with the dimensions of the points.
     scale
         Factor of all levels.
     """

@@ -1,4 +1,4 @@
-"""An event loop whose time passes as fast as it is used up."""
+"""An event loop on a clock that jumps to the next timer instead of waiting."""
 
 import asyncio
 import selectors
@@ -7,12 +7,12 @@ from typing import Any
 
 
 class FakeClock:
-    """A monotonic clock that moves only when somebody waits.
+    """A monotonic clock that moves only while the loop waits.
 
     Parameters
     ----------
     late_ns
-        Called at each wait; by so much the waking comes late.
+        Called at each wait; returns by how much the loop wakes late.
     """
 
     def __init__(self, late_ns: Callable[[], int]) -> None:

@@ -146,8 +146,8 @@ class LeaderInProcess:
         self.actuator = SimulatedActuator(limit_m_s2=60.0)
         self.numbering = SessionNumbering(PERIOD_NS)
 
-    def take(self, frames: RecordArray, arrival_ns: int) -> None:
-        """Take frames as they arrive."""
+    def receive(self, frames: RecordArray, arrival_ns: int) -> None:
+        """Handle frames as they arrive."""
         if not len(frames):
             return
         frames, _ = self.numbering.take(frames, arrival_ns)
@@ -176,7 +176,7 @@ class LeaderInProcess:
 
 
 def run_hour(samples: int) -> Outcome:
-    """Run the leader's parts for so many ticks of a fake clock, waking late at random."""
+    """Run the leader's parts for `samples` ticks of a fake clock, waking late at random."""
     chance = random.Random(1)  # noqa: S311 - no secret
     clock = FakeClock(lambda: int(chance.expovariate(1.0 / _LATE_NS)))
     leader, watch = LeaderInProcess(), MemoryWatch()
@@ -188,7 +188,7 @@ def run_hour(samples: int) -> Outcome:
         nonlocal ticks
         ticks += elapsed
         now_ns = clock.now_ns()
-        leader.take(source.until(now_ns - started_ns), now_ns)
+        leader.receive(source.until(now_ns - started_ns), now_ns)
         leader.tick(now_ns, elapsed)
         if ticks * 4 >= samples * len(watch.seconds):
             watch.look()

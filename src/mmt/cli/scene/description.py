@@ -6,16 +6,18 @@ from typing import Any, Final
 
 from mmt.core.feedback_records import CONTACT, CONTACT_DTYPE, CONTACT_GATHERED, ENERGY, ENERGY_DTYPE
 from mmt.core.frames import COMMAND_DTYPE, frame_dtype
+from mmt.leader.parts import tasks_of
 from mmt.link.protocol import COMMANDS, FRAMES, encode_event
 from mmt.scene import Scene, Service
 
 
 @dataclass(frozen=True)
 class SideParts:
-    """The parts that concern one service."""
+    """The parts that concern one service, and the tasks that run in it beside the ticks."""
 
     runs: tuple[str, ...]
     left_out: tuple[str, ...]
+    tasks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -30,13 +32,13 @@ class Stream:
     event: str
     holds: tuple[str, ...]
     record_bytes: int
-    """Of a frame or a command."""
+    """Bytes of a frame or a command."""
     records_per_message: int
     message_bytes: int
     """With Socket.IO's envelope, as the link's statistics count what is sent."""
     messages_per_s: float
     payload_bytes_per_s: float
-    """Of the records alone, as the link's statistics count what is received."""
+    """Bytes of the records alone, as the link's statistics count them."""
     bytes_per_s: float
 
 
@@ -71,6 +73,7 @@ def _side(scene: Scene, service: Service) -> SideParts:
     return SideParts(
         runs=tuple(name for name, runs in concerned.items() if runs),
         left_out=tuple(name for name, runs in concerned.items() if not runs),
+        tasks=tasks_of(scene) if service == LEADER else (),
     )
 
 

@@ -82,7 +82,7 @@ def measured_bytes_per_s(costs: SceneCosts, stream: Stream) -> float:
 
 
 def remarks(costs: SceneCosts, scene: Scene) -> list[str]:
-    """Say what the figures do not tell."""
+    """Return remarks on what the figures do not show."""
     duration_s = scene.session.duration_s
     sentences = [f"{name}: not measured, {why}" for name, why in costs.failed.items()]
     if costs.kept and costs.without:

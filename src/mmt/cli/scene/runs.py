@@ -22,7 +22,7 @@ _MOMENT = {"duration_s": 0.2}
 
 
 class SceneRunner:
-    """Runs scenes for so many seconds each, with everything they write in one directory.
+    """Runs scenes for a set time each, with everything they write in one directory.
 
     Parameters
     ----------

@@ -23,17 +23,20 @@ _LABELS: Final = {"start_s": "start (s)", "core_share": "core share", "memory_mb
 def parts_table(description: SceneDescription) -> Table:
     """Return which parts run in which service, and which are left out."""
     table = _table("Parts")
-    for name in ("service", "runs", "left out"):
+    for name in ("service", "runs", "tasks", "left out"):
         table.add_column(name, ratio=None if name == "service" else 1)
     for name, side in (("leader", description.leader), ("follower", description.follower)):
         table.add_row(name, *_sides(side))
     return table
 
 
-def _sides(side: SideParts | None) -> tuple[str, str]:
+def _sides(side: SideParts | None) -> tuple[str, str, str]:
+    """Return the parts that run, the tasks, and the parts that are left out."""
     if side is None:
-        return "none in this scene", ""
-    return ", ".join(side.runs) or "nothing", ", ".join(side.left_out) or "nothing"
+        return "none in this scene", "", ""
+    texts = (", ".join(names) for names in (side.runs, side.tasks, side.left_out))
+    runs, tasks, left_out = texts
+    return runs or "nothing", tasks, left_out or "nothing"
 
 
 def wire_table(description: SceneDescription, costs: SceneCosts | None) -> Table:

@@ -34,7 +34,7 @@ _OVERLOADED: Final = (
 
 
 class Converter:
-    """Convert one sensor's samples, in the order in which they were taken.
+    """Convert one sensor's volts to m/s2 along the scene's axes, in the order of its samples.
 
     Parameters
     ----------

@@ -20,8 +20,8 @@ PLANAR_SHAPE: Final = (1, 41, 41)
 DIRECTED_SHAPE: Final = (48, 17, 17)
 """Headings (over a whole turn), speeds and forces of a table with headings."""
 
-TABLE_SIZES: Final = 8
-"""Index of the table's shape in `TextureModel.law`; headings are zero where there is none."""
+TABLE_SIZES: Final = 7
+"""Place of the table's shape in `TextureModel.kernel_parameters`; zeros where there is none."""
 
 TABLE: Final = TABLE_SIZES + 3
 """Index of the table's first value."""
@@ -42,20 +42,20 @@ def table_grid(*, directed: bool) -> Features:
 
 
 @kernel("f8(f8[::1], f8, f8, f8)")
-def tabulated_level(law: FloatArray, x: float, y: float, force: float) -> float:
+def tabulated_level(parameters: FloatArray, x: float, y: float, force: float) -> float:
     """Return the level at a normalised point.
 
     Parameters
     ----------
-    law
-        `TextureModel.law`, with a table.
+    parameters
+        `TextureModel.kernel_parameters`, with a table.
     x, y
         Velocity; in the plane the speed and zero.
     force
         Normalised, as x and y.
     """
-    headings, speeds = int(law[TABLE_SIZES]), int(law[TABLE_SIZES + 1])
-    forces = int(law[TABLE_SIZES + 2])
+    headings, speeds = int(parameters[TABLE_SIZES]), int(parameters[TABLE_SIZES + 1])
+    forces = int(parameters[TABLE_SIZES + 2])
     speed = np.sqrt(x * x + y * y)
     fall = min(speed / SLOWEST, 1.0) * min(force / SLOWEST, 1.0)
     if fall <= 0.0:
@@ -75,8 +75,8 @@ def tabulated_level(law: FloatArray, x: float, y: float, force: float) -> float:
     value = 0.0
     for heading, share in ((below, 1.0 - turn), (above, turn)):
         place = TABLE + (heading * speeds + row) * forces + column
-        lower = law[place] + along * (law[place + 1] - law[place])
+        lower = parameters[place] + along * (parameters[place + 1] - parameters[place])
         place += forces
-        upper = law[place] + along * (law[place + 1] - law[place])
+        upper = parameters[place] + along * (parameters[place + 1] - parameters[place])
         value += share * (lower + across * (upper - lower))
     return float(np.exp(value) * fall)

@@ -14,10 +14,31 @@ COINCIDENT: Final = 1e-6
 
 
 class Vertices(NamedTuple):
-    """Points, level and LSF, shape (n + b, d + 1 + order); the first `samples` are no boundary."""
+    """Points with values: the samples', and those around them.
+
+    Attributes
+    ----------
+    table
+        Points, level and LSF side by side, shape (n + b, d + 1 + order).
+    dimensions
+        How many columns are coordinates, d: 2 or 3.
+    samples
+        How many of the points, the first n, are samples; the others are the boundary.
+    """
 
     table: FloatArray
+    dimensions: int
     samples: int
+
+    @property
+    def points(self) -> FloatArray:
+        """Normalised, shape (n + b, d)."""
+        return self.table[:, : self.dimensions]
+
+    @property
+    def values(self) -> FloatArray:
+        """Level and line spectral frequencies, shape (n + b, 1 + order)."""
+        return self.table[:, self.dimensions :]
 
 
 def vertex_table(
@@ -56,7 +77,8 @@ def vertex_table(
     if len(lsf) > count:
         extension[:, dimensions + 1 :] = lsf[count:]
     apart = distance.min(axis=1) > COINCIDENT
-    return Vertices(np.ascontiguousarray(np.vstack([merged, extension[apart]])), len(merged))
+    table = np.ascontiguousarray(np.vstack([merged, extension[apart]]))
+    return Vertices(table, dimensions, len(merged))
 
 
 def _on_edges(points: FloatArray) -> FloatArray:

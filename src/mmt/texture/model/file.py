@@ -2,22 +2,17 @@
 
 import io
 import zipfile
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from dataclasses import dataclass
+from typing import Any, Final
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.models import find_model
 from mmt.texture.field.trend import NO_TREND, Trend
-from mmt.texture.interpolation.radial_basis.network import RadialBasisSettings
-from mmt.texture.model.fitted import Fitted
-from mmt.texture.model.inputs import InputSpace
+from mmt.texture.interpolation.interpolator import State
+from mmt.texture.model.inputs import CHANNELS, InputSpace
 from mmt.texture.model.samples import TextureSamples
-
-if TYPE_CHECKING:
-    from mmt.texture.model.texture_model import TextureModel
 
 FORMAT_VERSION: Final = 5
 """Of what is written where level or shape are estimates of their own. Version 4, whose level has
@@ -27,59 +22,82 @@ whose models are isotropic and by Delaunay."""
 INTERPOLATED_VERSION: Final = 3
 """Of what is written where both are interpolated, as earlier programs render it."""
 
-_NETWORK: Final = ("network_kernel", "network_degree", "network_epsilon", "network_smoothing")
-"""Arrays of the networks' settings, in their order in `RadialBasisSettings`."""
+_OWN: Final = frozenset(
+    (
+        *("format_version", "inputs", "lsf_rad", "variance", "power", "rate_hz", "interpolate"),
+        *("interpolator", "level", "shape", "effective_samples", "segment_samples"),
+        *("maximum_speed_mm_s", "maximum_force_n", "noise_power"),
+        *("trend_exponents", "level_hyperparameters"),
+        *(channel for channels in CHANNELS.values() for channel in channels),
+    )
+)
+"""Arrays of the model; all others are the interpolator's state."""
 
 _Arrays = dict[str, Any]
 
 
-def load_model(source: str | Path) -> "TextureModel":
-    """Load a texture model: a shipped one by its name, or a ``.npz`` file.
+@dataclass(frozen=True, eq=False)
+class FittedParameters:
+    """Parameters that a model has fitted to its samples, by which it is built again as it is.
 
-    Raises
-    ------
-    InputError
-        It is neither, or the file is not a texture model; the message lists the shipped names.
+    Fitting the exponents anew costs little, choosing the networks' settings most of what building
+    them takes; and a model that has grown may have been given its own at fewer samples than it
+    has.
 
-    Examples
-    --------
-    >>> import mmt
-    >>> import numpy as np
-    >>> model = mmt.load_model("oak")
-    >>> vibration_m_s2 = mmt.Synthesizer(model, seed=1).render(np.full(500, 100.0), np.ones(500))
-    >>> vibration_m_s2.shape
-    (500,)
+    Attributes
+    ----------
+    trend
+        The power law over which its level is interpolated, `NO_TREND` for an isotropic one.
+    interpolator_state
+        What the interpolator stores of itself, by the arrays' names in a model file.
+    level_hyperparameters
+        Logarithms of those of `mmt.texture.field.level_process.LevelProcess`; None where the
+        level is interpolated.
     """
-    from mmt.texture.model.texture_model import TextureModel
 
-    return TextureModel.load(find_model(Path(source)))
+    trend: Trend
+    interpolator_state: State
+    level_hyperparameters: FloatArray | None = None
 
 
-def pack(model: "TextureModel") -> bytes:
+@dataclass(frozen=True, eq=False)
+class ModelContents:
+    """What a model file holds: the parameters of `TextureModel`, which are not checked here."""
+
+    samples: TextureSamples
+    interpolate: str
+    interpolator: str
+    level: str
+    shape: str
+    rate_hz: float
+    fitted: FittedParameters | None
+
+
+def pack(contents: ModelContents) -> bytes:
     """Return a model as the content of a file."""
-    samples, space = model.samples, model.space
-    buffer = io.BytesIO()
-    np.savez_compressed(
-        buffer,
-        format_version=np.int64(_written_version(model)),
-        inputs=np.str_(space.name),
+    samples, space = contents.samples, contents.samples.space
+    arrays: _Arrays = {
+        "format_version": np.int64(_written_version(contents)),
+        "inputs": np.str_(space.name),
         **dict(zip(space.channels, samples.inputs.T, strict=True)),
-        lsf_rad=samples.lsf,
-        variance=samples.variance,
-        power=samples.power,
-        maximum_speed_mm_s=np.float64(space.maximum_speed_mm_s),
-        maximum_force_n=np.float64(space.maximum_force_n),
-        rate_hz=np.float64(model.rate_hz),
-        interpolate=np.str_(model.interpolate),
-        interpolator=np.str_(model.interpolator),
-        **_level_arrays(model),
-        **_fitted_arrays(model.fitted, directed=space.directed),
-    )
+        "lsf_rad": samples.lsf,
+        "variance": samples.variance,
+        "power": samples.power,
+        "maximum_speed_mm_s": np.float64(space.maximum_speed_mm_s),
+        "maximum_force_n": np.float64(space.maximum_force_n),
+        "rate_hz": np.float64(contents.rate_hz),
+        "interpolate": np.str_(contents.interpolate),
+        "interpolator": np.str_(contents.interpolator),
+        **_level_arrays(contents),
+        **_fitted_arrays(contents.fitted, directed=space.directed),
+    }
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)
     return buffer.getvalue()
 
 
-def unpack(data: bytes) -> tuple[TextureSamples, dict[str, Any]]:
-    """Return the samples and the settings of a model from what `pack` returned.
+def unpack(data: bytes) -> ModelContents:
+    """Return the contents of a model from what `pack` returned, now or in an earlier version.
 
     Raises
     ------
@@ -108,13 +126,16 @@ def unpack(data: bytes) -> tuple[TextureSamples, dict[str, Any]]:
             float(content.get("noise_power", 0.0)),
             _numbers(content, "segment_samples"),
         )
-        return samples, {
-            "interpolate": str(content["interpolate"]),
-            "interpolator": str(content["interpolator"]),
-            "rate_hz": float(content["rate_hz"]),
-            **_estimates(content, version),
-            "fitted": _fitted(content, version, directed=space.directed) if version > 2 else None,
-        }
+        estimated = version > INTERPOLATED_VERSION
+        return ModelContents(
+            samples,
+            str(content["interpolate"]),
+            str(content["interpolator"]),
+            str(content["level"]) if estimated else "interpolated",
+            str(content["shape"]) if estimated else "measured",
+            float(content["rate_hz"]),
+            _fitted(content, version, directed=space.directed) if version > 2 else None,
+        )
     except KeyError as error:
         raise InputError(f"the array {error} is missing") from error
     except (ValueError, TypeError) as error:
@@ -131,57 +152,50 @@ def _version(content: _Arrays) -> int:
     return version
 
 
-def _estimates(content: _Arrays, version: int) -> _Arrays:
-    if version <= INTERPOLATED_VERSION:
-        return {}
-    return {"level": str(content["level"]), "shape": str(content["shape"])}
-
-
 def _numbers(content: _Arrays, name: str) -> FloatArray | None:
     return np.asarray(content[name], dtype=np.float64) if name in content else None
 
 
-def _written_version(model: "TextureModel") -> int:
-    plain = model.level == "interpolated" and model.shape == "measured"
+def _written_version(contents: ModelContents) -> int:
+    plain = contents.level == "interpolated" and contents.shape == "measured"
     return INTERPOLATED_VERSION if plain else FORMAT_VERSION
 
 
-def _level_arrays(model: "TextureModel") -> _Arrays:
+def _level_arrays(contents: ModelContents) -> _Arrays:
     arrays: _Arrays = {}
-    if model.samples.effective is not None:
-        arrays["effective_samples"] = model.samples.effective
-    if model.samples.counts is not None:
-        arrays["segment_samples"] = model.samples.counts
-    if model.samples.noise_power > 0.0:
-        arrays["noise_power"] = np.array(model.samples.noise_power)
-    if _written_version(model) == FORMAT_VERSION:
-        arrays.update(level=np.array(model.level), shape=np.array(model.shape))
+    samples = contents.samples
+    if samples.effective is not None:
+        arrays["effective_samples"] = samples.effective
+    if samples.counts is not None:
+        arrays["segment_samples"] = samples.counts
+    if samples.noise_power > 0.0:
+        arrays["noise_power"] = np.array(samples.noise_power)
+    if _written_version(contents) == FORMAT_VERSION:
+        arrays.update(level=np.array(contents.level), shape=np.array(contents.shape))
     return arrays
 
 
-def _fitted_arrays(fitted: Fitted, *, directed: bool) -> _Arrays:
+def _fitted_arrays(fitted: FittedParameters | None, *, directed: bool) -> _Arrays:
     arrays: _Arrays = {}
+    if fitted is None:
+        return arrays
     if directed:
         arrays["trend_exponents"] = np.array(fitted.trend)
-    if fitted.networks:
-        rows = [(n.kernel, n.highest_degree, n.epsilon, n.smoothing) for n in fitted.networks]
-        columns = map(np.array, zip(*rows, strict=True))
-        arrays.update(zip(_NETWORK, columns, strict=True))
-    if fitted.level is not None:
-        arrays["level_hyperparameters"] = fitted.level
+    taken = sorted(_OWN & fitted.interpolator_state.keys())
+    if taken:
+        message = f"an interpolator's state has the names of the model's own arrays: {taken}"
+        raise ValueError(message)
+    arrays.update(fitted.interpolator_state)
+    if fitted.level_hyperparameters is not None:
+        arrays["level_hyperparameters"] = fitted.level_hyperparameters
     return arrays
 
 
-def _fitted(content: _Arrays, version: int, *, directed: bool) -> Fitted:
-    trend, networks = NO_TREND, []
+def _fitted(content: _Arrays, version: int, *, directed: bool) -> FittedParameters:
+    trend = NO_TREND
     if directed:
         trend = Trend(*content["trend_exponents"].astype(np.float64).tolist())
         trend.check()
-    if str(content["interpolator"]) == "rbf":
-        columns = [content[name] for name in _NETWORK]
-        if any(column.shape != (2,) for column in columns) or columns[1].dtype.kind != "i":
-            raise InputError("its networks are not two, or their degrees no integers")
-        rows = zip(*(column.tolist() for column in columns), strict=True)
-        networks = [RadialBasisSettings(*row) for row in rows]
+    state = {name: array for name, array in content.items() if name not in _OWN}
     level = _numbers(content, "level_hyperparameters") if version >= FORMAT_VERSION else None
-    return Fitted(trend, tuple(networks), level)
+    return FittedParameters(trend, state, level)

@@ -4,33 +4,32 @@ Awan et al., section V.B: the samples' filters, kept as line spectral frequencie
 at their mean speed and force, both divided by their maxima; the plane is Delaunay
 triangulated, extended by boundary points on its four edges. Abdulali and Jeon (paper B): in
 place of the speed, the velocity vector. What differs between the two is the input space
-(`mmt.texture.model.inputs`) and the interpolator (`mmt.texture.interpolation.interpolators`). A
+(`mmt.texture.model.inputs`) and the interpolator (`mmt.texture.interpolation.registry`). A
 model never changes: modelling builds a new one and hands it over by one assignment.
 """
 
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Self, get_args
+from typing import TYPE_CHECKING, Self, cast, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
+from mmt.models import find_model
 from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt.texture.field.level_table import TABLE, TABLE_SIZES
 from mmt.texture.field.trend import NO_TREND, fit_trend, without_trend
 from mmt.texture.interpolation.delaunay import Triangulation, triangulate
-from mmt.texture.interpolation.interpolant import Interpolant
-from mmt.texture.interpolation.interpolators import BUILDERS
+from mmt.texture.interpolation.interpolator import Interpolant
+from mmt.texture.interpolation.registry import load
 from mmt.texture.interpolation.vertices import vertex_table
-from mmt.texture.model.file import pack, unpack
-from mmt.texture.model.fitted import Fitted
+from mmt.texture.model.file import FittedParameters, ModelContents, pack, unpack
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.kernel_parameters import (
     DIMENSIONS,
     FORCE_EXPONENT,
-    KIND,
     LEVEL_KIND,
     LEVELS,
     MODEL_ORDER,
@@ -45,7 +44,7 @@ from mmt.texture.settings import Interpolated, Level, Shape
 if TYPE_CHECKING:
     from mmt.texture.field.level_process import LevelProcess
 
-__all__ = ["LEVELS", "TextureModel", "TextureSamples"]
+__all__ = ["LEVELS", "TextureModel", "TextureSamples", "load_model"]
 
 
 class TextureModel:
@@ -60,7 +59,7 @@ class TextureModel:
         way), ``"power"`` of the vibration, or its ``"amplitude"``, the root of the power.
         With the latter two the variance follows from the interpolated filter's own gain.
     interpolator
-        How: one of `mmt.texture.interpolation.interpolators.BUILDERS`.
+        How: a name known to `mmt.texture.interpolation.registry`.
     level
         What the level follows: ``"interpolated"`` as said above, or ``"gaussian_process"``, the
         posterior mean of `mmt.texture.field.level_process`, for which `interpolate` is ``"power"``.
@@ -91,11 +90,10 @@ class TextureModel:
         shape: Shape = "measured",
         rate_hz: float = 1000.0,
         previous: "TextureModel | None" = None,
-        fitted: Fitted | None = None,
+        fitted: FittedParameters | None = None,
     ) -> None:
         for name, value, allowed in (
             ("interpolate", interpolate, list(LEVELS)),
-            ("interpolator", interpolator, list(BUILDERS)),
             ("level", level, get_args(Level)),
             ("shape", shape, get_args(Shape)),
         ):
@@ -103,6 +101,7 @@ class TextureModel:
                 raise InputError(f"{name} is {value!r}, allowed are {', '.join(allowed)}")
         if level != "interpolated" and interpolate != "power":
             raise InputError(f'level {level!r} needs interpolate "power", not {interpolate!r}')
+        build = load(interpolator)
         samples.check()
         self.samples = samples.frozen()
         self.interpolate: Interpolated = interpolate
@@ -128,42 +127,50 @@ class TextureModel:
             values = without_trend(self.points, values, self.trend)
         inside = (level, shape) == ("gaussian_process", "smoothed")
         lsf = self._lsf(inside=inside)
-        self.vertices, samples_alone = vertex_table(self.points, values, lsf, inside=inside)
-        self.dimensions = dimensions = self.space.dimensions
+        vertices = vertex_table(self.points, values, lsf, inside=inside)
+        self.vertices = vertices.table
+        self.dimensions = self.space.dimensions
         grown = previous is not None and previous._alike == self._alike
-        self.interpolant: Interpolant = BUILDERS[interpolator](
-            self.vertices[:, :dimensions],
-            self.vertices[:, dimensions:],
-            samples_alone,
+        self.interpolant: Interpolant = build(
+            vertices,
             previous.interpolant if previous is not None and grown else None,
-            fitted.networks if fitted else (),
+            fitted.interpolator_state if fitted else None,
         )
-
-        self._hyperparameters = fitted.level if fitted else None
+        self._hyperparameters = fitted.level_hyperparameters if fitted else None
         self._process_before = None if previous is None else previous._made_process
         if level == "gaussian_process":
-            _ = self.law  # made now, where modelling has the time
+            _ = self.kernel_parameters  # made now, where modelling has the time
+
+    def __repr__(self) -> str:
+        samples, space = self.samples, self.space
+        speeds = f"{samples.speed_mm_s.min():.3g} to {samples.speed_mm_s.max():.3g} mm/s"
+        forces = f"{samples.force_n.min():.3g} to {samples.force_n.max():.3g} N"
+        return (
+            f"<TextureModel: {space.name}, {len(samples)} samples of order {self.order} at "
+            f"{self.rate_hz:g} Hz, {speeds}, {forces}, interpolator {self.interpolator}, "
+            f"level {self.level}, shape {self.shape}>"
+        )
 
     @property
-    def fitted(self) -> Fitted:
-        """What was found in the samples."""
+    def fitted(self) -> FittedParameters:
+        """The parameters that were fitted to the samples."""
         process = self.level_process if self.level == "gaussian_process" else None
         hyperparameters = None if process is None else process.hyperparameters
-        return Fitted(self.trend, self.interpolant.networks, hyperparameters)
+        return FittedParameters(self.trend, self.interpolant.state(), hyperparameters)
 
     @cached_property
-    def law(self) -> FloatArray:
-        """What the rendering needs beside the interpolant's arrays, by the numbers below."""
+    def kernel_parameters(self) -> FloatArray:
+        """What kernels need beside the interpolant; see `mmt.texture.model.kernel_parameters`."""
         process = self.level_process if self.level == "gaussian_process" else None
         table = np.zeros((0, 0, 0)) if process is None else process.table()
-        law = np.empty(TABLE + table.size)
-        law[TABLE_SIZES:TABLE], law[TABLE:] = table.shape, table.ravel()
-        law[KIND], law[LEVEL_KIND] = self.interpolant.kind, LEVELS[self.interpolate]
-        law[SPEED_EXPONENT], law[FORCE_EXPONENT] = self.trend
-        law[PER_SPEED] = 1.0 / self.space.maximum_speed_mm_s
-        law[PER_FORCE] = 1.0 / self.space.maximum_force_n
-        law[DIMENSIONS], law[MODEL_ORDER] = self.dimensions, self.order
-        return law
+        parameters = np.empty(TABLE + table.size)
+        parameters[TABLE_SIZES:TABLE], parameters[TABLE:] = table.shape, table.ravel()
+        parameters[LEVEL_KIND] = LEVELS[self.interpolate]
+        parameters[SPEED_EXPONENT], parameters[FORCE_EXPONENT] = self.trend
+        parameters[PER_SPEED] = 1.0 / self.space.maximum_speed_mm_s
+        parameters[PER_FORCE] = 1.0 / self.space.maximum_force_n
+        parameters[DIMENSIONS], parameters[MODEL_ORDER] = self.dimensions, self.order
+        return parameters
 
     @cached_property
     def level_process(self) -> "LevelProcess | None":
@@ -180,8 +187,14 @@ class TextureModel:
     def level_db(self, *inputs: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return mean and standard deviation of the level in dB, each of shape (k,).
 
-        The level of `level_process`, 0 dB being 1 (m/s2)^2: where the model's level is
-        ``"interpolated"`` it is not the one that is rendered. The inputs are those of `at`.
+        They are those of `level_process`, 0 dB being 1 (m/s2)^2, which every model has: with a
+        level of ``"gaussian_process"`` the mean is what is rendered; an ``"interpolated"`` one
+        goes through the samples, scatter and all, and may be off this mean by the deviation.
+
+        Parameters
+        ----------
+        *inputs
+            Those of `at`.
 
         Raises
         ------
@@ -258,27 +271,48 @@ class TextureModel:
         points = np.ascontiguousarray(self.space.normalise(self.space.stack(*inputs)))
         lsf, variance = np.empty((len(points), self.order)), np.empty(len(points))
         by = self.interpolant
-        filters_into(by.rows, by.links, by.tail, self.law, points, lsf, variance)
+        address, parameters = by.evaluator.address, self.kernel_parameters
+        filters_into(address, by.rows, by.links, by.tail, parameters, points, lsf, variance)
         return lsf, variance
 
     def spectrum(self, *inputs: npt.ArrayLike, frequencies_hz: FloatArray) -> FloatArray:
         """Return the one-sided power spectral density in (m/s2)^2/Hz, shape (k, f).
 
-        The inputs are those of `at`.
+        Parameters
+        ----------
+        *inputs
+            Those of `at`.
+        frequencies_hz
+            Shape (f,), from 0 to half the sampling rate.
+
+        Raises
+        ------
+        InputError
+            There are not d inputs.
         """
         lsf, variance = self.at(*inputs)
         return lsf_spectrum(lsf, variance, frequencies_hz, self.rate_hz)
 
-    def save(self, path: Path) -> None:
+    def save(self, path: str | Path) -> None:
         """Write the model as ``.npz``; the layout is in ``docs/reference/model-file.md``."""
-        path.write_bytes(self.to_bytes())
+        Path(path).write_bytes(self.to_bytes())
 
     def to_bytes(self) -> bytes:
         """Return what `save` writes."""
-        return pack(self)
+        return pack(
+            ModelContents(
+                self.samples,
+                self.interpolate,
+                self.interpolator,
+                self.level,
+                self.shape,
+                self.rate_hz,
+                self.fitted,
+            )
+        )
 
     @classmethod
-    def load(cls, path: Path) -> Self:
+    def load(cls, path: str | Path) -> Self:
         """Read what `save` wrote, now or in an earlier version.
 
         Raises
@@ -287,7 +321,7 @@ class TextureModel:
             The file is missing, is no model, has another version, or holds bad numbers.
         """
         try:
-            return cls.from_bytes(path.read_bytes())
+            return cls.from_bytes(Path(path).read_bytes())
         except OSError as error:
             raise InputError(f"model {path}: {error.strerror or error}") from error
         except InputError as error:
@@ -296,5 +330,33 @@ class TextureModel:
     @classmethod
     def from_bytes(cls, data: bytes) -> Self:
         """Rebuild a model from `to_bytes`; raises `InputError` as `load` does."""
-        samples, settings = unpack(data)
-        return cls(samples, **settings)
+        contents = unpack(data)
+        return cls(
+            contents.samples,
+            interpolate=cast(Interpolated, contents.interpolate),  # names are checked there
+            interpolator=contents.interpolator,
+            level=cast(Level, contents.level),
+            shape=cast(Shape, contents.shape),
+            rate_hz=contents.rate_hz,
+            fitted=contents.fitted,
+        )
+
+
+def load_model(source: str | Path) -> TextureModel:
+    """Load a texture model: a shipped one by its name, or a ``.npz`` file.
+
+    Raises
+    ------
+    InputError
+        It is neither, or the file is not a texture model; the message lists the shipped names.
+
+    Examples
+    --------
+    >>> import mmt
+    >>> import numpy as np
+    >>> model = mmt.load_model("oak")
+    >>> vibration_m_s2 = mmt.Synthesizer(model, seed=1).render(np.full(500, 100.0), np.ones(500))
+    >>> vibration_m_s2.shape
+    (500,)
+    """
+    return TextureModel.load(find_model(Path(source)))

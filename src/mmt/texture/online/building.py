@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mmt.texture.interpolation.interpolators import load
+from mmt.texture.interpolation.registry import load
 from mmt.texture.model.fits import Fit, samples_of
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel

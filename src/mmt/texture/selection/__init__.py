@@ -1,4 +1,4 @@
-"""Which of a model's points are needed, and which are wrong; numerics alone.
+"""Selection of a model's points: outliers and redundant ones removed.
 
 `published` is the algorithm of the paper, `select` the one that does not depend on the order
 of the points. Both work on plain arrays in any number of dimensions.

@@ -1,4 +1,4 @@
-"""What is kept from one search for outliers to the next, among mostly the same points."""
+"""Cache between successive searches for outliers among mostly the same points."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -11,11 +11,11 @@ _GROWTH: Final = 1.25  # of the number of outliers, from which their blow is sea
 
 
 class SearchCache:
-    """What earlier searches found: outliers, bursts by a segment and its neighbours, a blow.
+    """Results of earlier searches: outliers, bursts by segment and neighbours, the knock waveform.
 
-    A search begins with the last one's outliers left out; they are asked in its end. `name`
-    gives the points of the next search their numbers; what two searches in a row have not
-    asked for is forgotten.
+    A search starts without the last one's outliers and tests them at its end. `begin` sets the
+    numbers of the points of the next search; entries that two successive searches have not used
+    are dropped.
     """
 
     def __init__(self) -> None:
@@ -26,8 +26,8 @@ class SearchCache:
         self._wave: FloatArray | None = None
         self._learnt_from = 0
 
-    def name(self, numbers: Sequence[int]) -> None:
-        """Begin a search among points of these numbers."""
+    def begin(self, numbers: Sequence[int]) -> None:
+        """Begin a search among points of the given numbers."""
         self._numbers = np.asarray(numbers, dtype=np.int64)
         self._old, self._new = self._new, {}
 
@@ -35,27 +35,27 @@ class SearchCache:
         """Return which points were outliers in the last search, shape (n,)."""
         return np.isin(self._numbers, self._accused)
 
-    def accuse(self, outlier: BoolArray) -> None:
-        """Remember the outliers of this search, shape (n,)."""
+    def put_outliers(self, outlier: BoolArray) -> None:
+        """Store the mask of outliers of this search, shape (n,)."""
         self._accused = self._numbers[outlier]
 
     def wave(self, count: int) -> FloatArray | None:
-        """Return the wave of the last search; None where it came from many fewer outliers."""
+        """Return the last waveform; None if it was estimated from many fewer outliers."""
         return self._wave if count < _GROWTH * self._learnt_from else None
 
-    def hear(self, wave: FloatArray, count: int) -> None:
-        """Remember a wave that so many outliers have in common."""
+    def put_wave(self, wave: FloatArray, count: int) -> None:
+        """Store a waveform estimated from `count` outliers."""
         if self.wave(count) is None:
             self._learnt_from = count
         self._wave = wave
 
     def keys(self, members: IntArray) -> list[bytes]:
-        """Return what stands for each point with its neighbours (n, k)."""
+        """Return a key for each point with its neighbours (n, k)."""
         rows = np.column_stack([self._numbers, self._numbers[members]])
         return [row.tobytes() for row in rows]
 
     def get(self, key: bytes) -> FloatArray | None:
-        """Return what is remembered, None where nothing is."""
+        """Return the cached row of a key, None if absent."""
         row = self._new.get(key)
         if row is None:
             row = self._old.get(key)
@@ -64,5 +64,5 @@ class SearchCache:
         return row
 
     def put(self, key: bytes, row: FloatArray) -> None:
-        """Remember."""
+        """Cache a row under a key."""
         self._new[key] = row

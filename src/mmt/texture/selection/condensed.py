@@ -1,13 +1,13 @@
-"""What of a model is redundant, whatever the order of the points.
+"""Removal of redundant points, independent of their order.
 
-Condensing begins with the corners of the convex hull. Then, as long as some place is missed by
-more than the threshold, the place that is missed most gets a point: of the points there that
-are not in the set the one whose filter comes nearest to what the place's neighbours agree on.
-So what is kept is decided by errors and not by numbers, and of several points in one place the
-most typical stays, where a rule that adds what is missed keeps the most unusual.
+Condensing starts with the corners of the convex hull. While the error at some point exceeds the
+threshold, a point is added near the largest error: of the neighbours that are not in the set, the
+one whose filter is closest to the prediction there. So the errors decide what is kept, not the
+numbering, and of several points in one place the most typical one stays, where a rule that adds
+the point in error keeps the most unusual.
 
-What is missed is not a point's own filter, which carries its own scatter, but the consensus of
-its neighbours.
+The error is taken against the prediction of the neighbours, not against a point's own filter with
+its scatter.
 """
 
 from typing import Final, NamedTuple
@@ -22,13 +22,13 @@ from mmt.texture.selection.points import ModelPoints, amplitude_of, log_density_
 from mmt.texture.selection.published import spectral_error
 
 TAU: Final = 0.27
-"""Relative spectral error up to which a place counts as met by the thinner model."""
+"""Largest relative spectral error of the condensed model."""
 
-_NEAR: Final = 4  # times the dimensions and one more: so many points are in one place
+_NEAR: Final = 4  # candidates at the largest error, times the dimensions plus one
 
 
 class Condensed(NamedTuple):
-    """What of n points is kept: ``minimal`` (n,), corners of the hull, and ``kept`` (n,).
+    """Masks of n points: ``minimal`` (n,), corners of the hull, and ``kept`` (n,).
 
     ``error`` (n,) is the relative spectral error of the thin model against the consensus at
     every place that is not kept.
@@ -50,8 +50,8 @@ def condense(data: ModelPoints, tau: float = TAU, largest: int | None = None) ->
         Largest relative spectral error between the model of the kept points and the
         consensus, at any point's place.
     largest
-        Stop when so many are kept, though places are missed; corners of the hull are kept
-        even if they alone are more.
+        Largest number of points kept, whatever the error; corners of the hull are kept even if
+        they alone are more.
 
     Notes
     -----
@@ -84,7 +84,7 @@ def condense(data: ModelPoints, tau: float = TAU, largest: int | None = None) ->
 
 
 def _agreed(logarithm: FloatArray, neighbours: NeighbourPrediction) -> FloatArray:
-    """Return the amplitude spectra (n, f) that each point and its neighbours agree on."""
+    """Return amplitude spectra (n, f) estimated from each point and its neighbours."""
     others = neighbours.of(logarithm)
     share = neighbours.scatter(np.ones(len(logarithm))) - 1.0  # variance of the others' word
     own = (share / (1.0 + share))[:, None]
@@ -97,7 +97,7 @@ def _first_least(values: FloatArray, points: FloatArray) -> int:
 
 
 class _Thin:
-    """The thin model, and its error at every place."""
+    """The condensed model, and its error at every point."""
 
     def __init__(self, data: ModelPoints, agreed: FloatArray, kept: BoolArray) -> None:
         self._data = data
@@ -110,11 +110,11 @@ class _Thin:
         self._ask(np.flatnonzero(~kept))
 
     def worst(self) -> int:
-        """Return the place that is missed most."""
+        """Return the index of the point of largest error."""
         return _first_least(-self.error, self._data.points)
 
     def add(self, index: int) -> None:
-        """Let a point join; ask again where it changes the simplex."""
+        """Add a point, and update the errors where it changes the simplex."""
         self.kept[index] = True
         self.error[index] = 0.0
         offset = self._data.points[index] - self._data.points

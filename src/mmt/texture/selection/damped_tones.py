@@ -1,12 +1,12 @@
-"""How much of a segment a struck object explains: a matched filter for damped tones.
+"""Matched filter for damped tones: the energy of a struck object in a segment.
 
-What is struck rings in its modes, each a damped sinusoid from the instant of the blow. Against a
+A struck object rings in its modes, each a damped sinusoid from the instant of the knock. Against a
 texture of known spectrum the most powerful test for one of them is the matched filter behind the
-prediction error filter of the texture (Kay, "Fundamentals of statistical signal processing",
-volume II, 1998, section 7.4): the squared projection of the prediction error on the filtered
-cosine and sine. Mode and instant being unknown, the largest over a grid is taken, a
-generalised likelihood ratio. It also hears what rings just where the texture has its energy: led
-through the texture's filter, such a tone leaves the click of its beginning.
+prediction error filter of the texture (Kay, "Fundamentals of statistical signal processing", volume
+II, 1998, section 7.4): the squared projection of the prediction error on the filtered cosine and
+sine. Mode and instant are unknown, so the largest over a grid is taken, a generalised likelihood
+ratio. It also detects tones at the frequencies of the texture itself: behind the filter, such a
+tone leaves the click of its onset.
 """
 
 from typing import Final
@@ -23,7 +23,7 @@ MODES_PER_SAMPLE: Final = np.geomspace(0.025, 0.33, 24)
 """Frequencies of the modes in cycles a sample."""
 
 DECAY: Final = 25.0
-"""Samples in which a mode falls to 1/e. A tone twice or half as long is heard nearly as well."""
+"""Samples in which a mode falls to 1/e. Tones twice or half as long are detected nearly as well."""
 
 _SHORTEST: Final = 8  # samples that a mode must have left in the segment
 _LEAST: Final = 1e-9  # of the determinant: cosine and sine that cannot be told apart
@@ -36,7 +36,7 @@ def modes() -> ComplexArray:
 
 @kernel("void(f8[::1], f8[::1], f8[::1])")
 def _led_back(error: FloatArray, ar: FloatArray, back: FloatArray) -> None:
-    """Lead the prediction error through the filter in reversed time."""
+    """Filter the prediction error in reversed time."""
     for n in range(error.size):
         total = error[n]
         for j in range(min(ar.size, error.size - n - 1)):
@@ -46,7 +46,7 @@ def _led_back(error: FloatArray, ar: FloatArray, back: FloatArray) -> None:
 
 @kernel("void(f8[:, ::1], f8)")
 def _step(state: FloatArray, sample: float) -> None:
-    """Take one sample more, for every mode side by side.
+    """Advance all modes by one sample.
 
     Rows of the state (10, k): the mode, its inner product with what has been led back, the sums
     of ``|w|^2`` and of ``w^2`` over the filtered mode w, the next sample of w, each complex but

@@ -1,19 +1,18 @@
-"""The blow that outliers have in common, and how much of it every segment holds.
+"""Waveform that knocks have in common, and its matched filter in every segment.
 
-What is struck is mostly the same table, and it answers every blow with about the same wave. That
-wave is learnt from the segments that were accused: behind their prediction error filters the
-texture is white, so that the wave of least squares follows from a banded system of normal
-equations, given when and how strongly it is in each; and these follow from the wave by a matched
+Mostly the same table is struck, and it answers every knock with about the same waveform. It is
+estimated from the segments of suspected outliers. Behind their prediction error filters the texture
+is white, so that, given onset and amplitude of the waveform in each segment, least squares leads to
+a banded system of normal equations; onset and amplitude follow from the waveform by a matched
 filter (Kay, "Fundamentals of statistical signal processing", volume II, 1998, section 4.3). Both
-are repeated in turn. The wave has a Gaussian prior of unit energy that dies away.
+steps alternate. The waveform has a Gaussian prior of unit energy that decays.
 
-Not all of the accused hold the same wave. A segment counts by how much of the energy of its
-loudest ring (`damped_tones`) the wave explains that was learnt from the others.
-The search begins with damped tones; what explains the most segments wins.
+Not all suspected segments hold the same waveform. Each is weighted by the share of the energy of
+its strongest damped tone (`damped_tones`) that the waveform of the others explains. The search
+starts from damped tones; the one that explains the most segments is used.
 
-With the wave known there is one matched filter in the place of a grid of tones, and it is matched
-to all of the table's modes at once. Nobody is compared with himself: an accused segment is asked
-for the wave of the others.
+The known waveform replaces a grid of tones by one matched filter, for all modes of the table at
+once. Each suspected segment is tested with the waveform estimated from the others (leave-one-out).
 """
 
 import math
@@ -30,10 +29,10 @@ from mmt.texture.selection.damped_tones import ComplexArray, modes
 from mmt.texture.selection.transients import SHORTEST, Packed, Whitening, prediction_error
 
 LEAST: Final = 8
-"""So many must be accused before they have something in common."""
+"""Least number of suspected segments from which a waveform is estimated."""
 
 LENGTH: Final = 128
-"""Samples of the wave."""
+"""Number of samples of the waveform."""
 
 _EARLY: Final = 20  # samples by which it may begin before the segment
 _LATE: Final = 16  # samples that it must have left in it
@@ -52,7 +51,7 @@ _TINY: Final = float(np.finfo(np.float64).tiny)
 
 
 class WaveMatch(NamedTuple):
-    """Where a wave is loudest in each of n segments: ``energy``, ``onset`` and ``amplitude``."""
+    """Best match of a waveform in n segments: ``energy``, ``onset`` and ``amplitude``, (n,)."""
 
     energy: FloatArray
     onset: IntArray
@@ -60,10 +59,10 @@ class WaveMatch(NamedTuple):
 
 
 class WhitenedSegments(NamedTuple):
-    """Segments behind their filters, each over its expected deviation.
+    """Prediction errors of n segments, each divided by its expected standard deviation.
 
-    ``square`` (n,) is the energy, ``length`` (n,) the samples, ``back`` (n, k) the error led
-    through its filter in reversed time, from `order` samples before its first, ``spectrum`` that
+    ``square`` (n,) is the energy, ``length`` (n,) the samples, ``back`` (n, k) the error
+    filtered in reversed time, from `order` samples before its first, ``spectrum`` that
     of it, ``filters`` (n, order + 1) with the leading 1.
     """
 
@@ -75,7 +74,7 @@ class WhitenedSegments(NamedTuple):
 
     @classmethod
     def through(cls, segments: Sequence[FloatArray], whitening: Whitening) -> Self:
-        """Lead segments through the filters of their neighbours; the too short become empty."""
+        """Whiten segments by the filters of their neighbours; those too short become empty."""
         n, order = whitening.ar.shape
         packed = Packed.of(segments)
         longest = int(np.diff(packed.starts).max(initial=0))
@@ -88,7 +87,7 @@ class WhitenedSegments(NamedTuple):
         return cls(energy, length, back, spectrum, filters)
 
     def subset(self, numbers: IntArray) -> Self:
-        """Return some of the segments."""
+        """Return a subset of the segments by index."""
         return type(self)(
             self.square[numbers],
             self.length[numbers],
@@ -98,7 +97,7 @@ class WhitenedSegments(NamedTuple):
         )
 
     def find(self, waves: FloatArray) -> WaveMatch:
-        """Return where the waves, of shape (LENGTH,) or one for each segment, are loudest."""
+        """Return the best match of waveforms, (LENGTH,) or (n, LENGTH), in each segment."""
         order = self.filters.shape[1] - 1
         size = next_fast_len(self.back.shape[1] + LENGTH, real=True)
         inner = irfft(self.spectrum * np.conj(rfft(waves, size)), size, axis=1)
@@ -123,7 +122,7 @@ def _led_back(
     energy: FloatArray,
     length: IntArray,
 ) -> None:
-    """Write what `WhitenedSegments` holds of packed segments; nothing of one that is too short."""
+    """Write the fields of `WhitenedSegments` for packed segments; zeros for those too short."""
     order = filters.shape[1] - 1
     for row in range(variance.size):
         ar = filters[row, 1:].copy()
@@ -142,7 +141,7 @@ def _led_back(
 def _loudest(
     inner: FloatArray, order: int, grown: FloatArray, length: IntArray, result: FloatArray
 ) -> None:
-    """Write energy, onset and amplitude where the wave explains most.
+    """Write energy, onset and amplitude of the best match of the waveform.
 
     ``inner`` holds the wave's inner products from onset ``-order`` on, earlier ones at its end;
     ``grown`` the sums of the squares of the filtered wave.
@@ -164,7 +163,7 @@ def _loudest(
 
 
 class _Normal:
-    """Normal equations of the wave, one banded system for each segment."""
+    """Normal equations of the waveform, one banded system for each segment."""
 
     def __init__(self, heard: WhitenedSegments) -> None:
         self._heard = heard
@@ -179,7 +178,7 @@ class _Normal:
         self._prior = falling.sum() / falling
 
     def solve(self, found: WaveMatch, counts: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the wave (LENGTH,) of all, and for each segment that of the others."""
+        """Return the waveform (LENGTH,) of all segments, and of all others for each (n, LENGTH)."""
         order = self._heard.filters.shape[1] - 1
         n = len(counts)
         matrices, sides = np.zeros((n, order + 1, LENGTH)), np.zeros((n, LENGTH))
@@ -205,7 +204,7 @@ class _Normal:
 
 
 def _of_others(rows: FloatArray) -> FloatArray:
-    """Return the sums without each row: no difference, in which a loud one takes all digits."""
+    """Return leave-one-out sums of rows, without the cancellation of a difference."""
     result = np.zeros_like(rows)
     np.cumsum(rows[:-1], axis=0, out=result[1:])
     result[:-1] += np.cumsum(rows[:0:-1], axis=0)[::-1]
@@ -213,7 +212,7 @@ def _of_others(rows: FloatArray) -> FloatArray:
 
 
 class KnockWave(NamedTuple):
-    """The ``wave`` (LENGTH,) and, for each accused segment, that of the ``others``."""
+    """The ``wave`` (LENGTH,), and for each suspected segment that of the ``others``."""
 
     wave: FloatArray
     others: FloatArray
@@ -222,16 +221,16 @@ class KnockWave(NamedTuple):
 def learn_wave(
     heard: WhitenedSegments, rings: FloatArray, before: FloatArray | None = None
 ) -> KnockWave:
-    """Return what accused segments have in common.
+    """Return the waveform that suspected segments have in common.
 
     Parameters
     ----------
     heard
-        The accused.
+        Suspected segments.
     rings
-        Energy of the loudest ring of each, shape (n,).
+        Energy of the strongest damped tone in each, shape (n,).
     before
-        A wave to begin with in the place of damped tones.
+        Waveform to start from instead of damped tones.
     """
     normal = _Normal(heard)
     rings = np.maximum(rings, _TINY / _QUIET)
@@ -246,9 +245,9 @@ def learn_wave(
 
 
 def _searched(heard: WhitenedSegments, normal: _Normal, rings: FloatArray) -> KnockWave:
-    """Return what explains the most segments of what damped tones grow into.
+    """Return the waveform, started from damped tones, that explains the most segments.
 
-    After a first step `_BEST` of them go on.
+    After a first step only the best `_BEST` are refined.
     """
     equal = 1.0 / np.maximum(rings / np.median(rings), _QUIET)
     blows: list[KnockWave] = []
@@ -262,7 +261,7 @@ def _searched(heard: WhitenedSegments, normal: _Normal, rings: FloatArray) -> Kn
 
 
 def _explained(heard: WhitenedSegments, blow: KnockWave, rings: FloatArray) -> float:
-    """Return how many segments hold a wave that is learnt from the others."""
+    """Return the number of segments that the waveform of the others explains."""
     return float(_counts(heard.find(_unit(blow.others)).energy, rings * _FINE).sum())
 
 
@@ -279,7 +278,7 @@ def _improved(
 
 
 def _counts(energy: FloatArray, enough: FloatArray) -> FloatArray:
-    """Return how far each segment holds the wave, 0 to 1: half where the energy is enough."""
+    """Return the weight of each segment, 0 to 1: one half where the energy equals `enough`."""
     power = (np.minimum(energy, _PLENTY * enough) / enough) ** _SHARP
     return np.asarray(power / (1.0 + power))
 
@@ -290,18 +289,18 @@ def _unit(waves: FloatArray) -> FloatArray:
 
 
 def knock_evidence(heard: WhitenedSegments, accused: BoolArray, blow: KnockWave) -> FloatArray:
-    """Return the logarithm of what the blow explains of each segment over the rest, shape (n,).
+    """Return the log ratio of energy explained by the waveform to the rest, shape (n,).
 
-    Zero where a segment is too short to tell.
+    Zero for segments that are too short.
 
     Parameters
     ----------
     heard
         All segments.
     accused
-        Which of them the blow was learnt from, shape (n,).
+        Mask of the segments from which the waveform was estimated, shape (n,).
     blow
-        What they have in common.
+        The waveform.
     """
     energy = heard.find(_unit(blow.wave)).energy
     energy[accused] = heard.subset(np.flatnonzero(accused)).find(_unit(blow.others)).energy

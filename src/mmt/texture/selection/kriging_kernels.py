@@ -10,15 +10,15 @@ from mmt.core.compiled import kernel
 
 @kernel("i8[:, ::1](i8[:, ::1], i8[::1], i8)")
 def nearest(order: IntArray, voices: IntArray, count: int) -> IntArray:
-    """Return the first ``count`` others of each row, everyone once, shape (n, count).
+    """Return the first ``count`` others of each row, without repeats, shape (n, count).
 
     Parameters
     ----------
     order
-        Numbers of the voices by distance, shape (n, k); from ``len(voices)`` on of the same
-        voices again. Each row holds at least ``count`` others.
+        Indices into `voices` by distance, shape (n, k); from ``len(voices)`` on they repeat. Each
+        row holds at least ``count`` others.
     voices
-        The points that they are.
+        Indices of the present points.
     """
     members = np.empty((order.shape[0], count), dtype=np.int64)
     for row in range(order.shape[0]):
@@ -46,7 +46,7 @@ def _matern(distance: float) -> float:
 
 @kernel("f8[::1](f8[:, ::1], f8[::1])")
 def _deviations(velocity: FloatArray, scales: FloatArray) -> FloatArray:
-    """Return what two departures' covariance is divided by for each of them, shape (n,).
+    """Return the normalisation of each departure in a covariance, shape (n,).
 
     Where a stroke and its return are the same the sum of both correlations would be larger.
     """
@@ -90,7 +90,7 @@ def covariance(velocity: FloatArray, law: FloatArray, scales: FloatArray) -> Flo
     velocity
         Shape (n, d - 1).
     law
-        What the plane is over, shape (n, 2), the last as the force.
+        Inputs of the plane, shape (n, 2), the last one of the force.
     scales
         Departure, its length along the velocity, slope, length along the force, and correlation
         of a stroke and its return.

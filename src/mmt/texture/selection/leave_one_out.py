@@ -1,7 +1,7 @@
-"""What the other points say at the place of one, for interpolators that need no retraining.
+"""Leave-one-out prediction for interpolators, without retraining where possible.
 
-Selection asks one question again and again: what would a model of the points that are present,
-but for one, give at that one's place? A `LeaveOneOutModel` answers it while points leave and join.
+Selection repeatedly needs the prediction at a point by the model of all other present points. A
+`LeaveOneOutModel` gives it while points are removed and added.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from mmt.texture.selection.enclosing_simplex import enclose, enclose_each
 
 
 class LeaveOneOutModel(Protocol):
-    """A model of the points that are present, asked at the place of a point."""
+    """A model of the present points, evaluated at a point that is left out."""
 
     def predict(self, index: int) -> FloatArray | None:
         """Return the values (v,) at a point's place without it; None beyond the hull.
@@ -25,11 +25,11 @@ class LeaveOneOutModel(Protocol):
         ...
 
     def remove(self, index: int) -> None:
-        """Let a point leave for good."""
+        """Remove a point permanently."""
         ...
 
     def add(self, index: int) -> None:
-        """Let a point join."""
+        """Add a point."""
         ...
 
 

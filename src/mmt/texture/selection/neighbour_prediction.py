@@ -1,20 +1,20 @@
-"""What a point's neighbours agree on: kriging of the logarithms of their spectra.
+"""Prediction of a point's spectrum from its neighbours: kriging of log spectra.
 
 Level and shape of a texture change smoothly with speed, force and heading, and close to
-proportionally. So the logarithm of the spectrum, over the logarithms of speed and force, is a
-plane with a smooth departure: a Gaussian process with a Matern covariance of smoothness 5/2, of
-which the nearest neighbours are asked (ordinary kriging; Rasmussen and Williams, Gaussian
-Processes for Machine Learning, 2006, sections 2.2 and 2.7). It averages as many fits as the
-texture's smoothness allows, and it reaches a little beyond them, so that corners of the hull can
-be tested. Over the velocity a stroke and its return count as nearly alike, since ridges are the
-same from both sides.
+proportionally. So the logarithm of the spectrum, over the logarithms of speed and force, is
+modelled as a plane with a smooth departure: a Gaussian process with a Matern covariance of
+smoothness 5/2, predicted from the nearest neighbours (ordinary kriging; Rasmussen and Williams,
+Gaussian Processes for Machine Learning, 2006, sections 2.2 and 2.7). It averages as many fits as
+the smoothness of the texture allows, and extrapolates a little, so that corners of the hull can be
+tested. Over velocity a stroke and its return count as nearly alike, since ridges are the same from
+both sides.
 
 The scatter of a fit is known. In the logarithm of the spectrum the Fisher information of a
-stationary Gaussian signal does not depend on its spectrum (Whittle 1953; Bloomfield 1973):
-with r the difference of the logarithms of an autoregressive fit of order m to N samples and of
-the truth, ``N / 2 mean(r^2)`` has a chi-squared distribution of m + 1 degrees of freedom. So a
-mean of squares of logarithms over a uniform grid is the whitened distance, without a matrix, and
-its mean is ``2 (m + 1) / N``.
+stationary Gaussian signal does not depend on its spectrum (Whittle 1953; Bloomfield 1973): with r
+the difference of the logarithms of an autoregressive fit of order m to N samples and of the truth,
+``N / 2 mean(r^2)`` has a chi-squared distribution of m + 1 degrees of freedom. So a mean of squares
+of logarithms over a uniform grid is the whitened distance, without a matrix, and its mean is ``2 (m
++ 1) / N``.
 """
 
 from typing import Final, NamedTuple
@@ -56,7 +56,7 @@ class NeighbourPrediction(NamedTuple):
         return result
 
     def scatter(self, variances: FloatArray) -> FloatArray:
-        """Return the variance (n,) of own value less prediction, from that of each value."""
+        """Return the variance (n,) of value minus prediction, from the variance of each value."""
         result: FloatArray = variances + np.einsum(
             "nk,nk->n", self.weights**2, variances[self.members]
         )
@@ -64,19 +64,19 @@ class NeighbourPrediction(NamedTuple):
 
 
 class NeighbourPredictor:
-    """The points of a model, and how smooth the texture is over them.
+    """Predictor of every point of a model from its neighbours.
 
     Parameters
     ----------
     points
         Shape (n, d): the last input is the force, the others the speed or the velocity.
     variances
-        Of the scatter of each fit, shape (n,), positive.
+        Variance of the scatter of each fit, shape (n,), positive.
     logarithms
-        Logarithms of the spectra, shape (n, f), which choose the smoothness.
+        Logarithms of the spectra, shape (n, f), from which the smoothness is chosen.
     few
-        Ask half as many neighbours: what they say scatters a little more, and changes less
-        often where points are added.
+        Use half as many neighbours: predictions scatter a little more, and change less often
+        when points are added.
     """
 
     def __init__(
@@ -102,12 +102,12 @@ class NeighbourPredictor:
         self.smoothness = int(np.argmin(costs))
 
     def predict_from(self, present: BoolArray) -> NeighbourPrediction:
-        """Return what the present others say at every point, present or not.
+        """Return predictions of every point, present or not, from the present others.
 
         Parameters
         ----------
         present
-            Shape (n,): who has a say; at least two.
+            Mask of the points to predict from, shape (n,); at least two.
 
         Notes
         -----

@@ -1,10 +1,10 @@
-"""Selection while a model grows: outliers stay out of it, and its size below a limit.
+"""Online selection: keeps outliers out of a growing model, and its size below a limit.
 
-A selection from the start in every update would find what the offline one finds, at several
-times the cost; this one begins where the last ended. All samples are asked again, so that a
-knock that came before its neighbours leaves the model as soon as there are enough of them to
-say so, and a good sample that bad ones accused comes back. What a segment's own samples say is
-kept for as long as it has the same neighbours, which saves most of the cost.
+A full selection at every update would give the offline result at several times the cost; this one
+starts from the last. All samples are tested again, so that a knock that came before its neighbours
+is removed once there are enough of them, and a good sample that bad ones made suspicious is
+restored. The evidence from a segment's own samples is cached while its neighbours stay the same,
+which saves most of the cost.
 """
 
 from collections.abc import Sequence
@@ -25,14 +25,14 @@ _TINY: Final = float(np.finfo(np.float64).tiny)
 
 
 class Chosen(NamedTuple):
-    """Of n samples: ``outlier`` (n,) stay out of the model, ``redundant`` (n,) leave for good."""
+    """Masks of n samples: ``outlier`` (n,) are excluded, ``redundant`` (n,) removed for good."""
 
     outlier: BoolArray
     redundant: BoolArray
 
 
 class OnlineSelection:
-    """Choose the samples of a model that grows.
+    """Selector of the samples of a growing model.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class OnlineSelection:
 
     def __init__(self, settings: OnlineSelectionSettings) -> None:
         self._settings = settings
-        self._memory = SearchCache()
+        self._cache = SearchCache()
 
     def choose(
         self,
@@ -50,7 +50,7 @@ class OnlineSelection:
         segments: Sequence[FloatArray],
         numbers: Sequence[int],
     ) -> Chosen:
-        """Say which of n samples are to stay out of the model, and which may leave.
+        """Return which of n samples are outliers, and which are redundant.
 
         Parameters
         ----------
@@ -61,8 +61,8 @@ class OnlineSelection:
 
         Notes
         -----
-        A sample without any vibration has nothing to be compared, and is kept. Where there
-        are more than ``largest`` good ones, those leave that the others predict best.
+        Samples without any vibration cannot be compared, and are kept. Of more than ``largest``
+        good samples, those that the others predict best are redundant.
         """
         points, lsf, variance = samples.points, samples.lsf, samples.variance
         n = len(points)
@@ -73,8 +73,8 @@ class OnlineSelection:
         )
         order = data.canonical()
         data, sound = data.subset(order), sound[order]
-        self._memory.name([numbers[i] for i in sound.tolist()])
-        found = find_outliers(data, self._settings.limit, self._memory)
+        self._cache.begin([numbers[i] for i in sound.tolist()])
+        found = find_outliers(data, self._settings.limit, self._cache)
         if found is not None:
             outlier[sound[found.outlier]] = True
         redundant = np.zeros(n, dtype=np.bool_)

@@ -1,15 +1,15 @@
-"""Outliers against the consensus of their neighbours, whatever the order of the points.
+"""Detection of outliers against the prediction of their neighbours, independent of point order.
 
-Evidence is gathered for every point, its own samples included where they are at hand, and each
-kind is centred and scaled by the median and the median deviation over all points. What is above
-is squared and added: knocks only add, and to which kind of evidence depends on the knock. Of the
-points above the limit those leave that are worst among their neighbours, and the rest is asked
-again without them, so that a knock does not drag its neighbours along. In the end every point
-that left is asked once more, by those that stayed, and may come back. What those that are
-outliers then have in common is the last kind of evidence, against all points: the blow that is
-heard in their segments, or the likeness of their spectra where segments are not at hand.
+Evidence is computed for every point, from its own samples too where they are available, and each
+kind is centred and scaled by the median and the median absolute deviation over all points. Positive
+evidence is squared and summed: knocks only add energy, and each adds to another kind. Of the points
+above the limit the worst among their neighbours are removed, and the rest is tested again without
+them, so that a knock does not condemn its neighbours. Finally every removed point is tested once
+more against those that stayed, and may be restored. The last kind of evidence is what the outliers
+have in common: the waveform of the knock in their segments, or the discriminant of their spectra
+where segments are not available.
 
-Nothing in it looks at the number of a point: the same points in any order give the same set.
+The result does not depend on the order of the points.
 """
 
 from typing import Final, NamedTuple
@@ -65,10 +65,10 @@ LIMIT: Final = 14.5
 """Score with segments from which a point is an outlier."""
 
 MODEL_LIMIT: Final = 5.0
-"""The same from the model's data alone."""
+"""Score from which a point is an outlier, from the model's data alone."""
 
 MOST: Final = 0.3
-"""No larger share of the points leaves: with more, nobody knows who is right."""
+"""Largest share of outliers: with more, good points cannot be told from bad ones."""
 
 SEGMENT_KINDS: Final = ("spectrum", "burst", "loud burst", "loud ring", "ring")
 MODEL_KINDS: Final = ("spectrum", "level")
@@ -116,14 +116,14 @@ class Outliers(NamedTuple):
 
 
 def least_points(dimensions: int) -> int:
-    """Return how many points there must be for a consensus: a plane and as many again."""
+    """Return the least number of points for a prediction: twice those that determine a plane."""
     return 2 * (dimensions + 1)
 
 
 def find_outliers(
-    data: ModelPoints, limit: float | None = None, memory: SearchCache | None = None
+    data: ModelPoints, limit: float | None = None, cache: SearchCache | None = None
 ) -> Outliers | None:
-    """Say which points contradict their neighbours; None where there are too few to say.
+    """Return the points that contradict their neighbours; None where there are too few points.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def find_outliers(
         them the spectrum and the level; where some are outliers also what those have in common.
     limit
         On the score; `LIMIT` or `MODEL_LIMIT` unless told.
-    memory
+    cache
         Of earlier searches among mostly the same points, which it has named. With it half as
         many neighbours are asked.
 
@@ -144,37 +144,37 @@ def find_outliers(
     n = len(data)
     if n < least_points(data.points.shape[1]):
         return None
-    few = memory is not None
-    if memory is None:
-        memory = SearchCache()
-        memory.name(range(n))
-    witness = _Witness(data, limit, memory, few=few)
-    present = ~memory.suspects()
+    few = cache is not None
+    if cache is None:
+        cache = SearchCache()
+        cache.begin(range(n))
+    source = _EvidenceSource(data, limit, cache, few=few)
+    present = ~cache.suspects()
     for _ in range(_ROUNDS):
-        neighbours = witness.neighbours.predict_from(present)
-        evidence = witness.hear(neighbours)
+        neighbours = source.neighbours.predict_from(present)
+        evidence = source.collect(neighbours)
         leaving = _worst(evidence, neighbours, present)
         if not leaving.any() or (present & ~leaving).sum() < (1.0 - MOST) * n:
             break
         present &= ~leaving
     outlier = ~present & (evidence.score > evidence.limit)
     if outlier.sum() >= LEAST:
-        compared = witness.compare(neighbours, evidence, outlier)
+        compared = source.compare(neighbours, evidence, outlier)
         alike = compared.score > compared.limit
         if alike.sum() <= MOST * n:
             outlier, evidence = alike, compared
-    memory.accuse(outlier)
+    cache.put_outliers(outlier)
     return Outliers(outlier, evidence, neighbours)
 
 
-class _Witness:
-    """Gathers evidence, and remembers that of points whose neighbours stay the same."""
+class _EvidenceSource:
+    """Computes evidence, and caches that of points whose neighbours stay the same."""
 
     def __init__(
-        self, data: ModelPoints, limit: float | None, memory: SearchCache, *, few: bool
+        self, data: ModelPoints, limit: float | None, cache: SearchCache, *, few: bool
     ) -> None:
         self._data = data
-        self._memory = memory
+        self._cache = cache
         self._logarithm = log_density_of(data.lsf, data.variance)
         self._kinds: tuple[str, ...]
         if data.segments is None:
@@ -186,8 +186,8 @@ class _Witness:
         self._growth = -np.log(self._variances)  # but for a constant, of the lengths
         self.neighbours = NeighbourPredictor(data.points, self._variances, self._logarithm, few=few)
 
-    def hear(self, neighbours: NeighbourPrediction) -> Evidence:
-        """Return the evidence against every point from its neighbours."""
+    def collect(self, neighbours: NeighbourPrediction) -> Evidence:
+        """Return the evidence against every point, given the prediction by its neighbours."""
         predicted = neighbours.of(self._logarithm)
         excess = np.maximum(self._logarithm - predicted, 0.0)
         spread = neighbours.scatter(self._variances)
@@ -196,7 +196,7 @@ class _Witness:
             level = np.log(np.exp(self._logarithm).mean(axis=1))
             raw = np.column_stack([spectrum, level - neighbours.of(level)])
         else:
-            raw = np.column_stack([spectrum, self._heard_bursts(predicted, neighbours)])
+            raw = np.column_stack([spectrum, self._burst_evidence(predicted, neighbours)])
         parts = _standardised(raw, self._growth)
         score = (np.maximum(parts, 0.0) ** 2).sum(axis=1)
         return Evidence(self._kinds, parts, score, self._limit)
@@ -213,35 +213,35 @@ class _Witness:
             common = discriminant_scores(excess, accused)
         else:
             kind, (weight, growth) = BLOW, _BLOW
-            common = self._heard_blow(predicted, neighbours, accused)
+            common = self._wave_evidence(predicted, neighbours, accused)
         parts = _standardised(common[:, None], self._growth)
         score = (evidence.score + weight * np.maximum(parts[:, 0], 0.0) ** 2) / growth
         kinds = (*evidence.kinds, kind)
         return Evidence(kinds, np.hstack([evidence.parts, parts]), score, evidence.limit)
 
-    def _heard_blow(
+    def _wave_evidence(
         self, predicted: FloatArray, neighbours: NeighbourPrediction, accused: BoolArray
     ) -> FloatArray:
         assert self._data.segments is not None  # noqa: S101 - asked for with segments alone
         filters = whitening(np.exp(predicted), self._data.lsf.shape[1])
         heard = WhitenedSegments.through(self._data.segments, filters)
-        rings = np.exp(self._heard_bursts(predicted, neighbours)[accused, _LOUD_RING])
+        rings = np.exp(self._burst_evidence(predicted, neighbours)[accused, _LOUD_RING])
         blow = learn_wave(
-            heard.subset(np.flatnonzero(accused)), rings, self._memory.wave(len(rings))
+            heard.subset(np.flatnonzero(accused)), rings, self._cache.wave(len(rings))
         )
-        self._memory.hear(blow.wave, len(rings))
+        self._cache.put_wave(blow.wave, len(rings))
         return knock_evidence(heard, accused, blow)
 
-    def _heard_bursts(self, predicted: FloatArray, neighbours: NeighbourPrediction) -> FloatArray:
+    def _burst_evidence(self, predicted: FloatArray, neighbours: NeighbourPrediction) -> FloatArray:
         assert self._data.segments is not None  # noqa: S101 - asked for with segments alone
-        keys = self._memory.keys(neighbours.members)
-        rows = [self._memory.get(key) for key in keys]
+        keys = self._cache.keys(neighbours.members)
+        rows = [self._cache.get(key) for key in keys]
         again = [index for index, row in enumerate(rows) if row is None]
         filters = whitening(np.exp(predicted[again]), self._data.lsf.shape[1])
         found = bursts([self._data.segments[i] for i in again], filters)
         for index, row in zip(again, found, strict=True):
             rows[index] = row
-            self._memory.put(keys[index], row)
+            self._cache.put(keys[index], row)
         return np.array(rows)
 
 
@@ -279,7 +279,7 @@ def _worst(evidence: Evidence, neighbours: NeighbourPrediction, present: BoolArr
 
 
 def reasons(outliers: Outliers) -> list[str]:
-    """Return a sentence for each point: what speaks against it most, "" for the good ones."""
+    """Return a sentence for each point: the strongest evidence against it, "" for good ones."""
     evidence = outliers.evidence
     result = []
     for parts, bad in zip(evidence.parts, outliers.outlier, strict=True):

@@ -1,4 +1,4 @@
-"""The points among which is selected, in an order that does not depend on theirs."""
+"""Fitted segments as points of the input space, and their spectra."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from mmt.core.errors import InputError
 from mmt.texture.settings import LARGEST_ORDER
 
 USUAL_SAMPLES: Final = 250
-"""Of a segment, where it is not at hand."""
+"""Number of samples assumed for a segment that is not available."""
 
 _GRID: Final = 96
 
@@ -27,9 +27,9 @@ class ModelPoints:
     lsf
         Line spectral frequencies in radians, shape (n, order).
     variance
-        Of the excitation, shape (n,), positive.
+        Variance of the excitation, shape (n,), positive.
     segments
-        The vibration that each was fitted to, n arrays; None where it is not at hand.
+        Vibration that each was fitted to, n arrays; None where not available.
     """
 
     points: FloatArray
@@ -79,7 +79,7 @@ class ModelPoints:
         return order
 
     def subset(self, numbers: IntArray | BoolArray) -> Self:
-        """Return some of the points, by number or mask."""
+        """Return a subset of the points, by index or mask."""
         numbers = np.arange(len(self))[numbers]
         return type(self)(
             self.points[numbers],

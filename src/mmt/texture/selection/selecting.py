@@ -1,4 +1,4 @@
-"""Sample selection whatever the order of the points: first the outliers, then what is redundant."""
+"""Sample selection independent of point order: outliers first, then redundant points."""
 
 from dataclasses import dataclass, field
 
@@ -13,7 +13,7 @@ from mmt.texture.selection.points import ModelPoints
 
 @dataclass(frozen=True)
 class SelectionSettings:
-    """How much is to stay.
+    """Thresholds of the selection.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class SelectionSettings:
 
 @dataclass(frozen=True)
 class Selection:
-    """What became of n points, each of shape (n,) in the order in which they were given.
+    """Result of the selection for n points, arrays of shape (n,) in their given order.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Selection:
 
     @property
     def redundant(self) -> BoolArray:
-        """What the selected set says as well without it."""
+        """Mask of points that are neither kept nor outliers."""
         return ~self.outlier & ~self.kept
 
     @property

@@ -1,9 +1,9 @@
-"""What a segment's own samples say of a knock: bursts that its neighbours do not explain.
+"""Evidence of knocks in a segment's own samples: bursts that its neighbours do not predict.
 
-A knock is short. The segment is led through the prediction error filter of its neighbours'
-consensus, which makes of the texture white noise and leaves of the knock a burst, and the ringing
-of what was struck. The largest of either is compared with what the rest of the segment has, so
-that a wrong level of the consensus does no harm, and with what the consensus expects.
+A knock is short. The segment is filtered by the prediction error filter that its neighbours
+predict, which whitens the texture and leaves a burst of the knock, and the ringing of the struck
+object. The largest of either is compared with the rest of the segment, so that an error of the
+predicted level does no harm, and with the predicted level.
 """
 
 import math
@@ -20,7 +20,7 @@ from mmt.texture.selection.points import band
 SHORT: Final = 16
 LONG: Final = 32
 SHORTEST: Final = 64
-"""Samples of prediction error from which a burst can be told from the rest."""
+"""Least samples of prediction error from which bursts are computed."""
 
 _TINY: Final = float(np.finfo(np.float64).tiny)
 
@@ -69,7 +69,7 @@ class Packed(NamedTuple):
 
 @kernel("f8[::1](f8[::1], f8[::1])")
 def prediction_error(x: FloatArray, ar: FloatArray) -> FloatArray:
-    """Return what a filter, without its leading 1, does not predict of a segment.
+    """Return the prediction error of a segment by a filter without its leading 1.
 
     It has the segment's length less the filter's order, none where that is not above zero.
     """
@@ -103,7 +103,7 @@ def _bursts(
     grid: ComplexArray,
     result: FloatArray,
 ) -> None:
-    """Write what `bursts` returns."""
+    """Write the rows that `bursts` returns."""
     for row in range(variance.size):
         error = prediction_error(samples[starts[row] : starts[row + 1]], ar[row])
         if error.size < SHORTEST:

@@ -20,13 +20,11 @@ from mmt.core.errors import InputError
 from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
 from mmt.texture.field.level_table import TABLE_SIZES, tabulated_level
 from mmt.texture.field.trend import trend_at
-from mmt.texture.interpolation.interpolant import DELAUNAY
-from mmt.texture.interpolation.interpolators import LARGEST_SCRATCH, evaluate_into, planar_into
-from mmt.texture.model.inputs import from_zero, normalise_into
+from mmt.texture.interpolation.interpolator import SCRATCH, evaluate_into
+from mmt.texture.model.inputs import normalise_into
 from mmt.texture.model.kernel_parameters import (
     DIMENSIONS,
     FORCE_EXPONENT,
-    KIND,
     LEVEL_KIND,
     MODEL_ORDER,
     PER_FORCE,
@@ -46,9 +44,9 @@ from mmt.texture.synthesis.generation import (
     scaled,
 )
 
-_COUNTER = LARGEST_SCRATCH  # scratch: that of the interpolator, samples, where it was found,
-_PLACE = _COUNTER + 1  # then point, level and LSF, work
-_POINT = _PLACE + 1
+_COUNTER = SCRATCH  # scratch: that of the evaluator, samples, where it found the point,
+_HINT = _COUNTER + 1  # then point, level and LSF, work
+_POINT = _HINT + 1
 _VALUES = _POINT + 3
 _WORK = _VALUES + 1 + LARGEST_ORDER
 
@@ -108,7 +106,7 @@ class Synthesizer:
         if model is None:
             generator.use(None)
             return generator.generate(count)
-        if model.space.directed and len(inputs) == 2:
+        if len(inputs) == 2 and model.dimensions == 3:
             inputs = (inputs[0], np.zeros(count), inputs[1])
         if len(inputs) != model.dimensions:
             raise InputError(
@@ -120,10 +118,11 @@ class Synthesizer:
         by, output = model.interpolant, np.empty(count)
         try:
             is_rendered = _render(
+                by.evaluator.address,
                 by.rows,
                 by.links,
                 by.tail,
-                model.law,
+                model.kernel_parameters,
                 inputs[0],
                 inputs[1],
                 inputs[-1],
@@ -164,14 +163,15 @@ def _amplitude(level: float, level_kind: int, complement: FloatArray) -> float:
 
 
 @kernel(
-    "b1(f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[::1], f8[:], f8[:], f8[:], i8, f8, f8,"
+    "b1(i8, f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[::1], f8[:], f8[:], f8[:], i8, f8, f8,"
     " f8[::1], f8[::1], f8[::1], f8[::1])"
 )
 def _render(
+    evaluator: int,
     rows: FloatArray,
     links: IntArray,
     tail: FloatArray,
-    law: FloatArray,
+    parameters: FloatArray,
     first: FloatArray,
     second: FloatArray,
     third: FloatArray,
@@ -187,11 +187,11 @@ def _render(
     count = len(output)
     if len(first) != count or len(second) != count or len(third) != count:
         return False
-    kind, level_kind, order = int(law[KIND]), int(law[LEVEL_KIND]), int(law[MODEL_ORDER])
-    per_speed, per_force, speed_exponent = law[PER_SPEED], law[PER_FORCE], law[SPEED_EXPONENT]
-    planar = kind == DELAUNAY and law[DIMENSIONS] == 2.0
-    tabulated = law[TABLE_SIZES] > 0.0
-    point = scratch[_POINT : _POINT + int(law[DIMENSIONS])]
+    level_kind, order = int(parameters[LEVEL_KIND]), int(parameters[MODEL_ORDER])
+    per_speed, per_force = parameters[PER_SPEED], parameters[PER_FORCE]
+    speed_exponent = parameters[SPEED_EXPONENT]
+    tabulated = parameters[TABLE_SIZES] > 0.0
+    point = scratch[_POINT : _POINT + int(parameters[DIMENSIONS])]
     values, work = scratch[_VALUES : _VALUES + 1 + order], scratch[_WORK:]
     lsf = values[1:]
     reflection = state[REFLECTION : REFLECTION + order]
@@ -199,25 +199,19 @@ def _render(
     past = state[PAST:]
     for index in range(count):
         if int(scratch[_COUNTER]) % renewal == 0:
-            place = int(scratch[_PLACE])
-            if planar:
-                x, y = from_zero(first[index], per_speed), from_zero(second[index], per_force)
-                place = planar_into(rows, links, place, x, y, values, scratch)
-            else:
-                now = first[index], second[index], third[index]
-                normalise_into(now[0], now[1], now[2], per_speed, per_force, point)
-                place = evaluate_into(kind, rows, links, tail, place, point, values, scratch)
-            scratch[_PLACE] = place
+            now = first[index], second[index], third[index]
+            normalise_into(now[0], now[1], now[2], per_speed, per_force, point)
+            hint = int(scratch[_HINT])
+            hint = evaluate_into(evaluator, rows, links, tail, hint, point, values, scratch)
+            scratch[_HINT] = hint
             lsf_to_lattice_into(lsf, reflection, complement, work)
             state[ORDER] = order
             level = values[0]
             if tabulated:
-                now = first[index], second[index], third[index]
-                normalise_into(now[0], now[1], now[2], per_speed, per_force, point)
                 across = point[1] if len(point) == 3 else 0.0
-                level = tabulated_level(law, point[0], across, point[len(point) - 1])
+                level = tabulated_level(parameters, point[0], across, point[len(point) - 1])
             elif speed_exponent > 0.0:
-                level *= trend_at(speed_exponent, law[FORCE_EXPONENT], point)
+                level *= trend_at(speed_exponent, parameters[FORCE_EXPONENT], point)
             state[WANTED] = _amplitude(level, level_kind, complement)
         scratch[_COUNTER] += 1.0
         value = lattice_step(reflection, complement, past, int(state[ORDER]), noise[index])

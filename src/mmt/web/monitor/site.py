@@ -15,7 +15,7 @@ from mmt.web.page_server import (
     add_page,
     monitor_files,
     open_socket,
-    refuse_strangers,
+    refuse_foreign_page,
 )
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def monitor_page(viewers: Viewers, controls: Controls, scene: Scene) -> "Page":
 
     def add(application: web.Application, access: Access) -> None:
         async def look_on(request: web.Request) -> web.StreamResponse:
-            refuse_strangers(request, access, host)
+            refuse_foreign_page(request, access, host)
             if viewers.full:
                 raise web.HTTPServiceUnavailable(text="too many viewers\n")
             return await _serve(request, access, viewers, controls)

@@ -1,4 +1,4 @@
-"""What a page may say, read and bounded: it is never trusted."""
+"""Messages of a page, parsed and validated: a page is not trusted."""
 
 import json
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from mmt.core.errors import InputError
 from mmt.web.player.motion import Point
 
 MOST_POINTS: Final = 256
-"""Of a pointer in one request: a second at the fastest screens."""
+"""Most reports of a pointer in one request: a second at the fastest screens."""
 LARGEST_MM: Final = 10_000.0
 LARGEST_N: Final = 100.0
 _LARGEST_MS: Final = 1e12
@@ -22,17 +22,17 @@ class PlayRequest:
     Attributes
     ----------
     number
-        Of the request.
+        Number of the request.
     now_ms
-        By the page's clock.
+        Time by the page's clock (ms).
     played
         Samples that it has played since the stream began.
     lead
-        How many it wants to have beyond these.
+        Samples that it wants to have beyond these.
     tile
-        Where the pointer is, None where it is on none or up.
+        Tile under the pointer, None where it is on no tile or up.
     points
-        What the pointer has reported since the last request.
+        Reports of the pointer since the last request.
     """
 
     number: int
@@ -49,7 +49,7 @@ def parse(text: str) -> dict[str, Any]:
     Raises
     ------
     InputError
-        It is none.
+        It is not such an object.
     """
     try:
         message = json.loads(text)
@@ -61,7 +61,7 @@ def parse(text: str) -> dict[str, Any]:
 
 
 def play_request(message: dict[str, Any], tiles: int) -> PlayRequest:
-    """Return the request of a message, for a grid of so many tiles.
+    """Return the request of a message, for a grid with this number of tiles.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def whole(message: dict[str, Any], name: str, largest: int, least: int = 0) -> i
     Raises
     ------
     InputError
-        It is none, or out of its range.
+        It is not a whole number, or out of range.
     """
     value = message.get(name)
     if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= largest:
@@ -104,7 +104,7 @@ def line(message: dict[str, Any], name: str, longest: int = 40) -> str:
     Raises
     ------
     InputError
-        It is empty, too long, or no line.
+        It is empty, too long, or not printable.
     """
     value = message.get(name)
     text = value.strip() if isinstance(value, str) else ""

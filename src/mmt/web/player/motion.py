@@ -1,8 +1,8 @@
-"""From what a pointer does to position, velocity and force; no clock of its own.
+"""Position, velocity and force from a pointer's reports; it has no clock of its own.
 
 Screens report a pointer some 60 to 120 times a second. The velocity is that between the last two
-reports, smoothed; it is held until the next one is overdue, and then dies away: a pointer that
-rests says nothing.
+reports, smoothed; it is held until the next one is overdue, and then decays: a pointer at rest
+sends no reports.
 """
 
 import math
@@ -17,11 +17,11 @@ _SHORTEST_INTERVAL_MS: Final = 0.01
 _HELD_INTERVALS: Final = 2.0
 _SHORTEST_HOLD_MS, _LONGEST_HOLD_MS = 20.0, 50.0
 FASTEST_MM_S: Final = 5000.0
-"""What a hand does not exceed; a pointer that does so has jumped."""
+"""Faster than any hand: a pointer that exceeds it has jumped."""
 
 
 class PointerMotion:
-    """Follow one pointer, from where it is put down until it is lifted.
+    """The motion of one pointer from touch-down to lift-off.
 
     Attributes
     ----------
@@ -45,13 +45,13 @@ class PointerMotion:
         self._hold_ms = _LONGEST_HOLD_MS
 
     def lift(self) -> None:
-        """Take the pointer off: nothing moves and presses any more."""
+        """Lift the pointer: velocity and force become zero."""
         self.velocity_mm_s = (0.0, 0.0)
         self.force_n = 0.0
         self.touches = False
 
     def follow(self, points: Iterable[Point], now_ms: float) -> None:
-        """Take what the pointer reported since the last call, in the order of time.
+        """Add the pointer's reports since the last call, in the order of time.
 
         Parameters
         ----------
@@ -61,14 +61,14 @@ class PointerMotion:
             The time now, by the same clock.
         """
         for point in points:
-            self._take(point)
+            self._add(point)
         overdue_ms = now_ms - max(self._now_ms, self._reported_ms + self._hold_ms)
         if overdue_ms > 0.0:
             left = math.exp(-overdue_ms / _SMOOTHING_MS)
             self.velocity_mm_s = (self.velocity_mm_s[0] * left, self.velocity_mm_s[1] * left)
         self._now_ms = max(now_ms, self._now_ms)
 
-    def _take(self, point: Point) -> None:
+    def _add(self, point: Point) -> None:
         time_ms, x_mm, y_mm, force_n = point
         if not self.touches:
             self.touches = True

@@ -76,17 +76,17 @@ class Player:
         return recorded
 
     def hello(self) -> bytes:
-        """Return what a page needs to know at first."""
+        """Return the first message to a page: the textures with their pictures."""
         header = {"names": self.names, "full_scale_m_s2": FULL_SCALE_M_S2, "best": BEST}
         return pack("hello", header, {"pictures": self._pictures})
 
     @property
     def recording_problem(self) -> str | None:
-        """Why nothing is recorded any more, None while all is well."""
+        """Why recording stopped, None without a problem."""
         return None if self._recorder is None else self._recorder.problem
 
     def status(self) -> dict[str, object]:
-        """Return how recording and results stand."""
+        """Return the status of recording and results."""
         recorder = self._recorder
         return {
             "recorded_s": None if recorder is None else round(recorder.seconds, 1),
@@ -95,26 +95,26 @@ class Player:
         }
 
     def texture(self, tile: int) -> int | None:
-        """Return the texture under a tile, None where it is not to be felt now."""
+        """Return the texture under a tile, None where the scenario disables it now."""
         return tile if self.study is None else self.study.texture(tile)
 
     def record(self, texture: int, motion: PointerMotion, vibration_m_s2: FloatArray) -> None:
-        """Record a touch, where something is recorded."""
+        """Record a touch, if recording is on."""
         if self._recorder is not None and len(vibration_m_s2):
             self._recorder.record(texture, motion, vibration_m_s2)
 
     def lift(self) -> None:
-        """Note that nothing is touched."""
+        """End the touch."""
         if self._recorder is not None:
             self._recorder.lift()
 
     def begin(self, scenario: str, participant: str) -> str:
-        """Begin a scenario; return a sentence.
+        """Begin a scenario; return a message for the page.
 
         Raises
         ------
         InputError
-            There is none of this name.
+            There is no scenario of this name.
         MmtError
             The results cannot be written.
         """
@@ -125,7 +125,7 @@ class Player:
         return f"{scenario} of {participant} begins"
 
     def leave(self) -> str:
-        """End the scenario, if one runs; return a sentence."""
+        """End the scenario, if one runs; return a message for the page."""
         study, self.study = self.study, None
         if study is not None:
             study.leave()
@@ -138,9 +138,9 @@ def picture(model: TextureModel, seed: int = 0) -> FloatArray:
     Parameters
     ----------
     model
-        Of the texture.
+        The texture's model.
     seed
-        Of the phases.
+        Seed of the phases.
     """
     per_mm = np.fft.fftfreq(SIZE, _WIDTH_MM / SIZE)
     across, down = np.meshgrid(per_mm, -per_mm)

@@ -1,4 +1,4 @@
-"""Record what a pointer does as sessions that the evaluation reads, one for each texture.
+"""Record a pointer's touches as sessions that the evaluation reads, one for each texture.
 
 A session's time is that of touching its texture. Where the pointer is put down anew, one frame's
 number is left out, so that filters start anew there, as between trials.
@@ -35,7 +35,7 @@ class TouchRecorder:
     names, models
         The textures.
     render_hz
-        Rate of the vibration that `record` gets.
+        Sampling rate (Hz) of the vibration given to `record`.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class TouchRecorder:
         self._converter = RateConverter(render_hz, 1.0 / _FRAME_S)
 
     def path_of(self, texture: int) -> Path:
-        """Return the file that a texture's session goes to."""
+        """Return the file of a texture's session."""
         if len(self._names) == 1:
             return self._path
         return self._path.with_name(f"{self._path.stem}-{self._names[texture]}{self._path.suffix}")
@@ -76,13 +76,13 @@ class TouchRecorder:
         return None
 
     def lift(self) -> None:
-        """Note that nothing is touched: the next touch is another one."""
+        """End the touch: the next one starts anew."""
         self._down = None
 
     def record(self, texture: int, motion: PointerMotion, vibration_m_s2: FloatArray) -> None:
         """Record the touch of a texture for as long as these samples (n,) last.
 
-        Where a file cannot be made, `problem` says so, and nothing more is recorded.
+        If a file cannot be created, `problem` says so, and nothing more is recorded.
         """
         if self._refusal is not None:
             return

@@ -31,32 +31,32 @@ Value = str | int | float | None
 
 
 def now_utc() -> str:
-    """Return the time now, to the millisecond."""
+    """Return the present time, to the millisecond."""
     return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
 class ResultsFile:
-    """Add rows to a file; what it held before stays.
+    """Append rows to a results file.
 
     Parameters
     ----------
     path
-        Made, with its folders, at the first row.
+        Created, with its folders, at the first row.
 
     Raises
     ------
     InputError
-        There is such a file, and it has other columns.
+        The file exists and has other columns.
     """
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self.rows = 0
-        """Written by this object."""
+        """Rows written by this object."""
         self._check()
 
     def write(self, row: Mapping[str, Value]) -> None:
-        """Write a row; it is on the disk afterwards.
+        """Write a row and wait until it is on the disk.
 
         Raises
         ------

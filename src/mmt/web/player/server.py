@@ -13,7 +13,7 @@ from mmt.core.errors import InputError, MmtError
 from mmt.link.access import TOKEN_VARIABLE, Access, check_listening
 from mmt.link.http import Listener
 from mmt.web.binary_messages import pack
-from mmt.web.page_server import add_page, open_socket, player_files, refuse_strangers
+from mmt.web.page_server import add_page, open_socket, player_files, refuse_foreign_page
 from mmt.web.player.messages import PlayRequest, line, parse, play_request, whole
 from mmt.web.player.motion import PointerMotion
 from mmt.web.player.player import Player
@@ -94,7 +94,7 @@ class PlayerServer:
         raise web.HTTPFound("/player/")
 
     async def _receive(self, request: web.Request) -> web.StreamResponse:
-        refuse_strangers(request, self._access, self._host)
+        refuse_foreign_page(request, self._access, self._host)
         socket, admitted = await open_socket(request, self._access, _MOST_BYTES)
         if not admitted:
             return socket

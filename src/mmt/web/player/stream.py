@@ -1,8 +1,8 @@
-"""The sound of one page: samples for as far ahead as it asks, at its sound card's rate.
+"""The sound of one page: samples at its sound card's rate, as far ahead as the page requests.
 
-The page says how many samples it has played and how many it wants to have beyond these. So the
-sound card's clock alone paces the stream: nothing drifts, and what waits in the page, which is
-delay, can be changed by the page from one request to the next.
+The page sends how many samples it has played and how many it wants to have beyond these. So the
+sound card's clock alone paces the stream: nothing drifts, and the page can change the length of
+its buffer, which is delay, from one request to the next.
 """
 
 import time
@@ -31,7 +31,7 @@ _FASTER: Final = 1.05
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """What follows next.
+    """The next samples.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Block:
 
 
 class Stream:
-    """Render what a pointer feels.
+    """Render the vibration under a pointer.
 
     Parameters
     ----------
@@ -54,16 +54,16 @@ class Stream:
         The textures. The fastest one's rate is rendered at; at rates of 1 kHz nothing is
         converted but to the sound card's.
     rate_hz
-        The sound card's.
+        Sampling rate of the sound card.
     seed
-        Of the excitation.
+        Seed of the excitation.
     clock
-        Seconds that only grow.
+        Monotonic time (s).
 
     Raises
     ------
     InputError
-        The rate is none of a sound card.
+        The rate is out of the range of sound cards.
     """
 
     def __init__(
@@ -92,13 +92,13 @@ class Stream:
 
     @property
     def delay_s(self) -> float:
-        """How much later a sample comes than it is rendered, by the conversion of rates."""
+        """Delay of a sample by the conversion of sampling rates."""
         return self._textures.output.delay_s + self._converter.delay_s
 
     def next(self, request: PlayRequest, motion: PointerMotion, texture: int | None) -> Block:
-        """Render what the page lacks, with what the pointer does now.
+        """Render the samples that the page lacks, with the pointer's present motion.
 
-        No more comes than a sound card can have played in the time since the stream began.
+        At most as many as a sound card can have played in the time since the stream began.
         """
         x_mm_s, y_mm_s = motion.velocity_mm_s
         touch(self._textures, texture, x_mm_s, y_mm_s, motion.force_n)
@@ -112,7 +112,7 @@ class Stream:
         return Block(sound, vibration)
 
     def close(self) -> None:
-        """Render no more."""
+        """End rendering."""
         close(self._textures)
 
     def _earned(self) -> float:

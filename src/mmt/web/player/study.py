@@ -1,4 +1,4 @@
-"""Paper B's two scenarios (section 3.4): who feels what, in which order, and what they say of it.
+"""Paper B's two scenarios (section 3.4): the order of the textures, and the participants' answers.
 
 Exploration: one real sample after the other, in random order, is compared with its texture, and
 the realism of the pair is rated. Matching: the tiles are shuffled and show no pictures; for each
@@ -25,7 +25,7 @@ LEAST_STROKED_S: Final = 1.0
 
 
 def label(tile: int) -> str:
-    """Return what a tile is called: A, B, C."""
+    """Return the name of a tile: A, B, C."""
     return chr(ord("A") + tile)
 
 
@@ -33,7 +33,7 @@ Write = Callable[[Mapping[str, Value]], object]
 
 
 def orders(seed: int, participant: str, scenario: str, count: int) -> tuple[list[int], list[int]]:
-    """Return two random orders of so many textures; the same for the same arguments."""
+    """Return two random orders of `count` textures, the same for the same arguments."""
     text = f"{seed}\n{participant}\n{scenario}".encode()
     digest = int.from_bytes(hashlib.sha256(text).digest())
     random = np.random.default_rng(digest)
@@ -48,13 +48,13 @@ class Study(ABC):
     names
         The textures.
     participant
-        Who they are, for the results.
+        Name of the participant, for the results.
     seed
-        Of the orders, with participant and scenario.
+        Seed of the orders, together with participant and scenario.
     write
-        Is called with each row of the results; what it raises leaves the study as it was.
+        Called with each row of the results; if it raises, the study stays unchanged.
     clock
-        Seconds that only grow.
+        Monotonic time (s).
     """
 
     scenario = ""
@@ -86,11 +86,11 @@ class Study(ABC):
         return False
 
     def texture(self, tile: int) -> int | None:
-        """Return the texture under a tile, None where it is not to be felt now."""
+        """Return the texture under a tile, None where it is disabled now."""
         return tile
 
     def stroked(self, tile: int, seconds: float) -> None:
-        """Note that a tile was stroked for so long."""
+        """Add to the time that a tile was stroked."""
         self._stroked_s[tile] += seconds
 
     def leave(self) -> None:
@@ -99,7 +99,7 @@ class Study(ABC):
             self._row("leave")
 
     def answer(self, sample: int, tile: int) -> str:
-        """Take the tile that feels like a real sample; return a sentence.
+        """Record the tile that feels like a real sample; return a message for the page.
 
         Raises
         ------
@@ -109,7 +109,7 @@ class Study(ABC):
         raise InputError(f"nothing is matched now (sample {sample}, tile {tile})")
 
     def finish(self) -> str:
-        """Show the pictures; return a sentence.
+        """Show the pictures; return a message for the page.
 
         Raises
         ------
@@ -120,7 +120,7 @@ class Study(ABC):
 
     @abstractmethod
     def rate(self, rating: int) -> str:
-        """Take a rating of realism, 1 to 7; return a sentence.
+        """Record a rating of realism, 1 to 7; return a message for the page.
 
         Raises
         ------
@@ -169,7 +169,7 @@ class Exploration(Study):
         return tile if self.done or tile == self.order[self.trial] else None
 
     def rate(self, rating: int) -> str:
-        """Take the pair's rating, and go on to the next pair; see `Study.rate`."""
+        """Record the pair's rating, and go on to the next pair; see `Study.rate`."""
         if self.done:
             raise InputError("all pairs are rated")
         texture = self.order[self.trial]
@@ -228,7 +228,7 @@ class Matching(Study):
         return self._shuffled[tile]
 
     def answer(self, sample: int, tile: int) -> str:
-        """Take a match; a tile that another sample had is taken from that one."""
+        """Record a match; a tile matched to another sample is freed first."""
         if self.matches is not None:
             raise InputError("the pictures are shown: no match can be changed any more")
         self._row(
@@ -259,7 +259,7 @@ class Matching(Study):
         return f"{matches} of {len(self.names)} match"
 
     def rate(self, rating: int) -> str:
-        """Take the rating of all together; see `Study.rate`."""
+        """Record the rating of all textures together; see `Study.rate`."""
         if self.matches is None:
             raise InputError("match all samples first")
         if self.done:

@@ -1,5 +1,5 @@
-"""Recorded sessions on the monitor's page, with a slider in the place of the clock.
+"""Recorded sessions on the monitor's page, with a slider for the time.
 
-The model is built again from the recording, as the leader built it; every state that it had
-is kept on disk. The page asks for one moment after the other.
+The model is built again from the recording, as the leader built it; all its states are kept on
+disk. The page requests one moment after the other.
 """

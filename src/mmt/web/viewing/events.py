@@ -1,4 +1,4 @@
-"""What happened in a recording, as the page shows it beside the slider."""
+"""Events and link figures of a recording, as the page shows them beside the slider."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,12 +14,12 @@ Kind = Literal["mark", "gap", "criterion", "other"]
 _CLOCK: Final = ("clock_time_ns", "clock_offset_ns", "clock_drift_ppm", "clock_uncertainty_ns")
 _SURFACE_CHANGES: Final = ("new", "recalled", "identified")
 _MOST: Final = 2000
-"""Events that a page gets."""
+"""Most events that a page receives."""
 
 
 @dataclass(frozen=True)
 class SessionEvent:
-    """One event for a person."""
+    """An event as the page lists it."""
 
     at_s: float
     kind: Kind
@@ -27,10 +27,9 @@ class SessionEvent:
 
 
 def session_events(events: Sequence[JsonObject]) -> list[SessionEvent]:
-    """Return what a person wants to know, in order.
+    """Return the events to list, in order.
 
-    Clocks are compared every ten seconds, and gaps are filled in: that is left out. Of more
-    than 2000, gaps give way to the rest.
+    Comparisons of clocks and filled gaps are left out; of more than 2000 events, gaps as well.
     """
     found = [h for event in events if (h := _session_event(event)) is not None]
     if len(found) > _MOST:
@@ -57,7 +56,7 @@ class LinkRecord:
     Parameters
     ----------
     events
-        Of the recording, in order.
+        Events of the recording, in order.
     """
 
     def __init__(self, events: Sequence[JsonObject]) -> None:
@@ -77,7 +76,7 @@ class LinkRecord:
         Parameters
         ----------
         time_s
-            What came later does not count.
+            Later events are ignored.
         arrivals
             Shape (m, 2), of the blocks of the last seconds; see `mmt.session.windows.Window`.
         """

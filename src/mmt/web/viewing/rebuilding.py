@@ -1,4 +1,9 @@
-"""Every state that a model had, on disk, so that an hour of them fills no memory."""
+"""Build a recorded session's model again, in a thread, from its beginning to its end.
+
+As the live leader does: an update a period, none while the model was frozen, a new model after a
+reset, none once the stop criterion is met; where surfaces are distinguished, a model for each.
+The states' models are kept on disk, so that an hour of them needs little memory.
+"""
 
 import tempfile
 import threading
@@ -21,13 +26,13 @@ from mmt.texture.online.modeller import ModellerFactory, ModelUpdate
 from mmt.texture.settings import ModellingSettings
 
 _MODELS_KEPT: Final = 8
-"""In memory, of those asked for last."""
+"""Models kept in memory, the most recently used ones."""
 
 
 class ModelSnapshots:
     """Models by number, in an anonymous file that is gone when it is closed.
 
-    One thread adds, another one asks.
+    One thread adds, another one reads.
     """
 
     def __init__(self) -> None:
@@ -41,7 +46,7 @@ class ModelSnapshots:
         return len(self._places)
 
     def add(self, model: TextureModel) -> int:
-        """Keep a model; return its number. Some kilobytes, 100 of the largest model."""
+        """Store a model and return its number; some kilobytes, 100 for the largest model."""
         data = model.to_bytes()
         with self._lock:
             place = self._file.seek(0, 2)
@@ -50,7 +55,7 @@ class ModelSnapshots:
             return len(self._places) - 1
 
     def close(self) -> None:
-        """Forget them all."""
+        """Delete all models."""
         with self._lock:
             self._file.close()
 
@@ -88,14 +93,14 @@ class ModelState:
 
 
 class ModelRebuild:
-    """Every state that the model of a recording had; states appear while it works.
+    """All states that the model of a recording had; they appear while they are computed.
 
     Parameters
     ----------
     windows
         The recording; closed at the end.
     settings
-        Of the modelling.
+        Settings of the modelling.
     period_s
         Time between two updates.
     """
@@ -119,11 +124,11 @@ class ModelRebuild:
         """Why it ended early, None where it did not."""
 
     def start(self) -> None:
-        """Begin, in a thread of its own."""
+        """Start the thread."""
         self._thread.start()
 
     def close(self) -> None:
-        """End, also before it is done."""
+        """End the thread, finished or not."""
         self._leave.set()
         if self._thread.ident is not None:
             self._thread.join()

@@ -1,4 +1,4 @@
-"""A recording as the page asks for it: what it is, how the model grew, one moment."""
+"""A recording as the page requests it: its description, the model's growth, one moment."""
 
 from pathlib import Path
 from typing import Any, Final, Self
@@ -19,7 +19,7 @@ _MODEL_NEEDS: Final = ("position", "force", "acceleration")
 
 
 class ViewedRecording:
-    """One recording that is looked at.
+    """A recording opened for viewing.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class ViewedRecording:
 
     Notes
     -----
-    One thread at a time may ask for a moment.
+    Only one thread at a time may call `moment`.
     """
 
     def __init__(self, windows: SessionWindows) -> None:
@@ -52,7 +52,7 @@ class ViewedRecording:
         return cls(open_windows(Path(path)))
 
     def start(self) -> None:
-        """Begin to build the model, in a thread."""
+        """Start to build the model, in a thread."""
         if self._rebuilding is not None:
             self._rebuilding.start()
 
@@ -65,7 +65,7 @@ class ViewedRecording:
     # --- what the page asks for
 
     def opening(self) -> bytes:
-        """Return what the page must know before anything else."""
+        """Return the first message to the page: scene, duration, channels, events."""
         windows = self.windows
         header = {
             **states.hello_header(self.scene, windows.session_id or ""),
@@ -80,7 +80,7 @@ class ViewedRecording:
         return pack("opening", header, {})
 
     def growth(self) -> bytes:
-        """Return what the criterion says against recording time, as far as it is known."""
+        """Return the completion criterion against recording time, as far as it is known."""
         rebuilding = self._rebuilding
         known = list(rebuilding.states) if rebuilding is not None else []
         course = [(state.time_s, state.progress.value) for state in known]
@@ -94,7 +94,7 @@ class ViewedRecording:
         return pack("growth", header, arrays)
 
     def model(self, number: int) -> bytes:
-        """Return a model's message by the number that a moment named.
+        """Return the message of a model, by its number in a moment.
 
         Raises
         ------
@@ -107,7 +107,7 @@ class ViewedRecording:
         return states.model_message(model)
 
     def moment(self, time_s: float) -> bytes:
-        """Return what there was at a recording time; times beyond the ends count as the ends."""
+        """Return the state at a recording time, which is clamped to the recording."""
         windows = self.windows
         at_s = float(min(max(0.0, time_s), windows.duration_s))
         # half a millisecond more, so that the frame of this very moment is in
@@ -149,7 +149,7 @@ class ViewedRecording:
     def _played(
         self, window: Window, at_s: float, model: TextureModel | None
     ) -> tuple[traces.Played, str | None]:
-        """Return what was played, or else what a model would have played, and which it is."""
+        """Return the recorded output, or else the model's, and which of the two it is."""
         if self.windows.has_output:
             return traces.played(window.outputs, at_s), "recorded"
         if model is not None:

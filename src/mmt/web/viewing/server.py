@@ -1,8 +1,8 @@
-"""The recording's page and what it asks for, over HTTP on loopback.
+"""Serve a recording's page and its requests, over HTTP on loopback.
 
 ``GET /session/`` is the page; ``opening``, ``growth``, ``model?number=N`` and
 ``moment?time_s=T`` beside it answer with the monitor's binary messages. The server keeps
-nothing of who asks, so that a page may be reloaded, or opened twice, at any time.
+no state of the page, so that a page may be reloaded, or opened twice, at any time.
 """
 
 import asyncio
@@ -15,7 +15,7 @@ from aiohttp import web
 
 from mmt.core.errors import InputError
 from mmt.link.access import Access
-from mmt.web.page_server import add_page, monitor_files, refuse_strangers
+from mmt.web.page_server import add_page, monitor_files, refuse_foreign_page
 from mmt.web.viewing.recording import ViewedRecording
 
 HOST: Final = "127.0.0.1"
@@ -28,7 +28,7 @@ def recording_application(recording: ViewedRecording) -> web.Application:
 
     async def answer(request: web.Request, make: Callable[[], bytes]) -> web.Response:
         """Make a message in a thread, one at a time."""
-        refuse_strangers(request, access, HOST)
+        refuse_foreign_page(request, access, HOST)
         async with one:
             try:
                 body = await asyncio.to_thread(make)
@@ -79,9 +79,9 @@ class RecordingServer:
     Parameters
     ----------
     recording
-        What is shown; closed at the end.
+        The recording; closed at the end.
     port
-        Zero for any that is free.
+        Port; zero takes any free one.
     """
 
     def __init__(self, recording: ViewedRecording, port: int = 0) -> None:

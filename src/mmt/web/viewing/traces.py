@@ -1,6 +1,6 @@
-"""What the page draws of a window of frames: the last half second, the way there, ten seconds.
+"""The page's curves from a window of frames: the last half second, the trail, ten seconds.
 
-Arrays in, arrays out. What is missing is NaN: no line is drawn across a gap.
+Arrays in, arrays out. Missing values are NaN: no line is drawn across a gap.
 """
 
 from collections.abc import Sequence

@@ -1,6 +1,6 @@
-"""What the device path costs and how late and how true its frames are, on emulated devices.
+"""Cost, latency and accuracy of the device path, measured on emulated devices.
 
-Three processes: the emulated devices (`lab`), the follower's part with the real drivers
-(`reader`), and whoever measures (`running`). All have the machine's one monotonic clock, so that
-what the emulators measured when, and what the frames say, can be compared.
+Three processes: the emulated devices (`emulated`), the follower's part with the real drivers
+(`reader`), and the one that measures (`running`). All read the same monotonic clock, so that the
+times of the emulated measurements and those of the frames can be compared.
 """

@@ -1,4 +1,4 @@
-"""Processes that talk in lines: words to them, JSON from them."""
+"""Child processes: lines of text to their input, lines of JSON from their output."""
 
 import json
 import queue
@@ -12,20 +12,20 @@ from mmt.core.errors import MmtError
 
 
 def say(content: dict[str, Any]) -> None:
-    """Print a line of JSON, from within a child."""
+    """Print a line of JSON, in the child."""
     sys.stdout.write(json.dumps(content) + "\n")
     sys.stdout.flush()
 
 
 class Child:
-    """A module of ours, running as a process of its own.
+    """A module of this package that runs as a process of its own.
 
     Parameters
     ----------
     module
         Its name.
     arguments
-        Of its command line.
+        Arguments of its command line.
     """
 
     def __init__(self, module: str, *arguments: str) -> None:
@@ -42,8 +42,8 @@ class Child:
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
 
-    def tell(self, line: str) -> None:
-        """Give it a line."""
+    def send(self, line: str) -> None:
+        """Write a line to its input."""
         said = self._process.stdin
         assert said is not None  # noqa: S101 - a pipe was asked for
         try:
@@ -52,38 +52,38 @@ class Child:
         except BrokenPipeError:
             raise self._ended() from None
 
-    def hear(self, longest_s: float) -> dict[str, Any]:
-        """Return its next line.
+    def receive(self, longest_s: float) -> dict[str, Any]:
+        """Return its next line of output.
 
         Raises
         ------
         MmtError
-            It ends, or says nothing for so long.
+            It has ended, or printed nothing within `longest_s`.
         """
         try:
             line = self._lines.get(timeout=longest_s)
         except queue.Empty:
-            raise MmtError(f"{self._module} says nothing for {longest_s:g} s") from None
+            raise MmtError(f"{self._module} printed nothing for {longest_s:g} s") from None
         if not line:
             raise self._ended()
         answer: dict[str, Any] = json.loads(line)
         return answer
 
-    def hear_of(self, key: str, value: object, longest_s: float) -> dict[str, Any]:
-        """Return its next line that has this value at this key; see `hear`."""
+    def receive_where(self, key: str, value: object, longest_s: float) -> dict[str, Any]:
+        """Return its next line that has this value at this key, skipping others; see `receive`."""
         deadline = time.monotonic() + longest_s
         while True:
-            answer = self.hear(max(0.0, deadline - time.monotonic()))
+            answer = self.receive(max(0.0, deadline - time.monotonic()))
             if answer.get(key) == value:
                 return answer
 
     def ask(self, line: str, longest_s: float) -> dict[str, Any]:
-        """Give it a line and return its answer; see `hear`."""
-        self.tell(line)
-        return self.hear(longest_s)
+        """Write a line to its input and return its answer; see `receive`."""
+        self.send(line)
+        return self.receive(longest_s)
 
     def finish(self) -> None:
-        """Let it come to its end."""
+        """Close its input, at which it ends."""
         said = self._process.stdin
         assert said is not None  # noqa: S101 - a pipe was asked for
         try:
@@ -92,7 +92,7 @@ class Child:
             return
 
     def close(self) -> None:
-        """End it; calling it twice is harmless."""
+        """Close its input, wait, and kill it if it stays; calling it twice is harmless."""
         self.finish()
         try:
             self._process.wait(5.0)
@@ -115,4 +115,4 @@ class Child:
         self._process.wait()
         complaint = self._process.stderr
         lines = complaint.read().strip().splitlines() if complaint is not None else []
-        return MmtError(f"{self._module} has ended: {lines[-1] if lines else 'it says nothing'}")
+        return MmtError(f"{self._module} has ended: {lines[-1] if lines else 'no message'}")

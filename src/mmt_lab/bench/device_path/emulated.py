@@ -30,10 +30,10 @@ from mmt_lab.bench.device_path.frame_times import Motion, pauses_of_device
 
 FORCE_PPM: Final = 40.0
 ACCELERATION_PPM: Final = -70.0
-"""How much too fast the sensors' clocks run."""
+"""By how much the sensors' clocks run fast."""
 
 RATE_HZ: Final = 2000.0
-"""Of the accelerometer."""
+"""Sampling rate of the accelerometer."""
 _BANDWIDTH_HZ: Final = 1000.0
 _BITS: Final = 16
 _SUPPLY_V: Final = 3.3
@@ -47,7 +47,7 @@ class Emulated:
 
     device: Any
     options: dict[str, Any]
-    """Of its driver."""
+    """Options of its driver."""
     stall: Callable[[bool], None]
 
 

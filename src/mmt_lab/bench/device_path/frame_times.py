@@ -14,7 +14,7 @@ PERIOD_NS: Final = 50_000_000
 """Period of a turn; a value tells the time within it, even if a filter changes its length."""
 
 HELD_UP_NS: Final = 500_000
-"""What is due so much earlier than it runs was held up."""
+"""What runs this much later than it was due was held up."""
 _MS: Final = 1e6
 
 
@@ -76,12 +76,13 @@ class FrameTimes:
     running_p99_ms: float | None
     """The same of the frames that were not held up; None where all were."""
     held_up_share: float
-    """Of the frames, for half a millisecond or more, by a machine that ran neither the follower
-    nor a device when it was due."""
+    """Share of the frames during which the machine ran the follower or a device half a
+    millisecond or more after it was due."""
     jitter_p99_ms: dict[str, float]
     """By the channel: how far the error of the time is from its median."""
     offset_ms: dict[str, float]
-    """By the channel: the median error of the time, which is the transport that nobody sees."""
+    """By the channel: the median error of the time, the part of the transport delay that is not
+    compensated."""
     apart_p99_ms: float
     """Between the instants of two values of one frame."""
 

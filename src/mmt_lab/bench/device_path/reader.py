@@ -57,7 +57,7 @@ class Reader:
         self.sensors = {"force_sensor": force, "accelerometer": acceleration}
         self.source = DeviceSource(robot, force, acceleration, CHANNELS, on_lost="hold")
         self.source.on_loss(self._note)
-        self.source.on_late_frames(self._take)
+        self.source.on_late_frames(self._keep)
         self.ticker = Ticker(PERIOD_NS, self._tick)
         self._frames: list[RecordArray] = []
         self._formed: list[tuple[int, int]] = []
@@ -80,7 +80,7 @@ class Reader:
             self._measured["bare_share"] = await _bare_share(self._bare_s)
             self.source.start(time.monotonic_ns())
             self.ticker.start()
-            loop.add_reader(sys.stdin.fileno(), self._hear)
+            loop.add_reader(sys.stdin.fileno(), self._read_command)
             say({"ready": True})
             await self.ticker.wait()
         finally:
@@ -99,7 +99,7 @@ class Reader:
             }
         )
 
-    def _hear(self) -> None:
+    def _read_command(self) -> None:
         word = sys.stdin.readline().strip()
         emulated_ns = sum(each.own_ns for each in self._emulations)
         now = (time.monotonic_ns(), time.process_time_ns(), emulated_ns)
@@ -121,9 +121,9 @@ class Reader:
             self._ticked.append((self._ticks, now_ns))
             if elapsed > _HELD_UP_TICKS:
                 self._held_up_ticks += elapsed
-        self._take(self.source.step(elapsed, now_ns, _COMMAND_MM))
+        self._keep(self.source.step(elapsed, now_ns, _COMMAND_MM))
 
-    def _take(self, frames: RecordArray) -> None:
+    def _keep(self, frames: RecordArray) -> None:
         if self._keeps and len(frames):
             self._frames.append(frames)
             self._formed.append((time.monotonic_ns(), len(frames)))

@@ -48,7 +48,7 @@ class Measured:
     """What one set-up gave."""
 
     core_share: float
-    """Of one core, by the process that reads and forms frames."""
+    """Share of one core of the process that reads and forms frames."""
     emulated_share: float
     """The part of it that stands for devices, within that process."""
     bare_share: float
@@ -64,9 +64,9 @@ class Measured:
     seen_after_ms: list[float]
     """From when a sensor stopped to when that was known."""
     late_share_1ms: float
-    """Of the ticks."""
+    """Share of the ticks that came over 1 ms late."""
     imported: list[str]
-    """Of numba and scipy, by that process."""
+    """Which of numba and scipy that process imported."""
 
 
 def measure_set_up(
@@ -93,7 +93,7 @@ def measure_set_up(
     scheduling = "realtime" if realtime else "ordinary"
     lab = Child("mmt_lab.bench.device_path.emulated", set_up.force, set_up.acceleration, scheduling)
     try:
-        addresses = lab.hear(_START_S)
+        addresses = lab.receive(_START_S)
         with tempfile.TemporaryDirectory() as folder:
             job = {
                 **_job(set_up, addresses),
@@ -109,14 +109,14 @@ def measure_set_up(
 def _measure(job: dict[str, Any], lab: Child, duration_s: float, stops: int) -> Measured:
     reader = Child("mmt_lab.bench.device_path.reader")
     try:
-        reader.tell(json.dumps(job))
-        reader.hear_of("ready", True, _START_S)
+        reader.send(json.dumps(job))
+        reader.receive_where("ready", True, _START_S)
         lab.ask("begin", _ANSWER_S)
         time.sleep(min(_SETTLE_S, duration_s))
-        reader.tell("begin")
+        reader.send("begin")
         time.sleep(duration_s)
-        reader.tell("end")
-        reader.hear_of("ended", True, _ANSWER_S)
+        reader.send("end")
+        reader.receive_where("ended", True, _ANSWER_S)
         pauses_ns = lab.ask("pauses", _ANSWER_S)["pauses_ns"]
         seen_after_ms = [
             _stop(lab, reader, sensor)
@@ -124,9 +124,9 @@ def _measure(job: dict[str, Any], lab: Child, duration_s: float, stops: int) -> 
             for sensor in ("force_sensor", "accelerometer")
         ]
         reader.finish()
-        found = reader.hear(_ANSWER_S)
+        found = reader.receive(_ANSWER_S)
         while "devices" not in found:
-            found = reader.hear(_ANSWER_S)
+            found = reader.receive(_ANSWER_S)
     finally:
         reader.close()
     device_pauses_ns = np.array(pauses_ns, dtype=np.int64).reshape(-1, 2)
@@ -150,11 +150,11 @@ def _stop(lab: Child, reader: Child, sensor: str) -> float:
     stopped_ns = lab.ask(f"stall {sensor}", _ANSWER_S)["done_ns"]
     role = f"the {sensor.replace('_', ' ')} "
     while True:  # on a busy machine one may have been lost and found before
-        event = reader.hear_of("lost", True, _ANSWER_S)
+        event = reader.receive_where("lost", True, _ANSWER_S)
         if event["at_ns"] > stopped_ns and event["sentence"].startswith(role):
             break
     lab.ask(f"resume {sensor}", _ANSWER_S)
-    reader.hear_of("lost", False, _ANSWER_S)
+    reader.receive_where("lost", False, _ANSWER_S)
     time.sleep(_PAUSE_S)
     return float(event["at_ns"] - stopped_ns) / 1e6
 

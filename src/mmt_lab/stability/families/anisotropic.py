@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power
 from mmt.texture.field.trend import trend_at
-from mmt.texture.interpolation.radial_basis.model import LEVEL_ROOM
+from mmt.texture.interpolation.radial_basis.interpolator import LEVEL_ROOM
 from mmt.texture.model.inputs import ANISOTROPIC, InputSpace
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.synthesis.synthesizer import Synthesizer

@@ -28,7 +28,7 @@ HOUR_SAMPLES: Final = 3_600_000
 _BLOCK: Final = 10_000
 _QUARTERS: Final = 4
 _FLAT: Final = 1.5
-"""Time per sample may differ so much between the quarters of a run on a shared machine."""
+"""Largest ratio of the time per sample between quarters of a run on a shared machine."""
 
 _SPEED_MM_S, _FORCE_N = 300.0, 3.0
 

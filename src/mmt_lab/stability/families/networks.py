@@ -14,6 +14,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import lsf_to_reflection
+from mmt.texture.interpolation.radial_basis.evaluation import nearest_valid_lsf
 from mmt.texture.interpolation.radial_basis.functions import (
     FUNCTIONS,
     KernelName,
@@ -21,7 +22,6 @@ from mmt.texture.interpolation.radial_basis.functions import (
 )
 from mmt.texture.interpolation.radial_basis.network import RadialBasisNetwork, RadialBasisSettings
 from mmt.texture.interpolation.radial_basis.online import RadialBasisSystem
-from mmt.texture.interpolation.radial_basis.outputs import nearest_valid_lsf
 from mmt_lab.stability.cases import Case, Family, Outcome
 
 FLAT: Final = (0.001, 0.1, 1.0, 1000.0)

@@ -32,14 +32,12 @@ from mmt.texture.interpolation.radial_basis.solving import (
     INDISPENSABLE,
     REFINABLE,
     PolynomialBasis,
-    solve,
-    usable_degree,
-)
-from mmt.texture.interpolation.radial_basis.updates import (
     add_outer,
     border_inverse,
     border_matrix,
     move_last,
+    solve,
+    usable_degree,
 )
 
 LARGEST_MISFIT: Final = 1e-9

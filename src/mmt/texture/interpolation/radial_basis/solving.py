@@ -10,6 +10,9 @@ Polynomials that the centres cannot tell apart (fewer centres than polynomials, 
 line or a plane) are dropped: G holds an orthonormal basis of the values that polynomials take
 at the centres, of rank r. That changes nothing in the constraint on the weights, so that H is
 positive definite whatever the centres are, and the polynomial is the least one that fits.
+
+Updates of an inverse in place cost O(n^2) and keep it exactly symmetric; their arrays are larger
+than the system, and `size` says how much of them counts.
 """
 
 from dataclasses import dataclass
@@ -20,6 +23,7 @@ import numpy as np
 from scipy.linalg import lapack, qr
 
 from mmt.core.arrays import FloatArray, IntArray
+from mmt.core.compiled import kernel
 from mmt.texture.interpolation.radial_basis.functions import (
     monomials,
     polynomial_matrix_into,
@@ -220,3 +224,51 @@ def _cholesky_inverse(factor: FloatArray | None) -> FloatArray:
     inverse, _ = lapack.dpotri(factor, lower=1)
     lower = np.tril(inverse)
     return np.asarray(lower + np.tril(lower, -1).T)
+
+
+@kernel("void(f8[:, ::1], i8, f8[::1], f8)")
+def add_outer(matrix: FloatArray, size: int, column: FloatArray, factor: float) -> None:
+    """Add ``factor column column^T`` to the first `size` rows and columns."""
+    for i in range(size):
+        for j in range(size):
+            matrix[i, j] += factor * (column[i] * column[j])
+
+
+@kernel("void(f8[:, ::1], i8, f8[::1], f8)")
+def border_inverse(inverse: FloatArray, size: int, solved: FloatArray, schur: float) -> None:
+    """Turn A^-1 into the inverse of ``[[A, a], [a^T, c]]``.
+
+    Parameters
+    ----------
+    inverse
+        Of `size` rows; gets one more.
+    solved : (size,)
+        ``A^-1 a``.
+    schur
+        ``c - a^T A^-1 a``, not zero.
+    """
+    factor = 1.0 / schur
+    add_outer(inverse, size, solved, factor)
+    for i in range(size):
+        inverse[i, size] = -factor * solved[i]
+        inverse[size, i] = -factor * solved[i]
+    inverse[size, size] = factor
+
+
+@kernel("void(f8[:, ::1], i8, f8[::1], f8)")
+def border_matrix(matrix: FloatArray, size: int, column: FloatArray, corner: float) -> None:
+    """Write a further row and column (size,) and their corner."""
+    for i in range(size):
+        matrix[i, size] = column[i]
+        matrix[size, i] = column[i]
+    matrix[size, size] = corner
+
+
+@kernel("void(f8[:, ::1], i8, i8, i8)")
+def move_last(matrix: FloatArray, size: int, place: int, last: int) -> None:
+    """Let the row and column `last` take the place of another; `last` is ``size - 1``."""
+    for i in range(size):
+        matrix[place, i] = matrix[last, i]
+    for i in range(size):
+        matrix[i, place] = matrix[i, last]
+    matrix[place, place] = matrix[last, last]

@@ -13,18 +13,19 @@ the number of samples has doubled or halved, which adds O(n^2) to each sample's 
 """
 
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
-from mmt.texture.interpolation.interpolant import RADIAL_BASIS, Interpolant
+from mmt.core.errors import InputError
+from mmt.texture.interpolation.interpolator import Interpolant, State
 from mmt.texture.interpolation.radial_basis.choice import choose_settings
-from mmt.texture.interpolation.radial_basis.evaluation import Bounds
+from mmt.texture.interpolation.radial_basis.evaluation import Bounds, evaluate_networks, least_gap
 from mmt.texture.interpolation.radial_basis.functions import monomials
 from mmt.texture.interpolation.radial_basis.network import RadialBasisNetwork, RadialBasisSettings
 from mmt.texture.interpolation.radial_basis.online import RadialBasisSystem
-from mmt.texture.interpolation.radial_basis.outputs import least_gap
+from mmt.texture.interpolation.vertices import Vertices
 
 CANDIDATES: Final = (
     RadialBasisSettings("linear", 0),
@@ -39,49 +40,85 @@ strongest of them, and an extrapolation gone wild is held."""
 
 _LARGEST_LEVEL: Final = 2.0**10  # in units of the first samples' largest
 
+_STATE: Final = ("network_kernel", "network_degree", "network_epsilon", "network_smoothing")
+"""Arrays of a model file, in the order of `RadialBasisSettings`."""
+
 Row = bytes
 """A point and its filter, as a key."""
 
 
-@dataclass(frozen=True, eq=False)
+class Networks(NamedTuple):
+    """Settings of both networks, which a model file stores."""
+
+    level: RadialBasisSettings
+    filters: RadialBasisSettings
+
+    def state(self) -> State:
+        """Return them as the arrays of a model file, each of shape (2,)."""
+        rows = [(n.kernel, n.highest_degree, n.epsilon, n.smoothing) for n in self]
+        return dict(zip(_STATE, map(np.array, zip(*rows, strict=True)), strict=True))
+
+
+def networks_from(state: State) -> Networks:
+    """Return what `Networks.state` returned.
+
+    Raises
+    ------
+    InputError
+        An array is missing, or is not what a network can have.
+    """
+    for name in _STATE:
+        if name not in state:
+            raise InputError(f"the array {name!r} is missing")
+    columns = [state[name] for name in _STATE]
+    if any(column.shape != (2,) for column in columns) or columns[1].dtype.kind != "i":
+        raise InputError("its networks are not two, or their degrees no integers")
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    return Networks(*(RadialBasisSettings(*row) for row in rows))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class RadialBasisInterpolant(Interpolant):
     """An interpolant that remembers the systems it came from, at a state of theirs.
 
-    ``level`` and ``filters`` are the networks, the level's in units of its own.
+    ``level`` and ``filters`` are the networks, the level's in units of its own; ``changes`` is
+    how often the systems had changed.
     """
 
     level: RadialBasisNetwork
     filters: RadialBasisNetwork
     growth: "_Growth" = field(repr=False)
-    state: int = field(repr=False)
+    changes: int = field(repr=False)
 
-    @property
-    def networks(self) -> tuple[RadialBasisSettings, ...]:
-        """Settings of level and filters."""
-        return self.level.settings, self.filters.settings
+    def state(self) -> State:
+        """Return the settings of level and filters."""
+        return Networks(self.level.settings, self.filters.settings).state()
 
 
-def build_radial_basis(
-    points: FloatArray,
-    values: FloatArray,
-    silent: FloatArray,
-    previous: Interpolant | None,
-    networks: tuple[RadialBasisSettings, ...] = (),
+def build(
+    vertices: Vertices, previous: Interpolant | None, state: State | None
 ) -> RadialBasisInterpolant:
-    """Build the networks of distinct samples (n, d) with level and LSF (n, 1 + order).
+    """Build the networks of samples with level and LSF.
 
-    At the points `silent` (s, d) the level is zero. The systems of `previous` go on where they
-    have not grown elsewhere since; where many of the samples are new or gone, they are solved
-    anew. Costs O(n^2) for every sample more or less, or O(n^3). With the settings of level and
-    filters given, they are not chosen, which is most of what solving anew costs.
+    At boundary points without vibration the level is zero; others are not used. The systems of
+    `previous` go on where they have not grown elsewhere since; where many of the samples are new
+    or gone, they are solved anew. Costs O(n^2) for every sample more or less, or O(n^3). With the
+    settings of level and filters in `state` they are not chosen, which is most of what solving
+    anew costs.
     """
+    count = vertices.samples
+    points, values = vertices.points[:count], vertices.values[:count]
+    is_silent = vertices.values[:, 0] == 0.0
+    is_silent[:count] = False
+    silent = vertices.points[is_silent]
     growth = previous.growth if isinstance(previous, RadialBasisInterpolant) else None
     if (
         growth is None
-        or growth.state != getattr(previous, "state", None)
+        or growth.changes != getattr(previous, "changes", None)
         or not np.array_equal(growth.silent, silent)
         or not growth.follow(points, values)
     ):
+        networks = None if state is None else networks_from(state)
         growth = _Growth(points, values, silent, networks)
     return growth.interpolant(points, values)
 
@@ -94,13 +131,13 @@ class _Growth:
         points: FloatArray,
         values: FloatArray,
         silent: FloatArray,
-        networks: tuple[RadialBasisSettings, ...],
+        networks: Networks | None,
     ) -> None:
         self.silent = silent
         largest = float(values[:, 0].max())
         self._unit = 2.0 ** float(np.floor(np.log2(largest))) if largest > 0.0 else 1.0
         self._chosen_at = len(points)
-        self.state = 0
+        self.changes = 0
         around = np.vstack([points, silent])
         levels = np.vstack([values[:, :1] / self._unit, np.zeros((len(silent), 1))])
         filters = values[:, 1:]
@@ -125,7 +162,7 @@ class _Growth:
             or not (largest == 0.0 or 1.0 / _LARGEST_LEVEL < largest < _LARGEST_LEVEL)
         ):
             return False
-        self.state += 1
+        self.changes += 1
         levels = dict(zip(rows, values[:, 0] / self._unit, strict=True))
         for row in rows:
             if row in new:
@@ -160,7 +197,14 @@ class _Growth:
         limits[1][0] *= LEVEL_ROOM
         rows, links, tail = _packed(level, filters, bounds, limits)
         return RadialBasisInterpolant(
-            RADIAL_BASIS, rows, links, tail, level, filters, self, self.state
+            evaluator=evaluate_networks,
+            rows=rows,
+            links=links,
+            tail=tail,
+            level=level,
+            filters=filters,
+            growth=self,
+            changes=self.changes,
         )
 
 
