@@ -3,7 +3,6 @@
 See ``scripts/pictures``.
 """
 
-import os
 from dataclasses import replace
 from typing import Final
 
@@ -11,10 +10,10 @@ from image_files import write
 
 from mmt.testing.simulation.textures import SURFACES
 from mmt_lab.bench.command import run_stage
+from mmt_lab.experiments.felt import cases, feel, felt_figure
 from mmt_lab.experiments.stability import load_families, run_families
-from mmt_lab.felt.presenting import felt_figure
-from mmt_lab.felt.summary import cases, feel_all
 from mmt_lab.harness.plots import panels_figure
+from mmt_lab.harness.processes import each
 from mmt_lab.stability.maps import contact_map, loop_map
 
 PANELS: Final = {
@@ -28,7 +27,7 @@ PANELS: Final = {
 """The stages that are drawn, and which of their panels; None draws them all."""
 
 SEEDS: Final = 1
-"""Sessions of each texture over each network, end to end."""
+"""Sessions of each texture over each network."""
 
 
 def main() -> None:
@@ -44,7 +43,8 @@ def main() -> None:
     write("stability-contact", contact_map(contact))
     write("stability-loop", loop_map(loop, boundaries))
     sessions = cases(SEEDS, list(SURFACES))
-    write("end-to-end", felt_figure(feel_all(sessions, os.cpu_count() or 1)))
+    felt = each(feel, [(session,) for session in sessions], what="stroking")
+    write("felt", felt_figure([one for outcomes in felt for one in outcomes]))
 
 
 if __name__ == "__main__":

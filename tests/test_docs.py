@@ -147,14 +147,15 @@ def written_commands(text: str) -> Iterator[list[str]]:
 def find(words: list[str]) -> tuple[Command, list[str]]:
     """Return the command that the words name, and what is left of them."""
     command, rest = PROGRAMS[words[0]], words[1:]
-    while rest and not rest[0].startswith("-") and subcommands(command):
+    while rest and re.match(r"[a-z]", rest[0]) and subcommands(command):
         assert rest[0] in subcommands(command), f"{' '.join(words)}: no command {rest[0]!r}"
-        command, rest = subcommands(command)[rest[0]], rest[1:]
+        command, rest = command.get_command(None, rest[0]), rest[1:]
     return command, rest
 
 
-def subcommands(command: Command) -> dict[str, Command]:
-    return getattr(command, "commands", {})
+def subcommands(command: Command) -> list[str]:
+    """Return the names of a group's commands, some of which it loads when they are asked for."""
+    return list(command.list_commands(None)) if hasattr(command, "commands") else []
 
 
 def options(command: Command) -> set[str]:
@@ -167,10 +168,12 @@ def options(command: Command) -> set[str]:
 
 
 def leaves(words: tuple[str, ...], command: Command) -> Iterator[tuple[str, Command]]:
-    for name, inner in subcommands(command).items():
-        yield from leaves((*words, name), inner)
-    if not subcommands(command):
+    """Yield the commands of the reference; experiments come and go, and tell their own options."""
+    if words == ("mmt", "lab") or not subcommands(command):
         yield " ".join(words), command
+        return
+    for name in subcommands(command):
+        yield from leaves((*words, name), command.get_command(None, name))
 
 
 def test_a_command_that_does_not_exist_would_be_found() -> None:

@@ -7,8 +7,8 @@ import pytest
 
 from mmt.texture.completion.uncertainty import completion_grid
 from mmt.texture.settings import START_SHARE, STOP_SHARE
-from mmt_lab.methods.cases import Case
-from mmt_lab.methods.certainty import (
+from mmt_lab.compare.cases import Case
+from mmt_lab.compare.certainty import (
     DEVIATIONS_DB,
     Certainty,
     Outcome,
@@ -16,17 +16,18 @@ from mmt_lab.methods.certainty import (
     has_certainty,
     judge_certainty,
 )
-from mmt_lab.methods.certainty_figure import calibration_figure
-from mmt_lab.methods.certainty_tables import (
+from mmt_lab.compare.certainty_tables import (
     SHARES,
+    calibration_figure,
     calibration_sentence,
     calibration_table,
     criteria_table,
     deviation_table,
 )
-from mmt_lab.methods.judging import blocks_of
-from mmt_lab.methods.summary import MethodComparison
-from mmt_lab.methods.tables import method_tables, write_method_report
+from mmt_lab.compare.judging import blocks_of
+from mmt_lab.compare.summary import MethodComparison
+from mmt_lab.experiments.compare import findings, method_tables
+from mmt_lab.harness.report import write_report
 
 
 def certainty(expected: list[float], true: list[float], *, start_s: float | None = 4.0):
@@ -119,7 +120,7 @@ def test_the_figure_has_a_panel_for_each_group_and_the_means_of_bands():
 def test_a_report_says_how_sure_a_method_is_where_one_knows(tmp_path, count):
     sure = tuple(certainty([0.5, 0.9], [0.6, 0.9]) for _ in range(count))
     found = MethodComparison(("published", "ours"), (), certainties=sure)
-    write_method_report(tmp_path, found)
+    write_report(tmp_path, findings(found))
     text = (tmp_path / "report.md").read_text()
     assert ("How sure ours is" in text) == bool(count)
     assert (tmp_path / "figures" / "calibration-ours.png").exists() == bool(count)

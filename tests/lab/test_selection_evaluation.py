@@ -8,7 +8,8 @@ import pytest
 
 from mmt.core.errors import InputError
 from mmt.testing.simulation.textures import get_surface
-from mmt_lab.selection import running, scaling, tables
+from mmt_lab.experiments import selection
+from mmt_lab.selection import running
 from mmt_lab.selection.knocks import SAMPLES, add_knock, read_knocks, simulated_knock
 from mmt_lab.selection.trials import Strokes, simulate_trials, vibrate
 
@@ -65,38 +66,36 @@ def test_one_seed_gives_every_method_and_ours_finds_more_whatever_the_order():
 
 
 def test_every_way_of_leaving_out_agrees():
-    for row in scaling.measure_scaling([60]):
+    for row in selection.measure_scaling([60]):
         assert row.same == row.compared
         assert row.rebuilt_s > row.star_s
 
 
-def test_results_become_tables_verdicts_json_and_a_report(tmp_path):
-    results = running.run_rows(1, rows=[SMALL])
-    evaluation = tables.SelectionEvaluation(results, scaling.measure_scaling([40]))
-    table, growth = tables.selection_tables(evaluation)
+def test_results_become_tables_targets_and_json():
+    results = running.run_rows([0], rows=[SMALL])
+    evaluation = selection.SelectionEvaluation(results, selection.measure_scaling([40]))
+    table, growth = selection.selection_tables(evaluation)
     assert len(table.rows) == len(running.METHODS)
     assert len(growth.rows) == 2
-    (verdict,) = tables.verdicts(evaluation)
-    assert verdict.startswith("Small (sandpaper): ")
-    page = tables.write_selection_report(tmp_path, evaluation)
-    assert page.exists()
-    summary = json.loads((tmp_path / "summary.json").read_text())
+    found = selection.targets(evaluation)
+    assert [target.what.partition(":")[0] for target in found] == ["Small (sandpaper)"] * 6
+    summary = json.loads(json.dumps(evaluation.as_dict()))
     assert summary["means"][1]["method"] == "ours"
     assert summary["paper"]["Wood"]["detected"] == 0.74
 
 
 def test_a_missed_target_is_said():
-    good, *_ = [r for r in running.run_rows(1, rows=[SMALL]) if r.method == "ours"]
+    good, *_ = [r for r in running.run_rows([0], rows=[SMALL]) if r.method == "ours"]
     bad = running.SelectionResult(
         **{**vars(good), "detected": 0.5, "same_when_shuffled": False, "gfc_change": -0.1}
     )
-    evaluation = tables.SelectionEvaluation(
+    evaluation = selection.SelectionEvaluation(
         [running.SelectionResult(**{**vars(bad), "method": m}) for m in running.METHODS], []
     )
-    (verdict,) = tables.verdicts(evaluation)
-    assert "detected 0.500" in verdict
-    assert "GFC -0.1000" in verdict
-    assert "depends on the order" in verdict
+    missed = [
+        each.what.partition(": ")[2] for each in selection.targets(evaluation) if not each.met
+    ]
+    assert {"detected", "loss of GFC", "same when shuffled"} <= set(missed)
 
 
 def write_recording(path: Path, signal: np.ndarray, header: str, step_ms: float = 3.0) -> None:

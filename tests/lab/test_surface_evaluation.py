@@ -24,6 +24,7 @@ from mmt.testing.simulation.surfaces import surface_from_annotations
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.texture.surfaces import SurfaceChange
+from mmt_lab.experiments.surfaces import SurfaceEvaluation, surface_tables, targets
 from mmt_lab.surfaces import running
 from mmt_lab.surfaces.running import (
     SurfaceResult,
@@ -32,7 +33,6 @@ from mmt_lab.surfaces.running import (
     run_simulated,
 )
 from mmt_lab.surfaces.scoring import Found, SurfaceScore, score
-from mmt_lab.surfaces.tables import SurfaceEvaluation, surface_tables, verdicts
 
 SECOND = 1000
 
@@ -125,14 +125,14 @@ def test_the_delay_counts_from_contact_and_stays_without_stroking_do_not_count()
     assert not result.stays[0].in_contact
 
 
-def test_tables_and_verdicts_say_what_was_met() -> None:
+def test_tables_and_targets_say_what_was_met() -> None:
     good = SurfaceResult("one", ("a", "b"), scored([0, 1, 0], [change("new", 1, 2, 2.3)]))
     evaluation = SurfaceEvaluation([good])
     assert [row["surfaces"] for row in evaluation.rows()] == ["2", "all"]
     assert len(surface_tables(evaluation)[0].rows) == 2
-    assert verdicts(evaluation)[0].endswith("met")
+    assert targets(evaluation)[0].met
     alarmed = SurfaceResult("one", ("a",), scored([0, 0], [change("new", 1, 2, 1.0)]))
-    assert verdicts(SurfaceEvaluation([alarmed]))[2].endswith("missed")
+    assert targets(SurfaceEvaluation([alarmed]))[2].met is False
 
 
 @pytest.mark.parametrize("count", [2, 3, 4, 5, 6])
@@ -147,11 +147,9 @@ def test_half_of_the_surfaces_of_a_grained_session_have_a_grain(count: int) -> N
 def test_both_groups_are_simulated_and_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(running, "COUNTS", (2,))
     monkeypatch.setattr(running, "DURATION_S", 0.6)
-    done: list[tuple[int, int]] = []
-    results = run_simulated(1, lambda *state: done.append(state), first=7)
+    results = run_simulated(1, first=7, workers=1)
     assert [result.group for result in results] == ["isotropic", "grained"]
     assert all("seed 7" in result.name for result in results)
-    assert done == [(0, 2), (1, 2)]
     evaluation = SurfaceEvaluation(results)
     assert [(row["group"], row["surfaces"]) for row in evaluation.rows()] == [
         ("isotropic", "2"),
@@ -160,7 +158,7 @@ def test_both_groups_are_simulated_and_told_apart(monkeypatch: pytest.MonkeyPatc
         ("grained", "all"),
     ]
     assert len(surface_tables(evaluation)) == 4
-    assert len(verdicts(evaluation)) == 6
+    assert len(targets(evaluation)) == 6
 
 
 def test_the_bound_of_a_rate_is_that_of_a_poisson_count() -> None:
@@ -189,7 +187,7 @@ def test_the_command_scores_a_recorded_session(tmp_path: Path) -> None:
     frames, annotations = simulate_session(Scene(), course, 7.5, 1)
     write_session(tmp_path / "two.mcap", frames, annotations=annotations)
     figures = tmp_path / "figures.json"
-    arguments = ["evaluate", "--surfaces", str(tmp_path / "two.mcap"), "--json", str(figures)]
+    arguments = ["lab", "surfaces", str(tmp_path / "two.mcap"), "--json", str(figures)]
     result = CliRunner().invoke(app, [*arguments, "--report", str(tmp_path / "report")])
     assert result.exit_code == 0, result.output
     row = json.loads(figures.read_text())["rows"][-1]
@@ -202,7 +200,7 @@ def test_the_command_scores_a_recorded_session(tmp_path: Path) -> None:
 def test_a_session_on_one_surface_has_no_course(tmp_path: Path) -> None:
     frames, annotations = simulate_session(Scene(), "glass", 0.2, 1)
     write_session(tmp_path / "one.mcap", frames, annotations=annotations)
-    result = CliRunner().invoke(app, ["evaluate", "--surfaces", str(tmp_path / "one.mcap")])
+    result = CliRunner().invoke(app, ["lab", "surfaces", str(tmp_path / "one.mcap")])
     assert isinstance(result.exception, InputError)
     assert "single surface" in str(result.exception)
 

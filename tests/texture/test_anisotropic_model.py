@@ -204,9 +204,9 @@ def test_rendering_follows_the_heading() -> None:
 def test_the_wrong_number_of_inputs_is_explained() -> None:
     model = TextureModel(make_samples(scattered(3)))
     with pytest.raises(InputError, match="velocity_x_mm_s"):
-        model.at(100.0, 1.0)
+        model.at(100.0)
     with pytest.raises(InputError, match="velocity_x_mm_s"):
-        Synthesizer(model).render(np.ones(3), np.ones(3))
+        Synthesizer(model).render(np.ones(3))
     columns = np.ones((3, 3))
     assert len(Synthesizer(model).render(*columns.T)) == 3
     with pytest.raises(InputError, match=r"\(3,\) float64, \(2,\) float64, \(3,\) float64: each"):

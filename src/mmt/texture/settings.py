@@ -53,7 +53,7 @@ its stop criterion (0.78, the mean of 170 sessions on 17 known textures)."""
 
 STOP_SHARE: Final = 0.95
 """Expected share at which modelling ends: nine of ten sessions that reach it are right on 0.9 of
-the plane and more (`mmt evaluate --compare published,ours`)."""
+the plane and more (`mmt lab compare`)."""
 
 
 @dataclass(frozen=True)

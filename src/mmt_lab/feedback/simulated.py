@@ -14,8 +14,9 @@ order. The hand touches, lets go, touches again, presses to and fro and rests:
 """
 
 import math
+from collections import deque
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Generic, TypeVar
 
 import numpy as np
 
@@ -27,7 +28,6 @@ from mmt.devices.protocols import Vector
 from mmt.scene import Simulated
 from mmt.testing.simulation import PERIOD_S
 from mmt.testing.simulation.robot import START_MM, SimulatedRobot
-from mmt_lab.feedback.delays import DelayLine
 from mmt_lab.feedback.sides import PASSIVITY, Display, Method, handle_state, make_sides
 from mmt_lab.stability.loop_theory import LIGHT_GRIP
 
@@ -113,7 +113,7 @@ class _Hand(Display):
 
 
 def run_cell(
-    method: Method, wall_n_mm: float, delay_ms: int, *, seed: int = 0, hand: Drive = LIGHT_GRIP
+    method: Method, wall_n_mm: float, delay_ms: int, seed: int = 0, *, hand: Drive = LIGHT_GRIP
 ) -> CellResult:
     """Run a method on a wall over a delay with jitter.
 
@@ -211,3 +211,43 @@ def _ramp(time_s: float, start_s: float) -> float:
 
 def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values * values)))
+
+
+Item = TypeVar("Item")
+
+
+class DelayLine(Generic[Item]):
+    """Deliver items in their order, each late by its own delay.
+
+    As on a link over TCP, an item that comes after a later one waits for nothing, and one
+    before which another is still on its way waits for it.
+
+    Parameters
+    ----------
+    delay_ticks
+        Mean delay.
+    jitter_ticks
+        Delays are spread evenly over this much to either side; at most the delay.
+    seed
+        Of the jitter.
+    """
+
+    def __init__(self, delay_ticks: int, jitter_ticks: int, seed: int) -> None:
+        self._delay = delay_ticks
+        self._jitter = min(jitter_ticks, delay_ticks)
+        self._rng = np.random.default_rng(seed)
+        self._waiting: deque[tuple[int, Item]] = deque()
+        self._latest = 0
+
+    def push(self, tick: int, item: Item) -> None:
+        """Send an item at a tick."""
+        off = int(self._rng.integers(-self._jitter, self._jitter + 1)) if self._jitter else 0
+        self._latest = max(self._latest, tick + self._delay + off)
+        self._waiting.append((self._latest, item))
+
+    def pop(self, tick: int) -> list[Item]:
+        """Return what has arrived up to a tick."""
+        arrived = []
+        while self._waiting and self._waiting[0][0] <= tick:
+            arrived.append(self._waiting.popleft()[1])
+        return arrived

@@ -17,7 +17,6 @@ everywhere. ``--json`` and ``--report`` are added by the harness.
 
 import ast
 import importlib
-import pkgutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -94,10 +93,9 @@ def listed(group: Group | None = None) -> Iterator[Listed]:
 
     The modules are read, not imported: numerics take seconds to load.
     """
-    for found in pkgutil.iter_modules(experiments.__path__):
-        if found.ispkg or found.name.startswith("_"):
-            continue
-        one = _read(Path(experiments.__path__[0]) / f"{found.name}.py")
+    files = [file for folder in experiments.__path__ for file in Path(folder).glob("[!_]*.py")]
+    for file in sorted(files, key=lambda each: each.stem):
+        one = _read(file)
         if group in {None, one.group}:
             yield one
 

@@ -1,16 +1,19 @@
 """Run the tracker over sessions on several known surfaces."""
 
 import random
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from mmt.cli.reporting import scene_of
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.scene import Hand, Scene
-from mmt.testing.simulation.course import SurfaceCourse
+from mmt.session import read_session
+from mmt.testing.simulation.course import SurfaceCourse, course_from_annotations
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.surfaces import Surface
 from mmt.testing.simulation.textures import SURFACES
@@ -18,6 +21,7 @@ from mmt.texture.settings import Inputs, ModellingSettings, SurfaceSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.surfaces.modeller import LOOK_S
 from mmt.texture.surfaces.tracking import SurfaceTracker
+from mmt_lab.harness.processes import each
 from mmt_lab.surfaces.scoring import Found, SurfaceScore, score
 
 LOOK_FRAMES: Final = round(1000 * LOOK_S)
@@ -49,10 +53,8 @@ class SurfaceResult:
     group: str = RECORDED
 
 
-def run_simulated(
-    seeds: int, progress: Callable[[int, int], None] = lambda _done, _all: None, *, first: int = 0
-) -> list[SurfaceResult]:
-    """Simulate and score sessions over 2 to 6 surfaces in random order, of so many seeds each.
+def run_simulated(seeds: int, *, first: int = 0, workers: int | None = None) -> list[SurfaceResult]:
+    """Simulate and score sessions over 2 to 6 surfaces in random order.
 
     Two groups of sessions: over textures that are the same in all directions, and, with a hand
     that strokes along all headings, over some that depend on the heading. Half of the changes
@@ -62,17 +64,35 @@ def run_simulated(
     ----------
     seeds
         Sessions for each number of surfaces in each group.
-    progress
-        Called with the sessions that are done, and all.
     first
         The first seed.
+    workers
+        Local processes; see `mmt_lab.harness.processes.each`.
     """
-    wanted = [(g, c, s) for g in GROUPS for s in range(first, first + seeds) for c in COUNTS]
-    results = []
-    for done, (group, count, seed) in enumerate(wanted):
-        progress(done, len(wanted))
-        results.append(_simulated(group, count, seed))
-    return results
+    calls = [(g, c, s) for g in GROUPS for s in range(first, first + seeds) for c in COUNTS]
+    return each(_simulated, calls, workers=workers, what="sessions over several surfaces")
+
+
+def run_recorded(path: Path) -> SurfaceResult:
+    """Score a recorded session with a known course.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, has no course over known surfaces, or lacks frames.
+    """
+    session = read_session(path)
+    scene = scene_of(session, None)
+    modelling = (
+        scene.texture.settings(float(scene.session.rate_hz))
+        if scene.texture is not None
+        else ModellingSettings()
+    )
+    try:
+        course = course_from_annotations(session.annotations)
+        return run_session(path.stem, course, session.frames, modelling)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
 
 
 def draw_surfaces(group: str, count: int, seed: int) -> list[Surface]:

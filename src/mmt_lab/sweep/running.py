@@ -42,35 +42,6 @@ def run_locally(
         yield _outcome(jobs[number], future.result)
 
 
-def in_order(
-    function: Callable[..., Result],
-    calls: Sequence[tuple[Any, ...]],
-    workers: int,
-    progress: Callable[[int], None],
-) -> list[Result]:
-    """Call a function in processes; return its results in the order of the calls.
-
-    Parameters
-    ----------
-    function, workers
-        See `in_processes`.
-    calls
-        Arguments.
-    progress
-        Called with how many are done.
-
-    Raises
-    ------
-    MmtError
-        A process has died.
-    """
-    results: dict[int, Result] = {}
-    for number, future in in_processes(function, dict(enumerate(calls)), workers):
-        results[number] = future.result()
-        progress(len(results))
-    return [results[number] for number in sorted(results)]
-
-
 def run_on_dask(
     jobs: Sequence[Job], sessions: Mapping[str, RecordedSession], address: str
 ) -> Iterator[Outcome]:

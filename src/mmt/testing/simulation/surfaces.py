@@ -187,7 +187,7 @@ def surface_from_annotations(annotations: bytes) -> Surface:
     try:
         truth = json.loads(annotations)
         if truth["version"] == COURSE_VERSION:
-            raise InputError("the session goes over several surfaces: mmt evaluate --surfaces")
+            raise InputError("the session goes over several surfaces: mmt lab surfaces")
         if truth["version"] not in {VERSION, GRAINED_VERSION}:
             raise InputError(
                 f"annotations: version {truth['version']} of the simulated truth is not known, "

@@ -16,7 +16,7 @@ from mmt.testing.simulation.textures import SURFACES
 from mmt.texture.online.history import ModelHistory, build, update_blocks
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.metrics import within_jnd
-from mmt_lab.methods.cases import Case
+from mmt_lab.compare.cases import Case
 
 METHODS: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
     {
@@ -82,7 +82,7 @@ def check_methods(names: Sequence[str]) -> None:
     unknown = [name for name in names if name not in METHODS]
     if unknown or len(set(names)) != len(names) or len(names) < 2:
         raise InputError(
-            f"--compare {','.join(names)}: name two or more of {', '.join(METHODS)}, each once"
+            f"--methods {','.join(names)}: name two or more of {', '.join(METHODS)}, each once"
         )
 
 

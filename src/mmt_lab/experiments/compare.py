@@ -1,24 +1,44 @@
-"""A comparison of methods as tables, sentences, and a report."""
+"""Methods of texture modelling side by side, on known textures and recorded strokes.
+
+Each session is simulated once and modelled by every method. At four moments the models are
+compared with the known texture; differences from the first method are paired, session by
+session, with their noise. Methods that state their own uncertainty are checked against it.
+"""
 
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final
+
+import typer
 
 from mmt.evaluation.document import Block, Heading, Table
 from mmt.evaluation.levels import BAND_EDGES_HZ
 from mmt.evaluation.report_files import picture
 from mmt.evaluation.texts import number
-from mmt_lab.judged_report import write_judged_report
-from mmt_lab.methods.certainty_tables import DEFINITIONS as CERTAINTY_DEFINITIONS
-from mmt_lab.methods.certainty_tables import (
+from mmt_lab.compare.cases import Case, recorded_cases, simulated_cases
+from mmt_lab.compare.certainty import Certainty, has_certainty, judge_certainty
+from mmt_lab.compare.certainty_tables import DEFINITIONS as CERTAINTY_DEFINITIONS
+from mmt_lab.compare.certainty_tables import (
+    calibration_figure,
     calibration_sentence,
     calibration_table,
     criteria_table,
     deviation_table,
 )
-from mmt_lab.methods.judging import FIGURES, METHODS, MOMENTS
-from mmt_lab.methods.summary import STANDARD_ERRORS, Difference, MethodComparison, Row
+from mmt_lab.compare.judging import (
+    FIGURES,
+    METHODS,
+    MOMENTS,
+    Judged,
+    blocks_of,
+    check_methods,
+    judge,
+)
+from mmt_lab.compare.summary import STANDARD_ERRORS, Difference, MethodComparison, Row
+from mmt_lab.harness.experiment import Experiment, Seeds, Textures, Workers, chosen_textures
+from mmt_lab.harness.findings import Findings
+from mmt_lab.harness.processes import each
 
 TITLE: Final = "Methods side by side"
 
@@ -104,36 +124,19 @@ def verdicts(comparison: MethodComparison) -> list[str]:
     ]
 
 
-def write_method_report(directory: Path, comparison: MethodComparison) -> Path:
-    """Write ``report.html``, ``report.md`` and ``summary.json``; return the page.
-
-    Raises
-    ------
-    InputError
-        The directory cannot be written.
-    """
+def method_blocks(comparison: MethodComparison) -> list[Block]:
+    """Return every table and figure, for a report."""
     blocks: list[Block] = []
     for group in comparison.groups:
         blocks += [Heading(group.capitalize()), _shares(comparison, group)]
         blocks += [_figures(comparison, group), _bands(comparison, group)]
         blocks += [Heading("By texture" if group != "recorded strokes" else "By stroke", 3)]
         blocks += [_figures(comparison, name) for name in comparison.names(group)]
-    settings = [(name, str(dict(METHODS[name]))) for name in comparison.methods]
-    return write_judged_report(
-        directory,
-        TITLE,
-        [*verdicts(comparison), *comparison.remarks],
-        blocks + certainty_blocks(comparison),
-        {**DEFINITIONS, **CERTAINTY_DEFINITIONS},
-        {**comparison.as_dict(), "definitions": DEFINITIONS},
-        [Table(("method", "keys of [texture]"), settings)],
-    )
+    return blocks + certainty_blocks(comparison)
 
 
 def certainty_blocks(comparison: MethodComparison) -> list[Block]:
     """Return what methods say of their own error, and what the criteria make of it."""
-    from mmt_lab.methods.certainty_figure import calibration_figure
-
     blocks: list[Block] = []
     for method, sure in comparison.sure().items():
         blocks.append(Heading(f"How sure {method} is"))
@@ -237,3 +240,74 @@ def _start_below_stop(comparison: MethodComparison, name: str, method: str) -> b
 def _but(missed: Sequence[str], every: Sequence[str]) -> str:
     met = f"on {len(every) - len(missed)} of {len(every)} textures"
     return f"{met}, not on {', '.join(missed)}" if missed else met
+
+
+def judge_session(case: Case, methods: Sequence[str]) -> tuple[list[Judged], list[Certainty]]:
+    """Judge methods on one session, and what those that know their uncertainty say of it."""
+    blocks = blocks_of(case)
+    sure = [judge_certainty(case, method, blocks) for method in methods if has_certainty(method)]
+    return judge(case, methods, blocks), sure
+
+
+def compare(
+    cases: Sequence[Case],
+    methods: Sequence[str],
+    remarks: Sequence[str] = (),
+    workers: int | None = None,
+) -> MethodComparison:
+    """Judge methods on every session, in local processes."""
+    calls = [(case, tuple(methods)) for case in cases]
+    found = each(judge_session, calls, workers=workers, what="comparing")
+    return MethodComparison(
+        tuple(methods),
+        tuple(one for judged, _ in found for one in judged),
+        tuple(remarks),
+        tuple(one for _, sure in found for one in sure),
+    )
+
+
+def run(
+    strokes: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[STROKE]...", help="Recorded strokes (.npz), or their folders."),
+    ] = None,
+    methods: Annotated[
+        str, typer.Option(metavar="METHOD,METHOD", help=f"Some of {', '.join(METHODS)}.")
+    ] = "published,ours",
+    seeds: Seeds = 10,
+    textures: Textures = None,
+    workers: Workers = None,
+) -> Findings:
+    """Compare methods of texture modelling; the first one named is what the others differ from.
+
+    Raises
+    ------
+    InputError
+        A method or texture is not known.
+    """
+    names = [name.strip() for name in methods.split(",")]
+    check_methods(names)
+    chosen = chosen_textures(textures)
+    recorded, remarks = recorded_cases(strokes or [], chosen)
+    return findings(compare([*simulated_cases(seeds, chosen), *recorded], names, remarks, workers))
+
+
+def findings(comparison: MethodComparison) -> Findings:
+    """Return a comparison as tables, sentences, and what a report shows."""
+    keys = [(name, str(dict(METHODS[name]))) for name in comparison.methods]
+    return Findings(
+        TITLE,
+        tables=method_tables(comparison),
+        sentences=[*verdicts(comparison), *comparison.remarks],
+        blocks=lambda: method_blocks(comparison),
+        definitions={**DEFINITIONS, **CERTAINTY_DEFINITIONS},
+        settings=[Table(("method", "keys of [texture]"), keys)],
+        data=comparison.as_dict(),
+    )
+
+
+EXPERIMENT = Experiment(
+    shows="which method of texture modelling comes closest to known textures, and how soon",
+    duration="40 min on 2 processors",
+    run=run,
+)

@@ -86,31 +86,9 @@ class Case:
         return frames
 
 
-def known_textures(names: Sequence[str] | None) -> list[str]:
-    """Return the names of known textures, all of them where none are given.
-
-    Raises
-    ------
-    InputError
-        There is no such texture.
-    """
-    chosen = list(SURFACES) if names is None else list(names)
-    unknown = [name for name in chosen if name not in SURFACES]
-    if unknown:
-        raise InputError(f"texture {unknown[0]!r} is not known, allowed are {', '.join(SURFACES)}")
-    return chosen
-
-
-def simulated_cases(seeds: int, textures: Sequence[str] | None = None) -> list[Case]:
-    """Return so many sessions of each known texture, or of those named.
-
-    Raises
-    ------
-    InputError
-        There is no such texture.
-    """
-    chosen = known_textures(textures)
-    return [Case(name, FIRST_SEED + seed) for name in chosen for seed in range(seeds)]
+def simulated_cases(seeds: int, textures: Sequence[str]) -> list[Case]:
+    """Return a session of each texture and each of a number of seeds."""
+    return [Case(name, FIRST_SEED + seed) for name in textures for seed in range(seeds)]
 
 
 def recorded_cases(

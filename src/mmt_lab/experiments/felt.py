@@ -1,31 +1,45 @@
-"""Sessions of textures, networks and seeds, and what each method let the hand feel in them."""
+"""What the operator feels over a network, against what the surface would give without one.
 
-from collections.abc import Callable, Mapping, Sequence
+A hand strokes a known texture over an emulated network, in simulated time. Each method leads the
+same session: the stream alone, paper A's model, ours, and ours after a warm start. What it lets
+the hand feel is compared, moment by moment, with the exact powers of the texture at the hand's
+own speed, force and heading; a realisation of the texture under the hand is the bound.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from types import MappingProxyType
 from typing import Any, Final, TypeVar
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from mmt.core.arrays import BoolArray, FloatArray
-from mmt.scene import Network
+from mmt.evaluation.document import Table
+from mmt.evaluation.figures import COLOURS
+from mmt.evaluation.report_files import picture
+from mmt.evaluation.texts import number
+from mmt.scene import PROFILES, Network
 from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.textures import SURFACES
 from mmt.texture.online.modeller import ModelUpdate
 from mmt.texture.settings import ModellingSettings
-from mmt_lab.felt.judging import Course, Reference
+from mmt_lab.compare.cases import DURATION_S, FIRST_SEED, GRAINED_DURATION_S
+from mmt_lab.compare.judging import METHODS as METHODS_OF_MODELLING
+from mmt_lab.felt.judging import HOP, LEAST_RMS_M_S2, WINDOW, Course, Reference
 from mmt_lab.felt.leading import (
     at_once,
     led,
+    library_without,
     local_updates,
     settings_over,
     taking_over,
+    warm_models,
 )
 from mmt_lab.felt.passing import pass_over
-from mmt_lab.felt.warming import library_without, warm_models
-from mmt_lab.methods.cases import DURATION_S, FIRST_SEED, GRAINED_DURATION_S
-from mmt_lab.methods.judging import METHODS as METHODS_OF_MODELLING
-from mmt_lab.sweep.running import in_order
+from mmt_lab.harness.experiment import Experiment, Seeds, Textures, Workers, chosen_textures
+from mmt_lab.harness.findings import Findings
+from mmt_lab.harness.processes import each
 
 NETWORKS: Final = ("lan", "wifi", "wan", "bad")
 
@@ -139,20 +153,6 @@ def feel(case: Case) -> list[Outcome]:
     ]
 
 
-def feel_all(
-    chosen: Sequence[Case], workers: int, progress: Callable[[int], None] = lambda _done: None
-) -> list[Outcome]:
-    """Run sessions in processes of this machine, in their order.
-
-    Raises
-    ------
-    MmtError
-        A process has died.
-    """
-    outcomes = in_order(feel, [(case,) for case in chosen], workers, progress)
-    return [one for felt in outcomes for one in felt]
-
-
 def rows(outcomes: Sequence[Outcome]) -> list[Row]:
     """Gather outcomes by network and method."""
     return [
@@ -228,3 +228,107 @@ def _rms(errors_db: FloatArray, chosen: BoolArray) -> float | None:
 def _median(values: Sequence[float | None], default: Default) -> float | Default:
     present = [value for value in values if value is not None]
     return float(np.median(present)) if present else default
+
+
+TITLE: Final = "What the operator feels, end to end"
+
+DEFINITIONS: Final = {
+    "compared with": "what the surface would give at the hand's own speed, force and heading at "
+    "that moment, without a network: exact powers of the known texture",
+    "moment": f"{WINDOW} samples under a Hann window, every {HOP} ms, where the hand is to feel "
+    f"something or does: more than {LEAST_RMS_M_S2:g} m/s2 rms; less counts as so much",
+    "level": "error of the power between 10 and 500 Hz, dB; rms over the moments of a span of "
+    "session time, median over sessions",
+    "bands": "the same over nine bands of that range and all moments",
+    "onset, offset": "how much later than without a network vibration begins after a rest and "
+    "ends before one, medians over strokes, ms",
+    AT_ONCE: "a realisation of the texture itself under the hand: what is left is the scatter of "
+    "a moment",
+    "streaming": "the stream through the playout buffer, without a model",
+    "published": "paper A: streamed until the start criterion, then rendered; the excitation's "
+    "variance interpolated",
+    "ours": 'the same with [texture] level = "gaussian_process" and shape = "smoothed"',
+    "warm": 'as ours with [rendering] before = "warm": until the start criterion rendered from '
+    "the shipped model that fits best; that of the texture itself is left out",
+}
+
+_STYLES: Final = {"streaming": 0, "published": 1, "ours": 2, "warm": 3, AT_ONCE: 6}
+
+
+def felt_table(outcomes: Sequence[Outcome]) -> Table:
+    """Return a row for each network and method."""
+    spans = [f"{a:g}-{b:g} s" if b < 100 else f"from {a:g} s" for a, b in SPANS_S]
+    columns = ["network", "method", *(f"level {span}" for span in spans)]
+    columns += [f"bands {span}" for span in spans] + ["onset (ms)", "offset (ms)"]
+    body = [
+        [
+            row.network,
+            row.method,
+            *(number(value, 2) for value in (*row.level_db, *row.bands_db)),
+            number(row.onset_ms, 0),
+            number(row.offset_ms, 0),
+        ]
+        for row in rows(outcomes)
+    ]
+    return Table(columns, body, "Errors in dB of what the hand feels, by session time.")
+
+
+def felt_figure(outcomes: Sequence[Outcome]) -> Figure:
+    """Draw the level's error against session time, a panel for each network."""
+    shown = [n for n in NETWORKS if any(one.case.network == n for one in outcomes)]
+    figure = Figure(figsize=(2.55 * len(shown) + 0.6, 3.2), layout="constrained")
+    panels = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
+    for axis, network in zip(panels, shown, strict=True):
+        for method in (*METHODS, AT_ONCE):
+            error_db = by_second(outcomes, network, method)
+            axis.plot(
+                np.arange(len(error_db)) + 0.5,
+                error_db,
+                color=COLOURS[_STYLES[method]],
+                linestyle=":" if method == AT_ONCE else "-",
+                linewidth=1.6,
+                label=method,
+            )
+        axis.set_title(f"{network}: {_delay(network)}", fontsize=9)
+        axis.set_xlabel("session time (s)")
+        axis.set_xlim(left=0.0)
+        axis.grid(color="#e3e6ea", linewidth=0.6)
+        axis.spines[["top", "right"]].set_visible(False)
+    panels[0].set_yscale("log", base=2)
+    panels[0].yaxis.set_major_formatter("{x:g}")
+    panels[0].set_ylabel("error of what is felt (dB rms)")
+    panels[0].legend(frameon=False, fontsize=8)
+    return figure
+
+
+def _delay(network: str) -> str:
+    """Return what a network does, in a few words."""
+    emulated = Network.model_validate({"profile": network})
+    words = f"{emulated.delay_ms:g} ± {emulated.jitter_ms:g} ms each way"
+    return f"{words}, {100 * emulated.loss:g} % lost" if emulated.loss else words
+
+
+def run(seeds: Seeds = 3, textures: Textures = None, workers: Workers = None) -> Findings:
+    """Tell what the hand feels over each network, by method."""
+    calls = [(case,) for case in cases(seeds, chosen_textures(textures))]
+    outcomes = [one for felt in each(feel, calls, workers=workers, what="stroking") for one in felt]
+    table = felt_table(outcomes)
+    return Findings(
+        TITLE,
+        "At each moment: vibration at the leader against what the surface would give.",
+        tables=[table],
+        blocks=lambda: [
+            picture("felt", "Level of what is felt, by session time.", felt_figure(outcomes)),
+            table,
+        ],
+        definitions=DEFINITIONS,
+        settings=[Table(("network", "each way"), [(n, str(PROFILES[n])) for n in NETWORKS])],
+        data=as_dict(outcomes),
+    )
+
+
+EXPERIMENT = Experiment(
+    shows="how far what the hand feels over a network is from the surface itself, by method",
+    duration="1 h on 2 processors",
+    run=run,
+)

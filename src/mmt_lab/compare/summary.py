@@ -7,8 +7,8 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt_lab.methods.certainty import Certainty
-from mmt_lab.methods.judging import FIGURES, LARGER_IS_BETTER, MOMENTS, Judged
+from mmt_lab.compare.certainty import Certainty
+from mmt_lab.compare.judging import FIGURES, LARGER_IS_BETTER, MOMENTS, Judged
 
 STANDARD_ERRORS: Final = 3.0
 """A mean difference counts beyond noise from so many of its standard errors on: of the some

@@ -12,17 +12,20 @@ from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.scene import Network
 from mmt.testing.simulation.textures import SURFACES
+from mmt_lab.experiments import felt
+from mmt_lab.experiments.felt import Case, Outcome, by_second, feel, rows
 from mmt_lab.felt.judging import Reference
 from mmt_lab.felt.leading import (
     at_once,
     led,
+    library_without,
     local_updates,
     settings_over,
+    shipped_library,
     taking_over,
+    warm_models,
 )
 from mmt_lab.felt.passing import NEVER_TICK, Passage, pass_over
-from mmt_lab.felt.summary import Case, Outcome, by_second, feel, rows
-from mmt_lab.felt.warming import library_without, shipped_library, warm_models
 
 PLASTIC = SURFACES["plastic"]
 
@@ -146,12 +149,10 @@ def test_outcomes_are_gathered_by_network_and_method(monkeypatch: pytest.MonkeyP
 def test_the_command_prints_every_method_and_writes_a_report(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    from mmt_lab.cli import felt
-
     monkeypatch.setattr(Case, "duration_s", 2.0)
     outcomes = feel(Case("fabric", "wan", 5))
-    monkeypatch.setattr(felt, "feel_all", lambda *_: outcomes)
-    arguments = ["evaluate", "--end-to-end", "--textures", "fabric", "--seeds", "1"]
+    monkeypatch.setattr(felt, "each", lambda *_, **__: [outcomes])
+    arguments = ["lab", "felt", "--textures", "fabric", "--seeds", "1"]
     arguments += ["--json", str(tmp_path / "felt.json"), "--report", str(tmp_path / "report")]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 0, result.output
@@ -169,17 +170,7 @@ def test_the_command_prints_every_method_and_writes_a_report(
     assert "data:image/png" in (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        ([], "name a session, or give one of"),
-        (["--end-to-end", "--surfaces"], "exclude each other"),
-        (["--end-to-end", "a.mcap"], "cannot use a.mcap"),
-        (["--end-to-end", "--textures", "velvet"], "not known"),
-        (["--end-to-end", "--workers", "0"], "at least 1"),
-    ],
-)
-def test_what_cannot_be_done_is_said(arguments: list[str], sentence: str) -> None:
-    result = CliRunner().invoke(app, ["evaluate", *arguments])
+def test_an_unknown_texture_is_named() -> None:
+    result = CliRunner().invoke(app, ["lab", "felt", "--textures", "velvet"])
     assert isinstance(result.exception, InputError)
-    assert sentence in str(result.exception)
+    assert "texture 'velvet' is not known" in str(result.exception)

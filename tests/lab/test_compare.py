@@ -1,4 +1,4 @@
-"""``mmt evaluate --compare``: sessions, judgement, statistics and the command."""
+"""Methods side by side: sessions, judgement, statistics and the command."""
 
 import json
 from dataclasses import replace
@@ -12,10 +12,12 @@ from mmt.cli.main import app
 from mmt.core.errors import InputError
 from mmt.evaluation.levels import BAND_EDGES_HZ, band_errors_db
 from mmt.testing.simulation.textures import SURFACES
-from mmt_lab.methods.cases import Case, recorded_cases, simulated_cases
-from mmt_lab.methods.judging import FIGURES, METHODS, Judged, blocks_of, check_methods, judge
-from mmt_lab.methods.summary import MethodComparison
-from mmt_lab.methods.tables import verdicts, write_method_report
+from mmt_lab.compare.cases import Case, recorded_cases, simulated_cases
+from mmt_lab.compare.judging import FIGURES, METHODS, Judged, blocks_of, check_methods, judge
+from mmt_lab.compare.summary import MethodComparison
+from mmt_lab.experiments.compare import findings, verdicts
+from mmt_lab.harness.experiment import chosen_textures
+from mmt_lab.harness.report import write_report
 
 
 def judged(method, seed, share, moment="stop", name="wood") -> Judged:
@@ -44,7 +46,7 @@ def test_bands_are_nine_of_one_ratio_and_see_a_gain_in_one_of_them_alone():
 
 
 def test_every_known_texture_is_judged_with_as_many_seeds_as_asked():
-    cases = simulated_cases(10)
+    cases = simulated_cases(10, list(SURFACES))
     assert {case.texture for case in cases} == set(SURFACES)
     assert len(cases) == 10 * len(SURFACES)
     assert {case.inputs for case in cases if case.group == "grained"} == {"anisotropic"}
@@ -52,7 +54,7 @@ def test_every_known_texture_is_judged_with_as_many_seeds_as_asked():
 
 def test_an_unknown_texture_or_method_is_refused_in_words():
     with pytest.raises(InputError, match="texture 'velvet' is not known"):
-        simulated_cases(1, ["velvet"])
+        chosen_textures("velvet")
     for names in (["published"], ["ours", "ours"], ["published", "best"]):
         with pytest.raises(InputError, match="name two or more of published"):
             check_methods(names)
@@ -116,7 +118,7 @@ def test_rows_are_medians_with_their_spread_and_verdicts_name_what_is_missed():
 
 
 def test_a_report_holds_the_figures_and_the_settings(tmp_path):
-    page = write_method_report(tmp_path, comparison([0.1, 0.2, 0.3]))
+    page = write_report(tmp_path, findings(comparison([0.1, 0.2, 0.3])))
     assert "gaussian_process" in page.read_text()
     data = json.loads((tmp_path / "summary.json").read_text())
     assert len(data["sessions"]) == 6
@@ -126,7 +128,7 @@ def test_a_report_holds_the_figures_and_the_settings(tmp_path):
 def test_the_command_compares_on_named_textures(tmp_path):
     file = tmp_path / "figures.json"
     options = ["--seeds", "1", "--textures", "wood", "--workers", "1", "--json", str(file)]
-    result = CliRunner().invoke(app, ["evaluate", "--compare", "published,ours", *options])
+    result = CliRunner().invoke(app, ["lab", "compare", *options])
     assert result.exit_code == 0, result.output
     data = json.loads(file.read_text())
     assert {row["moment"] for row in data["rows"]} == {"3 s", "start", "stop", "18 s"}

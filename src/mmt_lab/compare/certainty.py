@@ -29,8 +29,8 @@ from mmt.texture.online.history import ModelHistory, build
 from mmt.texture.settings import Criterion, ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.metrics import JND_DB, within_jnd
-from mmt_lab.methods.cases import Case
-from mmt_lab.methods.judging import METHODS
+from mmt_lab.compare.cases import Case
+from mmt_lab.compare.judging import METHODS
 
 CRITERIA: Final[tuple[Criterion, ...]] = ("distance", "uncertainty")
 

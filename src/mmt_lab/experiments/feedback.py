@@ -1,0 +1,308 @@
+"""Force feedback over a delay by each method, in a closed loop and on recorded contacts.
+
+In the loop a hand, a link with jitter and a simulated follower on a wall run tick by tick, so
+that instability can show. On recordings the hand moves as it did without a delay, and the
+displayed force is compared with that of the environment at the same instant.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import typer
+
+from mmt.contact.estimation import ContactModel
+from mmt.evaluation.document import Table
+from mmt_lab.feedback import recorded, simulated
+from mmt_lab.feedback.recorded import RecordedResult, evaluate_run, find_runs, model_table, read_run
+from mmt_lab.feedback.sides import METHODS, Method
+from mmt_lab.feedback.simulated import CellResult, run_cell
+from mmt_lab.harness.experiment import Experiment, Seed, Workers
+from mmt_lab.harness.findings import Findings, Target
+from mmt_lab.harness.processes import each
+
+FREE: Final = "motion"
+"""Last word of the names of runs that touch nothing."""
+
+TARGET_DELAY_MS: Final = 100
+TARGET_RATIO: Final = 1.0 / 3.0
+"""Largest error of the model at that delay, over that of the streamed force."""
+
+_NO_ERROR_N: Final = 1e-3
+
+DEFINITIONS: Final = {
+    "delay_ms": "one way; the force of a motion comes back after twice this",
+    "force_error_n": "recorded: root mean square of the displayed force less the force of the "
+    "environment at the same instant of the hand, from the first round trip on, learning "
+    "included. Simulated: the same against the force that the tool meets when the hand's "
+    "motion has reached it, from the second touch on",
+    "least_error_n": "recorded: the least force error of a passive display that knows the whole "
+    "recording from the moment when the first contact has arrived, and shows nothing before",
+    "position_error_mm": "simulated: the handle's place less the tool's when the hand's motion "
+    "has reached it, from the second touch on",
+    "injected_mj": "most energy that the hand had got beyond what it had put in",
+    "stable": "the handle rests (below 2 mm/s rms) at the end of a simulated run",
+    "settled_s": "session time from which the model's stiffness stays within a fifth of its last",
+}
+
+
+@dataclass(frozen=True)
+class Pooled:
+    """Root mean square over the runs that touched the same."""
+
+    contact: str
+    method: Method
+    delay_ms: int
+    force_error_n: float
+    ratio: float | None
+    """To the streamed force's; None where that has no error, as without a delay."""
+
+
+@dataclass(frozen=True)
+class FeedbackEvaluation:
+    """Every cell of both parts; ``recorded`` is empty where no recording was named."""
+
+    simulated: Sequence[CellResult]
+    recorded: Sequence[RecordedResult]
+
+    def pooled(self) -> list[Pooled]:
+        """Return the recorded errors, pooled by what was touched."""
+        keys = dict.fromkeys((r.contact, r.delay_ms) for r in self.recorded if r.contact != FREE)
+        rows: list[Pooled] = []
+        for contact, delay_ms in keys:
+            errors = {m: self._pooled_n(contact, delay_ms, m) for m in METHODS}
+            base_n = errors["streamed"]
+            rows += [
+                Pooled(
+                    contact, m, delay_ms, error, error / base_n if base_n > _NO_ERROR_N else None
+                )
+                for m, error in errors.items()
+            ]
+        return rows
+
+    def _pooled_n(self, contact: str, delay_ms: int, method: Method) -> float:
+        squares = [
+            r.force_error_n**2
+            for r in self.recorded
+            if (r.contact, r.delay_ms, r.method) == (contact, delay_ms, method)
+        ]
+        return float((sum(squares) / len(squares)) ** 0.5)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything for a program."""
+        return {
+            "simulated": [
+                {**asdict(cell), "stable": cell.stable, "passive": cell.passive}
+                for cell in self.simulated
+            ],
+            "recorded": [
+                {
+                    **asdict(result),
+                    "surface": model_table(result.surface),
+                    "felt": model_table(result.felt),
+                }
+                for result in self.recorded
+            ],
+            "pooled": [asdict(row) for row in self.pooled()],
+            "definitions": DEFINITIONS,
+        }
+
+
+def evaluate_feedback(
+    paths: Sequence[Path],
+    *,
+    walls_n_mm: Sequence[float] = simulated.WALLS_N_MM,
+    delays_ms: Sequence[int] = simulated.DELAYS_MS,
+    recorded_delays_ms: Sequence[int] = recorded.DELAYS_MS,
+    seed: int = 0,
+    workers: int | None = None,
+) -> FeedbackEvaluation:
+    """Run every method in every cell; about 2 s a wall and delay, and as much a run and delay.
+
+    Parameters
+    ----------
+    paths
+        Recorded runs; none leaves that part out.
+    walls_n_mm, delays_ms
+        Cells of the closed loop.
+    recorded_delays_ms
+        Delays of the recorded runs.
+    seed
+        Seed of the jitter.
+    workers
+        Local processes; see `mmt_lab.harness.processes.each`.
+
+    Raises
+    ------
+    InputError
+        A recording cannot be used.
+    """
+    runs = [read_run(path) for path in paths]
+    loops = [(m, w, d, seed) for w in walls_n_mm for d in delays_ms for m in METHODS]
+    replays = [(run, m, d) for run in runs for d in recorded_delays_ms for m in METHODS]
+    return FeedbackEvaluation(
+        each(run_cell, loops, workers=workers, what="closed loops"),
+        each(evaluate_run, replays, workers=workers, what="recorded contacts") if replays else [],
+    )
+
+
+TITLE: Final = "Force feedback over a delay"
+
+
+def stability_table(cells: Sequence[CellResult]) -> Table:
+    """Return, for each wall and delay, whether each method was stable and what it injected."""
+    rows = []
+    for (wall, delay), methods in _by_cell(cells).items():
+        rows.append(
+            [f"{wall:g}", str(delay)]
+            + ["yes" if methods[m].stable else "NO" for m in METHODS]
+            + [f"{methods[m].injected_mj:.2f}" for m in METHODS]
+        )
+    columns = ["wall (N/mm)", "delay (ms)"]
+    columns += [f"{m} stable" for m in METHODS] + [f"{m} injected (mJ)" for m in METHODS]
+    return Table(columns, rows, caption="A light grip in a closed loop, delays with jitter.")
+
+
+def transparency_table(cells: Sequence[CellResult]) -> Table:
+    """Return, for each wall and delay, the errors of each method."""
+    rows = []
+    for (wall, delay), methods in _by_cell(cells).items():
+        rows.append(
+            [f"{wall:g}", str(delay)]
+            + [f"{methods[m].force_error_n:.2f}" for m in METHODS]
+            + [f"{methods[m].position_error_mm:.2f}" for m in METHODS]
+        )
+    columns = ["wall (N/mm)", "delay (ms)"]
+    columns += [f"{m} force (N)" for m in METHODS] + [f"{m} position (mm)" for m in METHODS]
+    return Table(columns, rows, caption="Errors from the second touch on.")
+
+
+def pooled_table(evaluation: FeedbackEvaluation) -> Table:
+    """Return the recorded errors by what was touched and by delay."""
+    rows: dict[tuple[str, int], list[str]] = {}
+    for row in evaluation.pooled():
+        cells = rows.setdefault((row.contact, row.delay_ms), [row.contact, str(row.delay_ms)])
+        cells.append(f"{row.force_error_n:.3f}")
+        if row.method == METHODS[-1]:
+            cells.append("-" if row.ratio is None else f"{row.ratio:.2f}")
+    columns = ["contact", "delay (ms)", *(f"{m} error (N)" for m in METHODS), "model / streamed"]
+    return Table(columns, list(rows.values()), caption="Recorded contacts, pooled over the runs.")
+
+
+def run_table(results: Sequence[RecordedResult]) -> Table:
+    """Return each recorded run at the target's delay, with what was estimated."""
+    rows = []
+    chosen = [r for r in results if r.delay_ms == TARGET_DELAY_MS]
+    streamed = {r.run: r.force_error_n for r in chosen if r.method == "streamed"}
+    passive = {r.run: r.force_error_n for r in chosen if r.method == "passive"}
+    for result in chosen:
+        if result.method != "model":
+            continue
+        base = streamed[result.run]
+        rows.append(
+            [
+                result.run,
+                f"{result.force_n:.2f}",
+                f"{base:.3f}",
+                f"{passive[result.run]:.3f}",
+                f"{result.force_error_n:.3f}",
+                f"{result.force_error_n / base:.2f}",
+                f"{result.least_error_n / base:.2f}",
+                *_estimate(result.surface),
+                *_estimate(result.felt)[:1],
+                "-" if result.settled_s is None else f"{result.settled_s:.2f}",
+            ]
+        )
+    columns = ["run", "force rms (N)", *(f"{m} (N)" for m in METHODS), "model / streamed"]
+    columns += ["least / streamed", "surface (N/m)", "damping (N s/m)", "felt (N/m)", "settled (s)"]
+    return Table(columns, rows, caption=f"Recorded runs at {TARGET_DELAY_MS} ms each way.")
+
+
+def remarks(evaluation: FeedbackEvaluation) -> list[str]:
+    """Return in words in how many cells each method was stable and passive, and where not."""
+    sentences = []
+    for method in METHODS[1:]:
+        cells = [cell for cell in evaluation.simulated if cell.method == method]
+        bad = [cell for cell in cells if not (cell.stable and cell.passive)]
+        sentences.append(
+            f"{method}: stable and passive in {len(cells) - len(bad)} of {len(cells)} cells"
+            + "".join(f"; not at {c.wall_n_mm:g} N/mm, {c.delay_ms} ms" for c in bad)
+        )
+    return sentences
+
+
+def targets(evaluation: FeedbackEvaluation) -> tuple[Target, ...]:
+    """Return what the methods are to reach: every cell, and the model's error over the stream's."""
+    found = []
+    for method in METHODS[1:]:
+        cells = [cell for cell in evaluation.simulated if cell.method == method]
+        good = sum(cell.stable and cell.passive for cell in cells)
+        found.append(Target(f"{method}: cells stable and passive", good, "at least", len(cells)))
+    found += [
+        Target(
+            f"{row.contact} at {TARGET_DELAY_MS} ms: model's error over streamed",
+            row.ratio,
+            "at most",
+            TARGET_RATIO,
+        )
+        for row in evaluation.pooled()
+        if row.delay_ms == TARGET_DELAY_MS and row.method == "model"
+    ]
+    return tuple(found)
+
+
+def feedback_tables(evaluation: FeedbackEvaluation) -> list[Table]:
+    """Return the tables that there is something for."""
+    tables = [stability_table(evaluation.simulated), transparency_table(evaluation.simulated)]
+    if evaluation.recorded:
+        tables.append(pooled_table(evaluation))
+        if any(result.delay_ms == TARGET_DELAY_MS for result in evaluation.recorded):
+            tables.append(run_table(evaluation.recorded))
+    return tables
+
+
+def _by_cell(cells: Sequence[CellResult]) -> dict[tuple[float, int], dict[str, CellResult]]:
+    found: dict[tuple[float, int], dict[str, CellResult]] = {}
+    for cell in cells:
+        found.setdefault((cell.wall_n_mm, cell.delay_ms), {})[cell.method] = cell
+    return found
+
+
+def _estimate(model: ContactModel | None) -> list[str]:
+    if model is None:
+        return ["-", "-"]
+    return [f"{model.stiffness_at(1.0):.0f}", f"{model.damping_n_s_m:.1f}"]
+
+
+def run(
+    recordings: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[RECORDING]...", help="Recorded contacts (.npz), or folders."),
+    ] = None,
+    seed: Seed = 0,
+    workers: Workers = None,
+) -> Findings:
+    """Compare methods of force feedback over a delay.
+
+    Raises
+    ------
+    InputError
+        A recording cannot be used.
+    """
+    evaluation = evaluate_feedback(find_runs(recordings or []), seed=seed, workers=workers)
+    return Findings(
+        TITLE,
+        tables=feedback_tables(evaluation),
+        sentences=remarks(evaluation),
+        targets=targets(evaluation),
+        definitions=DEFINITIONS,
+        data=evaluation.as_dict(),
+    )
+
+
+EXPERIMENT = Experiment(
+    shows="which method of force feedback stays stable and true over a delay",
+    duration="1 min; 10 s a recording",
+    run=run,
+)

@@ -1,1 +1,0 @@
-"""Methods of texture modelling side by side, on the same sessions of known texture."""

@@ -1,0 +1,138 @@
+"""The harness of the laboratory: experiments are found, run, printed and reported."""
+
+import json
+import subprocess
+import sys
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from mmt.cli.main import app
+from mmt.core.errors import InputError
+from mmt.evaluation.document import Paragraph, Table
+from mmt_lab import experiments
+from mmt_lab.harness.experiment import Listed, chosen_textures, listed, load
+from mmt_lab.harness.findings import Findings, Target
+from mmt_lab.harness.processes import each
+from mmt_lab.harness.report import write_report
+
+MADE_UP = """
+    from mmt_lab.harness.experiment import Experiment, Seeds
+    from mmt_lab.harness.findings import Findings, Target
+
+    def run(seeds: Seeds = 2) -> Findings:
+        'Count seeds.'
+        return Findings(
+            "Seeds",
+            "Counted.",
+            targets=(Target("seeds", seeds, "at least", 2),),
+            failures=["too few"] if seeds < 2 else [],
+            data={"seeds": seeds},
+        )
+
+    EXPERIMENT = Experiment(shows="how many seeds there are", duration="no time", run=run)
+"""
+
+
+@pytest.fixture
+def made_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """One more module in one more folder of the experiments."""
+    folder = tmp_path / "more"
+    folder.mkdir()
+    (folder / "made_up.py").write_text(textwrap.dedent(MADE_UP), encoding="utf-8")
+    monkeypatch.setattr(experiments, "__path__", [*experiments.__path__, str(folder)])
+    yield "made-up"
+    sys.modules.pop("mmt_lab.experiments.made_up", None)
+
+
+def test_a_new_module_is_listed_and_run_without_any_other_change(
+    made_up: str, tmp_path: Path
+) -> None:
+    listing = CliRunner().invoke(app, ["lab"])
+    assert made_up in listing.output
+    assert "how many seeds there are" in " ".join(listing.output.split())
+    figures, report = tmp_path / "figures.json", tmp_path / "report"
+    options = ["--seeds", "3", "--json", str(figures), "--report", str(report)]
+    result = CliRunner().invoke(app, ["lab", made_up, *options])
+    assert result.exit_code == 0, result.output
+    assert "Counted." in result.output
+    written = json.loads(figures.read_text(encoding="utf-8"))
+    assert written["seeds"] == 3
+    assert written["judged"][0]["met"] is True
+    assert "at least 2" in (report / "report.md").read_text(encoding="utf-8")
+
+
+def test_what_did_not_hold_ends_with_1(made_up: str) -> None:
+    result = CliRunner().invoke(app, ["lab", made_up, "--seeds", "1"])
+    assert result.exit_code == 1
+    assert "too few" in result.output
+
+
+def test_the_experiments_are_listed() -> None:
+    names = {one.name for one in listed()}
+    assert {"compare", "felt", "surfaces", "feedback", "selection", "soak", "sweep"} <= names
+
+
+@pytest.mark.parametrize("one", list(listed()), ids=lambda one: one.name)
+def test_an_experiment_is_what_the_list_says(one: Listed) -> None:
+    try:
+        found = load(one.name)
+    except ImportError as error:
+        if (error.name or "mmt").partition(".")[0] in {"mmt", "mmt_lab"}:
+            raise
+        pytest.skip(f"{error.name} is not installed")
+    assert (found.shows, found.duration, found.group) == (one.shows, one.duration, one.group)
+
+
+def test_the_list_needs_no_numerics() -> None:
+    program = (
+        "import sys; from typer.testing import CliRunner; from mmt.cli.main import app\n"
+        "assert CliRunner().invoke(app, ['lab']).exit_code == 0\n"
+        "assert CliRunner().invoke(app, ['lab', '--help']).exit_code == 0\n"
+        "sys.exit(' '.join({'numba', 'scipy', 'matplotlib'} & set(sys.modules)))"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
+    assert ended.stderr.strip() == ""
+
+
+def test_an_unknown_experiment_is_explained() -> None:
+    with pytest.raises(InputError, match=r"allowed are .*felt"):
+        load("nothing")
+    assert CliRunner().invoke(app, ["lab", "nothing"]).exit_code == 2
+
+
+def test_textures_are_names_between_commas() -> None:
+    assert chosen_textures("wood, glass") == ["wood", "glass"]
+    assert len(chosen_textures(None)) > 10
+    with pytest.raises(InputError, match="texture 'velvet' is not known"):
+        chosen_textures("velvet")
+
+
+def test_calls_give_the_same_in_processes_and_in_this_one() -> None:
+    calls = [(base, 2) for base in range(5)]
+    here = each(pow, calls, what="powers", workers=1)
+    assert here == [0, 1, 4, 9, 16]
+    assert each(pow, calls, what="powers", workers=2) == here
+
+
+def test_a_report_shows_blocks_in_place_of_tables_and_the_definitions(tmp_path: Path) -> None:
+    found = Findings(
+        "Title",
+        tables=[Table(("a",), [("shown in the terminal",)])],
+        blocks=lambda: [Paragraph("shown in the report")],
+        targets=(Target("speed", None, "at most", 1.0),),
+        definitions={"speed": "how fast"},
+        data={"x": 1},
+    )
+    text = write_report(tmp_path, found).read_text(encoding="utf-8")
+    assert "shown in the report" in text
+    assert "shown in the terminal" not in text
+    assert "not measured" in text
+    summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    assert (summary["x"], summary["definitions"]) == (1, {"speed": "how fast"})
+    assert "python" in summary["environment"]
