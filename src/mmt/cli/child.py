@@ -1,4 +1,4 @@
-"""A service as a child process that speaks in JSON lines."""
+"""A service as a child process that reports in JSON lines."""
 
 import asyncio
 import json

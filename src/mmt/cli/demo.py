@@ -127,7 +127,7 @@ async def run_services(
     console
         Shows the live progress.
     environment
-        Of the processes; None for this process's own.
+        Environment of the processes; None for this process's own.
     realtime
         Whether they tick by real-time scheduling.
     """
@@ -220,7 +220,7 @@ class _Demo:
         failed = await self._note_end(leader) != 0
         if follower is not None:
             await asyncio.wait([following], timeout=0.0 if failed else _LAST_SECONDS)
-            follower.interrupt()  # it would wait for a leader in vain
+            follower.interrupt()  # else it would wait for a leader that has ended
             await asyncio.wait([following], timeout=_LAST_SECONDS)
             await follower.kill()
             await following
@@ -233,7 +233,7 @@ class _Demo:
             elif line["kind"] == "summary":
                 self._run.follower = {key: v for key, v in line.items() if key != "kind"}
         if await self._note_end(follower) != 0:
-            leader.interrupt()  # it would wait for a follower in vain
+            leader.interrupt()  # else it would wait for a follower that has ended
 
     async def _note_end(self, child: Child) -> int:
         code = await child.wait()

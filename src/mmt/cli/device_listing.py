@@ -43,7 +43,7 @@ def list_all(json_file: Path | None) -> None:
                     wanting.setdefault(port.problem, []).append(port.address)
     problems = [f"{', '.join(names)}: {problem}" for problem, names in wanting.items()]
     if problems:
-        output.print("what is missing; mend what you need:", highlight=False)
+        output.print("what is missing; install what you need:", highlight=False)
     for problem in problems:
         output.print(f"- {problem}", highlight=False)
     write_json(

@@ -95,7 +95,7 @@ def equalise_actuator(
         str | None,
         typer.Argument(
             metavar="RECORDING.npz|SCENE",
-            help="A recorded sweep, or a scene whose actuator and accelerometer play and hear one.",
+            help="A recorded sweep, or a scene with the actuator and accelerometer to make one.",
         ),
     ] = None,
     serial: Annotated[
@@ -106,7 +106,8 @@ def equalise_actuator(
         str | None, typer.Option(metavar="DRIVER", help="Play a sweep now, by this driver.")
     ] = None,
     accelerometer: Annotated[
-        str | None, typer.Option(metavar="DRIVER", help="On the handle: it hears the sweep.")
+        str | None,
+        typer.Option(metavar="DRIVER", help="On the handle, to record the sweep."),
     ] = None,
     settings: Annotated[
         list[str] | None,

@@ -36,7 +36,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class Live:
-    """What is played and heard."""
+    """The actuator that plays and the accelerometer that records."""
 
     actuator: str | None
     """Its driver; None takes the scene's."""

@@ -41,7 +41,7 @@ def follower(
     ] = None,
     replay: Annotated[Path | None, typer.Option(help="Replay this recorded session.")] = None,
     speed: Annotated[
-        float | None, typer.Option(help="Replay so many times faster than real time.")
+        float | None, typer.Option(help="Replay this many times faster than real time.")
     ] = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Write the summary there.")

@@ -45,7 +45,7 @@ def calibrate_by_gravity(device: Any, driver: str, duration_s: float, files: Fil
     device, driver
         An ADXL335, and its driver's name.
     duration_s
-        Of each rest.
+        Duration of each rest.
     files
         See `Files`.
 

@@ -128,7 +128,7 @@ def play(
     host: Annotated[str, typer.Option(help="Listen on this address.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Listen on this port; 0 takes any free one.")] = 8770,
     token_file: Annotated[Path | None, typer.Option(help="A file with the token.")] = None,
-    certificate: Annotated[Path | None, typer.Option(help="PEM file: speak TLS.")] = None,
+    certificate: Annotated[Path | None, typer.Option(help="PEM file: use TLS.")] = None,
     key: Annotated[Path | None, typer.Option(help="PEM file of the certificate's key.")] = None,
     everyone: Annotated[
         bool, typer.Option("--open", help="Let everyone play who reaches the port.")

@@ -53,7 +53,7 @@ def remark(evaluation: Evaluation, beside: Sequence[Evaluation]) -> str:
 
 
 def surface_section(parts: SurfaceParts | None) -> list[Block]:
-    """Return a report's section on the surfaces, empty where they were not told apart."""
+    """Return a report's section on the surfaces, empty without surface recognition."""
     if parts is None:
         return []
     from mmt.evaluation.surface_report import surface_blocks
@@ -62,7 +62,7 @@ def surface_section(parts: SurfaceParts | None) -> list[Block]:
 
 
 def scene_of(session: RecordedSession, scene_file: Path | None = None) -> Scene:
-    """Return the scene that says how to model a session: a file's, else the recorded one's.
+    """Return the scene with the settings to model a session: a file's, else the recorded one's.
 
     A session without a scene, such as an imported one, is modelled with the defaults.
     """

@@ -73,7 +73,7 @@ def _pool(sources: list[Path], scene_file: Path | None) -> "Pool":
         raise InputError("models and sessions are named together: name one kind")
     if kinds == {True}:
         if scene_file is not None:
-            raise InputError("--scene says how to model sessions, and models are named")
+            raise InputError("--scene has the settings to model sessions, but models are given")
         models = [TextureModel.load(path) for path in sources]
         return pool_models(models, [str(path) for path in sources])
     sessions = [read_session(path) for path in sources]

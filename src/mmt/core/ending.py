@@ -54,7 +54,7 @@ class Ending:
             raise self.fault
 
     def start_timeout(self, timeout_s: float, on_timeout: Callable[[], None]) -> None:
-        """Call `on_timeout` after this time, unless the timeout is cancelled or started anew."""
+        """Call `on_timeout` after this time, unless the timeout is cancelled or restarted."""
         self.cancel_timeout()
         self._deadline = asyncio.get_running_loop().call_later(timeout_s, on_timeout)
 

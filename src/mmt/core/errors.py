@@ -1,4 +1,4 @@
-"""Errors that speak to the person who runs the program."""
+"""Errors whose message is shown to the user."""
 
 from typing import Final
 

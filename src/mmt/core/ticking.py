@@ -104,7 +104,7 @@ class Ticker:
 
     On Linux a timerfd wakes the loop, which keeps the period to some 50 us; elsewhere
     `loop.call_at` with absolute deadlines, which asyncio rounds up to its clock's
-    resolution. Neither drifts. When the loop was held up, one callback is told how many
+    resolution. Neither drifts. When the loop was held up, one callback gets how many
     ticks have fallen due since the last one, so that no tick is lost.
 
     Parameters
@@ -255,7 +255,7 @@ class Ticker:
         self._due_ns += elapsed * self._period_ns
         try:
             self._callback(elapsed)
-        except Exception as error:  # noqa: BLE001 - handed to whoever waits
+        except Exception as error:  # noqa: BLE001 - passed on to the waiting task
             self._finish(error)
 
     def _measure(self, elapsed: int) -> None:

@@ -43,7 +43,7 @@ class FoundPort:
     what: str
     serial: str
     problem: str
-    """Why it cannot be opened, with what to do; empty where nothing speaks against it."""
+    """Why it cannot be opened, with what to do; empty if it can be."""
 
 
 def find_drivers() -> list[FoundDriver]:

@@ -50,7 +50,7 @@ class FrameAssembler:
     lanes
         By the name of their field, in the order of the frame.
     dtype
-        Of the frames.
+        Data type of the frames.
     period_ns
         From tick to tick.
     needed_ns
@@ -143,7 +143,7 @@ class ReadingAges:
     Parameters
     ----------
     lanes
-        Of sensors with clocks of their own.
+        Lanes of the sensors with clocks of their own.
     """
 
     def __init__(self, lanes: Iterable[Lane]) -> None:

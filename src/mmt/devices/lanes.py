@@ -44,7 +44,7 @@ class Lane:
         self._spacing_ns = 0.0  # usual time between readings, 0 before there are two
 
     def reset(self) -> None:
-        """Forget what has come: the device begins anew."""
+        """Discard all readings: the device has restarted."""
         self._kept.clear()
         self.newest = None
         self.clock.reset()
@@ -52,7 +52,7 @@ class Lane:
     def add(self, readings: Sequence[SensorReading], arrival_ns: int) -> None:
         """Take what a sensor has given, with the host's time of the call.
 
-        A stamp that is not after the last one begins anew: the sensor's clock was set back.
+        A stamp that is not after the last one restarts the lane: the sensor's clock was set back.
         """
         kept = self._kept
         for reading in readings:

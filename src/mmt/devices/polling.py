@@ -78,7 +78,7 @@ class PhasePoller:
     callback
         Called with the monotonic time (ns).
     period_ns
-        Of the ticks.
+        Period of the ticks.
     """
 
     def __init__(self, callback: Callable[[int], None], period_ns: int) -> None:

@@ -85,7 +85,7 @@ class SampledSensor(Device, Protocol):
         DeviceLost
             The device does not answer any more; `connect` may be called again later.
         MmtError
-            A fault that it cannot mend.
+            A fault from which it cannot recover.
         """
 
     @property
@@ -116,7 +116,7 @@ class Pacing(Protocol):
 
 @runtime_checkable
 class FaultExplaining(Protocol):
-    """A sensor that can say why it gives no readings; no driver must."""
+    """A sensor that can report why it gives no readings; optional for a driver."""
 
     def complaint(self) -> str:
         """Return why what comes cannot be used, empty where nothing comes or all is well."""

@@ -60,19 +60,21 @@ class Reconnection(threading.Thread):
 
 
 class Reasons:
-    """Why a device is not there, each told once; numbers aside, which change from try to try.
+    """Reasons why a device is not there, each reported once.
+
+    Reasons that differ in numbers alone are the same.
 
     Parameters
     ----------
     first
-        Told already.
+        Reported already.
     """
 
     def __init__(self, first: str) -> None:
         self._told = {_gist(first)}
 
     def new(self, reason: str) -> str:
-        """Return the reason where it is to be told, else nothing."""
+        """Return the reason if it has not been reported yet, else an empty text."""
         gist = _gist(reason)
         if not reason or gist in self._told or len(self._told) > _MOST_REASONS:
             return ""
@@ -88,13 +90,13 @@ AnyDevice = TypeVar("AnyDevice", bound=Device)
 
 
 class LossCallback(Protocol):
-    """Is told when a device is lost, why it is not back, and when it is."""
+    """Called when a device is lost, with the reason why it is not back, and when it is back."""
 
     def __call__(self, sentence: str, **details: object) -> None:
         """Take a sentence for the person, and what a program wants to know."""
 
 
-def _tell_nobody(sentence: str, **details: object) -> None:
+def _ignore(sentence: str, **details: object) -> None:
     """Do nothing."""
 
 
@@ -117,14 +119,14 @@ class ReconnectingDevice(Generic[AnyDevice]):
         self.losses = 0
         """How often it was lost."""
         self._meanwhile = meanwhile
-        self._tell: LossCallback = _tell_nobody
+        self._tell: LossCallback = _ignore
         self._reconnection: Reconnection | None = None
         self._reason = ""
         self._lost_ns = 0
         self._away_ns = 0
 
     def watch(self, callback: LossCallback) -> None:
-        """Have a function told of losses and returns."""
+        """Set the function that is called on every loss and return."""
         self._tell = callback
 
     def connect(self) -> None:

@@ -53,7 +53,7 @@ class SensorClock:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew, as after the sensor's own start; drift and count stay."""
+        """Start again, as after a restart of the sensor; drift and count stay."""
         self._origin: tuple[int, int] | None = None
         self._blocks: deque[_Point] = deque(maxlen=_BLOCKS)
         self._quickest: _Point | None = None  # of the block that is being filled
@@ -118,7 +118,7 @@ class SensorClock:
         return host_ns - zero_ns - round(self._height + self._drift * (host_ns - origin_ns))
 
     def _jump(self, time: int, height: float) -> bool:
-        """Begin the line anew at this height."""
+        """Start the line again at this height."""
         self.jumps += 1
         self._height = height
         self._late_blocks = 0

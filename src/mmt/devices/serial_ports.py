@@ -25,7 +25,7 @@ else:
     def _read_some(port: serial.Serial, most: int) -> bytes:
         if fcntl.ioctl(port.fd, termios.FIONREAD, _NONE) == _NONE:
             return b""
-        return os.read(port.fd, most) or bytes(port.read(most))  # which says that it is gone
+        return os.read(port.fd, most) or bytes(port.read(most))  # which raises if the port is gone
 
 
 def read_waiting(port: serial.Serial, most: int) -> bytes:

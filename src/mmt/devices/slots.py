@@ -76,7 +76,7 @@ class Slot(ABC):
         """
 
     def lose(self, now_ns: int, reason: str) -> None:
-        """Take it as lost, for a reason that is told already, and connect it again."""
+        """Mark it as lost, for a reason that is reported already, and connect it again."""
         self._note_loss(now_ns, reason)
         self._connect()
 
@@ -86,7 +86,7 @@ class Slot(ABC):
         self._reason, self._reasons = "", Reasons(reason)
 
     def new_reason(self) -> str:
-        """Return why it is not back yet, empty where that is not known or was told already."""
+        """Return why it is not back yet, empty if unknown or reported already."""
         return self._reasons.new(self._reason)
 
     def reconnect(self, now_ns: int) -> bool:
@@ -264,7 +264,7 @@ def slot_of(role: str, device: Any, *, vibration: bool = False) -> Slot:
 
 
 def failure(slot: Slot, error: Exception) -> MmtError:
-    """Return what a person is told when a driver raises, whatever it raises."""
+    """Return the message for any exception that a driver raises."""
     reason = str(error) or type(error).__name__
     return MmtError(f"the {slot.role} ({type(slot.device).__name__}) failed: {reason}")
 

@@ -47,7 +47,7 @@ class DeviceSource:
         What to put into the frames.
     on_lost
         What a lost device does: "stop" ends the session; otherwise it is connected again, and
-        the callback given to `watch` is told.
+        the callback given to `watch` is called.
 
     Raises
     ------
@@ -166,7 +166,7 @@ class DeviceSource:
                 try:
                     slot.poll()
                     if passed_ns > _FIRST_READING_NS and not slot.lane.clock.known:
-                        raise DeviceLost(  # noqa: TRY301 - told like what a driver raises
+                        raise DeviceLost(  # noqa: TRY301 - reported like an exception of a driver
                             "it is connected but gives no reading; check its cable and settings"
                         )
                 except Exception as error:

@@ -46,7 +46,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What two reports say.
+    """Figures of two reports side by side.
 
     ``differences`` in the order of the first report, ``equal`` how many figures are the same,
     ``pictures`` the names of the PNG files that both have, or one of them.
@@ -86,7 +86,7 @@ class Comparison:
 
 
 def compare_reports(left: Path, right: Path) -> Comparison:
-    """Compare what two report folders say.
+    """Compare the reports in two folders.
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ def coverage(
     points
         Normalised inputs of the model's samples, shape (k, d); none for k = 0.
     settings
-        Of the modelling.
+        Settings of the modelling.
     stopped
         Whether the stop criterion was met.
     """

@@ -163,7 +163,7 @@ def evaluate_surfaces(
     evaluations
         One, or one for each surface in the order of their numbers.
     parts
-        When the tool was on which surface; None where surfaces are not told apart.
+        When the tool was on which surface; None without surface recognition.
 
     Raises
     ------

@@ -43,7 +43,7 @@ def to_png(figure: Figure) -> bytes:
 
 
 def completion_over_time(evaluations: Sequence[Evaluation]) -> Figure:
-    """Draw what the completion criterion says after every update, with both thresholds."""
+    """Draw the value of the completion criterion after every update, with both thresholds."""
     figure, axis = _time_axes(evaluations)
     for number, evaluation in enumerate(evaluations):
         time_s, value = evaluation.course.T

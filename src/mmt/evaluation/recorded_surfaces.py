@@ -67,7 +67,7 @@ def part_by_surface(session: RecordedSession, settings: ModellingSettings) -> Su
     session
         With position, force and acceleration, and at least one frame.
     settings
-        How to model; ``surfaces`` says how surfaces are told apart.
+        Settings of the modelling; ``surfaces`` has those of surface recognition.
     """
     frames = session.frames
     edges = _stays(list(surface_changes(frames, settings)), frames)

@@ -60,18 +60,18 @@ def write_report(
     evaluations
         May be empty where only a run is reported.
     title
-        Of the report.
+        Title of the report.
     scene
         The resolved scene as tables.
     run
         What the services said of themselves, as nested tables: one section for each key.
     more
-        What else there is to say, behind the overview.
+        Further blocks, after the overview.
 
     Returns
     -------
     Path
-        Of ``report.html``, which holds its figures inside.
+        Path of ``report.html``, which contains its figures.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def write_report(
     if run:
         blocks += tables.run_blocks(run)
     for place, evaluation in enumerate(evaluations):
-        # a single session's figures bear no name, so that those of two reports make pairs
+        # figures of a single session are not named after it, so that those of two reports match
         alone = len(evaluations) == 1
         prefix = "" if alone else f"{place + 1}-{_file_name(evaluation.name)}-"
         blocks += _session(evaluation, prefix)

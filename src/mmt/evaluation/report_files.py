@@ -32,18 +32,18 @@ def write_report_files(
     directory
         Made where it does not exist; files of an earlier report are replaced.
     title
-        Of the page.
+        Title of the page.
     blocks
-        What the report says.
+        Contents of the report.
     data_name
-        Of the JSON file.
+        Name of the JSON file.
     data
-        For a program.
+        Contents of the JSON file.
 
     Returns
     -------
     Path
-        Of ``report.html``, which holds its figures inside.
+        Path of ``report.html``, which contains its figures.
 
     Raises
     ------

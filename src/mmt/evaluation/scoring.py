@@ -42,9 +42,9 @@ class Scorer:
     truth
         The known texture, None where there is none.
     settings
-        Of the leader's modelling.
+        Settings of the leader's modelling.
     seed
-        Of the synthesis.
+        Seed of the synthesis.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class Scorer:
     def by_heading(self, time_s: float) -> tuple[HeadingErrors, ...]:
         """Return errors by heading at a session time, where the texture depends on it.
 
-        Of the leader's model, and of that of the other inputs, from the same session.
+        Errors of the leader's model, and of the model of the other inputs, from the same session.
         """
         grid = self._grid(self._leader.number(time_s))
         if self._truth is None or grid is None:

@@ -1,4 +1,4 @@
-"""Keep a robot safe from a leader that falls silent, speaks too late, or jumps."""
+"""Keep a robot safe when commands stop, arrive late, or jump."""
 
 import struct
 from collections.abc import Callable
@@ -41,9 +41,9 @@ class CommandGuard:
     normal
         The surface's normal axis; away from the surface it is positive.
     measures_position
-        Whether `step` can be told where the robot is; else it begins at the first command.
+        Whether `step` gets the robot's position; else it starts at the first command.
     say
-        Called with a sentence when the leader falls silent and when it is heard again.
+        Called with a sentence when commands stop and when they come again.
     """
 
     def __init__(

@@ -39,7 +39,7 @@ class FollowerFeedback(Protocol):
         """Take checked records (n,) of the same event from the leader."""
 
     def restart(self) -> None:
-        """Expect a new connection, perhaps of a leader that begins anew."""
+        """Expect a new connection, perhaps of a restarted leader."""
 
     @property
     def summary(self) -> Mapping[str, Any]:
@@ -90,7 +90,7 @@ class PassiveFollower:
         self._given.receive(records)
 
     def restart(self) -> None:
-        """Go on counting from here if the next leader begins anew."""
+        """Go on counting from here if the next leader has restarted."""
         self._given.restart()
 
     @property

@@ -100,7 +100,7 @@ class GuardedSource:
         return (x, y, z) if math.isfinite(x + y + z) else None
 
     def _on_device(self, lost: bool, sentence: str) -> None:
-        """Do what the scene says while a device is lost."""
+        """Apply the scene's `on_lost` while a device is lost."""
         devices = self._devices
         if self.guard is None or devices is None or devices.on_lost == "stop":
             return

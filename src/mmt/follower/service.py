@@ -70,7 +70,7 @@ class Follower:
     scene
         What to run; it must have a source.
     url
-        Of the leader, ``http://host:port``; None takes the scene's ``[link]``.
+        Address of the leader, ``http://host:port``; None takes the scene's ``[link]``.
     on_event
         Called with a sentence whenever something happens that a person wants to know.
     on_session

@@ -128,7 +128,7 @@ PART_TABLES: Final[dict[str, type[Part]]] = {
 """The class of every part's table, by the table's name."""
 
 Rules = list[tuple[bool, str]]
-"""Whether a combination is given, and what a person is told of it."""
+"""Whether an invalid combination is given, and the message about it."""
 
 
 def _impossible(scene: Scene) -> list[str]:

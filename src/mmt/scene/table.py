@@ -14,7 +14,7 @@ class Table(BaseModel):
 
 
 class Part:
-    """A part of a run that a scene may leave out: what its table says of it."""
+    """Base of the tables of a scene: the settings of a part that may be left out."""
 
     runs_in: ClassVar[tuple[Service, ...]] = ("leader",)
     """The services in which the part runs, unless `services` depends on the table's values."""

@@ -4,7 +4,7 @@ The cost of a part is the difference of means between the whole scene's runs and
 without the part. All scenes take turns, so that they meet the same machine. What a figure
 scatters from run to run is estimated from the repetitions of all scenes together (the pooled
 variance of a one-way layout), and a difference comes with the half-width of its 95 %
-confidence interval by Student's t: one that does not exceed it is not told apart from none.
+confidence interval by Student's t: one that does not exceed it is not significant.
 """
 
 import math
@@ -74,7 +74,7 @@ class PartCost:
 
 @dataclass
 class SceneCosts:
-    """Every run, and what they say."""
+    """All runs, and the costs that follow from them."""
 
     whole: list[SceneRun] = field(default_factory=list)
     variants: dict[str, Variant] = field(default_factory=dict)

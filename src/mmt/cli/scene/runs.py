@@ -29,7 +29,7 @@ class SceneRunner:
     directory
         For the scene's file and its recording.
     duration_s
-        Of a run.
+        Duration of a run.
     """
 
     def __init__(self, directory: Path, duration_s: float) -> None:

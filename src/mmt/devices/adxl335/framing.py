@@ -117,7 +117,7 @@ class FrameDecoder:
 
 _MASK: Final = 0xFFFFFFFF
 _LARGEST_GAP: Final = 1 << 20
-"""Samples; a counter that moves by more, or backwards, has begun anew."""
+"""Samples; a counter that moves by more, or backwards, has started again."""
 _RESTART_GAP_US: Final = 1000
 
 
@@ -139,7 +139,7 @@ class Timeline:
         """Return the frame's samples as (time_ns, counts), oldest first.
 
         Times begin at the board's own first one and never go back, also where its 32-bit counter
-        wraps (every 71.6 minutes) or the board starts anew.
+        wraps (every 71.6 minutes) or the board restarts.
         """
         last, self._last = self._last, frame
         if last is None:

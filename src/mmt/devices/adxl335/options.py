@@ -65,7 +65,7 @@ class SerialOptions(Adxl335Options):
     resolution_bits: int = Field(12, ge=8, le=16)
     """Resolution of the converter."""
     start_s: float = Field(3.0, ge=0.1, le=30.0)
-    """How long the board may take for its first frame; some start anew when they are opened."""
+    """How long the board may take for its first frame; some restart when they are opened."""
 
     @property
     def volts_per_count(self) -> float:

@@ -39,7 +39,7 @@ class U6Adxl335(Adxl335):
     Parameters
     ----------
     backend
-        Of pyusb; None takes what the system has.
+        The pyusb backend; None takes the one that the system has.
     options
         See `U6Options`.
 

@@ -1,4 +1,4 @@
-"""What a scene expects of a force sensor by ATI, and what its calibration says."""
+"""Options of a force sensor by ATI, and the contents of its calibration."""
 
 from dataclasses import dataclass
 from typing import Annotated, Final, Literal
@@ -30,7 +30,7 @@ class AtiOptions(BaseModel):
     rotation_deg: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
     """Turns the sensor's axes into the scene's: about x, then y, then z of the scene."""
     latency_ms: float | None = Field(default=None, ge=0, le=1000)
-    """From the force to the sensor's stamp; None for what the driver knows of it."""
+    """From the force to the sensor's stamp; None for the driver's own figure."""
     silence_ms: float = Field(default=200, ge=20, le=10_000)
     """Time without a record after which the sensor is lost."""
     stuck_ms: float = Field(default=500, ge=0, le=60_000)

@@ -21,7 +21,7 @@ _LARGEST: Final = 1 << 20
 
 @dataclass(frozen=True, slots=True)
 class FileCalibration:
-    """What a ``.cal`` file says."""
+    """Contents of a ``.cal`` file."""
 
     calibration: Calibration
     matrix: Matrix

@@ -63,7 +63,7 @@ def calibration_start(number: int) -> int:
 
 
 def explain_status(status: int) -> str:
-    """Return what the status register says, for a person."""
+    """Return the meaning of the status register as text."""
     causes = [name for bit, name in _STATUS.items() if status >> bit & 1]
     return f"status 0x{status:04X} ({'; '.join(causes) or 'meaning not known'})"
 

@@ -21,7 +21,7 @@ LONGEST_READ: Final = 64
 """Registers asked for at once."""
 
 
-class NoFrame(MmtError):  # noqa: N818 - it says what came
+class NoFrame(MmtError):  # noqa: N818 - its message names what came
     """What came is no answer to the request: too short, another's, or with a wrong checksum."""
 
 
@@ -118,7 +118,7 @@ class RecordStream:
         self.reset()
 
     def reset(self, rest: bytes = b"") -> None:
-        """Begin anew with these bytes."""
+        """Discard everything received and start with these bytes."""
         self._rest = rest
         self._in_step = False
         self._skipped = 0

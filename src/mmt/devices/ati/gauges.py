@@ -64,7 +64,7 @@ class Gauges(AtiSensor):
         self._board = board
         self._open = False
         self.loaded: FileCalibration = load_calibration_file(options.calibration_file)
-        """What the calibration file says."""
+        """Contents of the calibration file."""
         check_calibration(self.name, self.loaded.calibration, options)
         if board.inputs < 6:
             raise InputError(

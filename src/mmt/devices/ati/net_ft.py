@@ -85,7 +85,7 @@ class NetFt(AtiSensor):
         """When the newest record had come, by the host's monotonic clock."""
         self._buffer = bytearray(2048)
         self.settings: NetSettings | None = None
-        """What the box says of itself, once it is connected."""
+        """Settings that the box reports; None until it is connected."""
 
     def connect(self) -> None:
         """Read, check and set the box's settings, then have it send records.

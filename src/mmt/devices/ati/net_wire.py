@@ -72,7 +72,7 @@ def is_broken(status: int) -> bool:
 
 
 def explain_status(status: int) -> str:
-    """Return what a status says, for a person."""
+    """Return the meaning of a status word as text."""
     causes = [name for bit, name in _NAMES.items() if status & bit]
     if status & ~(ERROR | RDT_ERROR | SATURATED | MONITOR_LATCHED):
         causes.append("see the System Information page of the box")
@@ -89,7 +89,7 @@ _BOX_RATE_HZ: Final = 7000.0
 
 @dataclass(frozen=True, slots=True)
 class NetSettings:
-    """What the box says of itself."""
+    """Settings that the box reports."""
 
     calibration: Calibration
     matrix: Matrix

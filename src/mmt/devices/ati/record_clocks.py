@@ -15,9 +15,9 @@ _LATE_RUN: Final = 50
 class SequenceClock:
     """Unwrap a record's number and turn it into the sensor's time.
 
-    A number that the host's clock contradicts is not believed, since a flipped bit must not
-    move the clock. Where several in a row agree with one another, the sensor counts anew, as after
-    its restart; its time then goes on by what has passed on the host.
+    A number that the host's clock contradicts is rejected, since a flipped bit must not move
+    the clock. Where several such numbers in a row agree with one another, the sensor has
+    restarted its count; its time is then continued by the time passed on the host.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class SequenceClock:
         self._interrupted = False
 
     def interrupt(self) -> None:
-        """Believe the next number, whatever it is: the stream may have begun anew."""
+        """Accept the next number without a check: the stream may have restarted."""
         self._interrupted = True
 
     def stamp(self, sequence: int, arrival_ns: int) -> int | None:

@@ -96,9 +96,9 @@ class AtiSensor(ABC):
             if raw != self._last:
                 self._last, self._same_since_ns, self._is_stuck = raw, time_ns, False
             elif self._is_stuck or 0 < self._stuck_ns <= time_ns - self._same_since_ns:
-                self._is_stuck = True  # also when it is connected anew, until the values change
+                self._is_stuck = True  # also after it is connected again, until the values change
                 raise DeviceLost(self._explain_stuck())
-            elif time_ns < self._same_since_ns:  # its clock began anew
+            elif time_ns < self._same_since_ns:  # its clock restarted
                 self._same_since_ns = time_ns
             value = force(raw)
             if value is not None:

@@ -27,9 +27,9 @@ class BoardResampler:
     Parameters
     ----------
     rate_hz
-        Of the session.
+        Sampling rate of the session.
     board_rate_hz
-        Of the board.
+        Rate of the board's converter.
     buffer_ms
         What lies in the board's buffer before it is topped up.
     """
@@ -54,8 +54,7 @@ class BoardResampler:
         Parameters
         ----------
         samples
-            Of the session; more than 1024 are those that have been held up, and the oldest of
-            them are left out.
+            Samples of the session; of a backlog longer than 1024 the oldest are left out.
         ahead
             The board's samples in its buffer and on their way.
         """

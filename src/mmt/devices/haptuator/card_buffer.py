@@ -7,7 +7,7 @@ constant of 2 s, that learns the drift and changes the pitch by 0.5 % at most. W
 is a slip: the reading jumps, under a crossfade of one block, and is counted.
 
 One thread writes and another reads. Each index is changed by one of them alone, after the samples
-that it speaks of; the interpreter makes each assignment whole.
+that it refers to; the interpreter makes each assignment whole.
 """
 
 import math
@@ -33,9 +33,9 @@ class CardBuffer:
     Parameters
     ----------
     rate_hz
-        Of what is written.
+        Rate of the samples written.
     card_rate_hz
-        Of what is read.
+        Rate of the samples read.
     block_frames
         Read at a time, as a rule.
     buffer_ms
@@ -123,7 +123,7 @@ class CardBuffer:
         return True
 
     def _stop(self, written: int) -> None:
-        """Let what sounds fade; begin again once enough has been written anew."""
+        """Fade out; play again once enough new samples have been written."""
         self._playing = False
         self._idle_since = written
         self._tail = self._last * np.linspace(1.0, 0.0, self._fade + 1)[1:]
@@ -144,7 +144,7 @@ class CardBuffer:
         share = np.linspace(0.0, 1.0, frames)
         there = (written - AFTER - aim) / step >= frames
         if not there or written - self._position > _CAPACITY // 2:
-            # what lay there is written over, or the block is longer than agreed: start anew
+            # what lay there is written over, or the block is longer than agreed: start again
             self._stop(written)
             self._idle_since = written - math.ceil(self.target) - BEFORE
             return self._silence(frames)

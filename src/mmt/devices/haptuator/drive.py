@@ -27,7 +27,7 @@ class Level(NamedTuple):
 
 
 def level_of(options: HaptuatorOptions, directory: Path | None = None) -> Level:
-    """Return the level of the options, or that which is stored for their serial number.
+    """Return the level of the options, or the one stored for their serial number.
 
     Raises
     ------
@@ -86,7 +86,7 @@ class VoltageDrive:
     options
         Band, level and limits.
     rate_hz
-        Of the samples. A low-pass that would lie at half of it or above is left out.
+        Sampling rate. A low-pass at or above half of it is left out.
 
     Raises
     ------

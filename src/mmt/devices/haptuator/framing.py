@@ -38,11 +38,11 @@ class Samples(NamedTuple):
 
 
 class Reset(NamedTuple):
-    """Empty the buffer and begin to count anew; the frame of number 0."""
+    """Empty the buffer and count from zero again; the frame of number 0."""
 
 
 class Report(NamedTuple):
-    """What the board says of itself."""
+    """The state that the board reports."""
 
     rate_hz: int
     """Sample rate of its converter."""

@@ -82,7 +82,7 @@ class FillController:
     Parameters
     ----------
     rate_hz
-        Of the samples in the buffer.
+        Sampling rate of the buffer.
     """
 
     def __init__(self, rate_hz: float) -> None:

@@ -169,7 +169,7 @@ class SerialHaptuator(HaptuatorDriver):
         return BoardResampler(RATE_HZ, float(self._options.board_rate_hz), self._options.buffer_ms)
 
     def _reset(self) -> Report:
-        """Have the board begin anew, and return its first report after that."""
+        """Reset the board, and return its first report afterwards."""
         end = time.monotonic() + _START_S
         repeat = 0.0
         while (now := time.monotonic()) < end:
@@ -182,7 +182,7 @@ class SerialHaptuator(HaptuatorDriver):
             time.sleep(0.002)
         raise MmtError(
             f"the {self.name} does not answer: check that this is its port, that its firmware "
-            f"speaks this framing, and 'baud_rate' ({self._options.baud_rate})"
+            f"uses this framing, and 'baud_rate' ({self._options.baud_rate})"
         )
 
     def _check_settings(self, report: Report) -> None:

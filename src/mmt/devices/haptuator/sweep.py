@@ -40,7 +40,7 @@ class SweepSettings:
     Parameters
     ----------
     low_hz, high_hz
-        Of the sweep.
+        Lowest and highest frequency of the sweep.
     duration_s
         At least 1.
     largest_m_s2

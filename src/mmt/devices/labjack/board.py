@@ -34,7 +34,7 @@ class U6Voltages:
     box
         Serial number of the U6; None takes the only one.
     backend
-        Of pyusb; None takes what the system has.
+        The pyusb backend; None takes the one that the system has.
 
     Raises
     ------
@@ -153,7 +153,7 @@ def labjack_u6(*, backend: Any = None, **options: Any) -> U6Voltages:
     Parameters
     ----------
     backend
-        Of pyusb; None takes what the system has.
+        The pyusb backend; None takes the one that the system has.
     options
         As the scene gives them.
 

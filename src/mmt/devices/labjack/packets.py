@@ -56,7 +56,7 @@ class Channel(NamedTuple):
 
 
 class Scanning(NamedTuple):
-    """What the U6 is told about a stream."""
+    """Settings of a stream, as sent to the U6."""
 
     channels: tuple[Channel, ...]
     clock_hz: int

@@ -87,7 +87,7 @@ class StreamDecoder:
     Parameters
     ----------
     scanning
-        What the U6 was told.
+        The stream settings sent to the U6.
     lines
         Its calibration by the gain's index.
     """

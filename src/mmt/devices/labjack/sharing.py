@@ -45,7 +45,7 @@ class Reader:
     box
         Serial number of the U6; None takes the only one.
     backend
-        Of pyusb; None takes what the system has.
+        The pyusb backend; None takes the one that the system has.
     """
 
     def __init__(
@@ -120,7 +120,7 @@ class SharedU6:
     Parameters
     ----------
     backend
-        Of pyusb.
+        The pyusb backend.
     """
 
     def __init__(self, backend: Any) -> None:
@@ -198,7 +198,7 @@ class SharedU6:
         decoder.faults.clear()
 
     def _begin(self, readers: Sequence[Reader]) -> None:
-        """Open the U6 anew and begin a stream for these readers.
+        """Open the U6 again and start a stream for these readers.
 
         Drivers that were made for it and are not connected yet have their channels in it as
         well, where they fit: when they connect, no stream is interrupted.

@@ -51,7 +51,7 @@ class U6Link:
     serial
         Its serial number; None takes the only one.
     backend
-        Of pyusb; None takes what the system has.
+        The pyusb backend; None takes the one that the system has.
     """
 
     def __init__(self, serial: int | None, backend: Any = None) -> None:
@@ -86,7 +86,7 @@ class U6Link:
             except MmtError as error:  # another program may have it, and another one be wanted
                 if self._wanted is None:
                     raise
-                told.append(f"one does not tell its number: {error}")
+                told.append(f"the serial number of one cannot be read: {error}")
                 continue
             if self._wanted in {None, self.serial}:
                 return
@@ -199,13 +199,13 @@ class U6Link:
         try:
             return read_reply(self._exchange(packet), number)
         except ValueError as error:
-            raise MmtError(f"the LabJack U6 does not do as told: {error}") from error
+            raise MmtError(f"a command to the LabJack U6 failed: {error}") from error
 
     def _short(self, packet: bytes) -> int:
         try:
             return read_short_reply(self._exchange(packet), packet)
         except ValueError as error:
-            raise MmtError(f"the LabJack U6 does not do as told: {error}") from error
+            raise MmtError(f"a command to the LabJack U6 failed: {error}") from error
 
     def _exchange(self, packet: bytes) -> bytes:
         try:

@@ -44,7 +44,7 @@ class HdDevice(Generic[AnyServo]):
     Parameters
     ----------
     options
-        Of the robot or the handle.
+        Options of the robot or the handle.
     make_servo
         Makes the callback from the driver stack, the device's handle, and the force
         limit (N) and largest stiffness (N/mm) of this device.

@@ -1,4 +1,4 @@
-"""Devices in software that speak the real ones' protocols, to try drivers and scenes on."""
+"""Devices in software that use the protocols of the real ones, to test drivers and scenes."""
 
 from collections.abc import Callable
 

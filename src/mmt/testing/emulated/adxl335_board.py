@@ -35,17 +35,18 @@ class EmulatedAdxl335Board:
     rate_hz, per_frame
         Samples a second, and how many of them make a frame.
     supply_v, resolution_bits
-        Of the sensor and of the converter, whose reference is the supply.
+        Supply of the sensor, which is also the reference of the converter, and resolution of
+        the converter.
     calibration
         What the sensor really has; None for the data sheet's values.
     bandwidth_hz
-        Of the board.
+        Bandwidth of the board's filters.
     clock_ppm, start_us
         How much too fast the board's clock runs, and where it begins.
     noise_density
-        Of the sensor, m/s2 per root hertz.
+        Noise density of the sensor, m/s2 per root hertz.
     seed
-        Of the noise and the garbage.
+        Seed of the noise and the garbage.
     """
 
     def __init__(

@@ -52,7 +52,7 @@ class EmulatedDigitalFt:
     noise_counts
         Standard deviation of a gauge.
     seed
-        Of the noise and of the faults.
+        Seed of the noise and the faults.
     """
 
     def __init__(

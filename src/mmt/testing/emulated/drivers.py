@@ -106,7 +106,7 @@ class VirtualSensor:
     address
         Its device in the lab.
     options
-        Of the driver; those of the lab among them are taken out.
+        Options of the driver; those of the lab are removed from them.
     lab, lab_options
         Its process, and what that takes.
     """

@@ -40,7 +40,7 @@ class ShakenHandle:
     Parameters
     ----------
     resonance_hz, damping_ratio
-        Of the mass on its spring.
+        Resonance and damping of the mass on its spring.
     """
 
     def __init__(

@@ -23,13 +23,13 @@ class EmulatedHaptuatorBoard:
     Parameters
     ----------
     rate_hz
-        Of its converter.
+        Sampling rate of its converter.
     capacity
         Samples that its buffer holds.
     clock_ppm
         How much too fast its clock runs.
     seed
-        Of the bytes that are garbled.
+        Seed of the corrupted bytes.
     listener
         Called with each sample that goes to the converter, in the board's thread.
     """
@@ -48,7 +48,7 @@ class EmulatedHaptuatorBoard:
         self.halved = 0.0
         """Share of what comes together, either way, of which the second half gets lost."""
         self.stalled = False
-        """Whether the firmware hangs: it plays nothing and says nothing."""
+        """Whether the firmware hangs: it plays nothing and sends nothing."""
         self.frozen = False
         """Whether it goes on to report what it reported last, and does nothing else."""
         self._listener = listener
@@ -87,7 +87,7 @@ class EmulatedHaptuatorBoard:
         self._port.plug()
 
     def restart(self) -> None:
-        """Begin anew without being unplugged, as after a dip of its supply."""
+        """Restart without being unplugged, as after a dip of its supply."""
         self._begin()
 
     def count_from(self, sequence: int) -> None:

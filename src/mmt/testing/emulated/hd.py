@@ -117,7 +117,7 @@ class EmulatedHd:
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Begin anew: tips at rest at zero, no fault, calibrated; the hand begins to move."""
+        """Start again: tips at rest at zero, no fault, calibrated; the hand begins to move."""
         self.stop()
         self._stub.mmt_stub_reset()
         if self._truth is not None:

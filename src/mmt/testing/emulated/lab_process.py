@@ -65,7 +65,7 @@ class LabProcess:
         if not line:
             reason = self._end(self._process)
             self._process = None
-            raise MmtError(f"the virtual lab does not start: {reason or 'it says nothing'}")
+            raise MmtError(f"the virtual lab does not start: {reason or 'it printed nothing'}")
         self._addresses = json.loads(line)
 
     def _end(self, process: "subprocess.Popen[str]") -> str:

@@ -31,7 +31,7 @@ class EmulatedNetFt:
     noise_n
         Standard deviation of what a gauge adds, without which values look stuck.
     seed
-        Of the noise and of what is lost.
+        Seed of the noise and the losses.
     """
 
     def __init__(

@@ -87,7 +87,7 @@ class RemoteU6(OneDeviceBackend):
     Parameters
     ----------
     address
-        Of the `U6Server`.
+        Address of the `U6Server`.
     """
 
     def __init__(self, address: str) -> None:

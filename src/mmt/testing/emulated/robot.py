@@ -83,7 +83,7 @@ class DatagramRobot:
     Parameters
     ----------
     port
-        Of its `RobotLink`.
+        Port of its `RobotLink`.
     """
 
     def __init__(self, port: int) -> None:
@@ -117,7 +117,7 @@ class DatagramRobot:
         self._drain(self._socket)
         self.own_ns += time.thread_time_ns() - began_ns
         if self._empty > _SILENT_READS:
-            raise DeviceLost("the virtual robot says nothing: its lab has ended")
+            raise DeviceLost("the virtual robot sends nothing: its lab has ended")
         return self._position
 
     def write(self, position_mm: Vector) -> None:

@@ -27,9 +27,9 @@ class World:
     Parameters
     ----------
     surface
-        Of the simulated ones.
+        Name of a simulated surface.
     seed
-        Of the texture.
+        Seed of the texture.
 
     Raises
     ------

@@ -36,7 +36,7 @@ class SimulatedActuator:
         self._peak = 0.0
 
     def connect(self) -> None:
-        """Start the statistics anew."""
+        """Reset the statistics."""
         self._samples = self._clipped = 0
         self._sum_squares = self._peak = 0.0
 

@@ -56,7 +56,7 @@ class Grain:
         speed_mm_s
             The stroke's speed.
         cosine, sine
-            Of its heading, the unit vector of its velocity.
+            Components of the heading, the unit vector of the velocity.
         """
         across = radians(self.across_deg)
         c = cosine * cos(across) + sine * sin(across)

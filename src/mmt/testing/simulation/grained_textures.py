@@ -26,9 +26,9 @@ def ridges(
     Parameters
     ----------
     period_mm
-        Of the surface, across its ridges.
+        Spatial period of the surface, across its ridges.
     powers
-        Of the harmonics, (m/s2)^2.
+        Powers of the harmonics, (m/s2)^2.
     width
         Relative width of the lines.
     grain

@@ -91,9 +91,9 @@ def maps_at(
     mode
         The part.
     speed_mm_s, force_n
-        Of the stroke.
+        Speed and force of the stroke.
     cosine, sine
-        Of its heading; without a grain they do not matter.
+        Components of the unit vector of its heading; unused without a grain.
     """
     if mode.grain is None:
         return mode.maps(speed_mm_s, force_n)

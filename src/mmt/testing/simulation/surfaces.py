@@ -85,7 +85,7 @@ class Surface:
         frequencies_hz
             Shape (f,), 0 to half the rate.
         heading_rad
-            Of the stroke, from x to y; broadcast with speed and force. Needed where the
+            Heading of the stroke, from x to y; broadcast with speed and force. Needed where the
             texture is not isotropic.
 
         Returns

@@ -46,7 +46,7 @@ class Vibration:
         Parameters
         ----------
         speed_mm_s, force_n
-            Of the stroke.
+            Speed and force of the stroke.
         heading
             The unit vector of its velocity in the plane.
         """
