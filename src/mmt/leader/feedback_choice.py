@@ -5,10 +5,12 @@ from typing import TYPE_CHECKING, Any, Literal
 from mmt.core.arrays import RecordArray
 from mmt.leader.feedback import Feedback, ForceDisplay, StreamedForce
 from mmt.leader.part import Part, Session, Tick
+from mmt.leader.silence import SILENCE_TICKS
 from mmt.scene import ForceFeedback, Texture
 
 if TYPE_CHECKING:
     from mmt.contact.passivity import PassivitySettings
+    from mmt.leader.feedback_model import ModelSettings
 
 
 class ForceFeedbackPart(Part):
@@ -63,6 +65,8 @@ def build_feedback(
     *,
     rate_hz: float,
     normal: Literal["x", "y", "z"],
+    silence_ticks: int = SILENCE_TICKS,
+    opening_j: float = 0.0,
 ) -> Feedback:
     """Return the leader's side of the scene's method.
 
@@ -76,35 +80,49 @@ def build_feedback(
         Ticks a second.
     normal
         The surface's normal axis.
+    silence_ticks
+        As of `StreamedForce`.
+    opening_j
+        Energy that each account begins with, in a method that counts it.
     """
+    if table.method == "streamed":
+        return StreamedForce(interface, limit_n=table.limit_n, silence_ticks=silence_ticks)
+    passivity = _passivity(table, 1.0 / rate_hz)
     if table.method == "passive":
         from mmt.leader.feedback_passive import PassiveForce
 
         return PassiveForce(
-            interface, limit_n=table.limit_n, settings=_passivity(table, 1.0 / rate_hz)
+            interface,
+            limit_n=table.limit_n,
+            settings=passivity,
+            silence_ticks=silence_ticks,
+            opening_j=opening_j,
         )
-    if table.method == "model":
-        return _model(table, interface, 1.0 / rate_hz, normal)
-    return StreamedForce(interface, limit_n=table.limit_n)
+    from mmt.leader.feedback_model import ModelForce
+
+    return ModelForce(
+        interface,
+        limit_n=table.limit_n,
+        settings=_model_settings(table, passivity, normal),
+        silence_ticks=silence_ticks,
+        opening_j=opening_j,
+    )
 
 
-def _model(
-    table: ForceFeedback,
-    interface: ForceDisplay,
-    tick_s: float,
-    normal: Literal["x", "y", "z"],
-) -> Feedback:
+def _model_settings(
+    table: ForceFeedback, passivity: "PassivitySettings", normal: Literal["x", "y", "z"]
+) -> "ModelSettings":
     from mmt.contact.estimation import EstimationSettings
     from mmt.contact.rendering import RenderingSettings
-    from mmt.leader.feedback_model import ModelForce, ModelSettings
+    from mmt.leader.feedback_model import ModelSettings
 
-    settings = ModelSettings(
-        passivity=_passivity(table, tick_s),
+    tick_s = passivity.tick_s
+    return ModelSettings(
+        passivity=passivity,
         estimation=EstimationSettings(table.contact_n, table.forgetting_s, tick_s),
         rendering=RenderingSettings(1e3 * table.largest_stiffness_n_mm, tick_s=tick_s),
         normal=normal,
     )
-    return ModelForce(interface, limit_n=table.limit_n, settings=settings)
 
 
 def _passivity(table: ForceFeedback, tick_s: float) -> "PassivitySettings":

@@ -3,13 +3,14 @@
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from mmt.contact.estimation import EstimationSettings
 from mmt.contact.passivity import PassivitySettings
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.follower.feedback import ContactReporter, FollowerFeedback, PassiveFollower
-from mmt.leader.feedback import Feedback, ForceDisplay, StreamedForce
-from mmt.leader.feedback_model import ModelForce, ModelSettings
-from mmt.leader.feedback_passive import PassiveForce
+from mmt.follower.feedback import FollowerFeedback
+from mmt.follower.feedback import build_feedback as build_follower_feedback
+from mmt.leader.feedback import Feedback, ForceDisplay
+from mmt.leader.feedback_choice import build_feedback as build_leader_feedback
+from mmt.scene import ForceFeedback
+from mmt.testing.simulation import RATE_HZ
 
 Method = Literal["streamed", "passive", "model"]
 
@@ -46,25 +47,16 @@ def make_sides(
     opening_j
         Energy that the leader's accounts begin with.
     """
-    if method == "passive":
-        passive = PassiveForce(
-            interface,
-            limit_n=limit_n,
-            settings=PASSIVITY,
-            silence_ticks=_NEVER_TICKS,
-            opening_j=opening_j,
-        )
-        return Sides(passive, PassiveFollower(PASSIVITY))
-    if method == "model":
-        model = ModelForce(
-            interface,
-            limit_n=limit_n,
-            settings=ModelSettings(passivity=PASSIVITY, estimation=EstimationSettings()),
-            silence_ticks=_NEVER_TICKS,
-            opening_j=opening_j,
-        )
-        return Sides(model, ContactReporter())
-    return Sides(StreamedForce(interface, limit_n=limit_n, silence_ticks=_NEVER_TICKS), None)
+    table = ForceFeedback(method=method, limit_n=limit_n)
+    leader = build_leader_feedback(
+        table,
+        interface,
+        rate_hz=RATE_HZ,
+        normal="z",
+        silence_ticks=_NEVER_TICKS,
+        opening_j=opening_j,
+    )
+    return Sides(leader, build_follower_feedback(table, RATE_HZ))
 
 
 class Display:

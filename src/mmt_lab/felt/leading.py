@@ -8,12 +8,13 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray, RecordArray
-from mmt.leader.concealment import build_concealment
-from mmt.leader.playout import PlayoutBuffer
+from mmt.leader.part import Parts, Session
+from mmt.leader.parts import build_parts
 from mmt.leader.stream import StreamedVibration
 from mmt.leader.vibration import VibrationSwitch
 from mmt.leader.warming import LOOK_FRAMES, load_library
-from mmt.scene import Actuator, Playout, Rendering
+from mmt.scene import Actuator, Hand, Link, Playout, Rendering, Scene, Simulated, Texture
+from mmt.scene import Session as SessionTable
 from mmt.testing.simulation import PERIOD_NS, RATE_HZ
 from mmt.testing.simulation.vibration import Vibration
 from mmt.texture.library.conversion import into_space
@@ -22,7 +23,6 @@ from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
 from mmt.texture.settings import Inputs, ModellingSettings
-from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt_lab.felt.passing import NEVER_TICK, Passage
 
 BACKFILL_TICKS: Final = 250
@@ -70,10 +70,12 @@ def led(passage: Passage, models: Mapping[int, TextureModel] | None, seed: int) 
     models
         What is rendered, each from a tick on; None where only the stream is played.
     seed
-        Of the synthesis and of concealment.
+        Seed of the synthesis and of the concealment.
     """
     ticks = len(passage.frames)
-    stream, switch, synthesizer = _leader(seed, renders=models is not None)
+    parts = _leader(seed, renders=models is not None)
+    stream: StreamedVibration = parts.find("playout")
+    switch: VibrationSwitch = parts.find("vibration").switch
     directed = not passage.surface.isotropic
     drives = passage.velocity_mm_s.T if directed else passage.speed_mm_s[None]
     inputs = np.vstack([drives, passage.force_n])
@@ -82,8 +84,8 @@ def led(passage: Passage, models: Mapping[int, TextureModel] | None, seed: int) 
     output = np.empty(ticks)
     taken, start_s = 0, None
     for tick in range(ticks):
-        if synthesizer is not None and models is not None and tick in models:
-            synthesizer.model = models[tick]
+        if models is not None and tick in models:
+            parts.find("synthesizing").synthesizer.model = models[tick]
             switch.use_model(True)
             start_s = tick / RATE_HZ if start_s is None else start_s
         for index in order[taken : arrived[tick]]:
@@ -93,23 +95,19 @@ def led(passage: Passage, models: Mapping[int, TextureModel] | None, seed: int) 
     return Felt(output, start_s)
 
 
-def _leader(
-    seed: int, *, renders: bool
-) -> tuple[StreamedVibration, VibrationSwitch, Synthesizer | None]:
-    """Return a leader's parts, as its defaults make them."""
-    limit_m_s2 = Actuator().limit_m_s2
-    buffer = PlayoutBuffer(
-        "auto", Playout().longest_delay_ms, PERIOD_NS, build_concealment("model", seed)
+def _leader(seed: int, *, renders: bool) -> Parts:
+    """Return the leader's own parts that play, with the scene's defaults."""
+    scene = Scene(
+        session=SessionTable(seed=seed),
+        link=Link(),
+        simulated=Simulated(),
+        hand=Hand(),
+        texture=Texture(),
+        rendering=Rendering() if renders else None,
+        playout=Playout(),
+        actuator=Actuator(),
     )
-    synthesizer = Synthesizer(seed=seed, limit_m_s2=limit_m_s2) if renders else None
-    switch = VibrationSwitch(
-        buffer.pull,
-        synthesizer,
-        crossfade_samples=round(Rendering().crossfade_ms * RATE_HZ / 1000.0),
-        limit_m_s2=limit_m_s2,
-        period_ns=PERIOD_NS,
-    )
-    return StreamedVibration(buffer, "z", "z", RATE_HZ), switch, synthesizer
+    return build_parts(Session(scene), ("playout", "synthesizing", "vibration"))
 
 
 def settings_over(passage: Passage, texture: Mapping[str, Any]) -> ModellingSettings:
