@@ -1,7 +1,7 @@
 from typing import Any
 
 from mmt.core.frames import frame_dtype
-from mmt.leader.clock_notes import ClockNotes
+from mmt.leader.remote import ClockNotes
 from mmt.link.clock_exchange import ClockResponder
 from mmt.link.clock_offset import ClockJump
 from mmt.link.queue import SendQueue

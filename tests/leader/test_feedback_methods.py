@@ -12,8 +12,8 @@ from mmt.devices.protocols import InterfaceState, Vector
 from mmt.follower.feedback import ContactReporter, PassiveFollower
 from mmt.follower.feedback import build_feedback as follower_feedback
 from mmt.leader.feedback import StreamedForce
-from mmt.leader.feedback_choice import build_feedback
 from mmt.leader.feedback_model import ModelForce
+from mmt.leader.feedback_part import build_feedback
 from mmt.leader.feedback_passive import PassiveForce
 from mmt.scene import ForceFeedback
 

@@ -18,7 +18,7 @@ from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.feedback import StreamedForce
 from mmt.leader.feedback_model import ModelForce
 from mmt.leader.feedback_passive import PassiveForce
-from mmt.leader.handle import OperatorHandle
+from mmt.leader.hand import OperatorHandle
 
 RECOVERY_MM = 0.05
 

@@ -10,7 +10,7 @@ import pytest
 from mmt.leader.completing import ModelOutput
 from mmt.leader.part import Part, Session
 from mmt.leader.recording import RecordingPart
-from mmt.leader.surface_files import write_surface_models
+from mmt.leader.surface_log import write_surface_models
 from mmt.leader.synthesizing import SynthesizingPart
 from mmt.leader.vibration import VibrationSwitch
 from mmt.scene import Scene

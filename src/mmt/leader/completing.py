@@ -224,7 +224,7 @@ class ModelOutput(Part):
         modelling, recorder = self._modelling, self._running_recorder
         if self._log.surfaces is None or modelling is None or recorder is None:
             return []
-        from mmt.leader.surface_files import write_surface_models
+        from mmt.leader.surface_log import write_surface_models
 
         return write_surface_models(recorder.path, modelling.models())
 

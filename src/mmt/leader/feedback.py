@@ -7,7 +7,7 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.leader.silence import SILENCE_TICKS, SilenceRamp
+from mmt.leader.force_ramp import SILENCE_TICKS, ForceRamp
 
 
 class Feedback(Protocol):
@@ -83,14 +83,14 @@ class StreamedForce:
     ) -> None:
         self._interface = interface
         self._limit_n = limit_n
-        self._ramp = SilenceRamp(silence_ticks, silence_ticks)
+        self._ramp = ForceRamp(silence_ticks, silence_ticks)
         self._force: Vector = (0.0, 0.0, 0.0)
         self._largest_n = 0.0
 
     def take(self, frames: RecordArray) -> None:
         """Keep the newest frame's force."""
         self._force = limited(frames["force_n"][-1].tolist(), self._limit_n)
-        self._ramp.heard()
+        self._ramp.renew()
 
     def take_records(self, records: RecordArray) -> None:
         """Do nothing: frames are all that comes."""

@@ -15,8 +15,8 @@ from mmt.core.arrays import RecordArray
 from mmt.core.feedback_records import CONTACT, CONTACT_DTYPE
 from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.feedback import ForceDisplay, StreamedForce, limited
-from mmt.leader.ports import GuardedPorts
-from mmt.leader.silence import SILENCE_TICKS
+from mmt.leader.force_ramp import SILENCE_TICKS
+from mmt.leader.passivity_ports import PassivityPorts
 
 _M: Final = 1e-3
 _HANDOVER_S: Final = 0.02
@@ -75,7 +75,7 @@ class ModelForce(StreamedForce):
     ) -> None:
         super().__init__(interface, limit_n=limit_n, silence_ticks=silence_ticks)
         settings = settings or ModelSettings()
-        self._ports = GuardedPorts(settings.passivity, limit_n=limit_n, opening_j=opening_j)
+        self._ports = PassivityPorts(settings.passivity, limit_n=limit_n, opening_j=opening_j)
         self._felt = ContactEstimator(settings.estimation)
         self._surface = ContactEstimator(settings.estimation)
         self._contact = LocalContact(settings.rendering)

@@ -11,8 +11,8 @@ from mmt.core.arrays import RecordArray
 from mmt.core.feedback_records import ENERGY, ENERGY_DTYPE
 from mmt.devices.protocols import InterfaceState
 from mmt.leader.feedback import ForceDisplay, StreamedForce
-from mmt.leader.ports import GuardedPorts
-from mmt.leader.silence import SILENCE_TICKS
+from mmt.leader.force_ramp import SILENCE_TICKS
+from mmt.leader.passivity_ports import PassivityPorts
 
 
 class PassiveForce(StreamedForce):
@@ -44,7 +44,7 @@ class PassiveForce(StreamedForce):
         opening_j: float = 0.0,
     ) -> None:
         super().__init__(interface, limit_n=limit_n, silence_ticks=silence_ticks)
-        self._ports = GuardedPorts(settings, limit_n=limit_n, opening_j=opening_j)
+        self._ports = PassivityPorts(settings, limit_n=limit_n, opening_j=opening_j)
         self._given = EnergyCounts(opening_j)
         self._report = EnergyReport()
 

@@ -3,14 +3,56 @@
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from mmt.devices.protocols import LeaderInterface
+from mmt.core.arrays import difference, towards
+from mmt.devices.protocols import InterfaceState, LeaderInterface, Vector
+from mmt.devices.reconnection import ReconnectingHandle
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene import Link, Simulated
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
-    from mmt.leader.handle import OperatorHandle
+
+class OperatorHandle(ReconnectingHandle):
+    """A handle that may be lost and return elsewhere, and the follower's position command.
+
+    While the handle is lost the command stays what it was: the robot holds. After its return
+    the difference between the command and the handle's position is reduced at a bounded speed,
+    with the hand's motion added, so that no command jumps.
+
+    Parameters
+    ----------
+    device
+        The handle's driver.
+    recovery_mm
+        Reduction of the difference in one tick, mm.
+    """
+
+    def __init__(self, device: LeaderInterface, recovery_mm: float) -> None:
+        super().__init__(device)
+        self._recovery_mm = recovery_mm
+        self._offset: Vector | None = None
+        self._read_losses = 0
+        self.command_mm: Vector | None = None
+        """The follower's position command, None before the handle was ever read."""
+
+    def read(self, elapsed_ticks: int) -> InterfaceState | None:
+        """Return the state now, None while the handle is lost, and set the command."""
+        state = super().read(elapsed_ticks)
+        if state is None:
+            return None
+        position = state.position_mm
+        if self.losses != self._read_losses:  # it is back, perhaps since an earlier `write`
+            self._read_losses = self.losses
+            if self.command_mm is not None:
+                self._offset = difference(self.command_mm, position)
+        if self._offset is None:
+            self.command_mm = position
+            return state
+        x, y, z = towards(self._offset, (0.0, 0.0, 0.0), self._recovery_mm * elapsed_ticks)
+        self.command_mm = (position[0] + x, position[1] + y, position[2] + z)
+        self._offset = (x, y, z) if x or y or z else None
+        return state
 
 
 class HandPart(Part):
@@ -29,8 +71,8 @@ class HandPart(Part):
     def __init__(
         self,
         session: Session,
-        device: "LeaderInterface | OperatorHandle",
-        handle: "OperatorHandle | None" = None,
+        device: LeaderInterface | OperatorHandle,
+        handle: OperatorHandle | None = None,
     ) -> None:
         self._session = session
         self.device = device
@@ -64,8 +106,6 @@ class HandPart(Part):
         )
         if scene.handle.on_lost == "stop":
             return cls(session, device)
-        from mmt.leader.handle import OperatorHandle
-
         link = scene.link or Link()
         handle = OperatorHandle(device, link.recovery_mm_s / scene.session.rate_hz)
         return cls(session, handle, handle)

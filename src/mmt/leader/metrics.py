@@ -9,8 +9,8 @@ if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
     from mmt.leader.backfill import Backfill
-    from mmt.leader.log import RunLog
     from mmt.leader.modelling import Modelling
+    from mmt.leader.run_log import RunLog
     from mmt.link.http import Page
 
 

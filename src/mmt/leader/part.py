@@ -14,8 +14,7 @@ from mmt.core.ending import Ending
 from mmt.core.errors import MmtError
 from mmt.core.ticking import Ticker
 from mmt.devices.protocols import InterfaceState
-from mmt.leader.journal import Journal
-from mmt.leader.log import RunLog
+from mmt.leader.run_log import Journal, RunLog
 from mmt.scene import Scene
 
 if TYPE_CHECKING:

@@ -33,7 +33,7 @@ PARTS: Final[dict[str, PartEntry]] = {
         "mmt.leader.stream:StreamedMotion", lambda scene: scene.rendering is not None
     ),
     "force_feedback": PartEntry(
-        "mmt.leader.feedback_choice:ForceFeedbackPart",
+        "mmt.leader.feedback_part:ForceFeedbackPart",
         lambda scene: scene.force_feedback is not None,
     ),
     "modelling": PartEntry(

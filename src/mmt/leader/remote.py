@@ -1,25 +1,29 @@
 """The follower as the leader knows it: its frames go to the parts, its loss is waited out."""
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import FAILED
+from mmt.core.frames import COMMAND_DTYPE
 from mmt.core.process import ProcessMeter
 from mmt.core.ranges import Range
 from mmt.devices.protocols import Vector
 from mmt.leader.backfill import Backfill
-from mmt.leader.clock_notes import ClockNotes
-from mmt.leader.commands import MotionCommands
 from mmt.leader.numbering import SessionNumbering
 from mmt.leader.part import Session
 from mmt.scene import LARGEST_SPEED
 
 if TYPE_CHECKING:
+    from mmt.link.clock_exchange import RemoteClock
     from mmt.link.clock_offset import ClockJump
     from mmt.link.http import Page
     from mmt.link.protocol import FollowerHello, LinkStatistics
     from mmt.link.server import LeaderServer
+
+_NOTE_PERIOD_NS: Final = 10_000_000_000
 
 
 class RemoteFollower:
@@ -185,3 +189,74 @@ class RemoteFollower:
     def _request_frames(self, ranges: list[Range]) -> None:
         if self.server is not None:
             self.server.request_frames(ranges)
+
+
+class MotionCommands:
+    """Make one motion command a tick, numbered, with the echo of the newest frame's time.
+
+    Parameters
+    ----------
+    numbering
+        Knows the newest frame.
+    """
+
+    def __init__(self, numbering: SessionNumbering) -> None:
+        self._numbering = numbering
+        self._sequence = 0
+
+    def make(self, now_ns: int, position_mm: Vector) -> RecordArray:
+        """Return the command, shape (1,), that asks the follower to take a position."""
+        echo_time_ns = self._numbering.follower_time_ns
+        command = np.zeros(1, dtype=COMMAND_DTYPE)
+        command[0] = (
+            self._sequence,
+            now_ns,
+            echo_time_ns,
+            now_ns - self._numbering.arrival_ns if echo_time_ns else 0,
+            position_mm,
+        )
+        self._sequence += 1
+        return command
+
+
+class ClockNotes:
+    """Note the offset when it is first known, every ten seconds, at a jump and at the end.
+
+    Parameters
+    ----------
+    clock
+        The follower's.
+    note
+        Takes what is to be noted.
+    """
+
+    def __init__(self, clock: "RemoteClock", note: Callable[[dict[str, Any]], None]) -> None:
+        self._clock = clock
+        self._note = note
+        self._noted_ns: int | None = None
+
+    def look(self, *, last: bool = False) -> None:
+        """Note the offset if it is time; call it several times a second, and at the end."""
+        estimate = self._clock.estimate
+        if estimate is None:
+            return
+        since_ns = None if self._noted_ns is None else estimate.time_ns - self._noted_ns
+        if since_ns is not None and since_ns < _NOTE_PERIOD_NS and not (last and since_ns > 0):
+            return
+        self._noted_ns = estimate.time_ns
+        self._note(
+            {
+                "event": "clocks compared",
+                "clock_time_ns": estimate.time_ns,
+                "clock_offset_ns": 0 if self._clock.same else estimate.offset_ns,
+                "clock_drift_ppm": 0.0 if self._clock.same else round(estimate.drift * 1e6, 3),
+                "clock_uncertainty_ns": 0 if self._clock.same else estimate.uncertainty_ns,
+                "same_clock": self._clock.same,
+            }
+        )
+
+    def jumped(self, jump: "ClockJump") -> tuple[str, dict[str, Any]]:
+        """Return the sentence and the details of a jump; the offset is noted anew after it."""
+        self._noted_ns = None
+        details = {"clock_time_ns": jump.time_ns, "clock_step_ns": jump.step_ns}
+        return f"clocks: the follower's {jump.describe()}", details

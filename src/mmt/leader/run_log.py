@@ -1,13 +1,20 @@
-"""What happens in a session, told to the person, the log and the recording."""
+"""Events of a run, and its state for the parts and the summary."""
 
 import logging
+import uuid
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core import logs
+from mmt.core.process import ProcessMeter
+from mmt.core.ticking import TimeHistogram
 
 if TYPE_CHECKING:
     from mmt.leader.part import Parts
+    from mmt.leader.surface_log import SurfaceLog
+    from mmt.texture.library.identification import Choice
+    from mmt.texture.online.work import ModelUpdate
 
 LOG: Final = logging.getLogger("mmt.leader")
 
@@ -56,3 +63,22 @@ class Journal:
 
     def _tell(self, event: dict[str, Any], sentence: str | None) -> None:
         self._parts.call("on_event", {"time_s": self.time_s, **event}, sentence)
+
+
+@dataclass
+class RunLog:
+    """What is noted while the leader runs."""
+
+    session_id: str = field(default_factory=lambda: uuid.uuid4().hex[:12])
+    meter: ProcessMeter = field(default_factory=ProcessMeter)
+    update: "ModelUpdate | None" = None
+    update_seconds: list[float] = field(default_factory=list)
+    switches: list[dict[str, Any]] = field(default_factory=list)
+    late_while_modelling: TimeHistogram = field(default_factory=TimeHistogram)
+    start_s: float | None = None
+    stop_s: float | None = None
+    warm: "Choice | None" = None
+    """The known texture that was rendered before the local model."""
+    ready_s: float | None = None
+    surfaces: "SurfaceLog | None" = None
+    """Which surface the tool was on, where surfaces are told apart."""

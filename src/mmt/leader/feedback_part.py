@@ -1,11 +1,11 @@
-"""The part that displays the remote force by the scene's method; the others are not imported."""
+"""The part that displays the remote force; only the module of the scene's method is imported."""
 
 from typing import TYPE_CHECKING, Any, Literal
 
 from mmt.core.arrays import RecordArray
 from mmt.leader.feedback import Feedback, ForceDisplay, StreamedForce
+from mmt.leader.force_ramp import SILENCE_TICKS
 from mmt.leader.part import Part, Session, Tick
-from mmt.leader.silence import SILENCE_TICKS
 from mmt.scene import ForceFeedback, Texture
 
 if TYPE_CHECKING:
