@@ -89,7 +89,7 @@ def test_help_has_a_sentence_of_every_name(name: str) -> None:
         "mmt",
         "mmt.session.data",
         "mmt.session.files",
-        "mmt.texture.model.file",
+        "mmt.texture.model.texture_model",
         "mmt.texture.online.history",
         "mmt.evaluation.evaluate",
     ],

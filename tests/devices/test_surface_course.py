@@ -64,7 +64,7 @@ def test_one_surface_is_no_course_and_a_course_is_not_one_surface() -> None:
         SurfaceCourse(THREE[:1], [])
     with pytest.raises(InputError, match="single surface"):
         course_from_annotations(THREE[0].annotations())
-    with pytest.raises(InputError, match="--surfaces"):
+    with pytest.raises(InputError, match="mmt lab surfaces"):
         surface_from_annotations(drawn().annotations())
 
 

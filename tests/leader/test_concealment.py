@@ -143,5 +143,5 @@ def output_of(frames):
     at = {int(frame["sequence"]): frames[i : i + 1] for i, frame in enumerate(frames)}
     for k in range(3000):
         if k in at:
-            vibration.take(at[k], k * MS)
+            vibration.on_frames(at[k], k * MS)
         yield buffer.pull(k * MS)

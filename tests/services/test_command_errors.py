@@ -115,7 +115,7 @@ CASES = [
     ("mmt model info text.npz", "model text.npz: not a texture model"),
     ("mmt model build whole.mcap x.pdf", "the name of a model file must end in .npz"),
     ("mmt model build cut.mcap x.npz", CUT_OFF),
-    ("mmt bench nothing", "bench nothing: allowed are burg, lines"),
+    ("mmt bench nothing", "bench nothing: allowed are burg, conceal"),
     ("mmt burn", "No such command 'burn'"),
     ("mmt", "Usage: mmt"),
 ]

@@ -3,7 +3,7 @@ import itertools
 import numpy as np
 import pytest
 
-import mmt.texture.online.modeller
+import mmt.texture.online.fitting
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import empty_frames
 from mmt.scene import Hand, Scene
@@ -141,7 +141,7 @@ def test_a_model_that_is_never_complete_stays_small_and_spread(
 ) -> None:
     whole = OnlineModeller(ModellingSettings(start_distance=0.1, stop_distance=0.1))
     feed(whole, frames)
-    monkeypatch.setattr(mmt.texture.online.modeller, "LARGEST_MODEL", 15)
+    monkeypatch.setattr(mmt.texture.online.fitting, "LARGEST_MODEL", 15)
     small = OnlineModeller(whole.settings)
     updates = feed(small, frames)
     assert len(whole.fits) > 20
@@ -160,7 +160,7 @@ def closest(modeller: OnlineModeller) -> float:
 
 
 def test_of_two_samples_at_one_point_the_older_leaves(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mmt.texture.online.modeller, "LARGEST_MODEL", 4)
+    monkeypatch.setattr(mmt.texture.online.fitting, "LARGEST_MODEL", 4)
     to_and_fro = empty_frames(12_000)
     to_and_fro["sequence"] = np.arange(12_000)
     way = 150.0 * (-1.0) ** (np.arange(12_000) // 1000)

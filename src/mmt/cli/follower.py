@@ -1,41 +1,34 @@
 """``mmt-follower``: measure and stream."""
 
-import asyncio
-import logging
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated
 
 import typer
 
-from mmt.cli.common import (
-    messages,
-    output,
-    print_parts,
-    run_app,
-    stop_on_signals,
-    version,
-    with_inventory,
-    write_json,
-    write_line,
+from mmt.cli.common import run_app, write_line
+from mmt.cli.service import (
+    JsonFile,
+    JsonLines,
+    LogFile,
+    LogLevel,
+    RealTime,
+    SceneFile,
+    ServiceOptions,
+    ServiceRun,
+    Version,
 )
-from mmt.core.errors import InputError, MmtError
-from mmt.core.logs import Logs, details
-from mmt.core.realtime import be_real_time, require_real_time
-from mmt.core.version import __version__
-from mmt.follower.service import Follower, FollowerSummary
+from mmt.core.errors import InputError
+from mmt.core.logs import Logs
+from mmt.follower.service import Follower
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
-
-LOG: Final = logging.getLogger("mmt.follower")
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.command()
 def follower(
-    scene_file: Annotated[
-        Path, typer.Argument(metavar="SCENE", help="A TOML file, or an example's name.")
-    ],
+    scene_file: SceneFile,
     leader: Annotated[
         str | None, typer.Option(metavar="URL", help="The leader; the scene's \\[link] if absent.")
     ] = None,
@@ -43,24 +36,12 @@ def follower(
     speed: Annotated[
         float | None, typer.Option(help="Replay this many times faster than real time.")
     ] = None,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", help="Write the summary there.")
-    ] = None,
-    json_lines: Annotated[
-        bool, typer.Option("--json-lines", help="Events and summary as JSON lines on stdout.")
-    ] = False,
-    log: Annotated[
-        Path | None, typer.Option(help="Add a JSON line per event to this file.")
-    ] = None,
-    log_level: Annotated[
-        str | None, typer.Option(metavar="LEVEL", help="debug, info, warning or error.")
-    ] = None,
-    realtime: Annotated[
-        bool, typer.Option("--realtime", help="Tick by real-time scheduling (Linux).")
-    ] = False,
-    _: Annotated[
-        bool, typer.Option("--version", callback=version, is_eager=True, help="Print it.")
-    ] = False,
+    json_file: JsonFile = None,
+    json_lines: JsonLines = False,
+    log: LogFile = None,
+    log_level: LogLevel = None,
+    realtime: RealTime = False,
+    _: Version = False,
 ) -> None:
     """Stream one session: read the scene's source and send it to the leader."""
     scene = load_scene(scene_file, replay=replay)
@@ -68,49 +49,44 @@ def follower(
         if scene.replay is None:
             raise InputError("--speed is for a replay: give --replay FILE, or a scene of one")
         scene = load_scene(scene_file, {"replay.speed": speed}, replay=replay)
-    if realtime:
-        require_real_time()
-    if not json_lines:
-        print_parts(scene, "follower")
-    with Logs("follower", log, log_level) as logs:
-        LOG.info("started", extra=details(version=__version__, scene=scene.dump()))
-        summary = asyncio.run(_stream(scene, leader, json_lines, logs, realtime))
-        LOG.info("summary", extra=details(summary=summary.as_dict()))
-    if json_lines:
-        write_line("summary", **summary.as_dict())
-    else:
-        from mmt.cli.common import summary_table
-
-        output.print(summary_table("follower", summary.as_dict()))
-    write_json(json_file, summary.as_dict())
-    if summary.problem is not None:
-        raise MmtError(summary.problem)
+    options = ServiceOptions(json_file, json_lines, log, log_level, realtime)
+    FollowerRun(scene, options, leader).run()
 
 
-async def _stream(
-    scene: Scene, url: str | None, json_lines: bool, logs: Logs, realtime: bool
-) -> FollowerSummary:
-    def say(sentence: str) -> None:
-        if json_lines:
-            write_line("event", event=sentence)
-        else:
-            messages.print(sentence, highlight=False)
+class FollowerRun(ServiceRun[Follower]):
+    """One run of the follower.
 
-    def note(session_id: str) -> None:
-        logs.session_id = session_id
+    Parameters
+    ----------
+    scene
+        What to run.
+    options
+        Of the command line.
+    url
+        Address of the leader; None takes the scene's.
+    """
 
-    service = Follower(scene, url, on_event=say, on_session=note)
-    stop_on_signals(service.stop)
-    say(f"{service.source.describe()}; leader {service.url}")
+    def __init__(self, scene: Scene, options: ServiceOptions, url: str | None) -> None:
+        super().__init__("follower", scene, options)
+        self._url = url
 
-    def ready() -> None:
-        if realtime:
-            be_real_time()
-        if json_lines:
+    def build(self, logs: Logs) -> Follower:
+        """Return the follower; its log carries the session's id once it is known."""
+
+        def on_session(session_id: str) -> None:
+            logs.session_id = session_id
+
+        return Follower(self.scene, self._url, on_event=self.on_event, on_session=on_session)
+
+    def on_start(self, service: Follower) -> None:
+        """Say what is streamed, and where to."""
+        self.on_event(f"{service.source.describe()}; leader {service.url}")
+
+    def on_ready(self, service: Follower) -> None:
+        """Report that the leader is connected."""
+        _ = service
+        if self.options.json_lines:
             write_line("ready")
-
-    running = service.run(ready)
-    return await (with_inventory(running) if json_lines else running)
 
 
 def run() -> None:

@@ -1,0 +1,165 @@
+"""Run a service from its command line: options, log, signals, progress, summary."""
+
+import asyncio
+import logging
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Generic, Protocol, TypeAlias, TypeVar
+
+import typer
+
+from mmt.cli.common import (
+    messages,
+    output,
+    print_parts,
+    stop_on_signals,
+    summary_table,
+    version,
+    with_inventory,
+    write_json,
+    write_line,
+)
+from mmt.core.errors import MmtError
+from mmt.core.logs import Logs, details
+from mmt.core.realtime import be_real_time, require_real_time
+from mmt.core.version import __version__
+from mmt.scene import Scene, Service
+
+SceneFile: TypeAlias = Annotated[
+    Path, typer.Argument(metavar="SCENE", help="A TOML file, or an example's name.")
+]
+JsonFile: TypeAlias = Annotated[
+    Path | None, typer.Option("--json", help="Write the summary there.")
+]
+JsonLines: TypeAlias = Annotated[
+    bool, typer.Option("--json-lines", help="Progress and summary as JSON lines on stdout.")
+]
+LogFile: TypeAlias = Annotated[
+    Path | None, typer.Option("--log", help="Add a JSON line per event to this file.")
+]
+LogLevel: TypeAlias = Annotated[
+    str | None, typer.Option(metavar="LEVEL", help="debug, info, warning or error.")
+]
+RealTime: TypeAlias = Annotated[
+    bool, typer.Option("--realtime", help="Tick by real-time scheduling (Linux).")
+]
+Version: TypeAlias = Annotated[
+    bool, typer.Option("--version", callback=version, is_eager=True, help="Print it.")
+]
+
+
+class Summary(Protocol):
+    """What a service returns at its end."""
+
+    @property
+    def problem(self) -> str | None:
+        """Why the run failed, None where it ended as it should."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the summary for a program."""
+
+
+class RunnableService(Protocol):
+    """A service that runs on the event loop."""
+
+    async def run(self, on_ready: Callable[[], None] | None = None) -> Summary:
+        """Run until the session ends."""
+
+    def stop(self) -> None:
+        """End the session; `run` returns with the summary."""
+
+
+AnyService = TypeVar("AnyService", bound=RunnableService)
+
+
+@dataclass(frozen=True)
+class ServiceOptions:
+    """The options that both services have."""
+
+    json_file: Path | None
+    json_lines: bool
+    log: Path | None
+    log_level: str | None
+    realtime: bool
+
+
+class ServiceRun(ABC, Generic[AnyService]):
+    """One run of a service, reported as text for people or as JSON lines for a program.
+
+    Parameters
+    ----------
+    name
+        "leader" or "follower".
+    scene
+        What to run.
+    options
+        Of the command line.
+    """
+
+    def __init__(self, name: Service, scene: Scene, options: ServiceOptions) -> None:
+        self.name = name
+        self.scene = scene
+        self.options = options
+
+    @abstractmethod
+    def build(self, logs: Logs) -> AnyService:
+        """Return the service; called on the event loop."""
+
+    def on_start(self, service: AnyService) -> None:
+        """Handle the start; signals already end the service."""
+
+    @abstractmethod
+    def on_ready(self, service: AnyService) -> None:
+        """Report that the service is ready."""
+
+    def on_event(self, sentence: str) -> None:
+        """Report an event."""
+        if self.options.json_lines:
+            write_line("event", event=sentence)
+        else:
+            messages.print(sentence, highlight=False)
+
+    def on_summary(self, summary: Summary) -> None:
+        """Write what else is wanted of the summary."""
+
+    def run(self) -> None:
+        """Run the service to its end and report its summary.
+
+        Raises
+        ------
+        MmtError
+            Real-time scheduling is wanted but not permitted, or the run failed.
+        """
+        options, logger = self.options, logging.getLogger(f"mmt.{self.name}")
+        if options.realtime:
+            require_real_time()
+        if not options.json_lines:
+            print_parts(self.scene, self.name)
+        with Logs(self.name, options.log, options.log_level) as logs:
+            logger.info("started", extra=details(version=__version__, scene=self.scene.dump()))
+            summary = asyncio.run(self._run(logs))
+            content = summary.as_dict()
+            logger.info("summary", extra=details(summary=content))
+        if options.json_lines:
+            write_line("summary", **content)
+        else:
+            output.print(summary_table(self.name, content))
+        write_json(options.json_file, content)
+        self.on_summary(summary)
+        if summary.problem is not None:
+            raise MmtError(summary.problem)
+
+    async def _run(self, logs: Logs) -> Summary:
+        service = self.build(logs)
+
+        def ready() -> None:
+            if self.options.realtime:
+                be_real_time()
+            self.on_ready(service)
+
+        stop_on_signals(service.stop)
+        self.on_start(service)
+        running = service.run(ready)
+        return await (with_inventory(running) if self.options.json_lines else running)
