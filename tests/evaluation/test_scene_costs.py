@@ -9,10 +9,16 @@ import pytest
 from scipy import stats
 
 from mmt.cli.scene import costs as scene_costs
-from mmt.cli.scene.costs import SceneCosts, SceneRun, ServiceRun, half_width, measure_scene
-from mmt.cli.scene.import_times import import_times_s
+from mmt.cli.scene.costs import (
+    SceneCosts,
+    SceneRun,
+    ServiceRun,
+    half_width,
+    import_times_s,
+    measure_scene,
+    variants_of,
+)
 from mmt.cli.scene.results import costs_as_dict, packages_of, remarks
-from mmt.cli.scene.variants import variants_of
 from mmt.core.errors import MmtError
 from mmt.scene import Scene
 from mmt.scene.files import example_scenes, load_scene, scene_from_tables

@@ -1,9 +1,19 @@
-"""``mmt evaluate``: a person's own recorded sessions, faster than real time."""
+"""``mmt evaluate`` and ``mmt report``: recorded sessions, and two reports side by side."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.progress import track
+from rich.table import Table
+
+from mmt.cli.common import messages, output, write_json
+
+if TYPE_CHECKING:
+    from mmt.evaluation.document import Block
+    from mmt.evaluation.results import Evaluation
+
+reports = typer.Typer(no_args_is_help=True, help="Compare reports.")
 
 
 def evaluate(
@@ -17,8 +27,75 @@ def evaluate(
     report: Annotated[Path | None, typer.Option(help="Write a report there.")] = None,
 ) -> None:
     """Evaluate recorded sessions: distance and fit against session time."""
-    from mmt.cli.evaluating import evaluate_files
+    from mmt.cli.reporting import scene_of, surface_section
+    from mmt.evaluation.evaluate import evaluate_surfaces
+    from mmt.evaluation.report import write_report
+    from mmt.evaluation.results import evaluations_as_dict
+    from mmt.session import read_session
 
-    evaluate_files(
-        sessions, scene_file=scene_file, step_s=step, seed=seed, json_file=json_file, report=report
-    )
+    evaluations: list[Evaluation] = []
+    scenes: list[dict[str, Any]] = []
+    more: list[Block] = []
+    for path in track(sessions, "evaluating", console=messages, transient=True):
+        session = read_session(path)
+        scene = scene_of(session, scene_file)
+        found, parts = evaluate_surfaces(session, scene, step_s=step, seed=seed)
+        evaluations += found
+        more += surface_section(parts)
+        scenes += [scene.dump()] * len(found)
+    _show(evaluations)
+    write_json(json_file, evaluations_as_dict(evaluations))
+    if report is not None:
+        one = all(scene == scenes[0] for scene in scenes)
+        names = [evaluation.name for evaluation in evaluations]
+        shown = scenes[0] if one else dict(zip(names, scenes, strict=True))
+        write_report(report, evaluations, title="Evaluation", scene=shown, more=more)
+        messages.print(f"report: {report / 'report.html'}", highlight=False)
+
+
+def _show(evaluations: "list[Evaluation]") -> None:
+    """Print the tables and a remark on each session."""
+    from mmt.evaluation.table import evaluation_table, heading_tables, step_table
+
+    if len(evaluations) == 1:
+        output.print(step_table(evaluations[0]))
+    output.print(evaluation_table(evaluations))
+    for by_heading in heading_tables(evaluations):
+        output.print(by_heading)
+    for evaluation in evaluations:
+        output.print(
+            f"{evaluation.name}: {evaluation.coverage.remark} Evaluated "
+            f"{evaluation.times_real_time:.0f} times faster than real time.",
+            highlight=False,
+        )
+
+
+@reports.callback()
+def _reports() -> None:
+    """Keep `compare` a command of its own."""
+
+
+@reports.command()
+def compare(
+    left: Annotated[Path, typer.Argument(metavar="A", help="A report's folder.")],
+    right: Annotated[Path, typer.Argument(metavar="B", help="Another's, of the same kind.")],
+    report: Annotated[
+        Path | None, typer.Option(help="Write both, with their figures, to this folder.")
+    ] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the differences.")] = None,
+) -> None:
+    """Show what differs between two runs, evaluations or measurements."""
+    from mmt.evaluation.comparison import COLUMNS, compare_reports, write_comparison
+
+    found = compare_reports(left, right)
+    for section, differences in found.sections.items():
+        table = Table(title=section or "overall", title_justify="left", pad_edge=False)
+        for number, column in enumerate(COLUMNS):
+            table.add_column(column, justify="right" if number else "left", overflow="fold")
+        for difference in differences:
+            table.add_row(*difference.row)
+        output.print(table)
+    output.print(found.verdict, highlight=False)
+    write_json(json_file, found.as_dict())
+    if report is not None:
+        messages.print(f"report: {write_comparison(found, report)}", highlight=False)

@@ -14,7 +14,6 @@ from mmt.cli import (
     evaluation,
     model_exchange,
     models,
-    reports,
     scenes,
     selecting,
     sessions,
@@ -62,7 +61,7 @@ models.app.command("export")(model_exchange.export_model)
 models.app.command("select")(selecting.select_samples)
 app.add_typer(scenes.app, name="scene")
 app.add_typer(devices.app, name="device")
-app.add_typer(reports.app, name="report")
+app.add_typer(evaluation.reports, name="report")
 
 DEFAULT_SCENE = Path("demo")
 

@@ -9,7 +9,7 @@ own speed, force and heading; a realisation of the texture under the hand is the
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from types import MappingProxyType
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -38,7 +38,7 @@ from mmt_lab.felt.leading import (
 )
 from mmt_lab.felt.passing import pass_over
 from mmt_lab.harness.experiment import Experiment, Seeds, Textures, Workers, chosen_textures
-from mmt_lab.harness.findings import Findings
+from mmt_lab.harness.findings import Findings, median_of_known
 from mmt_lab.harness.processes import each
 
 NETWORKS: Final = ("lan", "wifi", "wan", "bad")
@@ -61,9 +61,6 @@ METHODS: Final[Mapping[str, Mapping[str, Any] | None]] = MappingProxyType(
 
 SPANS_S: Final = ((0.0, 5.0), (5.0, 10.0), (10.0, 1000.0))
 """Session times over which errors are gathered."""
-
-
-Default = TypeVar("Default")
 
 
 @dataclass(frozen=True)
@@ -116,7 +113,7 @@ class Row:
 
 
 def cases(seeds: int, textures: Sequence[str]) -> list[Case]:
-    """Return so many sessions of each texture over each network."""
+    """Return `seeds` sessions of each texture over each network."""
     return [
         Case(texture, network, FIRST_SEED + seed)
         for network in NETWORKS
@@ -174,7 +171,8 @@ def by_second(outcomes: Sequence[Outcome], network: str, method: str) -> FloatAr
         [_rms(one.course.level_db, _within(one.course, at, at + 1.0)) for one in found]
         for at in range(last + 1)
     ]
-    return np.array([_median(values, np.nan) for values in seconds])
+    medians = [median_of_known(values) for values in seconds]
+    return np.array([np.nan if value is None else value for value in medians])
 
 
 def as_dict(outcomes: Sequence[Outcome]) -> dict[str, Any]:
@@ -200,7 +198,7 @@ def _row(network: str, method: str, found: Sequence[Outcome]) -> Row:
     courses = [one.course for one in found]
     levels, bands = (
         tuple(
-            _median([_rms(getattr(c, name), _within(c, *span)) for c in courses], None)
+            median_of_known([_rms(getattr(c, name), _within(c, *span)) for c in courses])
             for span in SPANS_S
         )
         for name in ("level_db", "bands_db")
@@ -209,11 +207,11 @@ def _row(network: str, method: str, found: Sequence[Outcome]) -> Row:
         network=network,
         method=method,
         sessions=len(found),
-        start_s=_median([one.start_s for one in found], None),
+        start_s=median_of_known([one.start_s for one in found]),
         level_db=levels,
         bands_db=bands,
-        onset_ms=_median(np.concatenate([c.onset_ms for c in courses]).tolist(), None),
-        offset_ms=_median(np.concatenate([c.offset_ms for c in courses]).tolist(), None),
+        onset_ms=median_of_known(np.concatenate([c.onset_ms for c in courses]).tolist()),
+        offset_ms=median_of_known(np.concatenate([c.offset_ms for c in courses]).tolist()),
     )
 
 
@@ -223,11 +221,6 @@ def _within(course: Course, first_s: float, stop_s: float) -> BoolArray:
 
 def _rms(errors_db: FloatArray, chosen: BoolArray) -> float | None:
     return float(np.sqrt(np.mean(np.square(errors_db[chosen])))) if chosen.any() else None
-
-
-def _median(values: Sequence[float | None], default: Default) -> float | Default:
-    present = [value for value in values if value is not None]
-    return float(np.median(present)) if present else default
 
 
 TITLE: Final = "What the operator feels, end to end"

@@ -3,7 +3,6 @@
 import asyncio
 import multiprocessing
 import os
-import statistics
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,7 +15,7 @@ from mmt.core.realtime import require_real_time
 from mmt.scene.files import example_scenes, load_scene
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.experiment import Duration, Experiment, RealTime
-from mmt_lab.harness.findings import Findings, Records
+from mmt_lab.harness.findings import Findings, Records, median_of_known
 
 ROUND_S: Final = 5.0
 """Longest run of the services; the two ways take turns."""
@@ -95,7 +94,7 @@ def compare(duration_s: float) -> Findings:
     rows, figures = [], {}
     for service, table, key, what in _FIGURES:
         ordinary, real_time = (
-            _median([_figure(run, service, table, key) for run in runs[way]])
+            median_of_known([_figure(run, service, table, key) for run in runs[way]])
             for way in (False, True)
         )
         rows.append({"what": what, "ordinary": ordinary, "real-time": real_time})
@@ -128,11 +127,6 @@ def _run(duration_s: float, realtime: bool) -> DemoRun:
 def _figure(run: DemoRun, service: str, table: str, key: str) -> float | None:
     value: float | None = getattr(run, service)[table][key]
     return value
-
-
-def _median(values: list[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return statistics.median(known) if known else None
 
 
 @contextmanager

@@ -1,7 +1,8 @@
 """What an experiment has found: plain values for tables, plots, reports and JSON."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+import statistics
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final, Literal, Self
 
@@ -226,6 +227,12 @@ class Findings:
 
 TIME_US: Final = Axis("time (µs)", "µs")
 MICROSECONDS: Final = 1e6
+
+
+def median_of_known(values: Iterable[float | None]) -> float | None:
+    """Return the median of the values that are not None, None where all are."""
+    known = [value for value in values if value is not None]
+    return statistics.median(known) if known else None
 
 
 def _spread(value: Spread | float) -> Spread:

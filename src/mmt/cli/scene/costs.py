@@ -7,14 +7,19 @@ variance of a one-way layout), and a difference comes with the half-width of its
 confidence interval by Student's t: one that does not exceed it is not significant.
 """
 
+import json
 import math
+import re
 import statistics
+import subprocess
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from itertools import combinations
+from typing import Any, Final
 
-from mmt.cli.scene.import_times import import_times_s
-from mmt.cli.scene.variants import Variant, variants_of
+from pydantic import ValidationError
+
 from mmt.core.errors import MmtError
 from mmt.scene import Scene
 
@@ -22,6 +27,75 @@ FIGURES: Final = ("start_s", "core_share", "memory_mb")
 """Seconds until ready, share of a core while streaming, resident memory at the end."""
 
 CONFIDENCE: Final = 0.95
+
+REPEATS: Final = 2
+"""Fresh processes; the quickest import of each module counts."""
+
+_LONGEST_S: Final = 300.0
+_LINE: Final = re.compile(r"import time:\s*(\d+) \|\s*\d+ \|\s*(\S+)")
+# the interpreter's own __import__ is timed, importlib's import_module is not
+_PROGRAM: Final = """
+import contextlib, json, sys
+for name in json.load(sys.stdin):
+    with contextlib.suppress(ImportError):
+        __import__(name)
+"""
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A scene without one part, and without those that need it.
+
+    Parameters
+    ----------
+    left_out
+        The part, then what had to go with it.
+    scene
+        What is left.
+    """
+
+    left_out: tuple[str, ...]
+    scene: Scene
+
+    @property
+    def name(self) -> str:
+        """The part, and in brackets what goes with it."""
+        first, *others = self.left_out
+        return f"{first} (with {', '.join(others)})" if others else first
+
+
+def variants_of(scene: Scene) -> tuple[list[Variant], list[str]]:
+    """Return the scenes with one part left out, and the parts that cannot be.
+
+    Where others need the part, the fewest that make a valid scene are left out with it. The
+    link and the follower's source stay: without them a scene of two services is another one.
+    """
+    parts = [name for name, runs in scene.parts().items() if runs]
+    fixed = {"link", scene.source} if scene.link is not None else set()
+    loose = [name for name in parts if name not in fixed]
+    found = {name: _without(scene, name, loose) for name in loose}
+    variants = [variant for variant in found.values() if variant is not None]
+    distinct = {frozenset(variant.left_out): variant for variant in reversed(variants)}
+    kept = [name for name in parts if found.get(name) is None]
+    return [variant for variant in variants if variant in distinct.values()], kept
+
+
+def _without(scene: Scene, part: str, loose: list[str]) -> Variant | None:
+    others = [name for name in loose if name != part]
+    for count in range(len(others) + 1):
+        for more in combinations(others, count):
+            left_out = (part, *more)
+            rest = _valid({k: v for k, v in scene.dump().items() if k not in left_out})
+            if rest is not None:
+                return Variant(left_out, rest)
+    return None
+
+
+def _valid(tables: dict[str, Any]) -> Scene | None:
+    try:
+        return Scene.model_validate(tables)
+    except ValidationError:
+        return None
 
 
 @dataclass(frozen=True)
@@ -205,3 +279,48 @@ def _run_variant(costs: SceneCosts, variant: Variant, run: Callable[[Scene], Sce
 
 def _values(runs: Sequence[SceneRun], service: str, figure: str) -> list[float]:
     return [float(getattr(run.services[service], figure)) for run in runs]
+
+
+def import_times_s(modules: Sequence[str], repeats: int = REPEATS) -> dict[str, float]:
+    """Return the seconds that each module took, what it imported itself not counted.
+
+    Parameters
+    ----------
+    modules
+        In the order in which they are imported, as ``sys.modules`` has them. One that cannot
+        be imported by its name stops nothing.
+    repeats
+        How many processes import them.
+
+    Raises
+    ------
+    MmtError
+        A process that imports them fails or hangs.
+    """
+    times: dict[str, list[float]] = {}
+    for _ in range(repeats):
+        for microseconds, name in _LINE.findall(_importing(modules)):
+            times.setdefault(name, []).append(int(microseconds) * 1e-6)
+    return {name: min(times[name]) for name in modules if name in times}
+
+
+def _importing(modules: Sequence[str]) -> str:
+    try:
+        ended = subprocess.run(  # noqa: S603 - this interpreter and the program above
+            [sys.executable, "-X", "importtime", "-c", _PROGRAM],
+            input=json.dumps(list(modules)),
+            capture_output=True,
+            text=True,
+            timeout=_LONGEST_S,
+            check=True,
+        )
+    except subprocess.SubprocessError as error:
+        raise MmtError(f"the imports cannot be timed: {_said(error)}") from error
+    return ended.stderr
+
+
+def _said(error: subprocess.SubprocessError) -> str:
+    stderr = getattr(error, "stderr", None)
+    lines = stderr.splitlines() if isinstance(stderr, str) else []
+    own = [line for line in lines if not line.startswith("import time:")]
+    return own[-1] if own else str(error)

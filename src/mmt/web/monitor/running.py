@@ -1,18 +1,29 @@
-"""The monitor's task: look some 25 times a second, and publish what is new."""
+"""The monitor's task and its page: look some 25 times a second, and publish what is new."""
 
 import asyncio
 import logging
 from collections import deque
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
-from mmt.scene import Monitor
+from aiohttp import WSMsgType, web
+
+from mmt.link.access import Access
+from mmt.scene import Monitor, Scene
 from mmt.web.binary_messages import pack
 from mmt.web.monitor import states
 from mmt.web.monitor.controls import Controls
 from mmt.web.monitor.live import LiveMessages
 from mmt.web.monitor.tap import MonitorTap
 from mmt.web.monitor.view import LeaderView
-from mmt.web.monitor.viewers import Viewers
+from mmt.web.monitor.viewers import Viewer, Viewers
+from mmt.web.page_server import (
+    GOING_AWAY,
+    add_page,
+    monitor_files,
+    open_socket,
+    refuse_foreign_page,
+)
 
 if TYPE_CHECKING:
     from mmt.link.http import Page
@@ -61,9 +72,7 @@ class LeaderMonitor:
     @property
     def page(self) -> "Page":
         """The page for the leader's port."""
-        from mmt.web.monitor.site import monitor_page
-
-        return monitor_page(self.viewers, self._controls, self._leader.scene)
+        return _monitor_page(self.viewers, self._controls, self._leader.scene)
 
     async def run(self) -> None:
         """Look until cancelled. A fault ends the monitor, never the session."""
@@ -154,3 +163,51 @@ class LeaderMonitor:
     def _publish_events(self) -> None:
         events = [[round(time_s, 2), sentence] for time_s, sentence in self._events]
         self.viewers.publish("events", pack("events", {"events": events}, {}))
+
+
+def _monitor_page(viewers: Viewers, controls: Controls, scene: Scene) -> "Page":
+    """Return the page ``/monitor/`` and its socket ``/monitor/socket``."""
+    files = monitor_files()
+    host = scene.link.host if scene.link is not None else ""
+
+    def add(application: web.Application, access: Access) -> None:
+        async def look_on(request: web.Request) -> web.StreamResponse:
+            refuse_foreign_page(request, access, host)
+            if viewers.full:
+                raise web.HTTPServiceUnavailable(text="too many viewers\n")
+            return await _serve(request, access, viewers, controls)
+
+        application.router.add_get("/monitor/socket", look_on)
+        add_page(application, "/monitor", files)
+
+    return add
+
+
+async def _serve(
+    request: web.Request, access: Access, viewers: Viewers, controls: Controls
+) -> web.WebSocketResponse:
+    """Let one browser look on until it leaves or the session ends."""
+    socket, admitted = await open_socket(request, access)
+    if not admitted:
+        return socket
+    if viewers.full:
+        await socket.close(code=GOING_AWAY, message=b"too many viewers")
+        return socket
+    viewer = viewers.add()
+    sending = asyncio.create_task(_send(socket, viewer))
+    try:
+        async for message in socket:
+            if message.type is not WSMsgType.TEXT:
+                break
+            viewer.offer(*await controls.answer(message.data))
+    finally:
+        viewers.remove(viewer)
+        sending.cancel()
+        await asyncio.gather(sending, return_exceptions=True)
+    return socket
+
+
+async def _send(socket: web.WebSocketResponse, viewer: Viewer) -> None:
+    with suppress(ConnectionError):
+        await viewer.send(socket)
+        await socket.close(code=GOING_AWAY, message=b"the session has ended")
