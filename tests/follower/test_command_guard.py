@@ -133,7 +133,7 @@ def test_commands_are_taken_up_again_without_a_jump_while_the_hand_moves_on() ->
     robot.run(500)
     for k in range(600):  # the hand is 20 mm off by now and goes on at 150 mm/s
         robot.run(1, (20.0 + 0.15 * k, 0.0, 5.0))
-    assert robot.said[-1] == "leader heard again after 0.5 s: taking up its commands at 100 mm/s"
+    assert robot.said[-1] == "leader is back after 0.5 s: taking up its commands at 100 mm/s"
     steps = steps_mm(robot.positions[500:])
     assert max(steps) == pytest.approx(0.25, abs=1e-4)  # the hand's own motion and the recovery's
     assert steps[0] == 0.0

@@ -37,7 +37,7 @@ async def test_the_robot_holds_or_retracts_and_takes_the_commands_up_again(
     silent_from = together.leader.time_s
     await together.until(lambda: together.leader.time_s > silent_from + 0.8)
     silent = False
-    await together.until(lambda: any("heard again" in sentence for sentence in together.said))
+    await together.until(lambda: any("leader is back" in sentence for sentence in together.said))
     heard_from = together.leader.time_s
     await together.until(lambda: together.leader.time_s > heard_from + 0.3)
     together.leader.stop()

@@ -61,7 +61,7 @@ class FollowerRun(ServiceRun[Follower]):
     scene
         What to run.
     options
-        Of the command line.
+        As given on the command line.
     url
         Address of the leader; None takes the scene's.
     """

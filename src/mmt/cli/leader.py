@@ -81,7 +81,7 @@ class LeaderRun(ServiceRun["Leader"]):
     scene
         What to run.
     options
-        Of the command line.
+        As given on the command line.
     report
         Directory for a report of the recording, None writes none.
     """

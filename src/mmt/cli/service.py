@@ -95,7 +95,7 @@ class ServiceRun(ABC, Generic[AnyService]):
     scene
         What to run.
     options
-        Of the command line.
+        As given on the command line.
     """
 
     def __init__(self, name: Service, scene: Scene, options: ServiceOptions) -> None:

@@ -30,7 +30,7 @@ def effect(
     model
         The texture.
     velocity_mm_s
-        Of the tool over the surface, shape (n, 2).
+        Velocity of the tool over the surface, shape (n, 2).
     force_n
         Along its normal, shape (n,).
     motion_hz
@@ -38,7 +38,7 @@ def effect(
     output_hz
         Rate of the result.
     seed
-        Of the excitation.
+        Seed of the excitation.
 
     Raises
     ------

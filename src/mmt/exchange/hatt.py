@@ -94,7 +94,7 @@ def export_hatt(model: TextureModel, material: str, friction: float | None = Non
     Parameters
     ----------
     model
-        Of speed and force.
+        A model of speed and force.
     material
         The texture's name.
     friction

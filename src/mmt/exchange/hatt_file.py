@@ -38,14 +38,14 @@ class HattModelSet:
     maximum_speed_mm_s, maximum_force_n
         Where the plane ends.
     speed_mm_s, force_n
-        Of each vertex, shape (n,).
+        Speed and force of each vertex, shape (n,).
     lsf
         Line spectral frequencies of its poles in radians, shape (n, p).
     zeros
         Coefficients c[0] ... c[q] of the numerator, its gain included, shape (n, q + 1);
         (n, 1) where there are poles alone.
     variance
-        Of the excitation in (m/s2)^2, shape (n,).
+        Variance of the excitation in (m/s2)^2, shape (n,).
     triangles
         Corners, counted from 0, shape (t, 3).
     """

@@ -154,10 +154,10 @@ class CommandGuard:
         elif self._silent:
             self._offset = difference(self._position, command)
             self._silent = False
-            if self._age_ticks and self._told.allow("heard"):
+            if self._age_ticks and self._told.allow("back"):
                 silent_s = self._age_ticks / self._rate_hz
                 self._say(
-                    f"leader heard again after {silent_s:.1f} s: taking up its commands "
+                    f"leader is back after {silent_s:.1f} s: taking up its commands "
                     f"at {self._link.recovery_mm_s:g} mm/s"
                 )
         self._target = command

@@ -25,7 +25,7 @@ class Backfill:
     keep_frames
         Most frames of a gap that are asked for, 0 for none.
     numbering
-        Of the session; the follower has numbers of its own.
+        Numbering of the session; the follower has numbers of its own.
     parts
         Are given the frames that were missing.
     request

@@ -43,7 +43,7 @@ class ModelOutput(Part):
     Parameters
     ----------
     session
-        Of the run.
+        Session of the run.
     """
 
     def __init__(self, session: Session) -> None:

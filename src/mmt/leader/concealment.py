@@ -54,7 +54,7 @@ class Concealment(Protocol):
 
     @property
     def silent(self) -> bool:
-        """Whether nothing is heard, so that the stream may jump."""
+        """Whether the output is silent, so that the stream may jump."""
 
     def play(self, value: float) -> float:
         """Return the output for a sample that is there."""
@@ -72,7 +72,7 @@ class FadeOut:
 
     @property
     def silent(self) -> bool:
-        """Whether nothing is heard."""
+        """Whether the output is silent."""
         return self._gain == 0.0
 
     def play(self, value: float) -> float:
@@ -110,7 +110,7 @@ class Continuation:
 
     @property
     def silent(self) -> bool:
-        """Whether nothing is heard."""
+        """Whether the output is silent."""
         return self._share == 0.0 and self._place >= len(self._continued)
 
     def play(self, value: float) -> float:

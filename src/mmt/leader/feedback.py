@@ -16,7 +16,7 @@ class Feedback(Protocol):
     event: str | None
     """The further event that comes from the follower, None where frames are enough."""
     dtype: "np.dtype[np.void] | None"
-    """Of that event's records."""
+    """Type of that event's records."""
 
     def take(self, frames: RecordArray) -> None:
         """Take frames (n,), n >= 1, the newest last."""
@@ -71,7 +71,7 @@ class StreamedForce:
     limit_n
         Bound of the displayed force; its direction is kept.
     silence_ticks
-        After so many ticks without a frame the force fades to zero over as many; when frames
+        Ticks without a frame after which the force fades to zero over as many; when frames
         come again it returns over as many.
     """
 
@@ -90,13 +90,13 @@ class StreamedForce:
     def take(self, frames: RecordArray) -> None:
         """Keep the newest frame's force."""
         self._force = limited(frames["force_n"][-1].tolist(), self._limit_n)
-        self._ramp.heard()
+        self._ramp.renew()
 
     def take_records(self, records: RecordArray) -> None:
         """Do nothing: frames are all that comes."""
 
     def restart(self) -> None:
-        """Do nothing: the newest force is displayed, whoever sent it."""
+        """Do nothing: the newest force is displayed, whichever follower sent it."""
 
     def tick(
         self,

@@ -19,7 +19,7 @@ class ForceFeedbackPart(Part):
     Parameters
     ----------
     session
-        Of the run.
+        Session of the run.
     feedback
         The method's side at the leader.
     """

@@ -16,7 +16,7 @@ class FrameQueue:
     capacity
         Most frames that may wait.
     least_drop
-        At least so many are dropped at a time, so that a full queue is seldom moved up.
+        Least number that is dropped at a time, so that a full queue is seldom moved up.
     """
 
     def __init__(self, capacity: int, least_drop: int) -> None:
@@ -87,7 +87,7 @@ class FrameQueue:
         return frames
 
     def _remove(self, count: int) -> None:
-        """Remove so many of the oldest."""
+        """Remove `count` of the oldest."""
         if self._frames is not None:
             self._frames[: self._count - count] = self._frames[count : self._count].copy()
             self._count -= count

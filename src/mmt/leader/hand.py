@@ -19,7 +19,7 @@ class HandPart(Part):
     Parameters
     ----------
     session
-        Of the run.
+        Session of the run.
     device
         The hand.
     handle

@@ -20,7 +20,7 @@ class MetricsPart(Part):
     Parameters
     ----------
     session
-        Of the run.
+        Session of the run.
     """
 
     def __init__(self, session: Session) -> None:

@@ -23,7 +23,8 @@ A link that is stalled, or that has no time but for live frames, does not answer
 """
 
 MOST_RANGES: Final = 200
-"""Of more ranges the oldest are given up, so that a bad link cannot fill the memory."""
+"""Largest number of ranges; beyond it the oldest are given up, so that a bad link cannot fill
+the memory."""
 
 WORTH_SAYING: Final = 100
 """Gaps of fewer frames are recorded but not announced."""
@@ -92,7 +93,7 @@ class MissingFrames:
         }
 
     def connect(self, keep_frames: int) -> None:
-        """Expect the answers of a follower that keeps so many frames; ask it for everything."""
+        """Expect the answers of a follower that keeps this many frames; ask it for everything."""
         self._keeps = min(keep_frames, self._most)
         self._unasked = RangeSet(self._missing)
         self._idle_ticks = 0

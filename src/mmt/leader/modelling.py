@@ -39,14 +39,14 @@ class Modelling(Part):
     Parameters
     ----------
     settings
-        Of the modelling.
+        Settings of the modelling.
     period_s
         Time between updates.
     on_update
         Called on the event loop after each update, with it and the seconds that the tasks have
         worked on it.
     keep_frames
-        How many frames the follower can send again: so many more may wait.
+        How many frames the follower can send again: this many more may wait.
     """
 
     def __init__(

@@ -28,7 +28,7 @@ class SessionView:
     Parameters
     ----------
     session
-        Of the run, with all its parts but the monitor.
+        Session of the run, with all its parts but the monitor.
     """
 
     def __init__(self, session: Session) -> None:
@@ -75,7 +75,7 @@ class SessionView:
 
     @property
     def mode(self) -> str | None:
-        """Which vibration is heard."""
+        """Which vibration is played."""
         return None if self._vibration is None else self._vibration.switch.mode
 
     @property
@@ -160,7 +160,7 @@ class MonitorPart(Part):
     Parameters
     ----------
     session
-        Of the run.
+        Session of the run.
     table
         The scene's ``[monitor]``.
     """

@@ -17,8 +17,8 @@ class SessionNumbering:
     A follower that takes its link up again goes on counting, and its frames pass as they
     are. One that was started anew counts from 0, or from further ahead than the time that
     passed allows: its frames are put behind those of the
-    session, with as many missing as the silence lasted, at least one. So nobody takes them
-    for late or repeated ones, and the gap is seen. If it runs on another clock, its times are
+    session, with as many missing as the silence lasted, at least one. So they are not
+    taken for late or repeated ones, and the gap is seen. If it runs on another clock, its times are
     shifted likewise.
 
     Parameters

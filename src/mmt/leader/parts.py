@@ -77,7 +77,7 @@ def build_parts(session: Session, names: Collection[str] | None = None) -> Parts
     Parameters
     ----------
     session
-        Of the run; the parts are added to it.
+        Session of the run; the parts are added to it.
     names
         Which ones; None for all that the scene needs.
 

@@ -41,7 +41,7 @@ class GuardedPorts:
         return (x.in_j, y.in_j, z.in_j)
 
     def rest(self) -> None:
-        """Note that nothing is displayed; travel until the next step is nobody's work."""
+        """Note that nothing is displayed; travel until the next step does no work."""
         self._position = None
         for port in self._ports:
             port.rest()

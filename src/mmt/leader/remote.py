@@ -28,7 +28,7 @@ class RemoteFollower:
     Parameters
     ----------
     session
-        Of the run; its scene has a link.
+        Session of the run; its scene has a link.
     """
 
     def __init__(self, session: Session) -> None:

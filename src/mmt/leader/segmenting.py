@@ -37,7 +37,7 @@ class SegmentingTask:
     rate_hz
         Frames a second.
     keep_frames
-        How many frames the follower can send again: so many more may wait.
+        How many frames the follower can send again: this many more may wait.
     worker
         Where the numerics run.
     activity

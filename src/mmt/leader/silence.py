@@ -12,10 +12,10 @@ RAMP_TICKS: Final = 50
 
 
 class SilenceRamp:
-    """Shape a force by how long ago its source was heard.
+    """Shape a force by how long ago its source sent anything.
 
-    After `silence_ticks` without `heard` the force goes linearly to zero within `ramp_ticks`.
-    When the source is heard again, the output goes linearly from what is displayed to the
+    After `silence_ticks` without `renew` the force goes linearly to zero within `ramp_ticks`.
+    When the source sends again, the output goes linearly from what is displayed to the
     source's force within `ramp_ticks`, wherever the ramp out had got to.
 
     Parameters
@@ -35,10 +35,10 @@ class SilenceRamp:
 
     @property
     def silent(self) -> bool:
-        """Whether the source has not been heard for too long."""
+        """Whether the source has been silent for too long."""
         return self._age_ticks > self._silence_ticks
 
-    def heard(self) -> None:
+    def renew(self) -> None:
         """Note that the source has given a new force."""
         if self.silent:
             self._start = self._shown

@@ -62,7 +62,7 @@ class LeaderSummary:
 
     @property
     def problem(self) -> str | None:
-        """What made the run end in a way that nobody wanted, None where nothing did."""
+        """Why the run ended other than as it should, None where it did not."""
         if self.outcome.startswith(_UNWANTED):
             return self.outcome
         error = self.recording.get("error")

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Mode = Literal["silent", "streamed", "fading", "synthesized"]
 
 _FADE: Final = 0.1
-"""Of the vibration, in a tick: 10 ms out when the handle is lost, and in when it is back."""
+"""Change of the vibration's gain in a tick: it fades in 10 ms when the handle is lost or back."""
 
 
 class SynthesizedVibration(Protocol):
@@ -71,7 +71,7 @@ class VibrationSwitch:
 
     @property
     def mode(self) -> Mode:
-        """Which vibration is heard now."""
+        """Which vibration is played now."""
         if self._share != self._target:
             return "fading"
         if self._share == 1.0:
@@ -126,7 +126,7 @@ class VibrationPart(Part):
     Parameters
     ----------
     session
-        Of the run.
+        Session of the run.
     actuator
         What plays.
     switch
@@ -147,7 +147,7 @@ class VibrationPart(Part):
         self.switch = switch
         self.reconnecting = reconnecting
         self.mode = switch.mode
-        """Which vibration is heard, as of the last tick."""
+        """Which vibration is played, as of the last tick."""
         normal = (session.scene.texture or Texture()).normal
         self._first, self._second = (k for k, name in enumerate("xyz") if name != normal)
         self._synthesizer = getattr(session.find("synthesizing"), "synthesizer", None)
@@ -222,7 +222,7 @@ class VibrationPart(Part):
             journal.event(f"vibration {mode}", mode=mode)
 
     def status(self) -> dict[str, Any]:
-        """Return which vibration is heard."""
+        """Return which vibration is played."""
         return {"mode": self.mode}
 
     def faults(self) -> list[str]:

@@ -64,8 +64,8 @@ class WarmingPart(Part):
     library
         Models by name.
     settings
-        Of the local model. Where it tells surfaces apart, the newest frames are kept: a change of
-        surface is found late, and what came since is looked at again.
+        Settings of the local model. Where it tells surfaces apart, the newest frames are kept:
+        a change of surface is found late, and the frames since then are evaluated again.
 
     Raises
     ------

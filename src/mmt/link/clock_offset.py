@@ -12,7 +12,7 @@ of the two ways seldom meet in one exchange. As in S. B. Moon, P. Skelly, D. Tow
 drift is the slope of these bounds; here it is the median slope between blocks half of the history
 apart (Theil's incomplete method), taken the less serious the more such slopes disagree.
 
-There is no clock in here: whoever has exchanged time stamps hands them in.
+Nothing here reads a clock: the caller passes the time stamps that were exchanged.
 """
 
 import math
@@ -31,7 +31,7 @@ _LEAST_BLOCKS: Final = 6
 """Blocks before a drift is estimated."""
 _LEAST_EXCHANGES: Final = 8
 _USUAL_DRIFT: Final = 50e-6
-"""Of two quartz clocks against each other; estimates much less certain than it count little."""
+"""Usual drift of two quartz clocks; estimates much less certain than it count little."""
 _LARGEST_DRIFT: Final = 500e-6
 _MARGIN_NS: Final = 500_000
 _MARGIN_DRIFT: Final = 300e-6

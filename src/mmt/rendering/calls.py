@@ -131,7 +131,7 @@ def open_textures(
     estimate_hz
         How often the filter follows what the hand does.
     seed
-        Of the excitation. Without threads, the same seed and the same calls give the same
+        Seed of the excitation. Without threads, the same seed and the same calls give the same
         samples, whatever the size of the blocks.
     limit_m_s2
         Bound of the vibration.
@@ -185,7 +185,7 @@ def touch(
     texture
         Which one is touched, None for none.
     velocity_x_mm_s, velocity_y_mm_s
-        Of the tool over the surface. A model of speed takes its magnitude.
+        Velocity of the tool over the surface. A model of speed takes its magnitude.
     force_n
         Along the surface's normal.
 

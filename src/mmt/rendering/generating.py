@@ -19,11 +19,11 @@ class OutputGenerator:
     Parameters
     ----------
     rates_hz
-        Of the models.
+        Sampling rates of the models.
     output_hz
-        Of the device.
+        Sampling rate of the device.
     seed
-        Of the excitation.
+        Seed of the excitation.
     limit_m_s2
         Bound of each rate's samples.
 

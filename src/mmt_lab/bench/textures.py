@@ -106,8 +106,8 @@ class Known:
     def errors(self, lsf: FloatArray, variance: FloatArray) -> tuple[float, float]:
         """Return the errors of filters in the strokes, shapes (k, m) and (k,).
 
-        Of the spectrum, one less the goodness of fit between exact amplitude spectra, 10 to
-        500 Hz in steps of 2 Hz, the mean; of the power, in dB, the root mean square.
+        The first is the mean of one less the goodness of fit between exact amplitude spectra,
+        10 to 500 Hz in steps of 2 Hz; the second the root mean square of the power's error, in dB.
         """
         own = np.sqrt(ar_spectrum(lsf_to_ar(lsf), variance, SHAPE_HZ, RATE_HZ))
         power = output_power(variance, lsf_to_reflection(lsf))

@@ -40,7 +40,7 @@ class Case:
     texture
         The known texture.
     seed
-        Of everything random.
+        Seed of all random numbers.
     stroke
         A recorded stroke in place of the simulated hand, None without.
     motion_scale, force_scale

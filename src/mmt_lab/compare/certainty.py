@@ -60,7 +60,7 @@ class Outcome:
     Attributes
     ----------
     criterion, threshold
-        Of `CRITERIA`; ``start`` or ``stop``.
+        One of `CRITERIA`, and ``start`` or ``stop``.
     time_s, samples
         When it was met, and samples of the model.
     within_jnd
@@ -70,7 +70,8 @@ class Outcome:
     to_come
         True share weighted by the motion from then on, None where there is none.
     gfc, log_spectral_db
-        Of the spectra's shape and all, over the evaluation's grid.
+        Agreement of the spectra's shape, and difference of the whole spectra, over the
+        evaluation's grid.
     """
 
     criterion: Criterion

@@ -54,9 +54,9 @@ class Judged:
     Attributes
     ----------
     group, name, texture, seed
-        Of the `Case`.
+        As in the `Case`.
     method, moment
-        Of `METHODS` and `MOMENTS`.
+        One each of `METHODS` and `MOMENTS`.
     time_s, samples
         Session time, and samples of the model.
     figures

@@ -11,7 +11,7 @@ from mmt_lab.compare.certainty import Certainty
 from mmt_lab.compare.judging import FIGURES, LARGER_IS_BETTER, MOMENTS, Judged
 
 STANDARD_ERRORS: Final = 3.0
-"""A mean difference counts beyond noise from so many of its standard errors on: of the some
+"""Standard errors from which on a mean difference counts as beyond noise: of about a
 hundred comparisons of one run a tenth is then expected to do so by chance."""
 
 LEAST: Final = {
@@ -26,7 +26,7 @@ LEAST: Final = {
 
 @dataclass(frozen=True)
 class Spread:
-    """Of one figure over seeds: its median, and its 10th and 90th percentile."""
+    """Median of one figure over seeds, and its 10th and 90th percentile."""
 
     median: float
     low: float

@@ -113,7 +113,7 @@ class Row:
 
 
 def cases(seeds: int, textures: Sequence[str]) -> list[Case]:
-    """Return so many sessions of each texture over each network."""
+    """Return `seeds` sessions of each texture over each network."""
     return [
         Case(texture, network, FIRST_SEED + seed)
         for network in NETWORKS

@@ -71,7 +71,7 @@ _FIGURES: Final = (
 
 
 SIZES: Final = (100, 200, 461, 1000, 2000)
-_REBUILT: Final = 12  # so many triangulations stand for all
+_REBUILT: Final = 12  # triangulations that stand for all
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ DEFINITIONS: Final = {
     "doubled": "stays on a known surface at whose end the tracker had made a second model of it",
     "false_alarms": "changes that were found while the tool stayed; in stroked_s of stroking. A "
     "change counts for the stay that most of the samples are of from which it was found, or for "
-    "the next where that was heard and the surface in use was right before",
+    "the next where vibration of that one was received and the surface in use was right before",
     "false_alarms_per_hour_most": "this many an hour are still possible (95 %, one-sided)",
 }
 

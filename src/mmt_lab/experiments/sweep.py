@@ -25,7 +25,7 @@ from mmt_lab.sweep.combinations import Job, Outcome, Settings, SweepResults, com
 from mmt_lab.sweep.running import run_locally, run_on_dask
 
 MEANS = ("gfc", "gfc_ceiling", "truth_gfc", "power_error_db", "within_jnd", "samples")
-"""Of the finished model; the mean over sessions is shown."""
+"""Figures of the finished model; the mean over sessions is shown."""
 
 
 def run(

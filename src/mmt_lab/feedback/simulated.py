@@ -120,13 +120,13 @@ def run_cell(
     Parameters
     ----------
     method
-        Of force feedback.
+        Method of force feedback.
     wall_n_mm
         Stiffness of the surface.
     delay_ms
         Mean delay of each way.
     seed
-        Of the jitter.
+        Seed of the jitter.
     hand
         Mass, spring and damper of hand and handle.
     """
@@ -229,7 +229,7 @@ class DelayLine(Generic[Item]):
     jitter_ticks
         Delays are spread evenly over this much to either side; at most the delay.
     seed
-        Of the jitter.
+        Seed of the jitter.
     """
 
     def __init__(self, delay_ticks: int, jitter_ticks: int, seed: int) -> None:

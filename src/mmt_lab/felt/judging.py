@@ -39,7 +39,7 @@ class Course:
     Attributes
     ----------
     time_s
-        Of each moment at which something is to be felt or is felt, shape (k,).
+        Time of each moment at which something is to be felt or is felt, shape (k,).
     level_db, bands_db
         Error of the power, shape (k,), and of each band's, shape (k, 9).
     onset_ms, offset_ms

@@ -29,7 +29,7 @@ BACKFILL_TICKS: Final = 250
 """A frame that was lost comes so much later than the longest way there and back."""
 
 UPDATE_TICKS: Final = 50
-"""So long after its last frame a model is in use."""
+"""Ticks from a model's last frame until it is in use."""
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ def _filled_in(arrival_tick: IntArray) -> IntArray:
 
 
 LOOK_TICKS: Final = 50
-"""So long after its last frame a choice is in use."""
+"""Ticks from the last frame of a choice until it is in use."""
 
 
 @cache
@@ -181,11 +181,11 @@ def warm_models(
     passage
         What arrives when.
     updates
-        Of the local model, by the tick from which each is in use.
+        Updates of the local model, by the tick from which each is in use.
     library
         Known textures by name.
     settings
-        Of the local model.
+        Settings of the local model.
     """
     space = InputSpace(settings.inputs)
     known = {name: into_space(model, space) for name, model in library.items()}
@@ -207,7 +207,7 @@ def warm_models(
 
 
 def _looks(passage: Passage) -> Iterator[tuple[int, RecordArray]]:
-    """Yield frames as they arrive, so many at a time, each with the tick of its use."""
+    """Yield blocks of `LOOK_FRAMES` frames as they arrive, each with the tick of its use."""
     order = np.argsort(passage.arrival_tick, kind="stable")
     order = order[passage.arrival_tick[order] < NEVER_TICK]
     for first in range(0, len(order) - LOOK_FRAMES + 1, LOOK_FRAMES):

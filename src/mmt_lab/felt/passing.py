@@ -68,7 +68,7 @@ class Passage:
 
 
 def pass_over(surface: Surface, network: Network, ticks: int, seed: int) -> Passage:
-    """Let a hand stroke a surface over a network for so many ticks of a millisecond.
+    """Let a hand stroke a surface over a network for `ticks` milliseconds.
 
     The hand strokes in all directions where the texture depends on the heading.
 
@@ -81,7 +81,7 @@ def pass_over(surface: Surface, network: Network, ticks: int, seed: int) -> Pass
     ticks
         At least 1.
     seed
-        Of hand, texture, sensors and network.
+        Seed of hand, texture, sensors and network.
     """
     settings = Simulated()
     headings = Hand(headings="opposite" if surface.isotropic else "all")

@@ -74,7 +74,7 @@ def run_seed(row: Row, seed: int, recorded: Sequence[FloatArray] = ()) -> list[S
     row
         What of Table II.
     seed
-        Of everything.
+        Seed of all random numbers.
     recorded
         Knocks; see `simulate_trials`.
     """

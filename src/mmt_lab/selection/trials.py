@@ -23,7 +23,7 @@ from mmt_lab.selection.knocks import add_knock, simulated_knock
 
 ORDER: Final = 12
 NOISE_M_S2: Final = 0.03
-"""Of the accelerometer."""
+"""Noise of the accelerometer (rms)."""
 
 _SPEED_MM_S: Final = (20.0, 290.0)
 _FORCE_N: Final = (0.2, 2.9)

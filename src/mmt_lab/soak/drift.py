@@ -60,7 +60,7 @@ def by_window(
     window_s
         Length of a window.
     figure
-        Of the values of one window.
+        Figure of the values of one window.
     """
     number = np.floor(times_s / window_s).astype(np.int64)
     middles, figures = [], []

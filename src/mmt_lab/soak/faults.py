@@ -40,7 +40,7 @@ LENGTHS_S: Final[Mapping[str, tuple[float, float]]] = {
 
 @dataclass(frozen=True)
 class Fault:
-    """One fault of a kind, so many seconds after the stream began, and its length."""
+    """One fault: its kind, when it begins in seconds after the stream did, and its length."""
 
     kind: str
     at_s: float
@@ -62,7 +62,7 @@ def plan_faults(duration_s: float, every_s: float, seed: int) -> tuple[Fault, ..
     Parameters
     ----------
     duration_s
-        Of the run; the last fault leaves `every_s` before its end.
+        Duration of the run; the last fault leaves `every_s` before its end.
     every_s
         Mean time from a fault's end to the next one; it lies within half and one and a half.
     seed

@@ -201,7 +201,7 @@ def _mean(values: FloatArray) -> float:
 def _flat(
     what: str, found: Drift, allowed: float, share: float, must_tell: bool, times: float = 1.0
 ) -> Check:
-    """Return the row of a figure that may grow by so many times a number and a share of it."""
+    """Return the row of a figure that may grow by `times` an amount and a share of it."""
     if found.typical is None or found.growth is None:
         remark = "too few quiet stretches to tell"
         return Check(what, remark, "", held=not must_tell, figures=asdict(found))

@@ -32,7 +32,7 @@ class SoakServices:
     recording
         The leader's.
     seed
-        Of the emulated network.
+        Seed of the emulated network.
     on_status
         Called five times a second with the leader's status.
 

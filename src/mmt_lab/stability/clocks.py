@@ -67,7 +67,7 @@ def play(lateness_ms: FloatArray, clocks: Callable[[int], tuple[int, int]]) -> F
     Parameters
     ----------
     lateness_ms
-        Of each frame's arrival, shape (n,); frames overtake none before them.
+        Lateness of each frame's arrival, shape (n,); frames overtake none before them.
     clocks
         From a tick to the offsets (ns) of the follower's and the leader's clock.
     """
@@ -118,7 +118,7 @@ def _late_burst() -> Outcome:
     back_ms = int(silent[-1]) + 1 if len(silent) else 0
     oldest_ms = float(np.nanmax(age_ms[1000:]))
     return Outcome(
-        f"{'silent' if during == 0.0 else 'heard'} while late, oldest {oldest_ms:.0f} ms, "
+        f"{'silent' if during == 0.0 else 'audible'} while late, oldest {oldest_ms:.0f} ms, "
         f"back after {back_ms} ms",
         held=during == 0.0 and oldest_ms <= 110.0 and back_ms <= 60,
         figures={"oldest_ms": oldest_ms, "back_ms": back_ms},

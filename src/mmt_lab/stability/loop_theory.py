@@ -43,7 +43,7 @@ class Loop:
     hand
         Mass, spring and damper of hand and handle.
     bandwidth_hz
-        Of the follower's arm.
+        Bandwidth of the follower's arm.
     wall_n_m
         Stiffness of the wall.
     contact_n

@@ -64,9 +64,10 @@ def loop_map(figures: Mapping[str, Any], boundaries: Sequence[Mapping[str, Any]]
     Parameters
     ----------
     figures
-        Of the map.
+        Figures of the map.
     boundaries
-        Of each wall: ``wall_n_mm`` and ``measured_ms``, the round trip from which it grows.
+        Boundary of each wall: ``wall_n_mm``, and ``measured_ms``, the round trip from which the
+        motion grows.
     """
     figure = Figure(figsize=(8.4, 4.9), layout="constrained")
     axis = figure.subplots()

@@ -25,7 +25,7 @@ from mmt_lab.harness.processes import each
 from mmt_lab.surfaces.scoring import Found, SurfaceScore, score
 
 LOOK_FRAMES: Final = round(1000 * LOOK_S)
-"""The tracker gets so many frames at a time, as the leader's does."""
+"""Frames that the tracker gets at a time, as in the leader."""
 
 COUNTS: Final = (2, 3, 4, 5, 6)
 DURATION_S: Final = 90.0
@@ -37,7 +37,7 @@ GROUPS: Final[Mapping[str, tuple[Scene, Inputs]]] = {
     "isotropic": (Scene(), "isotropic"),
     "grained": (Scene(hand=Hand(headings="all")), "anisotropic"),
 }
-"""Of simulated sessions: how they are made, and the inputs of their models."""
+"""Scene and model inputs of the simulated sessions, by the kind of their textures."""
 
 _TOUCH_N: Final = 0.05
 _LEAST_SPEED_MM_S: Final = 10.0
@@ -96,7 +96,7 @@ def run_recorded(path: Path) -> SurfaceResult:
 
 
 def draw_surfaces(group: str, count: int, seed: int) -> list[Surface]:
-    """Draw so many known textures; of a grained session half, two at least, have a grain."""
+    """Draw `count` known textures; of a grained session half, two at least, have a grain."""
     random_order = random.Random(f"{count} {seed}")  # noqa: S311 - no secret
     plain, grained = (
         [name for name, surface in SURFACES.items() if surface.isotropic == wanted]

@@ -46,7 +46,7 @@ class Stay:
 
 @dataclass(frozen=True)
 class SurfaceScore:
-    """Of one session.
+    """Figures of one session.
 
     ``too_short``: stays with less than `LEAST_STROKED_S` of stroking. ``recalls``: how often a
     known model was chosen, ``wrong_recalls``: how often that of another surface.
@@ -66,10 +66,10 @@ def score(
 ) -> SurfaceScore:
     """Compare what was found with the truth.
 
-    A change belongs to the stay that most of the samples are of from which it was found, though it
-    may be found when the tool has just left that surface: it says what was heard there. Where the
-    tracker was right about that stay, and a whole block of the next one was heard, it was the next
-    one that was found, though dated too early. A new surface is that one's from then on.
+    A change belongs to the stay from which most of its samples come, even if it is found when the
+    tool has just left that surface: it describes the vibration of that stay. Where the tracker
+    was right about that stay, and a whole block of the next one was received, it was the next one
+    that was found, though dated too early. A new surface is that one's from then on.
 
     Parameters
     ----------

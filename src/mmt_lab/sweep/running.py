@@ -54,7 +54,7 @@ def run_on_dask(
     jobs, sessions
         As in `run_locally`.
     address
-        Of the scheduler, such as ``tcp://10.0.0.1:8786``.
+        Address of the scheduler, such as ``tcp://10.0.0.1:8786``.
 
     Raises
     ------

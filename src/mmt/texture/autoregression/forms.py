@@ -146,7 +146,7 @@ def output_power(variance: float | FloatArray, reflection: FloatArray) -> FloatA
     Parameters
     ----------
     variance : () or (n,)
-        Of the excitation.
+        Variance of the excitation.
     reflection : (m,) or (n, m)
         Each of magnitude below one.
 

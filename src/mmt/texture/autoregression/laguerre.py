@@ -198,7 +198,7 @@ def improve(state: FloatArray, coefficients: FloatArray, order: int) -> None:
     Parameters
     ----------
     state : (STATE_SIZE,)
-        Of the search, kept between calls. A lane that has found its zero may go on.
+        State of the search, kept between calls. A lane that has found its zero may go on.
     coefficients : (order * LANES,) or longer
         ``c_1`` of every lane, then ``c_2``: from 2^-106 to 4. In the last place of a recurrence
         with one step less, 0.

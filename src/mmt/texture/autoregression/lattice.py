@@ -65,12 +65,13 @@ def lattice_step(
     Parameters
     ----------
     reflection, complement : (order,) or longer
-        Of the stages; they may differ from those of the last call.
+        Reflection coefficients of the stages and their complements; they may differ from those
+        of the last call.
     past : (order,) or longer
         The memory: the backward errors of orders 0 ... order-1, independent and of variance
         one in the stationary state, which they are best started in.
     order
-        Of this filter, at least 1; it too may differ from the last one.
+        Order of this filter, at least 1; it too may differ from the last one.
     excitation
         A sample of white noise.
     """

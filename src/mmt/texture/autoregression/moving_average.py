@@ -72,7 +72,7 @@ def all_pole(ar: FloatArray, ma: FloatArray, variance: FloatArray) -> AllPole:
     ma
         Shape (n, q + 1).
     variance
-        Of the excitation, shape (n,).
+        Variance of the excitation, shape (n,).
 
     Raises
     ------

@@ -50,7 +50,7 @@ def simulate_ar(
     reflection : (m,)
         Reflection coefficients, each of magnitude below one.
     variance
-        Of the excitation.
+        Variance of the excitation.
     samples
         Length n of the signal.
     generator

@@ -19,7 +19,7 @@ def ar_spectrum(
     ar : (m,) or (n, m)
         Without the leading 1.
     variance : () or (n,)
-        Of the excitation.
+        Variance of the excitation.
     frequencies_hz : (f,)
         Within 0 to rate_hz / 2.
     rate_hz

@@ -157,7 +157,7 @@ def covariance(between: Departures, logarithms: FloatArray) -> FloatArray:
     between
         See `departures`.
     logarithms
-        Of the hyperparameters, shape (4,), or (10,) where the heading counts.
+        Logarithms of the hyperparameters, shape (4,), or (10,) where the heading counts.
     """
     return covariance_and_slopes(between, logarithms, slopes=False)[0]
 
@@ -241,11 +241,11 @@ def covariance_on_grid(axes: Features, at: Features, logarithms: FloatArray) -> 
     Parameters
     ----------
     axes
-        Of the grid, each of a shape of its own; one heading where the heading does not count.
+        Axes of the grid, each of a shape of its own; one heading where the heading does not count.
     at
         The strokes.
     logarithms
-        Of the hyperparameters, shape (4,), or (10,) where the heading counts.
+        Logarithms of the hyperparameters, shape (4,), or (10,) where the heading counts.
     """
     h = np.exp(logarithms)
     apart_speed = np.abs(np.subtract.outer(axes.speed, at.speed))[:, None]

@@ -97,7 +97,7 @@ def log_posterior(
     residuals, variance
         Logarithms of power without the usual law, and their variances, shape (n,).
     logarithms
-        Of the hyperparameters, shape (4,) or (10,).
+        Logarithms of the hyperparameters, shape (4,) or (10,).
     """
     total, slopes = covariance_and_slopes(between, logarithms)
     noise = add_noise(total, variance, logarithms)

@@ -164,7 +164,8 @@ class LevelProcess:
     def level_db(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return mean and standard deviation of the level, each shape (k,), in dB.
 
-        Of the level itself, not of what a further sample would measure; 0 dB is 1 (m/s2)^2.
+        They describe the level itself, not what a further sample would measure; 0 dB is 1
+        (m/s2)^2.
 
         Parameters
         ----------

@@ -54,10 +54,10 @@ def vertex_table(
     Parameters
     ----------
     points
-        Of the samples, normalised, shape (n, d).
+        Points of the samples, normalised, shape (n, d).
     level, lsf
-        Of the samples, shapes (n,) and (n, order), or (n + b, order) where those of all points
-        of `mmt.texture.interpolation.boundary.boundary` follow.
+        Level and LSF of the samples, shapes (n,) and (n, order), or (n + b, order) where those
+        of all points of `mmt.texture.interpolation.boundary.boundary` follow.
     inside
         Whether its points inside the space are vertices, too.
     """

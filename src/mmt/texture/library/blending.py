@@ -60,9 +60,9 @@ def blend(
     gain
         Factor on its power.
     samples
-        Of the texture at hand, in `space`; None where there are none yet.
+        Samples of the texture at hand, in `space`; None where there are none yet.
     space
-        Of the model that is returned.
+        Input space of the model that is returned.
     """
     inputs = grid(space)
     start = field(known, space, inputs)

@@ -32,7 +32,7 @@ _LARGEST_REFLECTION: Final = 1.0 - 1e-9
 
 
 class Field(NamedTuple):
-    """Of k strokes: ln(power), shape (k,), and reflection coefficients, shape (k, order)."""
+    """ln(power) of k strokes, shape (k,), and reflection coefficients, shape (k, order)."""
 
     logarithm: FloatArray
     reflection: FloatArray

@@ -47,7 +47,7 @@ class Choice:
     Attributes
     ----------
     name
-        Of the texture.
+        Name of the texture.
     gain
         Factor on its power.
     log_likelihood

@@ -15,12 +15,12 @@ from mmt.texture.model.inputs import CHANNELS, InputSpace
 from mmt.texture.model.samples import TextureSamples
 
 FORMAT_VERSION: Final = 5
-"""Of what is written where level or shape are estimates of their own. Version 4, whose level has
+"""Version of a file in which level or shape are estimates of their own. Version 4, whose level has
 hyperparameters of another prior, is read too, version 2, without what was fitted, and version 1,
 whose models are isotropic and by Delaunay."""
 
 INTERPOLATED_VERSION: Final = 3
-"""Of what is written where both are interpolated, as earlier programs render it."""
+"""Version of a file in which both are interpolated, as earlier programs render it."""
 
 _OWN: Final = frozenset(
     (

@@ -33,7 +33,8 @@ class TextureSamples:
         Independent samples that each power is worth, shape (n,), positive; None where it is
         not known. See `mmt.texture.autoregression.effective_sample_size`.
     noise_power
-        Of the accelerometer, which is in every power, in (m/s2)^2; 0 where it is not known.
+        Power of the accelerometer's noise in (m/s2)^2, which every power contains; 0 where it is
+        not known.
     counts
         Samples of the vibration that each segment has, shape (n,), positive; None where it is
         not known.

@@ -25,7 +25,7 @@ class BuildingStage:
     Parameters
     ----------
     settings
-        Of the modelling.
+        Settings of the modelling.
     """
 
     def __init__(self, settings: ModellingSettings) -> None:

@@ -16,7 +16,7 @@ class CompletionStage:
     Parameters
     ----------
     settings
-        Of the modelling.
+        Settings of the modelling.
     """
 
     def __init__(self, settings: ModellingSettings) -> None:

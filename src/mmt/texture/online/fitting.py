@@ -25,7 +25,7 @@ class FittingStage:
     Parameters
     ----------
     settings
-        Of the modelling.
+        Settings of the modelling.
     """
 
     def __init__(self, settings: ModellingSettings) -> None:
@@ -75,8 +75,8 @@ class FittingStage:
     def _thin_out(self) -> int:
         """Keep the model at its largest size; return how many samples leave.
 
-        Of the two that lie closest in the plane the older one leaves: what the hand keeps
-        coming back to stays fresh, and what it has touched once stays.
+        The older of the two samples that lie closest in the plane leaves: where the hand keeps
+        coming back the samples are recent, and a place that it has touched once is kept.
         """
         surplus = max(0, len(self.fits) - LARGEST_MODEL)
         for _ in range(surplus):

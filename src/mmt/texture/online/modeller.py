@@ -164,7 +164,7 @@ class ModellerFactory:
     Parameters
     ----------
     settings
-        Of the modelling; with ``surfaces`` a model is kept for each surface.
+        Settings of the modelling; with ``surfaces`` a model is kept for each surface.
     period_s
         Time between two updates of a model.
     """

@@ -24,7 +24,7 @@ class SegmentingStage:
     Parameters
     ----------
     settings
-        Of the modelling.
+        Settings of the modelling.
     accept
         Asked for each segment whether it may enter the model; None accepts all.
     """

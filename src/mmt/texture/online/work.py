@@ -67,7 +67,7 @@ class Work:
     added, removed
         Segments that are new, and the ranges of those that no longer hold.
     noise_power
-        Of the sensor, in (m/s2)^2.
+        Noise power of the sensor, in (m/s2)^2.
     forget_from
         The first sequence number of another surface: what reaches beyond leaves the model; None
         in a usual update.

@@ -41,7 +41,7 @@ what `retrained` returns."""
 def hull_of(points: FloatArray) -> IntArray:
     """Return the numbers of the corners of the convex hull, ascending: the minimal set.
 
-    Of points that do not span the space every one counts as a corner.
+    Where the points do not span the space, every one counts as a corner.
     """
     try:
         corners = ConvexHull(points).vertices

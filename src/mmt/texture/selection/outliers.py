@@ -133,8 +133,8 @@ def find_outliers(
     limit
         On the score; `LIMIT` or `MODEL_LIMIT` unless told.
     cache
-        Of earlier searches among mostly the same points, which it has named. With it half as
-        many neighbours are asked.
+        Results of earlier searches among mostly the same points. With it half as many
+        neighbours are asked.
 
     Notes
     -----

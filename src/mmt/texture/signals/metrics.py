@@ -108,7 +108,7 @@ def gfc_ceiling(
     ar : (m,)
         Filter coefficients without the leading 1.
     variance
-        Of the excitation; GFC ignores the level, but not its absence.
+        Variance of the excitation; GFC ignores the level, but not its absence.
     samples
         Length of each realisation: that of the recorded signal.
     pairs

@@ -158,7 +158,8 @@ class SurfaceDetector:
     def _weigh(self) -> dict[int, FloatArray]:
         """Return, by surface (0 for a new one), the evidence for it since each block, newest first.
 
-        Of the newest block, the newest two, and so on, given what came before them.
+        The evidence is that of the newest block, the newest two, and so on, given the blocks
+        before them.
         """
         newest_first = PreparedBlocks.of(self._window[::-1], self._settings)
         oldest_first = PreparedBlocks.of(self._window, self._settings)

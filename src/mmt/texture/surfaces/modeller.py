@@ -35,7 +35,8 @@ class SurfaceModeller:
     Parameters
     ----------
     settings
-        Of the modelling; ``surfaces`` says how they are told apart, None for the usual way.
+        Settings of the modelling; ``surfaces`` says how they are told apart, None for the
+        defaults.
     period_frames
         Frames between two updates of a model.
     """

@@ -20,8 +20,8 @@ which move with the speed v through the bands. These are equally wide, and a lin
 is at v / p: r is then alike at like speeds, not at like logarithms.
 
 Where the heading is known as well, those of `GRAINED` are held possible besides: with a *grain*,
-for which l is the logarithm of the speed that is heard across it, v sqrt(c^2 + a^2 s^2), c and s
-being cosine and sine of the angle from its axis to the heading and a what is heard along it; and
+for which l is the logarithm of the effective speed across it, v sqrt(c^2 + a^2 s^2), c and s being
+cosine and sine of the angle from its axis to the heading and a the share of the speed along it; and
 without one, r and a constant h being only alike at like headings. What depends on the heading
 is the same there and back, but for a nap.
 """
@@ -79,9 +79,9 @@ class Setting(NamedTuple):
     ``noise``: over `NOISE`. ``lines`` and ``period``: size of a further residual, and its length in
     the speed itself, in 100 mm/s: a line moves with the speed through bands of equal width.
 
-    ``across``: heading across a grain (rad). The speed is what is heard of it there, v sqrt(c^2 +
+    ``across``: heading across a grain (rad). The speed is the effective one, v sqrt(c^2 +
     along^2 s^2), where ``along`` is 1 if there is no grain. ``crossed``: the angle from there to
-    a second direction in which the same is heard (rad), 0 for none. ``nap``: factor on what
+    a second direction with the same vibration (rad), 0 for none. ``nap``: factor on what
     differs there and back.
 
     ``turning``: factor on a part that varies with the heading; ``turn``: its length, as a distance

@@ -48,7 +48,7 @@ def continuation(
     noise : (n,)
         Standard normal numbers, which decide what comes.
     order
-        Of the model, from 1 to 64.
+        Order of the model, from 1 to 64.
 
     Raises
     ------

@@ -13,7 +13,7 @@ from mmt.web.monitor.tap import MonitorTap
 _AXES: Final = {"x": 0, "y": 1, "z": 2}
 _HIGH_PASS_HZ: Final = 10.0
 MOST_SAMPLES: Final = 512
-"""Of vibration in a message: what the page shows, also where a replay runs faster than time."""
+"""Most samples of vibration in a message: what the page shows, also in a fast replay."""
 
 Motion = tuple[float, float, float]
 """Velocity along the two axes of the surface, and force."""

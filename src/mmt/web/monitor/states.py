@@ -162,6 +162,6 @@ def _histogram(histogram: "TimeHistogram", bounds_ms: tuple[float, ...]) -> dict
 
 
 def thinned(points: list[tuple[float, float]], most: int) -> list[tuple[float, float]]:
-    """Return every so many of the points, and the last one, so that there are `most` or so."""
+    """Return points at an even step, and the last one, so that about `most` remain."""
     step = math.ceil(len(points) / most)
     return points if step <= 1 else [*points[::step], points[-1]]

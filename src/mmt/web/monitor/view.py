@@ -52,7 +52,7 @@ class LeaderView(Protocol):
 
     @property
     def mode(self) -> str | None:
-        """Which vibration is heard, None without an actuator."""
+        """Which vibration is played, None without an actuator."""
 
     @property
     def forced(self) -> Literal["streamed", "synthesized"] | None:

@@ -1,4 +1,4 @@
-"""Who looks on: every message is made once, and waits for nobody.
+"""The viewers: every message is made once, and waits for none of them.
 
 A viewer has room for one message of each kind. A newer one takes the place of one that was
 not sent yet, so that a slow viewer skips states and neither the memory nor the others grow
@@ -79,7 +79,7 @@ class Viewers:
 
     @property
     def full(self) -> bool:
-        """Whether nobody more may look on."""
+        """Whether no further viewer is admitted."""
         return self.ended or len(self._viewers) >= MOST_VIEWERS
 
     def publish(self, kind: str, message: bytes, *, retain: bool = True) -> None:
@@ -90,7 +90,7 @@ class Viewers:
             viewer.offer(kind, message)
 
     def add(self) -> Viewer:
-        """Return a new viewer, to whom what is retained is offered."""
+        """Return a new viewer, which is offered the retained messages."""
         viewer = Viewer()
         self._viewers.add(viewer)
         for kind, message in self.retained.items():
@@ -103,7 +103,7 @@ class Viewers:
             self._viewers.remove(viewer)
 
     def close(self) -> None:
-        """Let everyone have what waits, and admit nobody more."""
+        """Let every viewer have what waits, and admit no more."""
         self.ended = True
         for viewer in self._viewers:
             viewer.close()

@@ -68,7 +68,7 @@ class ModelSnapshots:
 
 
 _SPAN_S: Final = 5.0
-"""Of the recording that are read at a time."""
+"""Seconds of the recording that are read at a time."""
 
 Span = tuple[float, float]
 

@@ -21,7 +21,7 @@ from mmt.texture.synthesis.synthesizer import Synthesizer
 SHOWN: Final = 512
 """Samples of vibration on the page."""
 HISTORY_S: Final = 10.0
-"""Of force and position."""
+"""Length of the traces of force and position."""
 _STEP: Final = 40
 """Frames between two points of a history or a trail: 25 a second, as live."""
 _TRAIL: Final = 120
@@ -30,7 +30,7 @@ _SETTLING: Final = 200
 _LATE_SAMPLES: Final = 50
 """By which a block may begin late or early and still follow the one before."""
 _BLOCK: Final = 1000
-"""Rendering begins at multiples of it, so that a moment later the same samples are heard."""
+"""Rendering begins at multiples of it, so that a jump to a later moment plays the same samples."""
 _AXES: Final = {"x": 0, "y": 1, "z": 2}
 
 

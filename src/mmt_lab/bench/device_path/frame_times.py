@@ -24,7 +24,7 @@ class Motion:
     Parameters
     ----------
     size
-        Of what turns.
+        Size of the part that turns.
     rest
         What is there before, and along z.
     """

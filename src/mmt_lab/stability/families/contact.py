@@ -47,7 +47,7 @@ def cases(*, stiffnesses: tuple[float, ...] = STIFFNESSES_N_M, map_points: int =
     Parameters
     ----------
     stiffnesses
-        Of the walls, N/m.
+        Stiffnesses of the walls, N/m.
     map_points
         Points of the energy map along each axis.
     """

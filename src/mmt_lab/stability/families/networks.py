@@ -41,7 +41,7 @@ def cases(*, samples: int = 60, steps: int = 600) -> list[Case]:
     Parameters
     ----------
     samples
-        Of each network.
+        Samples of each network.
     steps
         Samples that come and go in the long growth.
     """

@@ -42,7 +42,7 @@ RELATIVE_SMOOTHINGS: Final[tuple[float, ...]] = (0.0, *(10.0 ** (0.5 * k) for k 
 """Over the mean eigenvalue of the system without smoothing."""
 
 LARGEST_CHOICE: Final = 400
-"""Of more centres, so many, evenly spread over their order, decide."""
+"""Most centres that decide; of more, this many are taken, evenly spread over their order."""
 
 FEWEST_ERRORS: Final = 4
 """Centres that can be left out; fewer say nothing, and the default settings stay."""
@@ -72,7 +72,7 @@ def choose_settings(
     points, values
         As `RadialBasisSystem` takes them, shapes (n, d) and (n, m).
     scale
-        Of each output, shape (m,), positive: errors are divided by it. By default the
+        Scale of each output, shape (m,), positive: errors are divided by it. By default the
         standard deviation over the samples.
     candidates
         Their smoothing is not used.

@@ -160,11 +160,11 @@ def evaluate_into(
     Parameters
     ----------
     number, epsilon
-        Of the radial function, and its shape parameter.
+        Number of the radial function, and its shape parameter.
     centres, weights
         Shapes (n, d) and (n, m).
     exponents, coefficients
-        Of the polynomial, shapes (k, d) and (k, m).
+        Exponents and coefficients of the polynomial, shapes (k, d) and (k, m).
     query : (d,)
         A point of the unit box.
     work : (m,)

@@ -35,7 +35,7 @@ CANDIDATES: Final = (
 """Few: of 20 noisy samples the best of many candidates is the one that fits their noise."""
 
 LEVEL_ROOM: Final = 2.0
-"""The level may be so many times the samples' largest: it goes on rising beyond the fastest and
+"""Largest level over the samples' largest: the level goes on rising beyond the fastest and
 strongest of them, and an extrapolation gone wild is held."""
 
 _LARGEST_LEVEL: Final = 2.0**10  # in units of the first samples' largest

@@ -33,8 +33,8 @@ class RadialBasisSettings:
     kernel
         The radial function, by its name in `scipy.interpolate.RBFInterpolator`.
     degree
-        Of the polynomial, -1 for none; at least the kernel's least one, which is also what
-        None stands for, but 0 where that would be none.
+        Degree of the polynomial, -1 for none; at least the least one of the kernel. None takes
+        that one, but 0 where it would be none.
     epsilon
         Shape parameter: phi is taken of epsilon times the distance. Without effect for
         linear, thin_plate_spline, cubic and quintic.
@@ -88,7 +88,7 @@ class RadialBasisNetwork:
     centres, weights
         Shapes (n, d) and (n, m).
     exponents, coefficients
-        Of the polynomial, shapes (k, d) and (k, m).
+        Exponents and coefficients of the polynomial, shapes (k, d) and (k, m).
     """
 
     settings: RadialBasisSettings

@@ -55,7 +55,7 @@ class SampleTable:
 
     @property
     def points(self) -> FloatArray:
-        """Of the centres, shape (c, d): where the first sample of each is."""
+        """Points of the centres, shape (c, d): where the first sample of each is."""
         return self._points[: len(self)]
 
     @property

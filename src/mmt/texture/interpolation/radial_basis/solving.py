@@ -54,7 +54,7 @@ class PolynomialBasis:
     degree
         The highest that the number of centres allows.
     exponents
-        Of the monomials, shape (k, d).
+        Exponents of the monomials, shape (k, d).
     transform
         From monomials to the basis, shape (k, r), r at most k.
     """
@@ -160,7 +160,7 @@ class Complement:
 def smoothed_matrix(
     points: FloatArray, counts: FloatArray, settings: RadialBasisSettings
 ) -> FloatArray:
-    """Return K + D (n, n) of centres (n, d), each of so many samples (n,)."""
+    """Return K + D (n, n) of centres (n, d), each with a number of samples (n,)."""
     matrix = np.empty((len(points), len(points)))
     radial_matrix_into(settings.function.number, settings.epsilon, points, matrix)
     matrix[np.diag_indices_from(matrix)] += settings.smoothing / counts
@@ -168,7 +168,7 @@ def smoothed_matrix(
 
 
 def solve(points: FloatArray, counts: FloatArray, settings: RadialBasisSettings) -> Solved:
-    """Build the system of centres (n, d), each of so many samples (n,), and invert it.
+    """Build the system of centres (n, d), each with a number of samples (n,), and invert it.
 
     Where H is too close to singular for its inverse to be worth anything (flat functions,
     centres all but coincident), as much smoothing is added as gives it twice the least
@@ -241,7 +241,7 @@ def border_inverse(inverse: FloatArray, size: int, solved: FloatArray, schur: fl
     Parameters
     ----------
     inverse
-        Of `size` rows; gets one more.
+        The inverse of the first `size` rows; one more is added in place.
     solved : (size,)
         ``A^-1 a``.
     schur
