@@ -206,6 +206,7 @@ class Evaluation:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the evaluation for a program; the keys are documented for `mmt evaluate`."""
+        start, stop = self.settings.distances  # "auto" resolved
         return {
             "session": self.name,
             "path": self.path,
@@ -229,7 +230,7 @@ class Evaluation:
             "period_s": self.period_s,
             "step_s": self.step_s,
             "seed": self.seed,
-            "settings": asdict(self.settings),
+            "settings": {**asdict(self.settings), "start_distance": start, "stop_distance": stop},
             "processing_s": round(self.processing_s, 6),
             "times_real_time": round(self.times_real_time, 2),
         }
