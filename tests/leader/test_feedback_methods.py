@@ -88,7 +88,7 @@ def test_passive_gives_back_no_more_than_the_follower_says_came_back() -> None:
         z = -3.0 * math.sin(tick / 100)
         got += handle.force_n[2] * 1e-3 * (z - before)
         before = z
-        feedback.take(pushing(4.0))
+        feedback.on_frames(pushing(4.0))
         feedback.tick(1, at(z))
     assert feedback.summary["energy_given_mj"] == given
     assert got <= 1e-3 + 1e-9
@@ -99,7 +99,7 @@ def test_passive_says_what_the_hand_put_in() -> None:
     feedback = PassiveForce(Handle(), limit_n=10.0, settings=SETTINGS)
     news = None
     for tick in range(50):
-        feedback.take(pushing(2.0))
+        feedback.on_frames(pushing(2.0))
         news = feedback.tick(1, at(-0.01 * tick)) if news is None else news
     assert news is not None
     assert news.dtype == ENERGY_DTYPE
@@ -112,7 +112,7 @@ def test_the_force_fades_in_silence_and_without_a_handle(method: str) -> None:
     handle = Handle()
     table = ForceFeedback.model_validate({"method": method})
     feedback = build_feedback(table, handle, rate_hz=1000.0, normal="z")
-    feedback.take(pushing(2.0))
+    feedback.on_frames(pushing(2.0))
     for _ in range(10):
         feedback.tick(1, at(0.0))
     assert handle.force_n[2] == pytest.approx(2.0)
@@ -125,7 +125,7 @@ def test_the_displayed_force_keeps_its_limit_with_the_damping() -> None:
     handle = Handle()
     feedback = PassiveForce(handle, limit_n=1.0, settings=SETTINGS)
     for tick in range(400):
-        feedback.take(pushing(5.0))
+        feedback.on_frames(pushing(5.0))
         feedback.tick(1, at(3.0 * math.sin(tick / 20)))
         assert math.hypot(*handle.force_n) <= 1.0 + 1e-9
 
@@ -135,9 +135,9 @@ def test_the_model_shows_the_force_of_the_hands_own_place() -> None:
     feedback = ModelForce(handle, limit_n=10.0)
     depth = 2.0 * np.sin(np.arange(2000) / 60)
     for start in range(0, 2000, CONTACT_GATHERED):
-        feedback.take_records(samples(depth[start : start + CONTACT_GATHERED], 1.5))
+        feedback.on_records(samples(depth[start : start + CONTACT_GATHERED], 1.5))
     for tick in range(300):  # down onto the surface, slowly
-        feedback.take(pushing(0.0))
+        feedback.on_frames(pushing(0.0))
         feedback.tick(1, at(1.0 - 0.01 * tick))
     assert handle.force_n[2] == pytest.approx(1.5 * 1.99, rel=0.1)
     assert feedback.felt is not None
@@ -160,10 +160,10 @@ def test_what_no_model_explains_is_shown_as_it_was_met_at_each_place_and_speed()
     outward = np.gradient(depth) < 0.0
     records["force_n"][outward] *= 0.5
     for start in range(0, 2000, CONTACT_GATHERED):
-        feedback.take_records(records[start : start + CONTACT_GATHERED])
+        feedback.on_records(records[start : start + CONTACT_GATHERED])
     shown = []
     for tick in range(2000, 3000):
-        feedback.take(pushing(0.0))
+        feedback.on_frames(pushing(0.0))
         feedback.tick(1, at(-float(depth[tick])))
         shown.append(handle.force_n[2])
     moving = np.abs(np.gradient(depth[2000:])) > 0.05  # mm a tick
@@ -182,7 +182,7 @@ def test_what_no_model_explains_is_shown_as_it_was_met_at_each_place_and_speed()
 def test_the_streamed_force_is_shown_until_there_is_a_model() -> None:
     handle = Handle()
     feedback = ModelForce(handle, limit_n=10.0)
-    feedback.take(pushing(1.0))
+    feedback.on_frames(pushing(1.0))
     for _ in range(5):
         feedback.tick(1, at(0.0))
     assert handle.force_n[2] == pytest.approx(1.0)

@@ -21,11 +21,11 @@ def test_however_frames_come_the_queue_gives_them_out_in_order_and_once(
         if number not in in_time:
             assert queue.insert(made_frames(number, 1)) == 0
     given_out: list[int] = []
-    while (frames := queue.take_period(period, None)) is not None:
+    while (frames := queue.pop_period(period, None)) is not None:
         taken = frames["sequence"].astype(np.int64)
         assert taken[-1] - taken[0] >= period - 1
         assert len(taken) == 1 or taken[-2] - taken[0] < period - 1
         given_out += taken.tolist()
-    given_out += queue.take_all()["sequence"].tolist() if numbers else []
+    given_out += queue.pop_all()["sequence"].tolist() if numbers else []
     assert given_out == sorted(numbers)
     assert len(queue) == 0

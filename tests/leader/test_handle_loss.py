@@ -172,7 +172,7 @@ def passive(display: Handle) -> PassiveForce:
     feedback = PassiveForce(display, limit_n=5.0, settings=PassivitySettings(), opening_j=1.0)
     record = np.zeros(1, dtype=ENERGY_DTYPE)
     record["energy_j"] = 1.0
-    feedback.take_records(record)
+    feedback.on_records(record)
     return feedback
 
 
@@ -186,10 +186,10 @@ def test_the_force_is_gone_at_once_and_comes_back_from_zero(make) -> None:
     feedback = make(display)
     frame = np.zeros(1, dtype=frame_dtype())
     frame["force_n"] = (0.0, 0.0, 2.0)
-    feedback.take(frame)
+    feedback.on_frames(frame)
     at = InterfaceState((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, False)
     for _ in range(200):
-        feedback.take(frame)
+        feedback.on_frames(frame)
         feedback.tick(1, at)
     assert display.shown == pytest.approx((0.0, 0.0, 2.0))
     feedback.rest(1)
@@ -197,7 +197,7 @@ def test_the_force_is_gone_at_once_and_comes_back_from_zero(make) -> None:
     elsewhere = at._replace(position_mm=(0.0, 0.0, 80.0))
     course = []
     for _ in range(200):
-        feedback.take(frame)
+        feedback.on_frames(frame)
         feedback.tick(1, elsewhere)
         course.append(display.shown[2])
     assert course[0] <= 0.04 + 1e-9  # a fiftieth of it
@@ -210,7 +210,7 @@ def test_where_the_handle_comes_back_is_nobodys_work() -> None:
     feedback = passive(display)
     frame = np.zeros(1, dtype=frame_dtype())
     frame["force_n"] = (0.0, 0.0, 2.0)
-    feedback.take(frame)
+    feedback.on_frames(frame)
     at = InterfaceState((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, False)
     for _ in range(100):
         feedback.tick(1, at)

@@ -45,7 +45,7 @@ def test_a_gap_is_noted_before_it_is_asked_for_and_closed_when_it_is_filled() ->
     (note,) = account.notes
     assert (note["kind"], note["frames"], note["announce"]) == ("gap", 3, False)
     assert note["ranges"] == [(10, 12), (14, 15)]
-    taken = account.missing.take(numbered(14, 11, 10))
+    taken = account.missing.fill(numbered(14, 11, 10))
     assert taken["sequence"].tolist() == [10, 11, 14]
     account.wait(50)
     assert account.notes[1]["sentence"] == "of the missing frames 3 are filled in"
@@ -63,8 +63,8 @@ def test_a_gap_is_noted_before_it_is_asked_for_and_closed_when_it_is_filled() ->
 def test_what_nobody_asked_for_is_not_taken() -> None:
     account = Account()
     account.missing.lack(5, 7)
-    assert len(account.missing.take(numbered(3, 4, 7, 8))) == 0
-    assert account.missing.take(numbered(5, 5))["sequence"].tolist() == [5]
+    assert len(account.missing.fill(numbered(3, 4, 7, 8))) == 0
+    assert account.missing.fill(numbered(5, 5))["sequence"].tolist() == [5]
     assert account.missing.summary["unwanted"] == 5
 
 
@@ -74,7 +74,7 @@ def test_long_gaps_are_announced_and_what_the_follower_has_not_got_is_lost() -> 
     account.wait(50)
     assert account.asked == [[(800, 1000)]]
     account.missing.gone([(900, 2000)])
-    account.missing.take(numbered(*range(800, 900)))
+    account.missing.fill(numbered(*range(800, 900)))
     account.wait(50)
     assert [note["announce"] for note in account.notes] == [True, True]
     assert account.notes[1]["sentence"] == ("of the missing frames 100 are filled in, 900 are lost")
@@ -94,7 +94,7 @@ def test_an_answer_that_does_not_come_is_asked_for_again_and_then_given_up() -> 
     account.missing.lack(3, 5)
     account.wait(1500)
     assert account.asked == [[(3, 5)]] * 2
-    account.missing.take(numbered(3))  # it does answer, only slowly
+    account.missing.fill(numbered(3))  # it does answer, only slowly
     account.wait(2000)
     assert account.asked == [[(3, 5)]] * 2 + [[(4, 5)]] * 2
     account.wait(1100)
@@ -107,7 +107,7 @@ def test_a_follower_that_still_has_the_frames_is_waited_for() -> None:
     account.missing.lack(3, 5)
     account.wait(9900)
     assert account.asked == [[(3, 5)]] * 10
-    assert account.missing.take(numbered(3))["sequence"].tolist() == [3]
+    assert account.missing.fill(numbered(3))["sequence"].tolist() == [3]
     account.wait(10_100)
     assert account.missing.summary["filled"] == account.missing.summary["lost"] == 1
 
@@ -163,7 +163,7 @@ def test_every_number_is_live_filled_lost_or_waited_for(
             account.missing.jumped(newest, frames)
             newest, live = newest + first + count, live + count
         elif kind == "late":
-            taken = account.missing.take(numbered(*range(first, first + count)))["sequence"]
+            taken = account.missing.fill(numbered(*range(first, first + count)))["sequence"]
             assert filled.isdisjoint(taken.tolist()), "no frame is taken twice"
             filled |= set(taken.tolist())
         elif kind == "gone":

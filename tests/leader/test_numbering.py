@@ -14,7 +14,7 @@ def test_the_frames_of_one_follower_pass_as_they_are() -> None:
     numbering = SessionNumbering(PERIOD_NS)
     for first in (7, 10, 40):  # with a gap
         frames = made_frames(first, 3)
-        taken, left_out = numbering.take(frames, first)
+        taken, left_out = numbering.number(frames, first)
         assert taken is frames
         assert left_out == 0
     assert numbering.frames == 43 - 7
@@ -22,35 +22,35 @@ def test_the_frames_of_one_follower_pass_as_they_are() -> None:
 
 def test_a_follower_that_takes_its_link_up_again_goes_on_counting() -> None:
     numbering = SessionNumbering(PERIOD_NS)
-    numbering.take(made_frames(0, 100), 1)
+    numbering.number(made_frames(0, 100), 1)
     numbering.reconnect()
     again = made_frames(300, 5)
-    assert numbering.take(again, 2) == (again, 0)
+    assert numbering.number(again, 2) == (again, 0)
     assert numbering.frames == 305
 
 
 def test_a_follower_that_is_started_anew_is_put_behind_the_silence() -> None:
     numbering = SessionNumbering(PERIOD_NS)
-    numbering.take(made_frames(0, 100), 5 * SECOND)
+    numbering.number(made_frames(0, 100), 5 * SECOND)
     numbering.reconnect()
     again = made_frames(0, 10)
     again["time_ns"] += 350 * PERIOD_NS  # the same machine's clock
-    taken, left_out = numbering.take(again, 5 * SECOND + 250 * PERIOD_NS)
+    taken, left_out = numbering.number(again, 5 * SECOND + 250 * PERIOD_NS)
     assert left_out == 250
     assert taken["sequence"].tolist() == list(range(350, 360))
     np.testing.assert_array_equal(taken["time_ns"], again["time_ns"])
     np.testing.assert_array_equal(taken["force_n"], again["force_n"])
     assert again["sequence"][0] == 0, "the follower's own block must not change"
-    following, left_out = numbering.take(made_frames(10, 2), 5 * SECOND + 260 * PERIOD_NS)
+    following, left_out = numbering.number(made_frames(10, 2), 5 * SECOND + 260 * PERIOD_NS)
     assert left_out == 0
     assert following["sequence"].tolist() == [360, 361]
 
 
 def test_a_follower_that_counts_from_far_ahead_is_put_behind_the_silence_too() -> None:
     numbering = SessionNumbering(PERIOD_NS)
-    numbering.take(made_frames(0, 100), 5 * SECOND)
+    numbering.number(made_frames(0, 100), 5 * SECOND)
     numbering.reconnect()
-    taken, left_out = numbering.take(made_frames(2**31 - 20, 10), 5 * SECOND + 250 * PERIOD_NS)
+    taken, left_out = numbering.number(made_frames(2**31 - 20, 10), 5 * SECOND + 250 * PERIOD_NS)
     assert left_out == 250
     assert taken["sequence"].tolist() == list(range(350, 360))
     assert numbering.frames == 360
@@ -59,12 +59,12 @@ def test_a_follower_that_counts_from_far_ahead_is_put_behind_the_silence_too() -
 def test_another_process_is_told_by_its_name_whatever_it_counts() -> None:
     numbering = SessionNumbering(PERIOD_NS)
     numbering.reconnect("first")
-    numbering.take(made_frames(0, 100), SECOND)
+    numbering.number(made_frames(0, 100), SECOND)
     numbering.reconnect("first")
-    assert numbering.take(made_frames(200, 100), 2 * SECOND)[1] == 0
+    assert numbering.number(made_frames(200, 100), 2 * SECOND)[1] == 0
     numbering.reconnect("second")
     assert numbering.anew
-    taken, left_out = numbering.take(made_frames(400, 10), 2 * SECOND + 50 * PERIOD_NS)
+    taken, left_out = numbering.number(made_frames(400, 10), 2 * SECOND + 50 * PERIOD_NS)
     assert left_out == 50
     assert taken["sequence"][0] == 350
     assert numbering.renumber(made_frames(410, 1))["sequence"][0] == 360
@@ -75,10 +75,10 @@ def test_another_clock_is_put_right_but_echoed_as_it_is() -> None:
     numbering = SessionNumbering(PERIOD_NS)
     first = made_frames(0, 100)
     first["time_ns"] += 90_000 * SECOND
-    numbering.take(first, SECOND)
+    numbering.number(first, SECOND)
     numbering.reconnect()
     again = made_frames(0, 10)
-    taken, left_out = numbering.take(again, SECOND + 20 * PERIOD_NS)
+    taken, left_out = numbering.number(again, SECOND + 20 * PERIOD_NS)
     assert left_out == 20
     assert taken["time_ns"][0] - first["time_ns"][-1] == 21 * PERIOD_NS
     assert (np.diff(taken["time_ns"]) == PERIOD_NS).all()
@@ -105,7 +105,7 @@ def test_numbers_always_rise_whatever_connects(
             numbering.reconnect()
             raw = 0
         raw += skipped
-        taken, _ = numbering.take(made_frames(raw, count), now_ns)
+        taken, _ = numbering.number(made_frames(raw, count), now_ns)
         raw += count
         sequences += taken["sequence"].tolist()
     assert (np.diff(sequences) > 0).all()

@@ -40,9 +40,9 @@ def test_the_newest_force_is_displayed_within_the_limit_in_its_direction() -> No
     handle = Handle()
     force = StreamedForce(handle, limit_n=3.0)
     force.tick(1, None)
-    force.take(forced(0.0, 0.0, 2.5))
+    force.on_frames(forced(0.0, 0.0, 2.5))
     force.tick(1, None)
-    force.take(forced(30.0, 0.0, 40.0))
+    force.on_frames(forced(30.0, 0.0, 40.0))
     force.tick(1, None)
     assert handle.forces[0] == (0.0, 0.0, 0.0)
     assert handle.forces[1] == (0.0, 0.0, 2.5)
@@ -52,7 +52,7 @@ def test_the_newest_force_is_displayed_within_the_limit_in_its_direction() -> No
 def test_the_force_fades_to_zero_in_silence_and_comes_back() -> None:
     handle = Handle()
     force = StreamedForce(handle, limit_n=3.0, silence_ticks=50)
-    force.take(forced(0.0, 0.0, 2.0))
+    force.on_frames(forced(0.0, 0.0, 2.0))
     for _ in range(120):
         force.tick(1, None)
     normal = [z for _, _, z in handle.forces]
@@ -60,7 +60,7 @@ def test_the_force_fades_to_zero_in_silence_and_comes_back() -> None:
     assert (np.diff(normal[49:100]) < 0).all()
     assert normal[99:] == [0.0] * 21
     for _ in range(60):
-        force.take(forced(0.0, 0.0, 2.0))
+        force.on_frames(forced(0.0, 0.0, 2.0))
         force.tick(1, None)
     back = [z for _, _, z in handle.forces[120:]]
     assert back[0] == pytest.approx(0.04)
@@ -79,7 +79,7 @@ def test_a_force_that_comes_and_goes_never_steps(stretches: list[tuple[int, floa
         for _ in range(50 + silence_ticks):
             force.tick(1, None)
         for _ in range(1 + silence_ticks % 60):
-            force.take(forced(0.0, 0.0, force_n))
+            force.on_frames(forced(0.0, 0.0, force_n))
             force.tick(1, None)
     normal = np.array([z for _, _, z in handle.forces])
     assert np.abs(np.diff(normal)).max() <= 3.0 / 50 + 1e-12
@@ -88,6 +88,6 @@ def test_a_force_that_comes_and_goes_never_steps(stretches: list[tuple[int, floa
 def test_missed_ticks_count_for_the_silence() -> None:
     handle = Handle()
     force = StreamedForce(handle, limit_n=3.0, silence_ticks=50)
-    force.take(forced(0.0, 0.0, 2.0))
+    force.on_frames(forced(0.0, 0.0, 2.0))
     force.tick(75, None)
     assert handle.forces == [pytest.approx((0.0, 0.0, 1.0))]

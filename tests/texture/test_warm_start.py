@@ -178,7 +178,7 @@ def test_every_blend_is_a_stable_model(
 def test_a_fifth_of_a_second_of_stroking_chooses_and_rest_does_not() -> None:
     frames, _ = simulate_session(Scene(), "plastic", 4.0, 3)
     warm = WarmStart(LIBRARY, ModellingSettings())
-    at = [n for n in range(0, 4000, 100) if warm.take(frames[n : n + 100]) is not None]
+    at = [n for n in range(0, 4000, 100) if warm.process(frames[n : n + 100]) is not None]
     assert LOOK_SAMPLES <= at[0] < 1600  # the hand comes down first
     assert 3 <= len(at) <= 5  # and again after twice as much
     assert warm.choice is not None
@@ -186,7 +186,7 @@ def test_a_fifth_of_a_second_of_stroking_chooses_and_rest_does_not() -> None:
     resting = WarmStart(LIBRARY, ModellingSettings())
     still = frames.copy()
     still["force_n"] = 0.0
-    assert all(resting.take(still[n : n + 100]) is None for n in range(0, 4000, 100))
+    assert all(resting.process(still[n : n + 100]) is None for n in range(0, 4000, 100))
     assert resting.model(None) is None
 
 
@@ -198,12 +198,12 @@ def test_the_choice_ends_after_a_long_look(inputs: str) -> None:
     chosen = ModellingSettings(inputs="anisotropic" if directed else "isotropic", axis="dft321")
     warm = WarmStart(LIBRARY, chosen)
     for n in range(0, 8000, 1000):
-        warm.take(frames[n : n + 1000])
+        warm.process(frames[n : n + 1000])
     assert not warm.looking
     found = warm.model(None)
     assert found is not None
     assert found.space == space
-    assert warm.take(frames) is None
+    assert warm.process(frames) is None
 
 
 def test_a_library_that_cannot_be_used_says_why() -> None:

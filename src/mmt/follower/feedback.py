@@ -33,10 +33,10 @@ class FollowerFeedback(Protocol):
         """Return the position that the robot is to take in place of the wanted one."""
 
     def measured(self, frames: RecordArray) -> RecordArray | None:
-        """Take the frames (n,), n >= 1, that followed the command; return what to send."""
+        """Handle the frames (n,), n >= 1, that followed the command; return what to send."""
 
-    def take_records(self, records: RecordArray) -> None:
-        """Take checked records (n,) of the same event from the leader."""
+    def on_records(self, records: RecordArray) -> None:
+        """Handle validated records (n,) of the same event from the leader."""
 
     def restart(self) -> None:
         """Expect a new connection, perhaps of a restarted leader."""
@@ -85,7 +85,7 @@ class PassiveFollower:
         x, y, z = self._ports
         return self._report.make((x.in_j, y.in_j, z.in_j), len(frames), int(frames["time_ns"][-1]))
 
-    def take_records(self, records: RecordArray) -> None:
+    def on_records(self, records: RecordArray) -> None:
         """Take what the hand has put in."""
         self._given.receive(records)
 
@@ -143,7 +143,7 @@ class ContactReporter:
         self._waiting = 0
         return block
 
-    def take_records(self, records: RecordArray) -> None:
+    def on_records(self, records: RecordArray) -> None:
         """Do nothing: the leader sends none."""
 
     def restart(self) -> None:

@@ -69,9 +69,9 @@ class Backfill:
         self.missing.forget()
         self._look_again()
 
-    def take(self, frames: RecordArray) -> None:
-        """Take frames (n,) that were sent again, in the follower's numbers."""
-        frames = self.missing.take(self._numbering.renumber(frames))
+    def receive(self, frames: RecordArray) -> None:
+        """Handle frames (n,) that were sent again, in the follower's numbers."""
+        frames = self.missing.fill(self._numbering.renumber(frames))
         if not len(frames):
             return
         arrival_ns = self._numbering.expected_arrival_ns(

@@ -122,7 +122,7 @@ class ModelOutput(Part):
 
         log = self._log
         surfaces = log.surfaces = log.surfaces or SurfaceLog()
-        for sentence, details in surfaces.take(update, self._since_s):
+        for sentence, details in surfaces.record(update, self._since_s):
             self._event(sentence, **details)
         for left in update.left:
             self._record(replace(left, time_s=self._since_s + left.time_s))

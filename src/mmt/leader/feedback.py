@@ -18,11 +18,11 @@ class Feedback(Protocol):
     dtype: "np.dtype[np.void] | None"
     """Type of that event's records."""
 
-    def take(self, frames: RecordArray) -> None:
-        """Take frames (n,), n >= 1, the newest last."""
+    def on_frames(self, frames: RecordArray) -> None:
+        """Handle frames (n,), n >= 1, the newest last."""
 
-    def take_records(self, records: RecordArray) -> None:
-        """Take checked records (n,) of the further event."""
+    def on_records(self, records: RecordArray) -> None:
+        """Handle validated records (n,) of the further event."""
 
     def restart(self) -> None:
         """Expect a new connection, perhaps of a follower that begins anew."""
@@ -87,12 +87,12 @@ class StreamedForce:
         self._force: Vector = (0.0, 0.0, 0.0)
         self._largest_n = 0.0
 
-    def take(self, frames: RecordArray) -> None:
-        """Keep the newest frame's force."""
+    def on_frames(self, frames: RecordArray) -> None:
+        """Store the newest frame's force."""
         self._force = limited(frames["force_n"][-1].tolist(), self._limit_n)
         self._ramp.renew()
 
-    def take_records(self, records: RecordArray) -> None:
+    def on_records(self, records: RecordArray) -> None:
         """Do nothing: frames are all that comes."""
 
     def restart(self) -> None:

@@ -87,7 +87,7 @@ class ModelForce(StreamedForce):
         self._samples = 0
         self._samples_to_model: int | None = None
 
-    def take_records(self, records: RecordArray) -> None:
+    def on_records(self, records: RecordArray) -> None:
         """Learn from the follower's samples."""
         axis = self._normal
         for command, place, force in zip(

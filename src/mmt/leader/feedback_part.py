@@ -42,7 +42,7 @@ class ForceFeedbackPart(Part):
     def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
         """Use the newest frame's force."""
         _ = arrival_ns
-        self.feedback.take(frames)
+        self.feedback.on_frames(frames)
 
     def tick(self, tick: Tick) -> None:
         """Show the hand its force, and send the follower what the method has for it."""

@@ -48,8 +48,8 @@ class PassiveForce(StreamedForce):
         self._given = EnergyCounts(opening_j)
         self._report = EnergyReport()
 
-    def take_records(self, records: RecordArray) -> None:
-        """Take what the follower says it gave back."""
+    def on_records(self, records: RecordArray) -> None:
+        """Read the energy that the follower reports as returned."""
         self._given.receive(records)
 
     def restart(self) -> None:

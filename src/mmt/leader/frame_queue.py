@@ -59,15 +59,16 @@ class FrameQueue:
         self._ordered, self._first = False, None
         return self.put(frames)
 
-    def take_period(self, numbers: int, before: int | None) -> RecordArray | None:
-        """Take the frames of one period, None where they are not all there yet.
+    def pop_period(self, numbers: int, before: int | None) -> RecordArray | None:
+        """Remove and return the frames of one period, None while some are not there yet.
 
         Parameters
         ----------
         numbers
             Length of the period; it begins with the oldest frame, missing ones count.
         before
-            Take none from this number on, which may still come; None where nothing may.
+            Number of the first frame that may still come, None where none may; return no
+            period that reaches it.
         """
         waiting = self._in_order()
         if not len(waiting):
@@ -80,8 +81,8 @@ class FrameQueue:
         self._remove(stop)
         return frames
 
-    def take_all(self) -> RecordArray:
-        """Return what waits, oldest first, and empty the queue."""
+    def pop_all(self) -> RecordArray:
+        """Remove and return all frames, oldest first."""
         frames = self._in_order().copy()
         self._count, self._first = 0, None
         return frames

@@ -122,7 +122,7 @@ class MissingFrames:
         while len(self._missing) > MOST_RANGES:
             self._lose([next(iter(self._missing))])
 
-    def take(self, frames: RecordArray) -> RecordArray:
+    def fill(self, frames: RecordArray) -> RecordArray:
         """Return those of the frames (n,) that were missing, ascending; they no longer are."""
         numbers = frames["sequence"].tolist()
         wanted: BoolArray = np.array([self._missing.remove(n, n + 1) == 1 for n in numbers])

@@ -76,7 +76,7 @@ class SessionNumbering:
         self._run_id = run_id
         self.follower_time_ns = 0
 
-    def take(self, frames: RecordArray, arrival_ns: int) -> tuple[RecordArray, int]:
+    def number(self, frames: RecordArray, arrival_ns: int) -> tuple[RecordArray, int]:
         """Return the next frames (n,), n >= 1, numbered on, and how many this left out.
 
         The second value is 0 unless a follower that was started anew begins here; then it is

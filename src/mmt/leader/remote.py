@@ -27,7 +27,7 @@ _NOTE_PERIOD_NS: Final = 10_000_000_000
 
 
 class RemoteFollower:
-    """Take what the link reports, and send the follower what the tick has for it.
+    """Handle what the link reports, and send the follower the commands of each tick.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class RemoteFollower:
                 on_end=self._on_end,
                 on_lost=self._on_lost,
                 on_jump=self._on_jump,
-                on_backfill=self.backfill.take,
+                on_backfill=self.backfill.receive,
                 on_gone=self.backfill.gone,
                 on_settle=self.backfill.settle,
                 on_error=self._ending.fail,
@@ -112,7 +112,7 @@ class RemoteFollower:
         await self.server.start()
 
     async def dismiss(self) -> None:
-        """Ask the follower to end, and take what it still sends of what is missing."""
+        """Ask the follower to end, and receive what it still sends of the missing frames."""
         if self.server is not None:
             await self.server.request_stop(self._ending.outcome)
         self.backfill.close()
@@ -152,10 +152,10 @@ class RemoteFollower:
         if not self.has_begun:
             self._log.meter = ProcessMeter()
         if self.backfill.settled:
-            self.backfill.take(frames)
+            self.backfill.receive(frames)
             return
         newest = self._numbering.newest
-        frames, left_out = self._numbering.take(frames, arrival_ns)
+        frames, left_out = self._numbering.number(frames, arrival_ns)
         if left_out:
             self.backfill.started_anew()
             self._journal.event(

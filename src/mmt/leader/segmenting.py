@@ -101,7 +101,7 @@ class SegmentingTask:
 
     def clear(self) -> None:
         """Throw away the frames that wait."""
-        self._queue.take_all()
+        self._queue.pop_all()
 
     def start_model(self, modeller: "OnlineModeller | SurfaceModeller") -> None:
         """Segment for this modeller from now on; what is under way is thrown away."""
@@ -151,9 +151,9 @@ class SegmentingTask:
     def _next_period(self) -> RecordArray | None:
         """Return the frames of the next update, None where it is not due."""
         if len(self._queue) > self._overloaded_frames:  # updates cannot keep up: make fewer
-            frames: RecordArray | None = self._queue.take_all()
+            frames: RecordArray | None = self._queue.pop_all()
         else:
-            frames = self._queue.take_period(self._period_frames, self.first_missing())
+            frames = self._queue.pop_period(self._period_frames, self.first_missing())
         if frames is not None:
             self._newest = int(frames["sequence"][-1])
         return frames

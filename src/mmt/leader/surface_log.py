@@ -19,7 +19,7 @@ _SENTENCES: Final = {
     "identified": "surface {0.before} is surface {0.surface}",
 }
 _LONGEST: Final = 10_000
-"""So many stays and changes are kept; older ones are in the recording."""
+"""Largest number of stays and of changes in memory; older ones are in the recording."""
 
 
 @dataclass
@@ -36,8 +36,8 @@ class SurfaceEntry:
     stop_s: float | None = None
     stays: list[tuple[float, float | None]] = field(default_factory=list)
 
-    def take(self, update: ModelUpdate, time_s: float) -> None:
-        """Note the state of its model."""
+    def record(self, update: ModelUpdate, time_s: float) -> None:
+        """Record the state of its model."""
         self.samples, self.distance = update.samples, update.distance
         self.start_s = (
             (time_s if self.start_s is None else self.start_s) if update.started else None
@@ -68,7 +68,7 @@ class SurfaceLog:
 
     def __init__(self) -> None:
         self.current = 1
-        """The number of the surface that the tool is taken to be on."""
+        """The number of the surface that the tool is assumed to be on."""
         self.entries: dict[int, SurfaceEntry] = {1: SurfaceEntry(stays=[(0.0, None)])}
         """By number, also those that the leader has forgotten."""
         self.changes: list[dict[str, Any]] = []
@@ -83,8 +83,8 @@ class SurfaceLog:
         """The one of the surface that the tool is on."""
         return self.entries[self.current]
 
-    def take(self, update: ModelUpdate, since_s: float) -> list[tuple[str, dict[str, Any]]]:
-        """Note an update; return a sentence and details for each change of surface.
+    def record(self, update: ModelUpdate, since_s: float) -> list[tuple[str, dict[str, Any]]]:
+        """Record an update; return a sentence and details for each change of surface.
 
         Parameters
         ----------
@@ -106,13 +106,13 @@ class SurfaceLog:
             found |= {"surface": change.surface, "from_s": round(from_s, 3)}
             self.changes.append(found)
             told.append((_SENTENCES[change.kind].format(change, from_s), asdict(change) | found))
-        self.entry.take(update, update.time_s)
+        self.entry.record(update, update.time_s)
         del self.changes[:-_LONGEST]
         return told
 
     def _go(self, change: SurfaceChange, state: ModelUpdate, from_s: float) -> None:
         before = self.entries[change.before]
-        before.take(state, from_s)
+        before.record(state, from_s)
         before.leave(from_s)
         entry = self.entries.setdefault(change.surface, SurfaceEntry())
         entry.stays.append((from_s, None))

@@ -175,6 +175,6 @@ def _work(
     learned: bool,
 ) -> tuple[TextureModel, Choice] | None:
     """Return a new model where the choice or the samples are new."""
-    chosen = warm.take(np.concatenate(frames)) if frames else None
+    chosen = warm.process(np.concatenate(frames)) if frames else None
     model = warm.model(samples) if chosen is not None or learned else None
     return (model, warm.choice) if model is not None and warm.choice is not None else None

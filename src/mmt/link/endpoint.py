@@ -156,7 +156,7 @@ class ForceFeedbackSide(Protocol):
     def dtype(self) -> "np.dtype[np.void] | None":
         """Dtype of that event's records."""
 
-    def take_records(self, records: RecordArray) -> None:
+    def on_records(self, records: RecordArray) -> None:
         """Handle validated records (n,) of the further event."""
 
     def restart(self) -> None:
@@ -179,7 +179,7 @@ def extra_event(feedback: ForceFeedbackSide | None) -> "ExtraEvent | None":
     if feedback is None or feedback.event is None or feedback.dtype is None:
         return None
 
-    return ExtraEvent(feedback.event, feedback.dtype, feedback.take_records, feedback.restart)
+    return ExtraEvent(feedback.event, feedback.dtype, feedback.on_records, feedback.restart)
 
 
 class Endpoint:

@@ -209,12 +209,12 @@ def _replay(
             frame = frames[past : past + 1]
             if sides.follower is not None:
                 while sent and sent[0][0] <= past:
-                    sides.follower.take_records(sent.popleft()[1])
+                    sides.follower.on_records(sent.popleft()[1])
                 sides.follower.command((0.0, 0.0, -1e3 * hands[past]))
                 records = sides.follower.measured(frame)
                 if records is not None:
-                    sides.leader.take_records(records)
-            sides.leader.take(frame)
+                    sides.leader.on_records(records)
+            sides.leader.on_frames(frame)
         news = sides.leader.tick(1, handle_state(-hand_m))
         if news is not None:
             sent.append((tick, news))

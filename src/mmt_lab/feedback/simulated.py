@@ -165,9 +165,9 @@ def _run(method: Method, wall_n_mm: float, delay_ms: int, seed: int, holder: _Ha
         state = handle_state(holder.height_m, holder.speed_m_s)
         commands.push(tick, state.position_mm)
         for frame in frames.pop(tick):
-            sides.leader.take(frame)
+            sides.leader.on_frames(frame)
         for records in up.pop(tick):
-            sides.leader.take_records(records)
+            sides.leader.on_records(records)
         news = sides.leader.tick(1, state)
         if news is not None:
             down.push(tick, news)
@@ -176,7 +176,7 @@ def _run(method: Method, wall_n_mm: float, delay_ms: int, seed: int, holder: _Ha
         command = wanted
         if sides.follower is not None:
             for records in down.pop(tick):
-                sides.follower.take_records(records)
+                sides.follower.on_records(records)
             command = sides.follower.command(wanted)
         tip = robot.advance(START_MM if command is None else command)
         frame = empty_frames(1, ("position", "force"))

@@ -198,7 +198,7 @@ def warm_models(
             if new.started:
                 break
             samples = new.model.samples if new.model is not None else None
-        elif warm.take(new) is None:
+        elif warm.process(new) is None:
             continue
         model = warm.model(samples)
         if model is not None:

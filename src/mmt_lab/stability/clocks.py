@@ -132,9 +132,9 @@ def _other_clock(step_ns: int) -> Outcome:
     for frames, offset_ns in ((first, 0), (second, step_ns)):
         frames["sequence"] = np.arange(1000)
         frames["time_ns"] = _START_NS + offset_ns + np.arange(1000) * PERIOD_NS
-    before, _ = numbering.take(first, _START_NS + 1000 * PERIOD_NS)
+    before, _ = numbering.number(first, _START_NS + 1000 * PERIOD_NS)
     numbering.reconnect()
-    after, left_out = numbering.take(second, _START_NS + 3000 * PERIOD_NS)
+    after, left_out = numbering.number(second, _START_NS + 3000 * PERIOD_NS)
     gap = int(after["sequence"][0]) - int(before["sequence"][-1])
     gap_ms = (int(after["time_ns"][0]) - int(before["time_ns"][-1])) / 1e6
     return Outcome(

@@ -150,9 +150,9 @@ class LeaderInProcess:
         """Handle frames as they arrive."""
         if not len(frames):
             return
-        frames, _ = self.numbering.take(frames, arrival_ns)
+        frames, _ = self.numbering.number(frames, arrival_ns)
         self.vibration.on_frames(frames, arrival_ns)
-        self.feedback.take(frames)
+        self.feedback.on_frames(frames)
         if self.modeller is not None:
             self.dropped += self.queue.put(frames)
             if self.queue.first_sequence is not None and (
@@ -167,7 +167,7 @@ class LeaderInProcess:
         self.actuator.write(self.switch.render(now_ns, *hand))
 
     def _model(self, modeller: OnlineModeller) -> None:
-        update = modeller.update(self.queue.take_all())
+        update = modeller.update(self.queue.pop_all())
         if update.started and update.model is not None:
             self.synthesizer.model = update.model
             self.switch.use_model(True)

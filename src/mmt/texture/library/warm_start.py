@@ -72,8 +72,8 @@ class WarmStart:
         """Whether further frames may still change the choice."""
         return self._next <= LONGEST_LOOK
 
-    def take(self, frames: RecordArray) -> Choice | None:
-        """Take the newest frames (n,), in order; return a choice where one is made of them."""
+    def process(self, frames: RecordArray) -> Choice | None:
+        """Process the newest frames (n,), in order; return a choice where they lead to one."""
         if not self.looking:
             return None
         block = self._filter.process(frames)

@@ -153,7 +153,7 @@ def run_loop(wall_n_mm: float, there_ms: int, back_ms: int, seconds: float) -> f
     for tick in range(ticks):
         tip = robot.advance((0.0, 0.0, commands.popleft()))
         frame["force_n"][0, 2] = forces.popleft()
-        feedback.take(frame)
+        feedback.on_frames(frame)
         feedback.tick(1, None)
         commands.append(handle.read(1).position_mm[2])
         forces.append(tip.force_n[2])
@@ -210,7 +210,7 @@ def _learning_hand(wall_n_mm: float, delay_ms: int, seconds: float) -> Outcome:
         tip = robot.advance(commands.popleft())
         forces.append(tip.force_n)
         frame["force_n"][0] = forces.popleft()
-        feedback.take(frame)
+        feedback.on_frames(frame)
         feedback.tick(1, None)
         intended, shown = max(intended, state.force_n), max(shown, tip.force_n[2])
     return Outcome(

@@ -109,9 +109,9 @@ def _queue_in_bursts() -> Outcome:
     queue = FrameQueue(10_000, least_drop=1000)
     frames = numbered(stroke_pattern(20_000, whole_plane=True))
     short = queue.put(frames[:2000])
-    kept_short = len(queue.take_all())
+    kept_short = len(queue.pop_all())
     long = queue.put(frames)
-    kept = queue.take_all()
+    kept = queue.pop_all()
     newest = bool(kept["sequence"][-1] == 19_999)
     return Outcome(
         f"of 2 s {short} dropped, of 20 s {long} dropped and {len(kept)} kept, "
