@@ -13,7 +13,7 @@ from mmt_lab.selection import running
 from mmt_lab.selection.knocks import SAMPLES, add_knock, read_knocks, simulated_knock
 from mmt_lab.selection.trials import Strokes, simulate_trials, vibrate
 
-IMPACTS = Path("/work/shared/data/impact_noise/machete_1.csv")
+IMPACTS = Path(__file__).parents[2] / "../shared/data/impact_noise/machete_1.csv"
 SMALL = running.Row("Small", "sandpaper", 120, 12, directed=False)
 
 
