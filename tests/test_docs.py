@@ -21,7 +21,12 @@ DOCS = ROOT / "docs"
 INDEX = DOCS / "index.md"
 COMMANDS_PAGE = DOCS / "reference" / "commands.md"
 SCENE_PAGE = DOCS / "reference" / "scene.md"
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CHANGELOG.md",
+    ROOT / "CONTRIBUTING.md",
+    *sorted(DOCS.rglob("*.md")),
+]
 RUNNABLE = [ROOT / "README.md", *sorted((DOCS / "how-to").glob("*.md"))]
 LARGEST_IMAGE_BYTES = 150_000
 

@@ -15,10 +15,11 @@ from mmt.core.frames import CHANNELS
 from mmt.session import read_session, write_session
 from mmt.session.data import OutputBlock, RecordedSession
 from mmt.session.files import export_session
+from mmt.session.mcap_windows import open_windows
 from mmt.session.mcap_writer import FRAMES_TOPIC, open_writer
 from mmt.session.messages import FRAME_BLOCK, FrameCodec, frame_schema
 from mmt.session.recorder import McapRecorder
-from mmt.session.windows import SessionWindows, open_windows
+from mmt.session.windows import SessionWindows
 
 COUNT = 3000
 FRAMES = made_frames(COUNT, steps=np.where(np.arange(COUNT - 1) == 1200, 500, 1))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.texture.completion.criterion import make_criterion
+from mmt.texture.completion import make_criterion
 from mmt.texture.completion.distance import CompletionMonitor, cells_of
 from mmt.texture.completion.uncertainty import (
     PRIOR_S,

@@ -28,6 +28,16 @@ from mmt.texture.online.history import ModelHistory, build, update_blocks
 from mmt.texture.settings import Inputs, ModellingSettings
 
 
+class SessionEvaluation(Evaluation):
+    """An evaluation that prints as the table of ``mmt evaluate``."""
+
+    def __str__(self) -> str:
+        """Return the table of the steps, as ``mmt evaluate`` prints it."""
+        from mmt.evaluation.table import as_text, evaluation_table, step_table
+
+        return f"{as_text(step_table(self))}\n{as_text(evaluation_table([self]))}"
+
+
 def evaluate_session(
     session: RecordedSession,
     settings: ModellingSettings | None = None,
@@ -104,7 +114,7 @@ def evaluate_session(
     model = leader.model(leader.number(final_s))
     worst, errors = scorer.errors(final_s)
     steps = np.arange(1, int(duration_s / step_s + 1e-9) + 1) * step_s
-    return Evaluation(
+    return SessionEvaluation(
         name=session.path.stem or "session",
         path=str(session.path),
         surface=truth.surface.name if truth is not None else None,

@@ -198,12 +198,6 @@ class Evaluation:
             f"{', '.join(met)}, {self.final.samples} samples{level}>"
         )
 
-    def __str__(self) -> str:
-        """Return the table of the steps, as ``mmt evaluate`` prints it."""
-        from mmt.evaluation.table import as_text, evaluation_table, step_table
-
-        return f"{as_text(step_table(self))}\n{as_text(evaluation_table([self]))}"
-
     def as_dict(self) -> dict[str, Any]:
         """Return the evaluation for a program; the keys are documented for `mmt evaluate`."""
         start, stop = self.settings.distances  # "auto" resolved

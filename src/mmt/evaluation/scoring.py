@@ -11,7 +11,7 @@ from mmt.evaluation.held_out import Approximation, HeldOutRecording
 from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.results import HeldOutSegment, PowerMap, Score, Worst
 from mmt.evaluation.truth import DENSITY_HZ, KnownTexture
-from mmt.texture.completion.criterion import make_criterion
+from mmt.texture.completion import make_criterion
 from mmt.texture.completion.distance import cells_of
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.online.history import ModelHistory

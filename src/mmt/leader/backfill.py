@@ -8,7 +8,7 @@ from mmt.core.arrays import RecordArray
 from mmt.core.ranges import Range
 from mmt.leader.missing import MissingFrames, Note
 from mmt.leader.numbering import SessionNumbering
-from mmt.leader.part import Parts
+from mmt.leader.run_log import PartCaller
 
 if TYPE_CHECKING:
     from mmt.link.protocol import FollowerHello
@@ -38,7 +38,7 @@ class Backfill:
         self,
         keep_frames: int,
         numbering: SessionNumbering,
-        parts: Parts,
+        parts: PartCaller,
         request: Callable[[list[Range]], None],
         note: Note,
     ) -> None:

@@ -3,14 +3,13 @@
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from mmt.core.errors import InputError
 from mmt.leader.part import Part, Session
 from mmt.leader.stage import Activity, Item, ItemQueue, StageTask
 
 if TYPE_CHECKING:
-    from mmt.leader.modelling import Modelling
     from mmt.leader.synthesizing import SynthesizingPart
     from mmt.leader.vibration import VibrationPart
     from mmt.leader.warming import WarmingPart
@@ -22,6 +21,16 @@ if TYPE_CHECKING:
 
 def _judge(work: "Work") -> None:
     work.modeller.judge(work)
+
+
+class ModelSource(Protocol):
+    """What the models come from; see `mmt.leader.modelling.Modelling`."""
+
+    def reset(self) -> None:
+        """Start a new model."""
+
+    def models(self) -> "dict[int, TextureModel]":
+        """Return the model of each surface by number."""
 
 
 class CompletingTask(StageTask):
@@ -56,7 +65,7 @@ class ModelOutput(Part):
         self._recorder: McapRecorder | None = None
         self._synthesizing: SynthesizingPart | None = session.find("synthesizing")
         self._vibration: VibrationPart | None = session.find("vibration")
-        self._modelling: Modelling | None = session.find("modelling")
+        self._modelling: ModelSource | None = session.find("modelling")
         self._warming: WarmingPart | None = session.find("warming")
         self._takes_over = self.rendered is not None
         self.forced: Literal["streamed", "synthesized"] | None = None

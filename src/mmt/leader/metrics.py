@@ -9,8 +9,8 @@ if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
     from mmt.leader.backfill import Backfill
-    from mmt.leader.modelling import Modelling
     from mmt.leader.run_log import RunLog
+    from mmt.leader.stage import Figures
     from mmt.link.http import Page
 
 
@@ -92,7 +92,9 @@ def _backfill(backfill: "Backfill") -> Iterator["Metric"]:
     yield gauge("awaited_frames", "Missing frames that may still come.", frames["waiting"])
 
 
-def modelling_metrics(modelling: "Modelling", log: "RunLog") -> Iterator["Metric"]:
+def modelling_metrics(
+    tasks: "dict[str, Figures]", dropped_frames: int, log: "RunLog"
+) -> Iterator["Metric"]:
     """Yield the figures of the model, and of each task that makes it."""
     from mmt.core.exposition import counter, gauge, labelled
 
@@ -107,7 +109,6 @@ def modelling_metrics(modelling: "Modelling", log: "RunLog") -> Iterator["Metric
     if log.surfaces is not None:
         yield gauge("surface", "Number of the surface under the tool.", log.surfaces.current)
         yield gauge("surfaces_known", "Surfaces that were told apart.", log.surfaces.known)
-    tasks = modelling.figures
     for name, text, values in (
         ("task_items", "Items that a task of the modelling has worked on.", "items"),
         ("task_dropped_items", "Items that found no room in a task's queue.", "drops"),
@@ -122,6 +123,4 @@ def modelling_metrics(modelling: "Modelling", log: "RunLog") -> Iterator["Metric
         yield labelled(
             name, text, "task", {k: getattr(t, values) for k, t in tasks.items()}, grows=False
         )
-    yield counter(
-        "modelling_dropped_frames", "Frames that found no room.", modelling.dropped_frames
-    )
+    yield counter("modelling_dropped_frames", "Frames that found no room.", dropped_frames)

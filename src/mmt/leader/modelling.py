@@ -20,7 +20,8 @@ from mmt.leader.part import Part, Session, Tick
 from mmt.leader.segmenting import LONGEST_QUEUE_S, SegmentingTask
 from mmt.leader.stage import Activity, Figures, InFlight, Item, ItemQueue
 from mmt.leader.synthesizing import SynthesizingTask
-from mmt.texture.online.modeller import ModellerFactory, OnlineModeller
+from mmt.texture.online.factory import ModellerFactory
+from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.online.work import ModelUpdate
 from mmt.texture.settings import ModellingSettings
 
@@ -233,7 +234,7 @@ class Modelling(Part):
         if self._session is not None:
             from mmt.leader.metrics import modelling_metrics
 
-            yield from modelling_metrics(self, self._session.log)
+            yield from modelling_metrics(self.figures, self.dropped_frames, self._session.log)
 
     def models(self) -> "dict[int, TextureModel]":
         """Return the model of each surface by number; none where they are not told apart."""

@@ -7,22 +7,23 @@ by name in the `Session`, which all parts of a run share.
 
 from collections.abc import Callable, Coroutine, Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.ending import Ending
 from mmt.core.errors import MmtError
 from mmt.core.ticking import Ticker
-from mmt.devices.protocols import InterfaceState
+from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.run_log import Journal, RunLog
 from mmt.scene import Scene
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
-    from mmt.leader.remote import RemoteFollower
+    from mmt.leader.backfill import Backfill
     from mmt.link.http import Page
-    from mmt.link.protocol import FollowerHello
+    from mmt.link.protocol import FollowerHello, LinkStatistics
+    from mmt.link.server import LeaderServer
 
 
 @dataclass
@@ -202,6 +203,39 @@ class Parts:
         return problems
 
 
+class Remote(Protocol):
+    """The follower, as the parts see it; see `mmt.leader.remote.RemoteFollower`."""
+
+    backfill: "Backfill"
+    server: "LeaderServer | None"
+
+    @property
+    def connected(self) -> bool:
+        """Whether it is connected."""
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether a frame has come."""
+
+    @property
+    def time_s(self) -> float:
+        """Session time of its newest frame."""
+
+    @property
+    def statistics(self) -> "LinkStatistics | None":
+        """What the link counts."""
+
+    @property
+    def clock_offset_ns(self) -> int | None:
+        """Offset of its clock, None where it is not known."""
+
+    def command(self, now_ns: int, position_mm: Vector) -> None:
+        """Command a position (mm)."""
+
+    def send_extra(self, records: RecordArray) -> None:
+        """Send records (n,) of the force feedback's method."""
+
+
 class Session:
     """What the parts of a run share.
 
@@ -229,7 +263,7 @@ class Session:
         self.parts = Parts(scene)
         self.time_s = time_s or (lambda: 0.0)
         self.journal = Journal(self.parts, say or (lambda _: None), self.time_s)
-        self.remote: RemoteFollower | None = None
+        self.remote: Remote | None = None
         """The follower, None where the scene has no link."""
         self.ticker: Ticker | None = None
         """Calls the tick; None before there is one, and in simulated time."""

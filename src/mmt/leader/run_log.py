@@ -4,19 +4,28 @@ import logging
 import uuid
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from mmt.core import logs
 from mmt.core.process import ProcessMeter
 from mmt.core.ticking import TimeHistogram
 
 if TYPE_CHECKING:
-    from mmt.leader.part import Parts
     from mmt.leader.surface_log import SurfaceLog
     from mmt.texture.library.identification import Choice
     from mmt.texture.online.work import ModelUpdate
 
 LOG: Final = logging.getLogger("mmt.leader")
+
+
+class PartCaller(Protocol):
+    """The parts of a run, as those see them that tell the parts something."""
+
+    def call(self, verb: str, *arguments: object) -> None:
+        """Call a verb of every part that overrides it."""
+
+    def find(self, name: str) -> Any:
+        """Return a part by its name, None where the scene leaves it out."""
 
 
 class Journal:
@@ -33,7 +42,7 @@ class Journal:
     """
 
     def __init__(
-        self, parts: "Parts", say: Callable[[str], None], time_s: Callable[[], float]
+        self, parts: PartCaller, say: Callable[[str], None], time_s: Callable[[], float]
     ) -> None:
         self.say = say
         self._parts = parts

@@ -62,8 +62,9 @@ class Leader:
         self.ticks = 0
         """Ticks so far, missed ones counted."""
         self.parts: Parts = build_parts(self.session)
+        self._remote: RemoteFollower | None = None
         if scene.link is not None:
-            self.session.remote = RemoteFollower(self.session)
+            self.session.remote = self._remote = RemoteFollower(self.session)
         self.ticker = self.session.ticker = Ticker(self.session.period_ns, self._tick)
         self._now = Tick()
         self._steps: list[Callable[[Tick], None]] = []
@@ -71,7 +72,7 @@ class Leader:
     @property
     def remote(self) -> RemoteFollower | None:
         """The follower, None where the scene has no link."""
-        return self.session.remote
+        return self._remote
 
     @property
     def port(self) -> int | None:

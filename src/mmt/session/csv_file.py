@@ -13,7 +13,8 @@ from mmt.core.errors import InputError
 from mmt.core.frames import FIELD_OF_CHANNEL, Channel
 from mmt.session.data import RecordedSession, axis_columns
 from mmt.session.files import replacing
-from mmt.session.samples import Samples, to_frames
+from mmt.session.resampling import to_frames
+from mmt.session.samples import Samples
 
 _FIRST_ROW = 2
 """The line of the first row, as editors count: line 1 is the header."""

@@ -18,7 +18,13 @@ from mmt.core.arrays import FloatArray, IntArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import Channel
 from mmt.session.data import JsonObject, OutputBlock
-from mmt.session.mcap_reader import DAMAGE, checked_frame_schema, parse_json
+from mmt.session.mcap_reader import (
+    DAMAGE,
+    checked_frame_schema,
+    parse_json,
+    scan_mcap,
+    scanned_session,
+)
 from mmt.session.mcap_writer import (
     BACKFILL_TOPIC,
     EVENTS_TOPIC,
@@ -28,7 +34,7 @@ from mmt.session.mcap_writer import (
     SESSION_METADATA,
 )
 from mmt.session.messages import FrameCodec, OutputCodec
-from mmt.session.windows import Window, overlapping
+from mmt.session.windows import MemoryWindows, SessionWindows, Window, overlapping
 
 _CHUNKS_KEPT: Final = 64
 """Decoded chunks kept, some 100 KB each: half a minute or more, so playing reads each once."""
@@ -242,3 +248,23 @@ class McapWindows:
         assert self._output_codec is not None  # noqa: S101 - the topic has a schema
         mode, vibration_m_s2 = self._output_codec.decode(message.data)
         return OutputBlock((message.log_time - self._start_ns) / 1e9, mode, vibration_m_s2)
+
+
+def open_windows(path: str | Path) -> SessionWindows:
+    """Open a session file of any readable format.
+
+    A whole ``.mcap`` file is read by its index, a few chunks for a window. One that was cut
+    off has no index, nor have other formats: they are read whole.
+
+    Raises
+    ------
+    InputError
+        The file is missing, of another format, not valid, or holds no frames.
+    """
+    from mmt.session.files import read_session
+
+    path = Path(path)
+    if path.suffix.lower() != ".mcap":
+        return MemoryWindows(read_session(path))
+    indexed = McapWindows.open(path)
+    return indexed if indexed is not None else MemoryWindows(scanned_session(scan_mcap(path)))

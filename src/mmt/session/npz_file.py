@@ -14,7 +14,8 @@ from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL
 from mmt.session.data import RecordedSession, to_json
 from mmt.session.files import replacing
-from mmt.session.samples import Samples, to_frames
+from mmt.session.resampling import to_frames
+from mmt.session.samples import Samples
 
 
 def read_npz(path: Path, longest_gap_s: float | None = None) -> RecordedSession:

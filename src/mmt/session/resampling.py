@@ -1,23 +1,23 @@
 """Resample a recording of any rate, or of uneven times, to the 1 kHz grid.
 
-Offline only: it imports scipy.signal. Between samples a cubic spline interpolates. A
-recording faster than 1 kHz is first brought to a whole multiple m of 1 kHz, then filtered
-and decimated by m with a linear-phase filter of no delay: flat within 0.01 dB to 415 Hz,
-80 dB down above 495 Hz, so that nothing folds back. Within 32 ms of the ends of a stretch
-the filter sees the straight line between the ends continued. Cost is linear in the number
-of samples.
+Offline only; scipy is imported where a recording needs to be resampled. Between samples a cubic
+spline interpolates. A recording faster than 1 kHz is first brought to a whole multiple m of 1 kHz,
+then filtered and decimated by m with a linear-phase filter of no delay: flat within 0.01 dB to
+415 Hz, 80 dB down above 495 Hz, so that nothing folds back. Within 32 ms of the ends of a stretch
+the filter sees the straight line between the ends continued. Cost is linear in the number of
+samples.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Final
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.signal import firwin, resample_poly
 
-from mmt.core.arrays import FloatArray, IntArray
-from mmt.core.frames import Channel
+from mmt.core.arrays import FloatArray, IntArray, RecordArray
+from mmt.core.errors import InputError
+from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, Channel, frame_dtype
+from mmt.session.data import FRAME_PERIOD_NS
 from mmt.session.samples import Samples
 
 RATE_HZ: Final = 1000.0
@@ -28,6 +28,9 @@ DEFAULT_GAP_S: Final = (0.005, 0.1)
 _CUTOFF_HZ = 455.0
 _HALF_LENGTH_MS = 32
 _KAISER_BETA = 8.0
+_GRID_TOLERANCE = 0.2
+"""Periods by which a time may lie off the 1 kHz grid and still be on it."""
+_RATE_TOLERANCE = 0.01
 _NEARLY = 1e-6
 """Periods by which rounding may put a time beside the grid."""
 
@@ -88,6 +91,9 @@ def _stretches(time_s: FloatArray, longest_gap_s: float | None) -> Iterator[tupl
 
 def _resample_stretch(time_s: FloatArray, values: FloatArray, first: int, last: int) -> FloatArray:
     """Return the values (k, 3) at frames `first` to `last`, all within the times (n,)."""
+    from scipy.interpolate import CubicSpline
+    from scipy.signal import resample_poly
+
     rate_hz = (len(time_s) - 1) / (time_s[-1] - time_s[0])
     # A clock that runs a percent fast needs no filter, only interpolation.
     factor = max(1, int(np.ceil(rate_hz / RATE_HZ - 0.01)))
@@ -105,6 +111,8 @@ def _resample_stretch(time_s: FloatArray, values: FloatArray, first: int, last: 
 @cache
 def _anti_alias_filter(factor: int) -> FloatArray:
     """Return the filter's taps at `factor` times 1 kHz (Kaiser window)."""
+    from scipy.signal import firwin
+
     taps: FloatArray = firwin(
         2 * _HALF_LENGTH_MS * factor + 1,
         _CUTOFF_HZ,
@@ -112,3 +120,63 @@ def _anti_alias_filter(factor: int) -> FloatArray:
         fs=RATE_HZ * factor,
     )
     return taps
+
+
+def to_frames(samples: Samples, longest_gap_s: float | None = None) -> RecordArray:
+    """Return samples as frames (n,) at 1 kHz, resampled only where they need it.
+
+    Rows on a 1 kHz grid, within a fifth of a period, become frames as they are; so do
+    those of an exported session, which have their frame numbers. Everything else goes
+    through `resample`, which imports scipy.
+
+    Raises
+    ------
+    InputError
+        The samples are not valid, or too few or too far apart to give a frame.
+    """
+    samples.check()
+    numbers = None if samples.acceleration_time_s is not None else _frame_numbers(samples)
+    if numbers is not None:
+        time_ns = np.rint((samples.time_s - samples.time_s[0]) * 1e9).astype(np.int64)
+        return _frames(samples, numbers, time_ns, samples.values)
+    numbers, values = resample(samples, longest_gap_s)
+    return _frames(samples, numbers, numbers * FRAME_PERIOD_NS, values)
+
+
+def _frame_numbers(samples: Samples) -> IntArray | None:
+    """Return the frame number of each row, None where the rows are not frames."""
+    periods = (samples.time_s - samples.time_s[0]) * 1000.0
+    if samples.sequence is not None and len(samples.sequence) == len(periods):
+        numbers = np.rint(samples.sequence)
+        span = numbers[-1] - numbers[0]
+        in_range = numbers[0] >= 0 and numbers[-1] < 2**32
+        at_the_rate = abs(span - periods[-1]) <= max(1.0, _RATE_TOLERANCE * span)
+        if in_range and at_the_rate and bool(np.all(np.diff(numbers) > 0)):
+            return np.asarray(numbers, dtype=np.int64)
+    numbers = np.rint(periods)
+    steps = np.diff(numbers)
+    on_the_grid = np.abs(periods - numbers).max() <= _GRID_TOLERANCE
+    if on_the_grid and steps.min() > 0 and np.median(steps) == 1:
+        return np.asarray(numbers, dtype=np.int64)
+    return None
+
+
+def _frames(
+    samples: Samples,
+    numbers: IntArray,
+    time_ns: IntArray,
+    values: Mapping[Channel, FloatArray],
+) -> RecordArray:
+    if len(numbers) == 0:
+        raise InputError(
+            f"{samples.origin}: no frame can be made: its channels share no time in which "
+            "their samples are close enough together; are the times in seconds? Otherwise allow "
+            "a longer gap"
+        )
+    channels = [channel for channel in CHANNELS if channel in values]
+    frames = np.zeros(len(numbers), dtype=frame_dtype(channels))
+    frames["sequence"] = numbers
+    frames["time_ns"] = time_ns
+    for channel in channels:
+        frames[FIELD_OF_CHANNEL[channel]] = values[channel]
+    return frames

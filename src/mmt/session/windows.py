@@ -71,29 +71,6 @@ def overlapping(outputs: Sequence[OutputBlock], begin_s: float, end_s: float) ->
     ]
 
 
-def open_windows(path: str | Path) -> SessionWindows:
-    """Open a session file of any readable format.
-
-    A whole ``.mcap`` file is read by its index, a few chunks for a window. One that was cut
-    off has no index, nor have other formats: they are read whole.
-
-    Raises
-    ------
-    InputError
-        The file is missing, of another format, not valid, or holds no frames.
-    """
-    from mmt.session.files import read_session
-
-    path = Path(path)
-    if path.suffix.lower() != ".mcap":
-        return MemoryWindows(read_session(path))
-    from mmt.session.mcap_reader import scan_mcap, scanned_session
-    from mmt.session.mcap_windows import McapWindows
-
-    indexed = McapWindows.open(path)
-    return indexed if indexed is not None else MemoryWindows(scanned_session(scan_mcap(path)))
-
-
 class MemoryWindows:
     """Windows of a session that is held in memory.
 

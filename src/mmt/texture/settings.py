@@ -10,6 +10,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 
 from annotated_types import Ge, Gt, Le, Lt
 
+from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.interpolation.registry import check_name
 
 Axis = Literal["x", "y", "z"]
@@ -25,9 +26,6 @@ MAXIMUM_SPEED_MM_S = 300.0
 
 MAXIMUM_FORCE_N = 3.0
 """Paper A, section V.B: the plane ends here; stronger forces count as this strong."""
-
-LARGEST_ORDER = 64
-"""The highest autoregressive order that a model may have."""
 
 
 class Distances(NamedTuple):

@@ -30,6 +30,8 @@ from mmt.testing.simulation.robot import DISSIPATION_S_M, tip_drive
 LIGHT_GRIP: Final = Drive(mass_kg=0.1, stiffness_n_m=300.0, damping_n_s_m=15.0)
 """Hand and handle in a light grip; our choice, of the order of what is measured at a stylus
 (Fu and Cavusoglu, IEEE Trans. Syst. Man Cybern. B 42 (2012))."""
+BANDWIDTH_HZ: Final = 15.0
+CONTACT_N: Final = 1.0
 
 _FREQUENCIES_RAD_S: Final[FloatArray] = np.geomspace(0.01, 1e5, 60_000)
 
@@ -85,3 +87,8 @@ class Loop:
             angular = np.interp(share, (0.0, 1.0), _FREQUENCIES_RAD_S[at])
             delays.append((np.interp(share, (0.0, 1.0), phase[at]) + math.pi) / angular)
         return min(delays, default=math.inf) - PERIOD_S
+
+
+def loop_on(wall_n_mm: float) -> Loop:
+    """Return the theory of the loop that the stability cases run."""
+    return Loop(LIGHT_GRIP, BANDWIDTH_HZ, 1000.0 * wall_n_mm, CONTACT_N)

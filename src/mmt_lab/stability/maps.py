@@ -9,7 +9,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from mmt.evaluation.figures import COLOURS
-from mmt_lab.stability.families.loop import loop_on
+from mmt_lab.stability.loop_theory import loop_on
 
 _LEAST_GROWTH: Final = 1e-6
 _MOST_GROWTH: Final = 1e3

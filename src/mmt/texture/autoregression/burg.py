@@ -12,7 +12,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.burg_recursion import burg_each_into, burg_into
-from mmt.texture.settings import LARGEST_ORDER
+from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 
 
 class ReflectionFit(NamedTuple):

@@ -27,13 +27,13 @@ from mmt.texture.autoregression.lsf import (
     lsf_to_ar_each_into,
     reflection_to_ar_each_into,
 )
+from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.autoregression.order_selection import choose_order
 from mmt.texture.autoregression.spectra import ar_spectrum, lsf_spectrum
 from mmt.texture.autoregression.split import (
     lsf_to_reflection_each_into,
     reflection_to_lsf_each_into,
 )
-from mmt.texture.settings import LARGEST_ORDER
 
 __all__ = [
     "ReflectionFit",

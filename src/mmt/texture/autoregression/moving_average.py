@@ -13,7 +13,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import ar_to_reflection, reflection_to_ar
-from mmt.texture.settings import LARGEST_ORDER
+from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 
 _CLOSE_DB = 0.1
 _FLOOR_DB = 60.0

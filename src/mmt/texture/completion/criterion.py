@@ -9,7 +9,7 @@ the one that the settings name.
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
-from mmt.texture.settings import CriterionScale, ModellingSettings
+from mmt.texture.settings import CriterionScale
 from mmt.texture.signals.aligned import AlignedBlock
 
 if TYPE_CHECKING:
@@ -113,15 +113,3 @@ class Thresholds:
             self.start_s = time_s
         if self.stop_s is None and self.scale.meets(value, self.scale.stop):
             self.stop_s = time_s
-
-
-def make_criterion(settings: ModellingSettings) -> Criterion:
-    """Return the criterion that the settings name; the other one's module is not imported."""
-    if settings.criterion == "uncertainty":
-        from mmt.texture.completion.uncertainty import UncertaintyCriterion
-
-        return UncertaintyCriterion(settings)
-    from mmt.texture.completion.distance import CompletionMonitor
-
-    dimensions = 3 if settings.inputs == "anisotropic" else 2
-    return CompletionMonitor(*settings.distances, dimensions)

@@ -21,8 +21,8 @@ from numba.extending import intrinsic
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
+from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.interpolation.vertices import Vertices
-from mmt.texture.settings import LARGEST_ORDER
 
 SCRATCH: Final = 4 * LARGEST_ORDER + 1
 """Numbers of scratch that an evaluator may use."""

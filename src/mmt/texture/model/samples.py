@@ -9,8 +9,8 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.effective_sample_size import lengths
+from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.model.inputs import ISOTROPIC, InputSpace
-from mmt.texture.settings import LARGEST_ORDER
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from mmt.texture.completion.criterion import Criterion, make_criterion
+from mmt.texture.completion import make_criterion
+from mmt.texture.completion.criterion import Criterion
 from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.fits import samples_of
 from mmt.texture.model.inputs import InputSpace

@@ -8,7 +8,7 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.core.errors import InputError
-from mmt.texture.settings import LARGEST_ORDER
+from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 
 USUAL_SAMPLES: Final = 250
 """Number of samples assumed for a segment that is not available."""

@@ -24,7 +24,7 @@ from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.burg_recursion import burg_into
 from mmt.texture.autoregression.lattice import lattice_step
-from mmt.texture.settings import LARGEST_ORDER
+from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 
 ORDER: Final = 16
 _LEVEL_SAMPLES: Final = 32

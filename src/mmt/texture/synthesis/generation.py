@@ -16,8 +16,8 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 from mmt.core.compiled import kernel
 from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
+from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.settings import LARGEST_ORDER
 
 _RELEASE_S: Final = 0.004
 _NOISE_BLOCK: Final = 2048

@@ -18,6 +18,7 @@ from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
+from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.field.level_table import TABLE_SIZES, tabulated_level
 from mmt.texture.field.trend import trend_at
 from mmt.texture.interpolation.interpolator import SCRATCH, evaluate_into
@@ -32,7 +33,6 @@ from mmt.texture.model.kernel_parameters import (
     SPEED_EXPONENT,
 )
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.settings import LARGEST_ORDER
 from mmt.texture.synthesis.generation import (
     COMPLEMENT,
     LARGEST_AMPLITUDE,

@@ -19,10 +19,12 @@ from mmt.core.arrays import BoolArray, FloatArray, RecordArray
 from mmt.core.errors import MmtError
 from mmt.session.data import JsonObject
 from mmt.session.windows import SessionWindows
-from mmt.texture.completion.criterion import Progress, make_criterion
+from mmt.texture.completion import make_criterion
+from mmt.texture.completion.criterion import Progress
 from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.online.factory import ModellerFactory
 from mmt.texture.online.history import update_blocks
-from mmt.texture.online.modeller import ModellerFactory, ModelUpdate
+from mmt.texture.online.modeller import ModelUpdate
 from mmt.texture.settings import ModellingSettings
 
 _MODELS_KEPT: Final = 8

@@ -6,7 +6,8 @@ from typing import Any, Final, Self
 from mmt.core.errors import InputError
 from mmt.scene import Scene, Texture
 from mmt.scene.files import scene_from_tables
-from mmt.session.windows import SessionWindows, Window, open_windows
+from mmt.session.mcap_windows import open_windows
+from mmt.session.windows import SessionWindows, Window
 from mmt.texture.model.texture_model import TextureModel
 from mmt.web.binary_messages import pack
 from mmt.web.monitor import states

@@ -20,14 +20,12 @@ from mmt.testing.simulation.robot import SimulatedRobot, tip_drive
 from mmt_lab.feedback import simulated
 from mmt_lab.feedback.sides import PASSIVITY, Method
 from mmt_lab.stability.cases import Case, Family, Figures, Outcome
-from mmt_lab.stability.loop_theory import LIGHT_GRIP, Loop
+from mmt_lab.stability.loop_theory import BANDWIDTH_HZ, CONTACT_N, LIGHT_GRIP, loop_on
 
 WALLS_N_MM: Final = (0.1, 0.2, 0.3, 0.4, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 DELAYS_MS: Final = (0, 1, 2, 5, 10, 20, 50, 100, 200)
 """One way."""
 
-BANDWIDTH_HZ: Final = 15.0
-CONTACT_N: Final = 1.0
 
 _LONGEST_MS: Final = 400
 _KICK_M_S: Final = 2e-3
@@ -82,11 +80,6 @@ def cases(
             partial(_map, walls_n_mm, delays_ms),
         ),
     ]
-
-
-def loop_on(wall_n_mm: float) -> Loop:
-    """Return the theory of the loop that `run_loop` runs."""
-    return Loop(LIGHT_GRIP, BANDWIDTH_HZ, 1000.0 * wall_n_mm, CONTACT_N)
 
 
 def _theory(wall_n_mm: float) -> str:
