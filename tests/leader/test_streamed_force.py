@@ -88,6 +88,8 @@ def test_a_force_that_comes_and_goes_never_steps(stretches: list[tuple[int, floa
 def test_missed_ticks_count_for_the_silence() -> None:
     handle = Handle()
     force = StreamedForce(handle, limit_n=3.0, silence_ticks=50)
-    force.on_frames(forced(0.0, 0.0, 2.0))
-    force.tick(75, None)
-    assert handle.forces == [pytest.approx((0.0, 0.0, 1.0))]
+    for _ in range(60):
+        force.on_frames(forced(0.0, 0.0, 2.0))
+        force.tick(1, None)
+    force.tick(75, None)  # the force begins to fade, by one step
+    assert handle.forces[-1] == pytest.approx((0.0, 0.0, 1.96))

@@ -6,6 +6,7 @@ from mmt.core.arrays import RecordArray
 from mmt.leader.feedback import Feedback, ForceDisplay, StreamedForce
 from mmt.leader.force_ramp import SILENCE_TICKS
 from mmt.leader.part import Part, Session, Tick
+from mmt.leader.slew import SlewLimitedDisplay
 from mmt.scene import ForceFeedback, Texture
 
 if TYPE_CHECKING:
@@ -22,11 +23,16 @@ class ForceFeedbackPart(Part):
         Session of the run.
     feedback
         The method's side at the leader.
+    slew
+        Bounds what the method writes; None where the scene says that nothing does.
     """
 
-    def __init__(self, session: Session, feedback: Feedback) -> None:
+    def __init__(
+        self, session: Session, feedback: Feedback, slew: SlewLimitedDisplay | None = None
+    ) -> None:
         self._session = session
         self.feedback = feedback
+        self._slew = slew
 
     @classmethod
     def build(cls, session: Session) -> "ForceFeedbackPart | None":
@@ -35,9 +41,11 @@ class ForceFeedbackPart(Part):
         if table is None or hand is None:
             return None
         normal = (session.scene.texture or Texture()).normal
-        return cls(
-            session, build_feedback(table, hand.device, rate_hz=session.rate_hz, normal=normal)
-        )
+        display, slew = hand.device, None
+        if table.slew_n_s != "off":
+            display = slew = SlewLimitedDisplay(display, table.slew_n_s / session.rate_hz)
+        feedback = build_feedback(table, display, rate_hz=session.rate_hz, normal=normal)
+        return cls(session, feedback, slew)
 
     def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
         """Use the newest frame's force."""
@@ -56,7 +64,8 @@ class ForceFeedbackPart(Part):
     def summary(self, duration_s: float) -> dict[str, Any]:
         """Return what the method has counted and estimated."""
         _ = duration_s
-        return {"feedback": dict(self.feedback.summary)}
+        slowed = self._slew.limited_writes if self._slew is not None else 0
+        return {"feedback": {**self.feedback.summary, "slew_limited": slowed}}
 
 
 def build_feedback(

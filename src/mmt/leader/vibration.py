@@ -11,6 +11,7 @@ from mmt.core.arrays import FloatArray
 from mmt.devices.protocols import VibrationActuator
 from mmt.leader.hand import loss_metrics
 from mmt.leader.part import Part, Session, Tick
+from mmt.leader.slew import VibrationSlew
 from mmt.scene import Actuator, Texture
 
 if TYPE_CHECKING:
@@ -133,6 +134,8 @@ class VibrationPart(Part):
         What is played.
     reconnecting
         The actuator, where it is a driver's, which may be lost and come back.
+    slew
+        Bounds what is played; None where the scene says that nothing does.
     """
 
     def __init__(
@@ -141,11 +144,13 @@ class VibrationPart(Part):
         actuator: VibrationActuator,
         switch: VibrationSwitch,
         reconnecting: "ReconnectingActuator | None" = None,
+        slew: VibrationSlew | None = None,
     ) -> None:
         self._session = session
         self.actuator = actuator
         self.switch = switch
         self.reconnecting = reconnecting
+        self._slew = slew
         self.mode = switch.mode
         """Which vibration is played, as of the last tick."""
         normal = (session.scene.texture or Texture()).normal
@@ -181,7 +186,10 @@ class VibrationPart(Part):
         )
         if synthesizing is not None and synthesizing.synthesizer.model is not None:
             switch.use_model(True)
-        return cls(session, actuator, switch, reconnecting)
+        slew = None
+        if table.slew_m_s3 != "off":
+            slew = VibrationSlew(table.slew_m_s3 / session.rate_hz)
+        return cls(session, actuator, switch, reconnecting, slew)
 
     @property
     def name(self) -> str:
@@ -210,6 +218,8 @@ class VibrationPart(Part):
         inputs = self._inputs(*self._drive(tick))
         vibration = self.switch.render(tick.now_ns, *(np.full(elapsed, x) for x in inputs))
         self._rest_without_handle(vibration, lost=tick.hand_lost)
+        if self._slew is not None:
+            self._slew.limit(vibration)
         self.actuator.write(vibration)
         mode = self.switch.mode
         first_ns = tick.now_ns - (elapsed - 1) * self._session.period_ns
@@ -239,8 +249,14 @@ class VibrationPart(Part):
         actuator = asdict(self.actuator.statistics)
         if self.reconnecting is not None:
             actuator |= self.reconnecting.losses_summary
-        table = {"mode": self.switch.mode, "switches": self._session.log.switches}
-        return {"vibration": {**table, "actuator": actuator}}
+        return {
+            "vibration": {
+                "mode": self.switch.mode,
+                "switches": self._session.log.switches,
+                "slew_limited": self._slew.limited_samples if self._slew is not None else 0,
+                "actuator": actuator,
+            }
+        }
 
     def metrics(self) -> "Iterable[Metric]":
         """Return what drives the actuator, and its losses."""

@@ -1,6 +1,6 @@
 """The scene's tables that name drivers."""
 
-from typing import Any, ClassVar, Final, Literal, Self
+from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
@@ -43,6 +43,7 @@ class Actuator(PartTable):
 
     driver: str | None = Field(None, pattern=DRIVER_PATTERN)
     limit_m_s2: float = Field(60.0, gt=0, le=1000)
+    slew_m_s3: Annotated[float, Field(gt=0, le=1e8)] | Literal["off"] = 60_000.0
 
     @property
     def options(self) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """The scene's table ``[force_feedback]``: how the remote force reaches the hand."""
 
-from typing import Final, Literal, Self
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -12,7 +12,7 @@ _KEYS: Final[dict[str, tuple[str, ...]]] = {
     "passive": (*_PORT, "largest_drift_mm"),
     "model": (*_PORT, "largest_stiffness_n_mm", "contact_n", "forgetting_s"),
 }
-"""The keys that a method has beside ``method`` and ``limit_n``."""
+"""The keys that a method has beside those that all have."""
 
 
 class ForceFeedback(PartTable):
@@ -20,6 +20,7 @@ class ForceFeedback(PartTable):
 
     method: Literal["streamed", "passive", "model"] = "streamed"
     limit_n: float = Field(3.3, gt=0, le=40)
+    slew_n_s: Annotated[float, Field(gt=0, le=1e6)] | Literal["off"] = 1000.0
     reserve_mj: float = Field(1.0, ge=0.01, le=100)
     largest_damping_n_s_m: float = Field(10.0, ge=0, le=100)
     largest_drift_mm: float = Field(3.0, ge=0, le=50)
@@ -29,7 +30,7 @@ class ForceFeedback(PartTable):
 
     @model_validator(mode="after")
     def _keys_of_the_method(self) -> Self:
-        allowed = {"method", "limit_n", *_KEYS[self.method]}
+        allowed = {"method", "limit_n", "slew_n_s", *_KEYS[self.method]}
         for key in sorted(self.model_fields_set - allowed):
             default = type(self).model_fields[key].default
             if getattr(self, key) == default:
