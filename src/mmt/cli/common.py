@@ -6,7 +6,7 @@ import signal
 import sys
 from collections.abc import Callable, Coroutine, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeAlias, TypeVar
 
 import typer
 from rich.console import Console
@@ -19,6 +19,9 @@ from mmt.core.version import __version__
 from mmt.scene import Scene, Service
 
 Result = TypeVar("Result")
+
+Force: TypeAlias = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
+"""Without it no command replaces a file, see `mmt.core.existing_files`."""
 
 output = Console(markup=False, emoji=False)
 """For results; brackets in a text, such as a table's name, are no markup."""

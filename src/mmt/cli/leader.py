@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from mmt.cli.common import messages, run_app, write_line
+from mmt.cli.common import Force, messages, run_app, write_line
 from mmt.cli.service import (
     JsonFile,
     JsonLines,
@@ -59,6 +59,7 @@ def leader(
         bool, typer.Option("--monitor", help="Serve a page that shows the run.")
     ] = False,
     realtime: RealTime = False,
+    force: Force = False,
     _: Version = False,
 ) -> None:
     """Serve one session: receive the follower's stream, model the texture, render it."""
@@ -67,7 +68,9 @@ def leader(
         "link.port": port,
         "rendering.model": str(model) if model else None,
     }
-    scene = load_scene(scene_file, overrides, replay=replay, record=record, monitor=monitor)
+    scene = load_scene(
+        scene_file, overrides, replay=replay, record=record, force=force, monitor=monitor
+    )
     if report is not None and scene.recording is None:
         raise InputError("--report needs a recording: give --record FILE or add [recording]")
     LeaderRun(scene, ServiceOptions(json_file, json_lines, log, log_level, realtime), report).run()
@@ -138,7 +141,8 @@ class LeaderRun(ServiceRun["Leader"]):
             return
         from mmt.cli.reporting import report_recording
 
-        report_recording(self._report, self.scene.recording.file, {"leader": summary.as_dict()})
+        content = summary.as_dict()
+        report_recording(self._report, Path(content["recording"]["file"]), {"leader": content})
         messages.print(f"report: {self._report / 'report.html'}", highlight=False)
 
 
