@@ -85,14 +85,13 @@ def load_scene(
         table = tables.setdefault("recording", {"channels": "needed"})
         if isinstance(table, dict):
             table["file"], table["existing"] = str(record), "refuse"
-    recording = tables.get("recording")
-    if force and isinstance(recording, dict):
-        recording["existing"] = "replace"
     if monitor:
         tables.setdefault("monitor", {})
     _look_beside(path, tables)
     flags = {key: value for key, value in (overrides or {}).items() if value is not None}
     merged = {**environment_overrides(os.environ), **flags}
+    if force and ("recording" in tables or any(key.startswith("recording.") for key in merged)):
+        merged["recording.existing"] = "replace"
     return scene_from_tables(tables, merged, origin=str(path))
 
 
