@@ -92,6 +92,9 @@ def demo(
     realtime: Annotated[
         bool, typer.Option("--realtime", help="Tick by real-time scheduling (Linux).")
     ] = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", help="Show all counters at the end.")
+    ] = False,
 ) -> None:
     """Run leader and follower on loopback, then report what was modelled."""
     from mmt.cli.demo import run_demo
@@ -104,6 +107,7 @@ def demo(
         json_file=json_file,
         monitor=monitor,
         realtime=realtime,
+        verbose=verbose,
     )
     if not good:
         raise typer.Exit(1)
