@@ -13,6 +13,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from mmt.cli.child import Child
 from mmt.cli.common import messages, output, print_error, summary_table, write_json
+from mmt.cli.ending import ending_lines
 from mmt.core.errors import InputError
 from mmt.core.existing_files import free_path
 from mmt.core.realtime import require_real_time
@@ -56,6 +57,7 @@ def run_demo(
     monitor: bool = False,
     realtime: bool = False,
     force: bool = False,
+    verbose: bool = False,
 ) -> bool:
     """Run a scene's services, print their summaries, and report the recording.
 
@@ -86,17 +88,20 @@ def run_demo(
         )
     _check(scene, directory)
     run = asyncio.run(run_services(scene_file, scene, duration_s, replay, realtime=realtime))
-    for name, table in run.tables().items():
-        output.print(summary_table(name, table))
-    for error in run.errors:
-        print_error(error)
     content: dict[str, Any] = run.tables()
+    if verbose:
+        for name, table in content.items():
+            output.print(summary_table(name, table))
     if run.leader.get("recording"):
         from mmt.cli.reporting import report_recording
 
-        content["evaluation"] = report_recording(directory, recording, run.tables())
-        messages.print(f"recording: {recording}", highlight=False)
-        messages.print(f"report:    {directory / 'report.html'}", highlight=False)
+        content["evaluation"] = report_recording(directory, recording, run.tables(), tables=verbose)
+    report = directory / "report.html" if "evaluation" in content else None
+    if run.leader or run.follower:
+        for line in ending_lines(run.tables(), content.get("evaluation"), report):
+            output.print(line, highlight=False, soft_wrap=True)
+    for error in run.errors:
+        print_error(error)
     write_json(json_file, content)
     return not run.failed
 

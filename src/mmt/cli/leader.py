@@ -4,7 +4,7 @@ import asyncio
 import signal
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -18,7 +18,7 @@ from mmt.cli.service import (
     SceneFile,
     ServiceOptions,
     ServiceRun,
-    Summary,
+    Verbose,
     Version,
 )
 from mmt.core.errors import InputError
@@ -60,6 +60,7 @@ def leader(
     ] = False,
     realtime: RealTime = False,
     force: Force = False,
+    verbose: Verbose = False,
     _: Version = False,
 ) -> None:
     """Serve one session: receive the follower's stream, model the texture, render it."""
@@ -73,7 +74,8 @@ def leader(
     )
     if report is not None and scene.recording is None:
         raise InputError("--report needs a recording: give --record FILE or add [recording]")
-    LeaderRun(scene, ServiceOptions(json_file, json_lines, log, log_level, realtime), report).run()
+    options = ServiceOptions(json_file, json_lines, log, log_level, realtime, verbose)
+    LeaderRun(scene, options, report).run()
 
 
 class LeaderRun(ServiceRun["Leader"]):
@@ -135,15 +137,20 @@ class LeaderRun(ServiceRun["Leader"]):
         below = messages.is_terminal and not self.options.json_lines
         super().on_event(f"\n{sentence}" if below else sentence)
 
-    def on_summary(self, summary: Summary) -> None:
-        """Write the report of the recording where it is wanted."""
+    @property
+    def report(self) -> Path | None:
+        """The page of the report, None where none is wanted."""
+        return None if self._report is None else self._report / "report.html"
+
+    def evaluate(self, summary: dict[str, Any]) -> dict[str, Any]:
+        """Write the report of the recording where it is wanted; return its figures."""
         if self._report is None or self.scene.recording is None:
-            return
+            return {}
         from mmt.cli.reporting import report_recording
 
-        content = summary.as_dict()
-        report_recording(self._report, Path(content["recording"]["file"]), {"leader": content})
-        messages.print(f"report: {self._report / 'report.html'}", highlight=False)
+        options, file = self.options, Path(summary["recording"]["file"])
+        tables = options.verbose and not options.json_lines
+        return report_recording(self._report, file, {"leader": summary}, tables=tables)
 
 
 def _status_line(status: LeaderStatus) -> str:

@@ -93,6 +93,9 @@ def demo(
         bool, typer.Option("--realtime", help="Tick by real-time scheduling (Linux).")
     ] = False,
     force: Force = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", help="Show all counters at the end.")
+    ] = False,
 ) -> None:
     """Run leader and follower on loopback, then report what was modelled."""
     from mmt.cli.demo import run_demo
@@ -106,6 +109,7 @@ def demo(
         monitor=monitor,
         realtime=realtime,
         force=force,
+        verbose=verbose,
     )
     if not good:
         raise typer.Exit(1)

@@ -21,6 +21,7 @@ from mmt.cli.common import (
     write_json,
     write_line,
 )
+from mmt.cli.ending import ending_lines
 from mmt.core.errors import MmtError
 from mmt.core.logs import Logs, details
 from mmt.core.realtime import be_real_time, require_real_time
@@ -41,6 +42,9 @@ LogFile: TypeAlias = Annotated[
 ]
 LogLevel: TypeAlias = Annotated[
     str | None, typer.Option(metavar="LEVEL", help="debug, info, warning or error.")
+]
+Verbose: TypeAlias = Annotated[
+    bool, typer.Option("--verbose", help="Show all counters at the end.")
 ]
 RealTime: TypeAlias = Annotated[
     bool, typer.Option("--realtime", help="Tick by real-time scheduling (Linux).")
@@ -83,6 +87,7 @@ class ServiceOptions:
     log: Path | None
     log_level: str | None
     realtime: bool
+    verbose: bool
 
 
 class ServiceRun(ABC, Generic[AnyService]):
@@ -121,8 +126,15 @@ class ServiceRun(ABC, Generic[AnyService]):
         else:
             messages.print(sentence, highlight=False)
 
-    def on_summary(self, summary: Summary) -> None:
-        """Write what else is wanted of the summary."""
+    @property
+    def report(self) -> Path | None:
+        """The page that `evaluate` writes, None where none is wanted."""
+        return None
+
+    def evaluate(self, summary: dict[str, Any]) -> dict[str, Any]:
+        """Evaluate the recording where that is wanted; return the figures, empty otherwise."""
+        _ = summary
+        return {}
 
     def run(self) -> None:
         """Run the service to its end and report its summary.
@@ -144,10 +156,13 @@ class ServiceRun(ABC, Generic[AnyService]):
             logger.info("summary", extra=details(summary=content))
         if options.json_lines:
             write_line("summary", **content)
-        else:
+        elif options.verbose:
             output.print(summary_table(self.name, content))
         write_json(options.json_file, content)
-        self.on_summary(summary)
+        evaluation = self.evaluate(content)
+        if not options.json_lines:
+            for line in ending_lines({self.name: content}, evaluation, self.report):
+                output.print(line, highlight=False, soft_wrap=True)
         if summary.problem is not None:
             raise MmtError(summary.problem)
 
