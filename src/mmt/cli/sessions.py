@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from mmt.cli.common import messages, output, stop_on_signals, summary_table, write_json
+from mmt.cli.common import json_option, messages, output, stop_on_signals, summary_table, write_json
 from mmt.core.kernel_cache import kernels_are_compiled
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
@@ -89,7 +89,7 @@ def import_file(source: SourceFile, target: TargetFile) -> None:
 @app.command()
 def info(
     source: SourceFile,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write it there.")] = None,
+    json_file: Annotated[Path | None, json_option("Write it there.")] = None,
 ) -> None:
     """Show what a session file holds."""
     from mmt.session.info import info as session_info
