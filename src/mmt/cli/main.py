@@ -18,7 +18,7 @@ from mmt.cli import (
     selecting,
     sessions,
 )
-from mmt.cli.common import Force, run_app, version
+from mmt.cli.common import Force, json_option, run_app, version
 
 COMMANDS = "mmt.commands"
 """The entry points by which other packages add commands: the name, and a `typer.Typer`."""
@@ -85,7 +85,7 @@ def demo(
     ] = Path("mmt-demo"),
     duration: Annotated[float | None, typer.Option(help="Seconds of the session.")] = None,
     replay: Annotated[Path | None, typer.Option(help="Replay this recorded session.")] = None,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+    json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
     monitor: Annotated[
         bool, typer.Option("--monitor", help="Serve a page that shows the run.")
     ] = False,

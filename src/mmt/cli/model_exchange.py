@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mmt.cli.common import Force, messages, output, summary_table, write_json
+from mmt.cli.common import Force, json_option, messages, output, summary_table, write_json
 from mmt.cli.models import SUFFIX, describe, save
 from mmt.core.errors import InputError
 from mmt.core.existing_files import require_absent
@@ -25,7 +25,7 @@ def import_model(
     interpolate: Annotated[
         str, typer.Option(help="What is linear between samples: variance, power, amplitude.")
     ] = "variance",
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+    json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
     force: Force = False,
 ) -> None:
     """Make a model of one that the Penn Haptic Texture Toolkit stored as XML."""

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mmt.cli.common import Force, messages, output, write_json
+from mmt.cli.common import Force, json_option, messages, output, write_json
 from mmt.cli.models import SUFFIX, save
 from mmt.core.errors import InputError
 from mmt.core.existing_files import require_absent
@@ -39,7 +39,7 @@ def select_samples(
     published: Annotated[
         bool, typer.Option("--published", help="Take the published algorithm instead.")
     ] = False,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+    json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
     force: Force = False,
 ) -> None:
     """Select samples: which are kept, redundant or outliers, and how that changes the error."""

@@ -11,6 +11,8 @@ from typing import Annotated, Any, Generic, Protocol, TypeAlias, TypeVar
 import typer
 
 from mmt.cli.common import (
+    STANDARD_OUTPUT,
+    json_option,
     messages,
     output,
     print_parts,
@@ -22,7 +24,7 @@ from mmt.cli.common import (
     write_line,
 )
 from mmt.cli.ending import ending_lines
-from mmt.core.errors import MmtError
+from mmt.core.errors import InputError, MmtError
 from mmt.core.logs import Logs, details
 from mmt.core.realtime import be_real_time, require_real_time
 from mmt.core.version import __version__
@@ -31,9 +33,7 @@ from mmt.scene import Scene, Service
 SceneFile: TypeAlias = Annotated[
     Path, typer.Argument(metavar="SCENE", help="A TOML file, or an example's name.")
 ]
-JsonFile: TypeAlias = Annotated[
-    Path | None, typer.Option("--json", help="Write the summary there.")
-]
+JsonFile: TypeAlias = Annotated[Path | None, json_option("Write the summary there.")]
 JsonLines: TypeAlias = Annotated[
     bool, typer.Option("--json-lines", help="Progress and summary as JSON lines on stdout.")
 ]
@@ -141,10 +141,14 @@ class ServiceRun(ABC, Generic[AnyService]):
 
         Raises
         ------
+        InputError
+            Two options take standard output.
         MmtError
             Real-time scheduling is wanted but not permitted, or the run failed.
         """
         options, logger = self.options, logging.getLogger(f"mmt.{self.name}")
+        if options.json_lines and options.json_file == STANDARD_OUTPUT:
+            raise InputError("--json - and --json-lines both take standard output: give one")
         if options.realtime:
             require_real_time()
         if not options.json_lines:

@@ -10,7 +10,15 @@ from typing import Annotated
 
 import typer
 
-from mmt.cli.common import Force, messages, output, stop_on_signals, summary_table, write_json
+from mmt.cli.common import (
+    Force,
+    json_option,
+    messages,
+    output,
+    stop_on_signals,
+    summary_table,
+    write_json,
+)
 from mmt.core.existing_files import free_path, require_absent
 from mmt.core.kernel_cache import kernels_are_compiled
 from mmt.scene import Scene
@@ -95,7 +103,7 @@ def import_file(source: SourceFile, target: TargetFile, force: Force = False) ->
 @app.command()
 def info(
     source: SourceFile,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write it there.")] = None,
+    json_file: Annotated[Path | None, json_option("Write it there.")] = None,
 ) -> None:
     """Show what a session file holds."""
     from mmt.session.info import info as session_info
