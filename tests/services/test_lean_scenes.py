@@ -178,17 +178,19 @@ def modules(directory: Path) -> dict[str, set[str]]:
     def run(service_and_name: tuple[str, str]) -> subprocess.CompletedProcess[str]:
         service, name = service_and_name
         port = {"leader": 0, "follower": 1}[service]
+        own = directory / f"{service}-{name}"  # two scenes may record into the same file
+        own.mkdir()
         changes: dict[str, object] = {}
         if loaded[name].link is not None:
             changes["link.port"] = port
         if loaded[name].replay is not None:
-            changes["replay.file"] = "made.mcap"
+            changes["replay.file"] = str(directory / "made.mcap")
         return subprocess.run(
             [sys.executable, "-c", PROGRAM, service, scenes[name], json.dumps(changes)],
             check=False,
             capture_output=True,
             text=True,
-            cwd=directory,
+            cwd=own,
             timeout=LONGEST_S,
             env={**os.environ, **with_drivers(directory)},
         )

@@ -15,6 +15,7 @@ from mmt.cli.service import (
     SceneFile,
     ServiceOptions,
     ServiceRun,
+    Verbose,
     Version,
 )
 from mmt.core.errors import InputError
@@ -41,6 +42,7 @@ def follower(
     log: LogFile = None,
     log_level: LogLevel = None,
     realtime: RealTime = False,
+    verbose: Verbose = False,
     _: Version = False,
 ) -> None:
     """Stream one session: read the scene's source and send it to the leader."""
@@ -49,7 +51,7 @@ def follower(
         if scene.replay is None:
             raise InputError("--speed is for a replay: give --replay FILE, or a scene of one")
         scene = load_scene(scene_file, {"replay.speed": speed}, replay=replay)
-    options = ServiceOptions(json_file, json_lines, log, log_level, realtime)
+    options = ServiceOptions(json_file, json_lines, log, log_level, realtime, verbose)
     FollowerRun(scene, options, leader).run()
 
 

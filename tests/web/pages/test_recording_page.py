@@ -6,7 +6,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from page_browser import DESKTOP, MARKS, TABLET, a_page, api, browser, fits, inked, shows
+from page_browser import (
+    DESKTOP,
+    LONGEST_MS,
+    MARKS,
+    TABLET,
+    a_page,
+    api,
+    browser,
+    fits,
+    inked,
+    shows,
+)
 from recording_server import serving
 
 from mmt.scene import Scene
@@ -71,6 +82,11 @@ def viewing(path: Path) -> AbstractAsyncContextManager[str]:
     return serving(ViewedRecording.open(path))
 
 
+async def built(page: Any) -> None:
+    """Wait until the model is built: the remark that leaves then moves what stands below it."""
+    await api.expect(page.locator("#remarks")).to_have_text("", timeout=LONGEST_MS)
+
+
 @pytest.mark.parametrize(
     ("size", "scheme"), [(DESKTOP, "light"), (TABLET, "dark")], ids=["desktop", "tablet"]
 )
@@ -84,7 +100,7 @@ async def test_a_person_goes_through_a_recording(
         await page.goto(url)
         await shows(page, "#session", "run.mcap")
         await shows(page, "#plane-text", "No model yet")
-        await api.expect(page.locator("#remarks")).to_have_text("", timeout=60_000)  # it is built
+        await built(page)
         await page.keyboard.press("End")
         await shows(page, "#plane-text", "samples, order")
         await shows(page, "#completion-text", "start met at")
@@ -112,6 +128,7 @@ async def test_a_person_goes_through_a_recording(
 async def test_an_event_leads_to_its_moment(browser: Any, recorded: Path) -> None:
     async with viewing(recorded) as url, a_page(browser, TABLET) as (page, problems):
         await page.goto(url)
+        await built(page)
         await page.get_by_role("button", name="marked: knock").click()
         await shows(page, "#time", "5.25 s")
         await shows(page, "#events li[aria-current]", "marked: knock")

@@ -93,6 +93,7 @@ CALIBRATED_AS: Final = "adxl335"
 
 _REST_S: Final = 0.2
 _LEAST_SAMPLES: Final = 20
+_LONGEST_PAUSE_S: Final = 1.0  # of a machine so busy that what arrived is read late
 _CALIBRATED_ERROR: Final = 0.05
 _NOMINAL_ERROR: Final = 0.15
 """Largest error of gravity at rest, relative, with and without a stored calibration."""
@@ -193,7 +194,7 @@ class Adxl335(ABC):
             )
 
     def rest(self, up: Up, duration_s: float) -> Rest:
-        """Measure for a while at rest; blocks.
+        """Measure for a while at rest; blocks, for up to a second more while too few samples came.
 
         Raises
         ------
@@ -203,7 +204,9 @@ class Adxl335(ABC):
         volts: list[Vector] = []
         list(self.voltages())  # what came before
         end = time.monotonic() + duration_s
-        while time.monotonic() < end:
+        while (now := time.monotonic()) < end or (
+            len(volts) < _LEAST_SAMPLES and now < end + _LONGEST_PAUSE_S
+        ):
             volts.extend(v for _, v in self.voltages())
             time.sleep(0.005)
         if len(volts) < _LEAST_SAMPLES:
