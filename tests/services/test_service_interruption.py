@@ -212,7 +212,11 @@ def test_a_second_leader_does_not_touch_the_recording_of_the_first(tmp_path: Pat
     with session(tmp_path, "stream-only", **RECORDED) as (leader, follower):
         leader.wait_for(lambda: streamed_s(leader) > 0.3)
         with Service(
-            "leader", scene("stream-only"), "--port", 0, cwd=tmp_path, **RECORDED
+            "leader",
+            scene("stream-only"),
+            *("--port", 0, "--force"),
+            cwd=tmp_path,
+            **RECORDED,
         ) as second:
             assert second.end() == 2
         assert "session.mcap: another leader records into it" in second.stderr

@@ -256,6 +256,22 @@ def test_the_demo_leaves_a_recording_and_a_report(tmp_path: Path) -> None:
     assert "drift ppm" not in demo.stdout
 
 
+def test_a_second_demo_keeps_the_recording_of_the_first(tmp_path: Path) -> None:
+    kept = tmp_path / "mmt-demo" / "session.mcap"
+    for name in ("session.mcap", "session-2.mcap"):
+        before = kept.read_bytes() if kept.exists() else b""
+        with Service("main", "demo", scene("stream-only"), "--duration", 1, cwd=tmp_path) as demo:
+            assert demo.end() == 0, demo.stderr
+        assert f"mmt-demo/{name}" in demo.stdout
+        assert read_session(tmp_path / "mmt-demo" / name).complete
+        assert kept.read_bytes().startswith(before)
+    with Service(
+        *("leader", scene("stream-only"), "--port", 0, "--record", kept), cwd=tmp_path
+    ) as leader:
+        assert leader.end() == 2
+    assert "session.mcap: it exists already; choose another name, or --force" in leader.stderr
+
+
 def test_a_token_lets_the_follower_in_and_is_written_nowhere(tmp_path: Path) -> None:
     token = "a secret of this test alone"
     recorded = {"MMT_RECORDING__FILE": "session.mcap", "MMT_LINK_TOKEN": token}

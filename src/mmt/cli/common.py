@@ -6,7 +6,7 @@ import signal
 import sys
 from collections.abc import Callable, Coroutine, Mapping
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Annotated, Any, Final, TypeAlias, TypeVar
 
 import typer
 from rich.console import Console
@@ -22,6 +22,9 @@ Result = TypeVar("Result")
 
 STANDARD_OUTPUT: Final = Path("-")
 """What a person gives for a file to have the result on standard output."""
+
+Force: TypeAlias = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
+"""Without it no command replaces a file, see `mmt.core.existing_files`."""
 
 output = Console(markup=False, emoji=False)
 """For results; brackets in a text, such as a table's name, are no markup."""

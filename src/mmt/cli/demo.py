@@ -15,6 +15,7 @@ from mmt.cli.child import Child
 from mmt.cli.common import messages, output, print_error, summary_table, write_json
 from mmt.cli.ending import ending_lines
 from mmt.core.errors import InputError
+from mmt.core.existing_files import free_path
 from mmt.core.realtime import require_real_time
 from mmt.follower.sources import build_source
 from mmt.scene import Scene
@@ -55,9 +56,13 @@ def run_demo(
     json_file: Path | None = None,
     monitor: bool = False,
     realtime: bool = False,
+    force: bool = False,
     verbose: bool = False,
 ) -> bool:
     """Run a scene's services, print their summaries, and report the recording.
+
+    A recording that is there already stays, and the new one gets a number; with `force` it is
+    replaced. The report is of the newest.
 
     Returns
     -------
@@ -73,11 +78,14 @@ def run_demo(
     """
     if realtime:
         require_real_time()
-    recording = directory / "session.mcap"
+    wanted = directory / "session.mcap"
+    recording = wanted if force else free_path(wanted)
     overrides: dict[str, Any] = {"session.duration_s": duration_s}
     scene = load_scene(scene_file, overrides, replay=replay, monitor=monitor)
     if scene.link is not None:
-        scene = load_scene(scene_file, overrides, replay=replay, record=recording, monitor=monitor)
+        scene = load_scene(
+            scene_file, overrides, replay=replay, record=recording, force=force, monitor=monitor
+        )
     _check(scene, directory)
     run = asyncio.run(run_services(scene_file, scene, duration_s, replay, realtime=realtime))
     content: dict[str, Any] = run.tables()
@@ -99,10 +107,7 @@ def run_demo(
 
 
 def _check(scene: Scene, directory: Path) -> None:
-    """Find out what the follower cannot use, and where nothing can be written, beforehand.
-
-    Otherwise an older recording would be replaced by an empty one.
-    """
+    """Find out what the follower cannot use, and where nothing can be written, beforehand."""
     if scene.simulated is not None or scene.replay is not None:
         build_source(scene).close()
     try:
@@ -169,6 +174,8 @@ class _Demo:
             self._leader_arguments += ["--monitor"]
         if scene.recording is not None:
             self._leader_arguments += ["--record", str(scene.recording.file)]
+            if scene.recording.existing == "replace":
+                self._leader_arguments += ["--force"]
         self._children: list[Child] = []
         self._progress = Progress(
             TextColumn("{task.fields[status]}"),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from mmt.cli.common import messages, run_app, write_line
+from mmt.cli.common import Force, messages, run_app, write_line
 from mmt.cli.service import (
     JsonFile,
     JsonLines,
@@ -59,6 +59,7 @@ def leader(
         bool, typer.Option("--monitor", help="Serve a page that shows the run.")
     ] = False,
     realtime: RealTime = False,
+    force: Force = False,
     verbose: Verbose = False,
     _: Version = False,
 ) -> None:
@@ -68,7 +69,9 @@ def leader(
         "link.port": port,
         "rendering.model": str(model) if model else None,
     }
-    scene = load_scene(scene_file, overrides, replay=replay, record=record, monitor=monitor)
+    scene = load_scene(
+        scene_file, overrides, replay=replay, record=record, force=force, monitor=monitor
+    )
     if report is not None and scene.recording is None:
         raise InputError("--report needs a recording: give --record FILE or add [recording]")
     options = ServiceOptions(json_file, json_lines, log, log_level, realtime, verbose)
@@ -145,7 +148,7 @@ class LeaderRun(ServiceRun["Leader"]):
             return {}
         from mmt.cli.reporting import report_recording
 
-        options, file = self.options, self.scene.recording.file
+        options, file = self.options, Path(summary["recording"]["file"])
         tables = options.verbose and not options.json_lines
         return report_recording(self._report, file, {"leader": summary}, tables=tables)
 

@@ -18,7 +18,7 @@ from mmt.cli import (
     selecting,
     sessions,
 )
-from mmt.cli.common import json_option, run_app, version
+from mmt.cli.common import Force, json_option, run_app, version
 
 COMMANDS = "mmt.commands"
 """The entry points by which other packages add commands: the name, and a `typer.Typer`."""
@@ -92,6 +92,7 @@ def demo(
     realtime: Annotated[
         bool, typer.Option("--realtime", help="Tick by real-time scheduling (Linux).")
     ] = False,
+    force: Force = False,
     verbose: Annotated[
         bool, typer.Option("--verbose", help="Show all counters at the end.")
     ] = False,
@@ -107,6 +108,7 @@ def demo(
         json_file=json_file,
         monitor=monitor,
         realtime=realtime,
+        force=force,
         verbose=verbose,
     )
     if not good:
@@ -136,6 +138,7 @@ def play(
     everyone: Annotated[
         bool, typer.Option("--open", help="Let everyone play who reaches the port.")
     ] = False,
+    force: Force = False,
 ) -> None:
     """Serve a page on which a person strokes textures and hears them."""
     from mmt.cli.playing import play as serve
@@ -151,6 +154,7 @@ def play(
         certificate=certificate,
         key=key,
         everyone=everyone,
+        force=force,
     )
 
 

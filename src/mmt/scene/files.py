@@ -39,6 +39,7 @@ def load_scene(
     *,
     replay: Path | None = None,
     record: Path | None = None,
+    force: bool = False,
     monitor: bool = False,
 ) -> Scene:
     """Read and validate a scene; the environment, then `overrides`, take precedence.
@@ -56,7 +57,9 @@ def load_scene(
         follower that obeys commands there is no hand, and no force to feed back to it.
     record
         Where to record. A scene that records nothing by itself has its wire as it is
-        recorded, since its follower knows nothing of it.
+        recorded, since its follower knows nothing of it. A file that exists is refused.
+    force
+        Whether a recording may replace a file that exists.
     monitor
         Whether the leader serves its monitor, also where the scene has none.
 
@@ -81,14 +84,17 @@ def load_scene(
     if record is not None:
         table = tables.setdefault("recording", {"channels": "needed"})
         if isinstance(table, dict):
-            table["file"] = str(record)
+            table["file"], table["existing"] = str(record), "refuse"
     if monitor:
         tables.setdefault("monitor", {})
     _look_beside(path, tables)
     flags = {key: value for key, value in (overrides or {}).items() if value is not None}
     variables = environment_overrides(os.environ)
+    merged = {**variables, **flags}
+    if force and ("recording" in tables or any(key.startswith("recording.") for key in merged)):
+        merged["recording.existing"] = "replace"
     try:
-        return scene_from_tables(tables, {**variables, **flags}, origin=str(path))
+        return scene_from_tables(tables, merged, origin=str(path))
     except InputError as error:
         problems = error.__cause__
         if not isinstance(problems, ValidationError):
