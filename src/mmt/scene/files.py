@@ -76,6 +76,10 @@ def load_scene(
         raise InputError(f"scene {path}: {error.strerror or error}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"scene {path}: not valid TOML: {error}") from error
+    except RecursionError as error:
+        raise InputError(
+            f"scene {path}: it is nested too deep; a scene is tables of keys"
+        ) from error
     if replay is not None:
         for name in ("simulated", "devices", "hand", "handle", "force_feedback"):
             tables.pop(name, None)
