@@ -8,21 +8,23 @@ SILENCE_TICKS: Final = 50
 """Silence up to this is the network's jitter."""
 
 RAMP_TICKS: Final = 50
-"""Length of a ramp out or in: 100 ms after the last frame there is no force."""
+"""Length of a ramp out or in: where no tick is missed, there is no force after 100 ms."""
 
 
 class ForceRamp:
     """Shape a force by the time since its source last gave one.
 
-    After `silence_ticks` without `renew` the force goes linearly to zero within `ramp_ticks`.
+    After `silence_ticks` without `renew` the force goes linearly to zero over `ramp_ticks`.
     When the source returns, the output goes linearly from what is displayed to the
-    source's force within `ramp_ticks`, wherever the ramp out had got to.
+    source's force over `ramp_ticks`, wherever the ramp out had got to.
+
+    Missed ticks count for the silence. A ramp goes one tick further at each call of `shape`, that
+    is, with each force written: a call that was held up makes no step.
 
     Parameters
     ----------
     silence_ticks, ramp_ticks
-        Both at least 1; `silence_ticks` not below `ramp_ticks`, so that one ramp has ended
-        before the other begins.
+        Both at least 1.
     """
 
     def __init__(self, silence_ticks: int = SILENCE_TICKS, ramp_ticks: int = RAMP_TICKS) -> None:
@@ -32,6 +34,7 @@ class ForceRamp:
         self._shown: Vector = (0.0, 0.0, 0.0)
         self._start: Vector = (0.0, 0.0, 0.0)
         self._share = 1.0  # of the source's force; the rest is that of the ramp's start
+        self._left = 1.0  # of the force in a silence
 
     @property
     def silent(self) -> bool:
@@ -43,6 +46,7 @@ class ForceRamp:
         if self.silent:
             self._start = self._shown
             self._share = 0.0
+            self._left = 1.0
         self._age_ticks = 0
 
     def rest(self, elapsed: int) -> None:
@@ -54,17 +58,20 @@ class ForceRamp:
     def shape(self, force_n: Vector, elapsed: int) -> Vector:
         """Return the force (N) to display now, `elapsed` ticks after the last call."""
         self._age_ticks += elapsed
-        if self._share < 1.0:
-            share = self._share = min(1.0, self._share + elapsed / self._ramp_ticks)
+        step = 1.0 / self._ramp_ticks
+        if self.silent:  # a ramp in that has not ended waits: both at once would be too fast
+            self._left = max(0.0, self._left - step)
+        else:
+            self._share = min(1.0, self._share + step)
+        share, left = self._share, self._left
+        if share < 1.0:
             rest = 1.0 - share
             force_n = (
                 share * force_n[0] + rest * self._start[0],
                 share * force_n[1] + rest * self._start[1],
                 share * force_n[2] + rest * self._start[2],
             )
-        beyond = self._age_ticks - self._silence_ticks
-        if beyond > 0:
-            left = max(0.0, 1.0 - beyond / self._ramp_ticks)
+        if left < 1.0:
             force_n = (left * force_n[0], left * force_n[1], left * force_n[2])
         self._shown = force_n
         return force_n

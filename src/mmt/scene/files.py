@@ -93,10 +93,35 @@ def load_scene(
         tables.setdefault("monitor", {})
     _look_beside(path, tables)
     flags = {key: value for key, value in (overrides or {}).items() if value is not None}
-    merged = {**environment_overrides(os.environ), **flags}
+    variables = environment_overrides(os.environ)
+    merged = {**variables, **flags}
     if force and ("recording" in tables or any(key.startswith("recording.") for key in merged)):
         merged["recording.existing"] = "replace"
-    return scene_from_tables(tables, merged, origin=str(path))
+    try:
+        return scene_from_tables(tables, merged, origin=str(path))
+    except InputError as error:
+        problems = error.__cause__
+        if not isinstance(problems, ValidationError):
+            raise
+        added = {key for key in variables if key not in flags}
+        origin = _origin(problems, str(path), tables, added)
+        raise InputError(f"{origin}: {explain_problems(problems, Scene)}") from problems
+
+
+def _origin(error: ValidationError, path: str, tables: Mapping[str, Any], keys: set[str]) -> str:
+    """Return what the problems come from: the file, or variables of the environment.
+
+    `tables` are those of the file, `keys` what the environment gave, as ``table.key``.
+    """
+    found: set[str] = set()
+    for problem in error.errors():
+        place = ".".join(map(str, problem["loc"][:2]))
+        whole = problem["loc"] and problem["loc"][0] not in tables  # a table of the environment
+        given = {key for key in keys if whole and key.startswith(f"{problem['loc'][0]}.")}
+        given |= keys & {place}
+        found |= {f"{ENVIRONMENT_PREFIX}{key.replace('.', '__').upper()}" for key in given} or {""}
+    variables = [f"environment variable {name}" for name in sorted(found - {""})]
+    return " and ".join([path] * ("" in found) + variables)
 
 
 def example_scenes() -> dict[str, Path]:
