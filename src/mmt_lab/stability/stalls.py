@@ -2,6 +2,7 @@
 
 import math
 from functools import partial
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -66,7 +67,7 @@ def _robot(stall_ms: int, *, missed: bool, most_mm: float) -> Outcome:
         place = guard.step(elapsed, lambda: None)
         if place is not None:
             places.append(place)
-    step_mm = max(math.dist(*pair) for pair in zip(places, places[1:], strict=False))
+    step_mm = max(math.dist(*pair) for pair in pairwise(places))
     return Outcome(f"{step_mm:.3f} mm", held=step_mm <= most_mm + 1e-4, figures={"mm": step_mm})
 
 
