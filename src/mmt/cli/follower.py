@@ -81,8 +81,8 @@ class FollowerRun(ServiceRun[Follower]):
         return Follower(self.scene, self._url, on_event=self.on_event, on_session=on_session)
 
     def on_start(self, service: Follower) -> None:
-        """Say what is streamed, and where to."""
-        self.on_event(f"{service.source.describe()}; leader {service.url}")
+        """Say what is streamed."""
+        self.on_event(service.source.describe())
 
     def on_ready(self, service: Follower) -> None:
         """Report that the leader is connected."""
