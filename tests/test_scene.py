@@ -222,3 +222,16 @@ def test_a_resolved_scene_of_each_method_is_read_again(method: str) -> None:
     scene = scene_from_tables(tables)
     assert scene_from_tables(scene.dump()) == scene
     assert ("position" in scene.channels()) == (method == "model")
+
+
+def test_a_variable_that_is_wrong_is_named_and_not_the_file(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("MMT_LINK__PORTT", "3")
+    with pytest.raises(InputError, match=r"^environment variable MMT_LINK__PORTT: link.portt is"):
+        load_scene(Path("demo"))
+    monkeypatch.delenv("MMT_LINK__PORTT")
+    monkeypatch.setenv("MMT_LINK__PORT", "70000")
+    with pytest.raises(InputError, match=r"^environment variable MMT_LINK__PORT: link.port is"):
+        load_scene(Path("demo"))
+    assert load_scene(Path("demo"), {"link.port": 9000}).link.port == 9000, "a flag overrides it"

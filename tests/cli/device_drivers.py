@@ -14,6 +14,14 @@ from mmt.devices.protocols import VoltageReading
 from mmt.core.errors import DeviceLost, MmtError
 
 
+class Useless:
+    def connect(self):
+        pass
+
+    def close(self):
+        pass
+
+
 class Polled:
     def __init__(self, z=9.81, absent=False):
         self.z, self.absent, self.closed = z, absent, 0

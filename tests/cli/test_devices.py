@@ -214,3 +214,11 @@ def test_the_documented_driver_is_found_as_a_package_of_its_own(
     missing = run("test", "lab-line")
     assert isinstance(missing.exception, InputError)
     assert "'port'; its options are port, baud=1000000" in str(missing.exception)
+
+
+def test_a_class_without_the_calls_of_a_device_is_not_good(drivers: str) -> None:
+    result = run("test", f"{drivers}:Useless", "--duration", "0.1")
+    assert result.exit_code == 1
+    assert "good" not in result.output
+    assert "has neither read() nor write()" in result.output
+    assert "--role" in result.output

@@ -50,12 +50,12 @@ def test_of_several_surfaces_one_is_chosen(tmp_path: Path) -> None:
         raise refused(run(*build))
     powers = []
     for surface in (1, 2):
-        result = run(*build, "--surface", surface)
+        result = run(*build, "--surface", surface, "--force")
         assert result.exit_code == 0, result.output
         powers.append(float(TextureModel.load(tmp_path / "model.npz").samples.power.mean()))
     assert powers[1] > 30 * powers[0]  # sandpaper's over glass's
     with pytest.raises(InputError, match="all is one surface"):
-        raise refused(run("build", session, tmp_path / "model.npz", "--surface", 1))
+        raise refused(run("build", session, tmp_path / "other.npz", "--surface", 1))
 
 
 def refused(result: Result) -> BaseException:

@@ -24,6 +24,7 @@ def given(directory: Path, **options: object) -> dict[str, object]:
         "certificate": None,
         "key": None,
         "everyone": False,
+        "force": False,
     }
     return {**usual, **options}
 

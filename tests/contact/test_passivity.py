@@ -156,6 +156,24 @@ def test_a_force_that_is_limited_afterwards_counts_as_it_was_displayed() -> None
     assert port.in_j == pytest.approx(1e-4)
 
 
+def test_over_missed_ticks_the_damper_takes_the_speed_of_the_whole_time() -> None:
+    """0.1 mm in 5 ms is 20 mm/s: at most 10 N s/m brake by 0.2 N."""
+    port = ForcePort(SETTINGS)
+    port.step(0.0, 0.0)
+    assert port.step(1.0, 1e-4, ticks=5) == pytest.approx(1.0 - 10.0 * 1e-4 / 5e-3)
+
+
+def test_after_a_rest_it_begins_at_a_new_position() -> None:
+    """The way during the rest is neither a speed to be damped nor work."""
+    port = ForcePort(SETTINGS)
+    port.step(0.0, 0.0)
+    port.step(-1.0, 1e-4)
+    port.rest()
+    assert port.step(-1.0, 0.05) == 0.0
+    assert port.step(-1.0, 0.05) == pytest.approx(-1.0)
+    assert port.in_j == port.out_j == 0.0
+
+
 # --- the follower's port
 
 

@@ -157,3 +157,12 @@ def test_a_longer_way_is_followed_at_once_while_nothing_is_heard() -> None:
     frames = [(k, k * MS, (k + (3 if k < 3000 else 40)) * MS, 1.0) for k in range(6000)]
     output = play(PlayoutBuffer("auto"), frames, 5900)
     assert (output[3000 + 200 :] == 1.0).all()
+
+
+def test_the_automatic_delay_follows_the_99th_percentile_not_the_slowest_frame() -> None:
+    def lateness_ms(k: int) -> int:
+        return 63 if k % 200 == 0 else 3  # 1 in 200 comes 60 ms later
+
+    buffer = PlayoutBuffer("auto")
+    play(buffer, [(k, k * MS, (k + lateness_ms(k)) * MS, 1.0) for k in range(4000)], 3900)
+    assert buffer.statistics().delay_ms == 2.0

@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mmt.devices.protocols import Vector
-from mmt.leader.force_ramp import ForceRamp
 from mmt.leader.slew import SlewLimitedDisplay, VibrationSlew
 from mmt.scene.files import scene_from_tables
 
@@ -59,30 +58,6 @@ def test_a_vibration_changes_by_a_step_at_most_over_calls_too() -> None:
     same = texture.copy()
     slew.limit(same)
     np.testing.assert_array_equal(same, texture)
-
-
-@given(
-    st.lists(
-        st.tuples(st.integers(1, 3000), st.booleans(), st.sampled_from([-3.0, 0.0, 3.0])),
-        max_size=60,
-    )
-)
-def test_a_held_up_tick_moves_the_force_by_one_step_of_the_ramp(
-    ticks: list[tuple[int, bool, float]],
-) -> None:
-    """The remote force changes only where the source was away, as it does behind a stall."""
-    ramp, force_n, shown = ForceRamp(), 2.0, [0.0]
-    for _ in range(200):
-        ramp.renew()
-        shown.append(ramp.shape((0.0, 0.0, force_n), 1)[2])
-    largest_step = (2 * 3.0 + 3.0) / 50 + 1e-9  # of the ramp between two forces, and of the fade
-    for elapsed, fresh, other_n in ticks:
-        if elapsed > 50:
-            force_n = other_n
-        if fresh:
-            ramp.renew()
-        shown.append(ramp.shape((0.0, 0.0, force_n), elapsed)[2])
-    assert np.abs(np.diff(shown[1:])).max() <= largest_step
 
 
 @pytest.mark.parametrize("slew", [1000.0, "off"])

@@ -85,11 +85,34 @@ def test_a_force_that_comes_and_goes_never_steps(stretches: list[tuple[int, floa
     assert np.abs(np.diff(normal)).max() <= 3.0 / 50 + 1e-12
 
 
-def test_missed_ticks_count_for_the_silence() -> None:
+def test_missed_ticks_count_for_the_silence_and_not_for_the_ramp() -> None:
     handle = Handle()
     force = StreamedForce(handle, limit_n=3.0, silence_ticks=50)
-    for _ in range(60):
-        force.on_frames(forced(0.0, 0.0, 2.0))
-        force.tick(1, None)
-    force.tick(75, None)  # the force begins to fade, by one step
-    assert handle.forces[-1] == pytest.approx((0.0, 0.0, 1.96))
+    force.on_frames(forced(0.0, 0.0, 2.0))
+    force.tick(75, None)
+    assert handle.forces == [pytest.approx((0.0, 0.0, 1.96))]
+
+
+def written(force: StreamedForce, handle: Handle, ticks: list[int], *, stream: bool) -> np.ndarray:
+    """Display once for each number of elapsed ticks; return the steps of the force written."""
+    before = len(handle.forces)
+    for elapsed in ticks:
+        if stream:
+            force.on_frames(forced(0.0, 0.0, 3.0))
+        force.tick(elapsed, None)
+    normal = [z for _, _, z in handle.forces[max(0, before - 1) :]]
+    return np.abs(np.diff(normal))
+
+
+@pytest.mark.parametrize("held_up", [2, 49, 75, 1000])
+def test_a_held_up_tick_makes_no_step_of_the_force(held_up: int) -> None:
+    """The ramps advance by what was written, out in a silence and in when frames come again."""
+    handle = Handle()
+    force = StreamedForce(handle, limit_n=3.0, silence_ticks=50)
+    written(force, handle, [1] * 3, stream=True)
+    out = written(force, handle, [held_up, *[1] * 150], stream=False)
+    assert out.max() <= 3.0 / 50 + 1e-12
+    assert handle.forces[-1] == (0.0, 0.0, 0.0)
+    back = written(force, handle, [held_up, *[1] * 60], stream=True)
+    assert back.max() <= 3.0 / 50 + 1e-12
+    assert handle.forces[-1] == (0.0, 0.0, 3.0)

@@ -1,5 +1,6 @@
 """Mistakes on the command line: exit code 2, a sentence that helps, no traceback."""
 
+import json
 import os
 import subprocess
 import sys
@@ -33,6 +34,7 @@ SURFACES = "surface is 'velvet', allowed are plastic, mesh, fabric"
 CUT_OFF = "it ends before it was finished; save what is readable with: mmt session recover"
 
 CASES = [
+    ("mmt-leader demo --json - --json-lines", "both take standard output: give one"),
     # scenes, with both services
     ("mmt-leader none.toml", "scene none.toml: no such file; the examples are anisotropic, demo"),
     ("mmt-leader folder.mcap", "scene folder.mcap: no such file"),
@@ -227,3 +229,16 @@ def test_a_process_ends_like_that_too(folder: Path) -> None:
     assert ended.returncode == 2
     assert ended.stderr == f"error: session {long_name}: No such file or directory\n"
     assert ended.stdout == ""
+
+
+def test_json_to_standard_output_stands_there_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for command in ("mmt model list", "mmt device list", "mmt scene explain demo --no-measure"):
+        code, stdout, stderr = run(f"{command} --json -", monkeypatch, capsys)
+        assert code == 0, stderr
+        assert json.loads(stdout), command
+        code, stdout, _ = run(command, monkeypatch, capsys)
+        assert stdout, "what follows writes its tables there again"
+    assert list(tmp_path.iterdir()) == []

@@ -212,10 +212,22 @@ def test_a_second_leader_does_not_touch_the_recording_of_the_first(tmp_path: Pat
     with session(tmp_path, "stream-only", **RECORDED) as (leader, follower):
         leader.wait_for(lambda: streamed_s(leader) > 0.3)
         with Service(
-            "leader", scene("stream-only"), "--port", 0, cwd=tmp_path, **RECORDED
+            "leader",
+            scene("stream-only"),
+            *("--port", 0, "--force"),
+            cwd=tmp_path,
+            **RECORDED,
         ) as second:
             assert second.end() == 2
         assert "session.mcap: another leader records into it" in second.stderr
         leader.signal(signal.SIGINT)
         assert (leader.end(), follower.end()) == (0, 0)
     assert_recorded(tmp_path, leader, at_least=300)
+
+
+def test_a_follower_says_that_it_looks_for_the_leader_and_found_it(tmp_path: Path) -> None:
+    with session(tmp_path, "stream-only", "--duration", 0.3) as (leader, follower):
+        assert (leader.end(), follower.end()) == (0, 0), leader.stderr + follower.stderr
+    events = [line["event"] for line in follower.lines("event")]
+    looking = next(i for i, event in enumerate(events) if "looking for the leader" in event)
+    assert "connected to the leader" in events[looking + 1 :]

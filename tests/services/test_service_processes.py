@@ -199,10 +199,21 @@ def test_both_say_which_parts_run_and_which_are_left_out(replayed: Run) -> None:
     assert "left out: network, simulated, devices" in replayed.follower.stderr
 
 
-def test_the_summary_is_a_table_for_people(replayed: Run) -> None:
-    for service, figure in ((replayed.leader, "frames"), (replayed.follower, "messages sent")):
-        assert "outcome" in service.stdout
-        assert figure in service.stdout
+def test_the_summary_is_a_few_lines_for_people(replayed: Run) -> None:
+    for service in (replayed.leader, replayed.follower):
+        assert "outcome:" in service.stdout
+        assert f"frames:    {REPLAYED}" in service.stdout
+        assert len(service.stdout.splitlines()) < 12
+        assert "drift ppm" not in service.stdout
+
+
+def test_verbose_shows_every_counter(tmp_path: Path) -> None:
+    arguments = ("--duration", 0.3, "--verbose", "--model")
+    model = Path(scene("demo")).parent / "models/plastic.npz"
+    with Service("leader", scene("model-only"), *arguments, model, cwd=tmp_path) as leader:
+        assert leader.end() == 0, leader.stderr
+    assert "late share 1ms" in leader.stdout
+    assert "outcome:" in leader.stdout
 
 
 def test_a_scene_that_only_streams(tmp_path: Path) -> None:
@@ -241,7 +252,24 @@ def test_the_demo_leaves_a_recording_and_a_report(tmp_path: Path) -> None:
     assert content["leader"]["outcome"] == "completed"
     assert content["follower"]["link"]["frames"] == len(recording.frames)
     assert content["evaluation"]
-    assert "recording: mmt-demo/session.mcap" in demo.stderr
+    assert "mmt-demo/session.mcap, mmt-demo/report.html" in demo.stdout
+    assert "drift ppm" not in demo.stdout
+
+
+def test_a_second_demo_keeps_the_recording_of_the_first(tmp_path: Path) -> None:
+    kept = tmp_path / "mmt-demo" / "session.mcap"
+    for name in ("session.mcap", "session-2.mcap"):
+        before = kept.read_bytes() if kept.exists() else b""
+        with Service("main", "demo", scene("stream-only"), "--duration", 1, cwd=tmp_path) as demo:
+            assert demo.end() == 0, demo.stderr
+        assert f"mmt-demo/{name}" in demo.stdout
+        assert read_session(tmp_path / "mmt-demo" / name).complete
+        assert kept.read_bytes().startswith(before)
+    with Service(
+        *("leader", scene("stream-only"), "--port", 0, "--record", kept), cwd=tmp_path
+    ) as leader:
+        assert leader.end() == 2
+    assert "session.mcap: it exists already; choose another name, or --force" in leader.stderr
 
 
 def test_a_token_lets_the_follower_in_and_is_written_nowhere(tmp_path: Path) -> None:

@@ -239,7 +239,9 @@ def test_two_recorders_never_write_the_same_file(tmp_path):
         with pytest.raises(InputError, match=r"run\.mcap: another leader records into it: end"):
             McapRecorder(path, channels=CHANNELS)
     assert len(read_session(path).frames) == 100
-    with McapRecorder(path, channels=CHANNELS) as second:  # the file is free again
+    with McapRecorder(
+        path, channels=CHANNELS, existing="replace"
+    ) as second:  # the file is free again
         second.record_frames(made_frames(20))
     assert len(read_session(path).frames) == 20
 
@@ -253,7 +255,7 @@ def test_a_recorder_that_was_killed_leaves_its_file_free(tmp_path):
         "os.kill(os.getpid(), 9)\n"
     )
     subprocess.run([sys.executable, "-c", program, path], check=False, timeout=60)
-    with McapRecorder(path, channels=CHANNELS) as recorder:
+    with McapRecorder(path, channels=CHANNELS, existing="replace") as recorder:
         recorder.record_frames(made_frames(20))
     assert len(read_session(path).frames) == 20
 

@@ -6,7 +6,7 @@ import signal
 import sys
 from collections.abc import Callable, Coroutine, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, Final, TypeAlias, TypeVar
 
 import typer
 from rich.console import Console
@@ -19,6 +19,12 @@ from mmt.core.version import __version__
 from mmt.scene import Scene, Service
 
 Result = TypeVar("Result")
+
+STANDARD_OUTPUT: Final = Path("-")
+"""What a person gives for a file to have the result on standard output."""
+
+Force: TypeAlias = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
+"""Without it no command replaces a file, see `mmt.core.existing_files`."""
 
 output = Console(markup=False, emoji=False)
 """For results; brackets in a text, such as a table's name, are no markup."""
@@ -60,8 +66,20 @@ def version(wanted: bool) -> None:
         raise typer.Exit
 
 
+def json_option(help_text: str) -> Any:
+    """Return the option ``--json``, which every command that has figures takes in the same way."""
+
+    def taken(path: Path | None) -> Path | None:
+        output.stderr = path == STANDARD_OUTPUT  # the tables make room for the JSON
+        return path
+
+    return typer.Option(
+        "--json", callback=taken, help=f"{help_text} A file, or - for standard output."
+    )
+
+
 def write_json(path: Path | None, content: object) -> None:
-    """Write a result for programs; None writes nothing.
+    """Write a result for programs into a file, or to standard output for ``-``; not for None.
 
     Raises
     ------
@@ -70,9 +88,14 @@ def write_json(path: Path | None, content: object) -> None:
     """
     if path is None:
         return
+    text = json.dumps(content, indent=2) + "\n"
+    if path == STANDARD_OUTPUT:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+        return
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+        path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise InputError(f"--json {path}: {error.strerror or error}") from error
 

@@ -13,7 +13,9 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from mmt.cli.child import Child
 from mmt.cli.common import messages, output, print_error, summary_table, write_json
+from mmt.cli.ending import ending_lines
 from mmt.core.errors import InputError
+from mmt.core.existing_files import free_path
 from mmt.core.realtime import require_real_time
 from mmt.follower.sources import build_source
 from mmt.scene import Scene
@@ -54,8 +56,13 @@ def run_demo(
     json_file: Path | None = None,
     monitor: bool = False,
     realtime: bool = False,
+    force: bool = False,
+    verbose: bool = False,
 ) -> bool:
     """Run a scene's services, print their summaries, and report the recording.
+
+    A recording that is there already stays, and the new one gets a number; with `force` it is
+    replaced. The report is of the newest.
 
     Returns
     -------
@@ -71,33 +78,36 @@ def run_demo(
     """
     if realtime:
         require_real_time()
-    recording = directory / "session.mcap"
+    wanted = directory / "session.mcap"
+    recording = wanted if force else free_path(wanted)
     overrides: dict[str, Any] = {"session.duration_s": duration_s}
     scene = load_scene(scene_file, overrides, replay=replay, monitor=monitor)
     if scene.link is not None:
-        scene = load_scene(scene_file, overrides, replay=replay, record=recording, monitor=monitor)
+        scene = load_scene(
+            scene_file, overrides, replay=replay, record=recording, force=force, monitor=monitor
+        )
     _check(scene, directory)
     run = asyncio.run(run_services(scene_file, scene, duration_s, replay, realtime=realtime))
-    for name, table in run.tables().items():
-        output.print(summary_table(name, table))
-    for error in run.errors:
-        print_error(error)
     content: dict[str, Any] = run.tables()
+    if verbose:
+        for name, table in content.items():
+            output.print(summary_table(name, table))
     if run.leader.get("recording"):
         from mmt.cli.reporting import report_recording
 
-        content["evaluation"] = report_recording(directory, recording, run.tables())
-        messages.print(f"recording: {recording}", highlight=False)
-        messages.print(f"report:    {directory / 'report.html'}", highlight=False)
+        content["evaluation"] = report_recording(directory, recording, run.tables(), tables=verbose)
+    report = directory / "report.html" if "evaluation" in content else None
+    if run.leader or run.follower:
+        for line in ending_lines(run.tables(), content.get("evaluation"), report):
+            output.print(line, highlight=False, soft_wrap=True)
+    for error in run.errors:
+        print_error(error)
     write_json(json_file, content)
     return not run.failed
 
 
 def _check(scene: Scene, directory: Path) -> None:
-    """Find out what the follower cannot use, and where nothing can be written, beforehand.
-
-    Otherwise an older recording would be replaced by an empty one.
-    """
+    """Find out what the follower cannot use, and where nothing can be written, beforehand."""
     if scene.simulated is not None or scene.replay is not None:
         build_source(scene).close()
     try:
@@ -164,6 +174,8 @@ class _Demo:
             self._leader_arguments += ["--monitor"]
         if scene.recording is not None:
             self._leader_arguments += ["--record", str(scene.recording.file)]
+            if scene.recording.existing == "replace":
+                self._leader_arguments += ["--force"]
         self._children: list[Child] = []
         self._progress = Progress(
             TextColumn("{task.fields[status]}"),

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from mmt.cli.common import json_option
+
 app = typer.Typer(no_args_is_help=True, help="Look at devices.")
 
 
@@ -21,7 +23,7 @@ Settings = Annotated[
 
 @app.command("list")
 def list_devices(
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write what was found.")] = None,
+    json_file: Annotated[Path | None, json_option("Write what was found.")] = None,
 ) -> None:
     """List drivers, serial ports, USB devices and sound outputs, and what is missing."""
     from mmt.cli.device_listing import list_all
@@ -48,7 +50,7 @@ def try_devices(
     calibrate: Annotated[
         bool, typer.Option("--calibrate", help="Take biases first; the tool is free and at rest.")
     ] = False,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+    json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
 ) -> None:
     """Read devices and show values, rates, jitter and faults; nothing moves or sounds."""
     from mmt.cli.device_testing import devices_named, try_all
@@ -77,7 +79,7 @@ def calibrate_accelerometer(
     keep: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Keep the measured rests, for --rests.")
     ] = None,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+    json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
 ) -> None:
     """Calibrate an ADXL335 by gravity and store it under its serial number."""
     from mmt.cli.device_testing import accelerometer_named
@@ -133,7 +135,7 @@ def equalise_actuator(
     largest_gain_db: Annotated[
         float, typer.Option(help="Raise or lower a frequency by so much at most.")
     ] = 12.0,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+    json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
 ) -> None:
     """Fit a Haptuator's level and equaliser to a sweep, recorded or played now; store both."""
     from mmt.cli.equalising import Fit, Live, equalise

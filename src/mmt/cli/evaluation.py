@@ -7,7 +7,7 @@ import typer
 from rich.progress import track
 from rich.table import Table
 
-from mmt.cli.common import messages, output, write_json
+from mmt.cli.common import json_option, messages, output, write_json
 
 if TYPE_CHECKING:
     from mmt.evaluation.document import Block
@@ -23,7 +23,7 @@ def evaluate(
     ] = None,
     step: Annotated[float, typer.Option(help="Seconds between the rows.")] = 2.5,
     seed: Annotated[int, typer.Option(min=0, help="Chooses the segments that are held out.")] = 0,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+    json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
     report: Annotated[Path | None, typer.Option(help="Write a report there.")] = None,
 ) -> None:
     """Evaluate recorded sessions: distance and fit against session time."""
@@ -82,7 +82,7 @@ def compare(
     report: Annotated[
         Path | None, typer.Option(help="Write both, with their figures, to this folder.")
     ] = None,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the differences.")] = None,
+    json_file: Annotated[Path | None, json_option("Write the differences.")] = None,
 ) -> None:
     """Show what differs between two runs, evaluations or measurements."""
     from mmt.evaluation.comparison import COLUMNS, compare_reports, write_comparison

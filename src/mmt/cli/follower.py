@@ -15,6 +15,7 @@ from mmt.cli.service import (
     SceneFile,
     ServiceOptions,
     ServiceRun,
+    Verbose,
     Version,
 )
 from mmt.core.errors import InputError
@@ -41,6 +42,7 @@ def follower(
     log: LogFile = None,
     log_level: LogLevel = None,
     realtime: RealTime = False,
+    verbose: Verbose = False,
     _: Version = False,
 ) -> None:
     """Stream one session: read the scene's source and send it to the leader."""
@@ -49,7 +51,7 @@ def follower(
         if scene.replay is None:
             raise InputError("--speed is for a replay: give --replay FILE, or a scene of one")
         scene = load_scene(scene_file, {"replay.speed": speed}, replay=replay)
-    options = ServiceOptions(json_file, json_lines, log, log_level, realtime)
+    options = ServiceOptions(json_file, json_lines, log, log_level, realtime, verbose)
     FollowerRun(scene, options, leader).run()
 
 
@@ -79,8 +81,8 @@ class FollowerRun(ServiceRun[Follower]):
         return Follower(self.scene, self._url, on_event=self.on_event, on_session=on_session)
 
     def on_start(self, service: Follower) -> None:
-        """Say what is streamed, and where to."""
-        self.on_event(f"{service.source.describe()}; leader {service.url}")
+        """Say what is streamed."""
+        self.on_event(service.source.describe())
 
     def on_ready(self, service: Follower) -> None:
         """Report that the leader is connected."""

@@ -4,11 +4,11 @@ import asyncio
 import signal
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from mmt.cli.common import messages, run_app, write_line
+from mmt.cli.common import Force, messages, run_app, write_line
 from mmt.cli.service import (
     JsonFile,
     JsonLines,
@@ -18,7 +18,7 @@ from mmt.cli.service import (
     SceneFile,
     ServiceOptions,
     ServiceRun,
-    Summary,
+    Verbose,
     Version,
 )
 from mmt.core.errors import InputError
@@ -59,6 +59,8 @@ def leader(
         bool, typer.Option("--monitor", help="Serve a page that shows the run.")
     ] = False,
     realtime: RealTime = False,
+    force: Force = False,
+    verbose: Verbose = False,
     _: Version = False,
 ) -> None:
     """Serve one session: receive the follower's stream, model the texture, render it."""
@@ -67,10 +69,13 @@ def leader(
         "link.port": port,
         "rendering.model": str(model) if model else None,
     }
-    scene = load_scene(scene_file, overrides, replay=replay, record=record, monitor=monitor)
+    scene = load_scene(
+        scene_file, overrides, replay=replay, record=record, force=force, monitor=monitor
+    )
     if report is not None and scene.recording is None:
         raise InputError("--report needs a recording: give --record FILE or add [recording]")
-    LeaderRun(scene, ServiceOptions(json_file, json_lines, log, log_level, realtime), report).run()
+    options = ServiceOptions(json_file, json_lines, log, log_level, realtime, verbose)
+    LeaderRun(scene, options, report).run()
 
 
 class LeaderRun(ServiceRun["Leader"]):
@@ -132,14 +137,20 @@ class LeaderRun(ServiceRun["Leader"]):
         below = messages.is_terminal and not self.options.json_lines
         super().on_event(f"\n{sentence}" if below else sentence)
 
-    def on_summary(self, summary: Summary) -> None:
-        """Write the report of the recording where it is wanted."""
+    @property
+    def report(self) -> Path | None:
+        """The page of the report, None where none is wanted."""
+        return None if self._report is None else self._report / "report.html"
+
+    def evaluate(self, summary: dict[str, Any]) -> dict[str, Any]:
+        """Write the report of the recording where it is wanted; return its figures."""
         if self._report is None or self.scene.recording is None:
-            return
+            return {}
         from mmt.cli.reporting import report_recording
 
-        report_recording(self._report, self.scene.recording.file, {"leader": summary.as_dict()})
-        messages.print(f"report: {self._report / 'report.html'}", highlight=False)
+        options, file = self.options, Path(summary["recording"]["file"])
+        tables = options.verbose and not options.json_lines
+        return report_recording(self._report, file, {"leader": summary}, tables=tables)
 
 
 def _status_line(status: LeaderStatus) -> str:

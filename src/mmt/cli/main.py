@@ -18,7 +18,7 @@ from mmt.cli import (
     selecting,
     sessions,
 )
-from mmt.cli.common import run_app, version
+from mmt.cli.common import Force, json_option, run_app, version
 
 COMMANDS = "mmt.commands"
 """The entry points by which other packages add commands: the name, and a `typer.Typer`."""
@@ -85,12 +85,16 @@ def demo(
     ] = Path("mmt-demo"),
     duration: Annotated[float | None, typer.Option(help="Seconds of the session.")] = None,
     replay: Annotated[Path | None, typer.Option(help="Replay this recorded session.")] = None,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+    json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
     monitor: Annotated[
         bool, typer.Option("--monitor", help="Serve a page that shows the run.")
     ] = False,
     realtime: Annotated[
         bool, typer.Option("--realtime", help="Tick by real-time scheduling (Linux).")
+    ] = False,
+    force: Force = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", help="Show all counters at the end.")
     ] = False,
 ) -> None:
     """Run leader and follower on loopback, then report what was modelled."""
@@ -104,6 +108,8 @@ def demo(
         json_file=json_file,
         monitor=monitor,
         realtime=realtime,
+        force=force,
+        verbose=verbose,
     )
     if not good:
         raise typer.Exit(1)
@@ -132,6 +138,7 @@ def play(
     everyone: Annotated[
         bool, typer.Option("--open", help="Let everyone play who reaches the port.")
     ] = False,
+    force: Force = False,
 ) -> None:
     """Serve a page on which a person strokes textures and hears them."""
     from mmt.cli.playing import play as serve
@@ -147,6 +154,7 @@ def play(
         certificate=certificate,
         key=key,
         everyone=everyone,
+        force=force,
     )
 
 

@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mmt.cli.common import messages, output, summary_table, write_json
+from mmt.cli.common import Force, json_option, messages, output, summary_table, write_json
 from mmt.cli.models import SUFFIX, describe, save
 from mmt.core.errors import InputError
+from mmt.core.existing_files import require_absent
 
 if TYPE_CHECKING:
     from mmt.core.arrays import FloatArray
@@ -24,13 +25,15 @@ def import_model(
     interpolate: Annotated[
         str, typer.Option(help="What is linear between samples: variance, power, amplitude.")
     ] = "variance",
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+    json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
+    force: Force = False,
 ) -> None:
     """Make a model of one that the Penn Haptic Texture Toolkit stored as XML."""
     from mmt.exchange.hatt import import_hatt
 
     if target.suffix.lower() != SUFFIX:
         raise InputError(f"model {target}: the name of a model file must end in {SUFFIX}")
+    require_absent(target, force=force)
     imported = import_hatt(source, interpolate)  # type: ignore[arg-type]  # the model checks it
     save(imported.model, target)
     figures: dict[str, Any] = {
@@ -69,7 +72,7 @@ def export_model(
     heading: Annotated[
         float, typer.Option(help="WAV: in this direction, degrees from x towards y.")
     ] = 0.0,
-    force: Annotated[float, typer.Option(min=0.0, help="WAV: normal force in N.")] = 1.0,
+    normal_force: Annotated[float, typer.Option(min=0.0, help="WAV: normal force in N.")] = 1.0,
     seconds: Annotated[
         float, typer.Option(min=0.001, max=_LONGEST_S, help="WAV: for so long.")
     ] = 5.0,
@@ -79,11 +82,13 @@ def export_model(
         typer.Option(help="WAV: m/s2 that the largest number stands for, else the loudest."),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="WAV: of the vibration.")] = 0,
+    force: Force = False,
 ) -> None:
     """Write a model for the Penn toolkit (.xml), or its vibration as sound (.wav)."""
     from mmt.models import find_model
     from mmt.texture.model.texture_model import TextureModel
 
+    require_absent(target, force=force)
     model = TextureModel.load(find_model(source))
     suffix = target.suffix.lower()
     if suffix == ".xml":
@@ -94,7 +99,7 @@ def export_model(
     from mmt.exchange.effects import effect, write_wav
 
     velocity_mm_s, force_n, motion_hz = (
-        _constant(speed, heading, force, seconds) if motion is None else _recorded(motion)
+        _constant(speed, heading, normal_force, seconds) if motion is None else _recorded(motion)
     )
     samples = effect(model, velocity_mm_s, force_n, motion_hz=motion_hz, output_hz=rate, seed=seed)
     written = write_wav(target, samples, rate, full_scale)

@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mmt.cli.common import messages, output, summary_table, write_json
+from mmt.cli.common import Force, json_option, messages, output, summary_table, write_json
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError, MmtError
+from mmt.core.existing_files import require_absent
 from mmt.scene import Texture
 from mmt.session import RecordedSession, read_session
 
@@ -37,7 +38,8 @@ def build_model(
     surface: Annotated[
         int | None, typer.Option(min=1, help="The number of the surface, where there are several.")
     ] = None,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+    json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
+    force: Force = False,
 ) -> None:
     """Build a session's model as the live leader does, or one of several, and save it."""
     from mmt.cli.reporting import scene_of
@@ -45,6 +47,7 @@ def build_model(
 
     if target.suffix.lower() != SUFFIX:
         raise InputError(f"model {target}: the name of a model file must end in {SUFFIX}")
+    require_absent(target, force=force)
     sessions = [read_session(source) for source in sources]
     for session in sessions:
         if len(session.frames) == 0:
@@ -81,7 +84,7 @@ def info(
     source: Annotated[
         Path, typer.Argument(metavar="MODEL", help="A .npz file, or the name of a shipped model.")
     ],
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write it there.")] = None,
+    json_file: Annotated[Path | None, json_option("Write it there.")] = None,
 ) -> None:
     """Show what a model file holds."""
     from mmt.models import find_model
@@ -94,7 +97,7 @@ def info(
 
 @app.command("list")
 def list_models(
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write it there.")] = None,
+    json_file: Annotated[Path | None, json_option("Write it there.")] = None,
 ) -> None:
     """List the shipped models."""
     from mmt.models import shipped_models

@@ -32,6 +32,7 @@ def play(
     certificate: Path | None,
     key: Path | None,
     everyone: bool,
+    force: bool,
 ) -> None:
     """Serve the page until Ctrl-C.
 
@@ -60,6 +61,7 @@ def play(
         [TextureModel.load(file) for file in files],
         results=ResultsFile(results),
         record=record,
+        replace=force,
         seed=seed,
     )
     asyncio.run(_serve(PlayerServer(player, Access.of(link)), link, everyone))

@@ -17,10 +17,13 @@ from mmt.scene.files import load_scene
 from mmt.session import RecordedSession, read_session
 
 
-def report_recording(directory: Path, recording: Path, run: Mapping[str, Any]) -> dict[str, Any]:
+def report_recording(
+    directory: Path, recording: Path, run: Mapping[str, Any], *, tables: bool
+) -> dict[str, Any]:
     """Write the report of a run into a directory; return the evaluation's figures.
 
-    Where the scene had no model, or nothing was recorded, the report is of the run alone.
+    Where the scene had no model, or nothing was recorded, the report is of the run alone. With
+    `tables` the figures are printed as well.
     """
     session = read_session(recording)
     scene = scene_of(session)
@@ -31,8 +34,9 @@ def report_recording(directory: Path, recording: Path, run: Mapping[str, Any]) -
         names = [scene.session.name] if parts is None else map("surface {}".format, parts.sessions)
         evaluations = [replace(each, name=name) for each, name in zip(found, names, strict=True)]
         more = surface_section(parts)
-        output.print(evaluation_table(evaluations))
-        for evaluation in evaluations:
+        if tables:
+            output.print(evaluation_table(evaluations))
+        for evaluation in evaluations if tables else []:
             output.print(remark(evaluation, evaluations), highlight=False)
     write_report(
         directory,

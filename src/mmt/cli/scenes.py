@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from mmt.cli.common import messages, output, write_json
+from mmt.cli.common import json_option, messages, output, write_json
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
 
@@ -46,7 +46,7 @@ def explain(
     devices: Annotated[
         bool, typer.Option("--devices", help="Measure although the scene moves real devices.")
     ] = False,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+    json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
 ) -> None:
     """Show what a scene runs, sends and imports, and measure what each part costs."""
     from mmt.cli.scene import tables as scene_tables

@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mmt.cli.common import messages, output, write_json
+from mmt.cli.common import Force, json_option, messages, output, write_json
 from mmt.cli.models import SUFFIX, save
 from mmt.core.errors import InputError
+from mmt.core.existing_files import require_absent
 from mmt.scene import Texture
 
 if TYPE_CHECKING:
@@ -38,12 +39,15 @@ def select_samples(
     published: Annotated[
         bool, typer.Option("--published", help="Take the published algorithm instead.")
     ] = False,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures.")] = None,
+    json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
+    force: Force = False,
 ) -> None:
     """Select samples: which are kept, redundant or outliers, and how that changes the error."""
     for path, suffix in ((target, SUFFIX), (plot, ".png")):
         if path is not None and path.suffix.lower() != suffix:
             raise InputError(f"{path}: its name must end in {suffix}")
+    if target is not None:
+        require_absent(target, force=force)
     from mmt.evaluation.pooling import left_out_errors
     from mmt.texture.selection import SelectionSettings, select
 

@@ -11,6 +11,8 @@ from typing import Annotated, Any, Generic, Protocol, TypeAlias, TypeVar
 import typer
 
 from mmt.cli.common import (
+    STANDARD_OUTPUT,
+    json_option,
     messages,
     output,
     print_parts,
@@ -21,7 +23,8 @@ from mmt.cli.common import (
     write_json,
     write_line,
 )
-from mmt.core.errors import MmtError
+from mmt.cli.ending import ending_lines
+from mmt.core.errors import InputError, MmtError
 from mmt.core.logs import Logs, details
 from mmt.core.realtime import be_real_time, require_real_time
 from mmt.core.version import __version__
@@ -30,9 +33,7 @@ from mmt.scene import Scene, Service
 SceneFile: TypeAlias = Annotated[
     Path, typer.Argument(metavar="SCENE", help="A TOML file, or an example's name.")
 ]
-JsonFile: TypeAlias = Annotated[
-    Path | None, typer.Option("--json", help="Write the summary there.")
-]
+JsonFile: TypeAlias = Annotated[Path | None, json_option("Write the summary there.")]
 JsonLines: TypeAlias = Annotated[
     bool, typer.Option("--json-lines", help="Progress and summary as JSON lines on stdout.")
 ]
@@ -41,6 +42,9 @@ LogFile: TypeAlias = Annotated[
 ]
 LogLevel: TypeAlias = Annotated[
     str | None, typer.Option(metavar="LEVEL", help="debug, info, warning or error.")
+]
+Verbose: TypeAlias = Annotated[
+    bool, typer.Option("--verbose", help="Show all counters at the end.")
 ]
 RealTime: TypeAlias = Annotated[
     bool, typer.Option("--realtime", help="Tick by real-time scheduling (Linux).")
@@ -83,6 +87,7 @@ class ServiceOptions:
     log: Path | None
     log_level: str | None
     realtime: bool
+    verbose: bool
 
 
 class ServiceRun(ABC, Generic[AnyService]):
@@ -121,18 +126,29 @@ class ServiceRun(ABC, Generic[AnyService]):
         else:
             messages.print(sentence, highlight=False)
 
-    def on_summary(self, summary: Summary) -> None:
-        """Write what else is wanted of the summary."""
+    @property
+    def report(self) -> Path | None:
+        """The page that `evaluate` writes, None where none is wanted."""
+        return None
+
+    def evaluate(self, summary: dict[str, Any]) -> dict[str, Any]:
+        """Evaluate the recording where that is wanted; return the figures, empty otherwise."""
+        _ = summary
+        return {}
 
     def run(self) -> None:
         """Run the service to its end and report its summary.
 
         Raises
         ------
+        InputError
+            Two options take standard output.
         MmtError
             Real-time scheduling is wanted but not permitted, or the run failed.
         """
         options, logger = self.options, logging.getLogger(f"mmt.{self.name}")
+        if options.json_lines and options.json_file == STANDARD_OUTPUT:
+            raise InputError("--json - and --json-lines both take standard output: give one")
         if options.realtime:
             require_real_time()
         if not options.json_lines:
@@ -144,10 +160,13 @@ class ServiceRun(ABC, Generic[AnyService]):
             logger.info("summary", extra=details(summary=content))
         if options.json_lines:
             write_line("summary", **content)
-        else:
+        elif options.verbose:
             output.print(summary_table(self.name, content))
         write_json(options.json_file, content)
-        self.on_summary(summary)
+        evaluation = self.evaluate(content)
+        if not options.json_lines:
+            for line in ending_lines({self.name: content}, evaluation, self.report):
+                output.print(line, highlight=False, soft_wrap=True)
         if summary.problem is not None:
             raise MmtError(summary.problem)
 

@@ -10,7 +10,16 @@ from typing import Annotated
 
 import typer
 
-from mmt.cli.common import messages, output, stop_on_signals, summary_table, write_json
+from mmt.cli.common import (
+    Force,
+    json_option,
+    messages,
+    output,
+    stop_on_signals,
+    summary_table,
+    write_json,
+)
+from mmt.core.existing_files import free_path, require_absent
 from mmt.core.kernel_cache import kernels_are_compiled
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
@@ -48,6 +57,7 @@ def simulate(
     scene_file: Annotated[
         Path | None, typer.Option("--scene", help="Simulate this scene's follower and hand.")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Simulate a session on a known texture; its truth travels with the file."""
     from mmt.testing.simulation.offline import simulate_session
@@ -55,7 +65,10 @@ def simulate(
     scene = load_scene(scene_file) if scene_file is not None else Scene()
     recorded_scene = scene.dump() if scene_file is not None else None
     first = scene.session.seed if seed is None else seed
-    for trial, file in enumerate(_trial_files(target, trials)):
+    files = _trial_files(target, trials)
+    for file in files:
+        require_absent(file, force=force)
+    for trial, file in enumerate(files):
         frames, annotations = simulate_session(
             scene,
             surface,
@@ -79,8 +92,9 @@ def _trial_files(target: Path, trials: int) -> list[Path]:
 
 
 @app.command("import")
-def import_file(source: SourceFile, target: TargetFile) -> None:
+def import_file(source: SourceFile, target: TargetFile, force: Force = False) -> None:
     """Import a .npz or .csv recording at any rate, resampled to 1 kHz."""
+    require_absent(target, force=force)
     session = import_session(source)
     export_session(session, target)
     messages.print(f"{len(session.frames)} frames written to {target}", highlight=False)
@@ -89,7 +103,7 @@ def import_file(source: SourceFile, target: TargetFile) -> None:
 @app.command()
 def info(
     source: SourceFile,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write it there.")] = None,
+    json_file: Annotated[Path | None, json_option("Write it there.")] = None,
 ) -> None:
     """Show what a session file holds."""
     from mmt.session.info import info as session_info
@@ -119,8 +133,9 @@ def view(
 
 
 @app.command()
-def export(source: SourceFile, target: TargetFile) -> None:
+def export(source: SourceFile, target: TargetFile, force: Force = False) -> None:
     """Export to .csv, .npz, .parquet, .h5 or .mcap, by the suffix of OUT."""
+    require_absent(target, force=force)
     session = read_session(source)
     export_session(session, target)
     messages.print(f"{len(session.frames)} frames written to {target}", highlight=False)
@@ -132,18 +147,26 @@ def recover(
     target: Annotated[
         Path | None, typer.Argument(metavar="[OUT]", help="FILE with .recovered if absent.")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Save what is readable of a session file that was cut off; FILE itself is kept."""
     from mmt.session.recover import recover as recover_session
 
-    saved = recover_session(
-        source, target or source.with_name(f"{source.stem}.recovered{source.suffix}")
-    )
+    if target is None:
+        beside = source.with_name(f"{source.stem}.recovered{source.suffix}")
+        target = beside if force else free_path(beside)
+    elif not _same_file(source, target):  # which is refused with or without --force
+        require_absent(target, force=force)
+    saved = recover_session(source, target)
     messages.print(
         f"{saved.frames} frames ({saved.duration_s:.1f} s) saved to {saved.path}; "
         f"{saved.problem or 'the file was whole'}",
         highlight=False,
     )
+
+
+def _same_file(source: Path, target: Path) -> bool:
+    return source.exists() and target.exists() and source.samefile(target)
 
 
 def view_file(path: Path, *, port: int, show: bool) -> None:

@@ -71,6 +71,12 @@ class DeviceCheck:
         return UNITS[self.role]
 
 
+_NO_CALLS: Final = (
+    "it has neither read() nor write(), so that it is no device that a scene can use; give it the "
+    "calls of its role (docs/how-to/devices.md), or name with --role what it is meant to be"
+)
+
+
 def check_device(
     role: str,
     driver: str,
@@ -111,6 +117,8 @@ def check_device(
             device.calibrate()
         if hasattr(device, "read") or hasattr(device, "write"):
             watching.run(duration_s, show)
+        elif role == "device":
+            seen.problems.append(_NO_CALLS)
     except Exception as error:  # noqa: BLE001 - whatever a driver raises is what is wrong
         seen.problems.append(str(error) or type(error).__name__)
     finally:

@@ -26,9 +26,11 @@ class CommandGuard:
     - Where no fresh command has come for `silence_ms` of the follower's own ticks, the robot
       holds the last position, or retracts from the surface along its normal; so it does while a
       device is lost (`halt`).
-    - It begins where it is: the difference to the first command, and to the first one after a
-      silence, is worked off at `recovery_mm_s`; the commands' own motion comes on top.
-    - Whatever is commanded, the position moves by no more than `limit_mm_s`.
+    - It begins where it is. Whatever difference there is to the commands, at the start, after a
+      silence, a stall or a jump, is worked off at `recovery_mm_s`; the hand's own motion, by the
+      leader's clock, comes on top.
+    - Whatever is commanded, the position moves by no more than `limit_mm_s` gives in one tick,
+      also in a call that makes up for missed ticks.
 
     About 1 us a tick.
 
@@ -61,13 +63,15 @@ class CommandGuard:
         self._say = say
         self._silence_ticks = max(1, round(link.silence_ms * rate_hz / 1000))
         self._stale_ns = round(link.stale_ms * 1e6)
+        self._period_ns = round(1e9 / rate_hz)
         self._recovery_mm = link.recovery_mm_s / rate_hz
         self._limit_mm = link.limit_mm_s / rate_hz
         self._normal = _NORMALS[normal]
         self._told = RepeatLimit()
         self._command: Vector | None = None  # came since the last tick
         self._target: Vector = (0.0, 0.0, 0.0)
-        self._offset: Vector | None = None  # from the target to where the robot is let be
+        self._motion: Vector = (0.0, 0.0, 0.0)  # of the hand, in a tick
+        self._command_ns = self._target_ns = 0  # by the leader's clock
         self._position: Vector | None = None
         self._age_ticks = 0
         self._silent = False
@@ -108,12 +112,12 @@ class CommandGuard:
         The newest one counts, unless its round trip, which includes the frame that it
         answers, was longer than `stale_ms`.
         """
-        _, _, echo_time_ns, echo_age_ns, x, y, z = _COMMAND.unpack(commands[-1].tobytes())
+        _, time_ns, echo_time_ns, echo_age_ns, x, y, z = _COMMAND.unpack(commands[-1].tobytes())
         round_trip_ns = arrival_ns - echo_time_ns - echo_age_ns
         if echo_time_ns and round_trip_ns > self._stale_ns:
             self._stale += len(commands)
             return
-        self._command = (x, y, z)
+        self._command, self._command_ns = (x, y, z), time_ns
 
     def step(self, elapsed: int, measured: Callable[[], Vector | None]) -> Vector | None:
         """Return the position (mm) to take now, None before the first command.
@@ -140,7 +144,8 @@ class CommandGuard:
             return None
         if self._silent:
             self._silent_ticks += 0 if self._halted else elapsed
-            self._position = towards(self._position, self._target, self._recovery_mm * elapsed)
+            most_mm = min(self._recovery_mm * elapsed, self._limit_mm)
+            self._position = towards(self._position, self._target, most_mm)
         else:
             self._advance(self._position, elapsed)
         return self._position
@@ -150,9 +155,9 @@ class CommandGuard:
             self._position = measured() if self._measures_position else command
             if self._position is None:
                 return
-            self._offset = difference(self._position, command)
+            self._motion = (0.0, 0.0, 0.0)
         elif self._silent:
-            self._offset = difference(self._position, command)
+            self._motion = (0.0, 0.0, 0.0)
             self._silent = False
             if self._age_ticks and self._told.allow("back"):
                 silent_s = self._age_ticks / self._rate_hz
@@ -160,7 +165,11 @@ class CommandGuard:
                     f"leader is back after {silent_s:.1f} s: taking up its commands "
                     f"at {self._link.recovery_mm_s:g} mm/s"
                 )
-        self._target = command
+        else:
+            ticks = max(1.0, (self._command_ns - self._target_ns) / self._period_ns)
+            x, y, z = difference(command, self._target)
+            self._motion = (x / ticks, y / ticks, z / ticks)
+        self._target, self._target_ns = command, self._command_ns
         self._command = None
         self._age_ticks = 0
 
@@ -181,15 +190,14 @@ class CommandGuard:
         self._target = (x + away_mm * u, y + away_mm * v, z + away_mm * w)
 
     def _advance(self, position: Vector, elapsed: int) -> None:
-        """Move to the target and its offset, which shrinks."""
-        wanted = self._target
-        if self._offset is not None:
-            x, y, z = self._offset = towards(
-                self._offset, (0.0, 0.0, 0.0), self._recovery_mm * elapsed
-            )
-            if x == y == z == 0.0:
-                self._offset = None
-            wanted = (wanted[0] + x, wanted[1] + y, wanted[2] + z)
-        self._position = towards(position, wanted, self._limit_mm * elapsed)
-        if self._position is not wanted:
+        """Move as the hand does, as far as that leads to the target, and by the recovery."""
+        x, y, z = position
+        u, v, w = self._motion
+        behind = difference(self._target, position)
+        along, square = behind[0] * u + behind[1] * v + behind[2] * w, u * u + v * v + w * w
+        share = min(max(along / square, 0.0), float(elapsed)) if square > 0.0 else 0.0
+        moved = (x + share * u, y + share * v, z + share * w)
+        wanted = towards(moved, self._target, self._recovery_mm * elapsed)
+        self._position = towards(position, wanted, self._limit_mm)
+        if self._position is not self._target:
             self._slowed += elapsed

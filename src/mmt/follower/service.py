@@ -189,12 +189,15 @@ class Follower:
 
     async def _connect(self) -> None:
         """Connect, unless the person stops first."""
-        connecting = asyncio.create_task(self.client.connect(self._link.patience_s))
+        patience_s = self._link.patience_s
+        self._tell(f"looking for the leader at {self.url}, for {patience_s:g} s at most")
+        connecting = asyncio.create_task(self.client.connect(patience_s))
         ended = asyncio.create_task(self.ending.wait())
         try:
             await asyncio.wait([connecting, ended], return_when=asyncio.FIRST_COMPLETED)
             if connecting.done():
                 connecting.result()
+                self._tell("connected to the leader")
         finally:
             connecting.cancel()
             ended.cancel()

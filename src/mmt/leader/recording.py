@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from prometheus_client.core import Metric
 
     from mmt.link.protocol import FollowerHello
-    from mmt.session.recorder import McapRecorder
+    from mmt.session.recorder import Existing, McapRecorder
 
 
 class RecordingPart(Part):
@@ -37,7 +37,7 @@ class RecordingPart(Part):
         return cls(session)
 
     def begin(self) -> None:
-        """Make the file of the scene's recording, which replaces an older one of that name.
+        """Make the file of the scene's recording.
 
         Raises
         ------
@@ -46,7 +46,9 @@ class RecordingPart(Part):
         """
         table = self._session.scene.recording
         if table is not None:
-            self.recorder = self._made(table.file, 0.0)
+            self.recorder = self._made(table.file, 0.0, table.existing)
+            if self.recorder.path != table.file:
+                self._session.journal.event(f"recording into {self.recorder.path}")
 
     async def start(self, path: Path) -> None:
         """Start a recording into a new file.
@@ -60,7 +62,7 @@ class RecordingPart(Part):
         """
         if self.recorder is not None:
             raise InputError("a recording runs already")
-        recorder = await asyncio.to_thread(self._made, path, self._session.time_s())
+        recorder = await asyncio.to_thread(self._made, path, self._session.time_s(), "refuse")
         if self._session.ending.reached:
             await asyncio.to_thread(recorder.close)
             raise MmtError("the session has ended")
@@ -159,7 +161,7 @@ class RecordingPart(Part):
         yield counter("recorded_frames", "Frames in the recording.", recorder.frames)
         yield counter("recording_dropped_frames", "Frames that found no room.", recorder.dropped)
 
-    def _made(self, path: Path, begins_s: float) -> "McapRecorder":
+    def _made(self, path: Path, begins_s: float, existing: "Existing") -> "McapRecorder":
         from mmt.session.recorder import McapRecorder
 
         scene = self._session.scene
@@ -169,4 +171,5 @@ class RecordingPart(Part):
             scene=scene.dump(),
             session_id=self._session.log.session_id,
             begins_s=begins_s,
+            existing=existing,
         )

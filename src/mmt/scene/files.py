@@ -39,6 +39,7 @@ def load_scene(
     *,
     replay: Path | None = None,
     record: Path | None = None,
+    force: bool = False,
     monitor: bool = False,
 ) -> Scene:
     """Read and validate a scene; the environment, then `overrides`, take precedence.
@@ -56,7 +57,9 @@ def load_scene(
         follower that obeys commands there is no hand, and no force to feed back to it.
     record
         Where to record. A scene that records nothing by itself has its wire as it is
-        recorded, since its follower knows nothing of it.
+        recorded, since its follower knows nothing of it. A file that exists is refused.
+    force
+        Whether a recording may replace a file that exists.
     monitor
         Whether the leader serves its monitor, also where the scene has none.
 
@@ -73,6 +76,10 @@ def load_scene(
         raise InputError(f"scene {path}: {error.strerror or error}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"scene {path}: not valid TOML: {error}") from error
+    except RecursionError as error:
+        raise InputError(
+            f"scene {path}: it is nested too deep; a scene is tables of keys"
+        ) from error
     if replay is not None:
         for name in ("simulated", "devices", "hand", "handle", "force_feedback"):
             tables.pop(name, None)
@@ -81,13 +88,40 @@ def load_scene(
     if record is not None:
         table = tables.setdefault("recording", {"channels": "needed"})
         if isinstance(table, dict):
-            table["file"] = str(record)
+            table["file"], table["existing"] = str(record), "refuse"
     if monitor:
         tables.setdefault("monitor", {})
     _look_beside(path, tables)
     flags = {key: value for key, value in (overrides or {}).items() if value is not None}
-    merged = {**environment_overrides(os.environ), **flags}
-    return scene_from_tables(tables, merged, origin=str(path))
+    variables = environment_overrides(os.environ)
+    merged = {**variables, **flags}
+    if force and ("recording" in tables or any(key.startswith("recording.") for key in merged)):
+        merged["recording.existing"] = "replace"
+    try:
+        return scene_from_tables(tables, merged, origin=str(path))
+    except InputError as error:
+        problems = error.__cause__
+        if not isinstance(problems, ValidationError):
+            raise
+        added = {key for key in variables if key not in flags}
+        origin = _origin(problems, str(path), tables, added)
+        raise InputError(f"{origin}: {explain_problems(problems, Scene)}") from problems
+
+
+def _origin(error: ValidationError, path: str, tables: Mapping[str, Any], keys: set[str]) -> str:
+    """Return what the problems come from: the file, or variables of the environment.
+
+    `tables` are those of the file, `keys` what the environment gave, as ``table.key``.
+    """
+    found: set[str] = set()
+    for problem in error.errors():
+        place = ".".join(map(str, problem["loc"][:2]))
+        whole = problem["loc"] and problem["loc"][0] not in tables  # a table of the environment
+        given = {key for key in keys if whole and key.startswith(f"{problem['loc'][0]}.")}
+        given |= keys & {place}
+        found |= {f"{ENVIRONMENT_PREFIX}{key.replace('.', '__').upper()}" for key in given} or {""}
+    variables = [f"environment variable {name}" for name in sorted(found - {""})]
+    return " and ".join([path] * ("" in found) + variables)
 
 
 def example_scenes() -> dict[str, Path]:

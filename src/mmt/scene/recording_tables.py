@@ -27,3 +27,4 @@ class Recording(PartTable):
 
     file: Path = Path("mmt-demo/session.mcap")
     channels: Literal["all", "needed"] = "all"
+    existing: Literal["number", "refuse", "replace"] = "number"

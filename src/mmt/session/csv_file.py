@@ -19,6 +19,9 @@ from mmt.session.samples import Samples
 _FIRST_ROW = 2
 """The line of the first row, as editors count: line 1 is the header."""
 
+_SHOWN_COLUMNS = 12
+_SHOWN_CHARACTERS = 60
+
 
 def read_csv(path: Path, longest_gap_s: float | None = None) -> RecordedSession:
     """Read a recording; see `mmt.session.import_session`.
@@ -74,7 +77,7 @@ def _columns(path: Path, stream: TextIO) -> dict[str, FloatArray]:
     if not header:
         raise InputError(f"import {path}: the file is empty")
     if "time_s" not in header:
-        raise InputError(f"import {path}: no column time_s; the columns are {', '.join(header)}")
+        raise InputError(f"import {path}: no column time_s; {_shown(header)}")
     known = {"sequence", "time_s", "acceleration_time_s"}
     known |= {name for channel in FIELD_OF_CHANNEL for name in axis_columns(channel)}
     wanted = {name: header.index(name) for name in header if name in known}
@@ -83,6 +86,14 @@ def _columns(path: Path, stream: TextIO) -> dict[str, FloatArray]:
         cells = ((name, column, numbers[name]) for name, column in wanted.items())
         _append_row(path, line, row, cells)
     return {name: np.array(values) for name, values in numbers.items()}
+
+
+def _shown(header: list[str]) -> str:
+    """Name the columns in a text that stays short however many there are, and however long."""
+    names = [name[:_SHOWN_CHARACTERS] for name in header[:_SHOWN_COLUMNS]]
+    if len(names) == len(header):
+        return f"the columns are {', '.join(names)}"
+    return f"the first of {len(header)} columns are {', '.join(names)}"
 
 
 def _append_row(

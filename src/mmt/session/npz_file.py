@@ -17,6 +17,14 @@ from mmt.session.files import replacing
 from mmt.session.resampling import to_frames
 from mmt.session.samples import Samples
 
+_DAMAGE = (
+    *(ValueError, EOFError, zipfile.BadZipFile, zlib.error),
+    MemoryError,  # a shape that is larger than the machine
+    NotImplementedError,  # a compression that Python does not know
+    RuntimeError,  # an encrypted member
+)
+"""What reading an archive raises where it is damaged, or not made by NumPy."""
+
 
 def read_npz(path: Path, longest_gap_s: float | None = None) -> RecordedSession:
     """Read a recording; see `mmt.session.import_session`.
@@ -79,7 +87,7 @@ def _load(path: Path) -> dict[str, np.ndarray[Any, np.dtype[Any]]]:
             return {name: archive[name] for name in archive.files}
     except OSError as error:
         raise InputError(f"import {path}: {error.strerror or error}") from error
-    except (ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+    except _DAMAGE as error:
         raise InputError(
             f"import {path}: this is not a .npz archive of numbers: {error}"
         ) from error
@@ -118,5 +126,5 @@ def _json(arrays: Mapping[str, Any], name: str, origin: str) -> Any:
         return None
     try:
         return json.loads(str(arrays[name]))
-    except json.JSONDecodeError as error:
+    except (json.JSONDecodeError, RecursionError) as error:
         raise InputError(f"{origin}: {name} is not valid JSON: {error}") from error

@@ -16,13 +16,14 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, BinaryIO, Final, Literal, NamedTuple, Self
+from typing import Any, BinaryIO, Final, Literal, NamedTuple, Self, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
+from mmt.core.existing_files import exists_error, numbered
 from mmt.core.frames import Channel, frame_dtype, ordered_channels
 from mmt.session.data import JsonObject, to_json
 from mmt.session.mcap_writer import FrameAssembler, OutputAssembler, SessionWriter
@@ -32,6 +33,9 @@ fcntl: Final[Any] = importlib.import_module("fcntl") if find_spec("fcntl") else 
 
 QUEUE_LIMIT: Final = 10_000
 """Records that may wait for the disk: 10 s at one frame a message."""
+
+Existing: TypeAlias = Literal["number", "refuse", "replace"]
+"""What happens where the file exists: another name with a number, an error, or a new file."""
 
 _POLL_S = 0.1
 _POLLS_PER_FLUSH = 4
@@ -56,7 +60,7 @@ class McapRecorder:
     Parameters
     ----------
     path
-        Missing folders are made; an existing file is replaced, unless it is being recorded into.
+        Missing folders are made.
     channels
         What the frames carry.
     scene
@@ -71,11 +75,15 @@ class McapRecorder:
         The monotonic clock (ns).
     begins_s
         Session time of the first frame, where the session has begun before its recording.
+    existing
+        "refuse" an existing file, "replace" it, or "number" the new one, as ``run-2.mcap``;
+        the attribute `path` is the name that was taken. A file that another recorder writes
+        is never replaced.
 
     Raises
     ------
     InputError
-        The file cannot be made, or another recorder writes it.
+        The file cannot be made, it exists and is refused, or another recorder writes it.
     """
 
     def __init__(
@@ -89,8 +97,8 @@ class McapRecorder:
         queue_limit: int = QUEUE_LIMIT,
         clock: Callable[[], int] = time.monotonic_ns,
         begins_s: float = 0.0,
+        existing: Existing = "refuse",
     ) -> None:
-        self.path = path
         self.frames = 0
         """Frames that are in the file, up to the last flush."""
         self.error: str | None = None
@@ -107,7 +115,7 @@ class McapRecorder:
         self._written_frames = 0
         self._start_ns: int | None = None
         self._closing = threading.Event()
-        self._stream = _create(path)
+        self.path, self._stream = _create(path, existing)
         self._writer = SessionWriter(self._stream, ordered_channels(channels), scene, session_id)
         self._frame_assembler = FrameAssembler(self._dtype, self._write_frames)
         self._backfill_assembler = FrameAssembler(self._dtype, self._write_backfill)
@@ -280,20 +288,37 @@ class McapRecorder:
             self._on_error(reason)
 
 
-def _create(path: Path) -> BinaryIO:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        stream = path.open("ab")  # truncated only once it is locked
-        if not _lock(stream):
-            stream.close()
-            raise InputError(
-                f"recording {path}: another leader records into it: end that one, "
-                "or record into another file"
-            )
-        if stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
-            stream.truncate(0)
-    except OSError as error:
-        raise InputError(f"recording {path}: {error.strerror or error}") from error
+class _TakenError(Exception):
+    """A file may not be written to; its text says why."""
+
+
+def _create(path: Path, existing: Existing) -> tuple[Path, BinaryIO]:
+    """Return the name that was taken and its locked, empty file."""
+    names = numbered(path) if existing == "number" else iter([path])
+    for name in names:
+        try:
+            return name, _claim(name, replace=existing == "replace")
+        except _TakenError as error:
+            if existing != "number":
+                raise InputError(f"recording {error}") from error
+        except OSError as error:
+            raise InputError(f"recording {name}: {error.strerror or error}") from error
+    raise AssertionError("a number is free")
+
+
+def _claim(path: Path, *, replace: bool) -> BinaryIO:
+    """Open and lock a file; raise `_TakenError` where it may not be replaced."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    stream = path.open("ab")  # truncated only once it is locked
+    locked = _lock(stream)
+    status = os.fstat(stream.fileno())
+    regular = stat.S_ISREG(status.st_mode)
+    if not locked or (regular and status.st_size and not replace):
+        stream.close()
+        busy = f"{path}: another leader records into it: end that one, or record into another file"
+        raise _TakenError(exists_error(path) if locked else busy)
+    if regular:
+        stream.truncate(0)
     return stream
 
 

@@ -21,6 +21,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from mmt.cli.common import messages
 from mmt.core.errors import InputError
+from mmt.core.existing_files import free_path
 from mmt_lab.harness.experiment import Experiment, Seed
 from mmt_lab.harness.findings import Findings
 from mmt_lab.soak import faults as kinds
@@ -55,7 +56,7 @@ def run(
         output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"--output {output}: {error.strerror or error}") from error
-    recording = output / "soak.mcap"
+    recording = free_path(output / "soak.mcap")
     observed = asyncio.run(_run(duration, plan_faults(duration, every, seed), seed, recording))
     checks = judge(observed, read_back(recording), min(RECOVERY_S, 0.4 * every))
     broken = [

@@ -10,11 +10,11 @@ import typer
 from rich.table import Table
 from typer.core import TyperGroup
 
-from mmt.cli.common import messages, output, print_error, write_json
+from mmt.cli.common import json_option, messages, output, print_error, write_json
 from mmt_lab.harness.experiment import Experiment, listed, load
 from mmt_lab.harness.findings import Findings
 
-JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the figures.")]
+JsonFile = Annotated[Path | None, json_option("Write the figures.")]
 """Where the figures are written."""
 
 ReportFolder = Annotated[Path | None, typer.Option("--report", help="Write a report there.")]

@@ -38,6 +38,8 @@ class Player:
         Receives the scenarios' rows.
     record
         File of the sessions; None records nothing.
+    replace
+        Whether these files are replaced where they exist.
     seed
         Seed of the scenarios' orders and of the excitation.
 
@@ -54,6 +56,7 @@ class Player:
         *,
         results: ResultsFile,
         record: str | Path | None = None,
+        replace: bool = False,
         seed: int = 0,
     ) -> None:
         if not 1 <= len(models) <= MOST_TILES:
@@ -66,7 +69,7 @@ class Player:
         self._recorder = None
         if record is not None:
             rate_hz = max(model.rate_hz for model in models)
-            self._recorder = TouchRecorder(record, names, models, rate_hz)
+            self._recorder = TouchRecorder(record, names, models, rate_hz, replace=replace)
         self._pictures = np.stack([picture(model, number) for number, model in enumerate(models)])
 
     def close(self) -> list[tuple[Path, float]]:

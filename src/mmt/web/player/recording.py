@@ -12,10 +12,11 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
+from mmt.core.existing_files import require_absent
 from mmt.core.frames import CHANNELS, empty_frames
 from mmt.rendering.rate import RateConverter
 from mmt.session.data import FRAME_PERIOD_NS
-from mmt.session.recorder import McapRecorder
+from mmt.session.recorder import Existing, McapRecorder
 from mmt.texture.model.texture_model import TextureModel
 from mmt.web.player.motion import PointerMotion
 
@@ -36,6 +37,13 @@ class TouchRecorder:
         The textures.
     render_hz
         Sampling rate (Hz) of the vibration given to `record`.
+    replace
+        Whether files that exist are replaced.
+
+    Raises
+    ------
+    InputError
+        One of the files exists and is not to be replaced.
     """
 
     def __init__(
@@ -44,6 +52,8 @@ class TouchRecorder:
         names: Sequence[str],
         models: Sequence[TextureModel],
         render_hz: float,
+        *,
+        replace: bool = False,
     ) -> None:
         self._path = Path(path)
         self._names = tuple(names)
@@ -53,6 +63,9 @@ class TouchRecorder:
         self._down: _TextureFile | None = None
         self._refusal: str | None = None
         self._converter = RateConverter(render_hz, 1.0 / _FRAME_S)
+        self._existing: Existing = "replace" if replace else "refuse"
+        for texture in range(len(names)):
+            require_absent(self.path_of(texture), force=replace)
 
     def path_of(self, texture: int) -> Path:
         """Return the file of a texture's session."""
@@ -107,7 +120,7 @@ class TouchRecorder:
 
     def _open(self, texture: int) -> "_TextureFile":
         name, model = self._names[texture], self._models[texture]
-        recorder = McapRecorder(self.path_of(texture), channels=CHANNELS)
+        recorder = McapRecorder(self.path_of(texture), channels=CHANNELS, existing=self._existing)
         recorder.attach_model(model.to_bytes(), 0.0)
         recorder.record_event({"time_s": 0.0, "event": f"{name} is played", "texture": name})
         return _TextureFile(recorder)

@@ -13,6 +13,7 @@ from mmt.texture.signals.filtering import StreamFilter
 from mmt_lab.stability import uptime
 from mmt_lab.stability.cases import Case, Family, Outcome
 from mmt_lab.stability.clocks import clock_cases
+from mmt_lab.stability.stalls import stall_cases
 from mmt_lab.stability.uptime import PERIOD_NS, stroke_pattern
 
 _FLAT: Final = 1.5
@@ -34,6 +35,7 @@ def cases(
     """
     return [
         *clock_cases(real_s),
+        *stall_cases(),
         Case(
             "filters, the same frames evenly and in bursts of 2 s",
             "the same to the bit",

@@ -1,0 +1,36 @@
+"""Files that exist already: none is replaced unless a person asks for it."""
+
+from collections.abc import Iterator
+from itertools import count
+from pathlib import Path
+
+from mmt.core.errors import InputError
+
+
+def require_absent(path: Path, *, force: bool) -> None:
+    """Refuse to write to a file that exists; with `force` it may be replaced.
+
+    Raises
+    ------
+    InputError
+        The file exists. Devices such as ``/dev/null`` may be written to.
+    """
+    if path.is_file() and not force:
+        raise exists_error(path)
+
+
+def exists_error(path: Path) -> InputError:
+    """Return the error that says that a file exists, and what to do."""
+    return InputError(f"{path}: it exists already; choose another name, or --force replaces it")
+
+
+def free_path(path: Path) -> Path:
+    """Return `path`, or where it exists the first of ``NAME-2``, ``NAME-3``, ... that does not."""
+    return next(each for each in numbered(path) if not each.exists())
+
+
+def numbered(path: Path) -> Iterator[Path]:
+    """Give `path`, then the same with a number from 2 behind its stem, without end."""
+    yield path
+    for number in count(2):
+        yield path.with_name(f"{path.stem}-{number}{path.suffix}")

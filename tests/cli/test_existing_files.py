@@ -1,0 +1,85 @@
+"""No command replaces a file without --force."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from frame_samples import made_frames
+from player_samples import flat_texture
+from typer.testing import CliRunner
+
+from mmt.cli.common import run_app
+from mmt.cli.main import app
+from mmt.core.existing_files import free_path
+from mmt.session import read_session, write_session
+
+KEPT = b"a recording of an hour"
+
+
+def run(arguments, capsys):
+    """Return exit code and messages, as the installed program ends."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sys.argv", ["mmt", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            run_app(app, "mmt")
+    return ended.value.code, capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("session", "simulate", "{out}.mcap", "--duration", "0.2"),
+        ("session", "import", "{source}.npz", "{out}.mcap"),
+        ("session", "export", "{source}.mcap", "{out}.csv"),
+        ("session", "recover", "{source}.mcap", "{out}.mcap"),
+        ("model", "import", "{source}.xml", "{out}.npz"),
+        ("model", "export", "{source}-model.npz", "{out}.xml"),
+        ("model", "export", "{source}-model.npz", "{out}.wav"),
+    ],
+    ids=" ".join,
+)
+def test_a_file_that_exists_is_replaced_only_with_force(tmp_path, capsys, command):
+    frames = made_frames(0, 200)
+    for suffix in ("mcap", "npz"):
+        write_session(tmp_path / f"source.{suffix}", frames)
+    flat_texture(1.0).save(tmp_path / "source-model.npz")
+    exported = ("model", "export", tmp_path / "source-model.npz", tmp_path / "source.xml")
+    assert CliRunner().invoke(app, [*map(str, exported)]).exit_code == 0
+    names = {"source": tmp_path / "source", "out": tmp_path / "out"}
+    arguments = [part.format(**names) for part in command]
+    (target,) = (each for each in arguments if "out." in each)
+    Path(target).write_bytes(KEPT)
+    code, said = run(arguments, capsys)
+    assert code == 2
+    assert f"{target}: it exists already; choose another name, or --force replaces it" in (
+        " ".join(said.split())
+    )
+    assert Path(target).read_bytes() == KEPT
+    code, said = run([*arguments, "--force"], capsys)
+    assert code == 0, said
+    assert Path(target).read_bytes() != KEPT
+
+
+def test_no_trial_is_made_where_one_of_them_exists(tmp_path, capsys):
+    (tmp_path / "oak-2.mcap").write_bytes(KEPT)
+    arguments = ("session", "simulate", tmp_path / "oak.mcap", "--trials", 3, "--duration", 0.2)
+    assert run(arguments, capsys)[0] == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["oak-2.mcap"]
+
+
+def test_recovering_twice_by_the_default_name_keeps_what_was_saved_first(tmp_path, capsys):
+    write_session(tmp_path / "run.mcap", made_frames(0, 100))
+    assert run(("session", "recover", tmp_path / "run.mcap"), capsys)[0] == 0
+    assert run(("session", "recover", tmp_path / "run.mcap"), capsys)[0] == 0
+    for name in ("run.recovered.mcap", "run.recovered-2.mcap"):
+        np.testing.assert_array_equal(read_session(tmp_path / name).frames, made_frames(0, 100))
+
+
+def test_a_free_path_is_the_name_itself_or_the_least_number(tmp_path):
+    wanted = tmp_path / "session.mcap"
+    assert free_path(wanted) == wanted
+    wanted.touch()
+    (tmp_path / "session-3.mcap").touch()
+    assert free_path(wanted) == tmp_path / "session-2.mcap"
+    (tmp_path / "session-2.mcap").touch()
+    assert free_path(wanted) == tmp_path / "session-4.mcap"

@@ -1,0 +1,40 @@
+"""A recorder keeps what an earlier one has recorded."""
+
+import pytest
+from session_samples import made_frames
+
+from mmt.core.errors import InputError
+from mmt.core.frames import CHANNELS
+from mmt.session import read_session
+from mmt.session.recorder import McapRecorder
+
+
+def record(path, count, **options):
+    with McapRecorder(path, channels=CHANNELS, **options) as recorder:
+        recorder.record_frames(made_frames(count))
+    return recorder.path
+
+
+def test_a_recorder_refuses_a_file_that_holds_something(tmp_path):
+    path = record(tmp_path / "run.mcap", 30)
+    before = path.read_bytes()
+    with pytest.raises(InputError, match=r"run\.mcap: it exists already; choose .* --force"):
+        McapRecorder(path, channels=CHANNELS)
+    assert path.read_bytes() == before
+    record(path, 10, existing="replace")
+    assert len(read_session(path).frames) == 10
+
+
+def test_a_recorder_that_numbers_takes_the_next_name(tmp_path):
+    path = tmp_path / "run.mcap"
+    made = [record(path, count, existing="number") for count in (30, 20, 10)]
+    assert [each.name for each in made] == ["run.mcap", "run-2.mcap", "run-3.mcap"]
+    assert [len(read_session(each).frames) for each in made] == [30, 20, 10]
+
+
+def test_a_file_that_is_being_recorded_into_is_passed_over(tmp_path):
+    path = tmp_path / "run.mcap"
+    with McapRecorder(path, channels=CHANNELS, existing="number") as first:
+        assert record(path, 20, existing="number").name == "run-2.mcap"
+        first.record_frames(made_frames(10))
+    assert len(read_session(path).frames) == 10
