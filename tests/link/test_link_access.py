@@ -214,6 +214,60 @@ async def test_every_page_asks_for_the_token(token_file: Path, path: str) -> Non
             assert answer.status == 404
 
 
+# --- pages of other sites in a browser of the same machine
+
+OWN = Link(port=0)
+FOREIGN = {"Host": "evil.example:80", "Origin": "http://evil.example:80"}
+"""As a page sends whose name was pointed here (DNS rebinding)."""
+HANDSHAKE = "/socket.io/?EIO=4&transport=websocket"
+
+
+async def status(url: str, path: str, headers: dict[str, str], method: str = "GET") -> int:
+    async with (
+        aiohttp.ClientSession() as session,
+        session.request(method, url + path, headers=headers) as answer,
+    ):
+        return answer.status
+
+
+@pytest.mark.parametrize("path", [HANDSHAKE, "/network", "/health", "/metrics", "/nothing"])
+@pytest.mark.parametrize(
+    "headers",
+    [
+        FOREIGN,
+        {"Host": FOREIGN["Host"]},
+        {"Origin": FOREIGN["Origin"]},
+        {"Origin": "null"},
+        {"Host": "127.0.0.1.evil.example"},
+    ],
+)
+async def test_pages_of_other_sites_reach_no_route(path: str, headers: dict[str, str]) -> None:
+    async with listening(OWN) as url:
+        for method in ("GET", "PUT"):
+            assert await status(url, path, headers, method) == 403
+
+
+async def test_the_own_machine_reaches_every_route() -> None:
+    async with listening(OWN) as url:
+        port = url.rpartition(":")[2]
+        for host in ("localhost", f"localhost:{port}", f"127.0.0.1:{port}", "[::1]"):
+            assert await status(url, "/nothing", {"Host": host}) == 404
+            headers = {"Host": host, "Origin": f"http://{host}"}
+            assert await status(url, "/nothing", headers) == 404
+
+
+async def test_programs_may_use_any_name_where_everyone_may_connect(token_file: Path) -> None:
+    named = {"Host": "leader.lab"}
+    page = {**named, "Origin": "http://leader.lab"}
+    async with listening(Link(host="0.0.0.0", port=0, open=True)) as everywhere:
+        url = everywhere.replace("0.0.0.0", "127.0.0.1")
+        assert await status(url, "/nothing", named) == 404
+        assert await status(url, "/nothing", page) == 403
+    good = {"Authorization": f"Bearer {TOKEN}"}
+    async with listening(Link(port=0, token_file=token_file)) as url:
+        assert await status(url, "/nothing", {**page, **good}) == 404
+
+
 # --- what is listened on
 
 

@@ -172,7 +172,7 @@ def check_listening(
     InputError
         `host` is not loopback, and neither a token nor certificates are required.
     """
-    if allowed or access.authenticates_peer or _is_loopback(host):
+    if allowed or access.authenticates_peer or is_loopback(host):
         return
     raise InputError(
         f"listening on {host or 'all addresses'} lets everyone who reaches port {port} be "
@@ -203,7 +203,17 @@ def _read_token(path: Path) -> str:
         raise InputError(f"token_file {path}: {_why(error)}") from error
 
 
-def _is_loopback(host: str) -> bool:
+def is_address(name: str) -> bool:
+    """Whether a host is named by its IP address."""
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this machine reaches what listens on a host."""
     try:
         found = socket.getaddrinfo(host or None, 0, flags=socket.AI_PASSIVE)
     except OSError:

@@ -1,15 +1,17 @@
 """The leader's HTTP server: Socket.IO and pages on one port, guarded by the token."""
 
 import asyncio
+import socket
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Final
+from urllib.parse import urlsplit
 
 import socketio
 from aiohttp import web
-from aiohttp.typedefs import Handler
+from aiohttp.typedefs import Handler, Middleware
 
 from mmt.core.errors import MmtError
-from mmt.link.access import Access, check_listening
+from mmt.link.access import Access, check_listening, is_address, is_loopback
 from mmt.link.protocol import MAX_MESSAGE_BYTES, PING_INTERVAL_S, PING_TIMEOUT_S
 from mmt.link.websocket import LINK_PATH, ServerSockets, wire_logger
 from mmt.scene import Link
@@ -60,6 +62,41 @@ def guarded_application(access: Access) -> web.Application:
     return web.Application(middlewares=[guard])
 
 
+def own_pages_only(listening: Callable[[], tuple[str, Access]]) -> Middleware:
+    """Return what refuses every request that comes from another site's page, or could.
+
+    A browser that shows another site reaches this port too. So a page must have been loaded from
+    here, by its ``Origin``. Its host name may have been pointed here (DNS rebinding): without a
+    token or a certificate a request must name an address, this machine, or the host that is
+    listened on. Where everyone may connect, programs, which send no ``Origin``, may use any name.
+
+    Parameters
+    ----------
+    listening
+        Gives the host that is listened on and what clients must present.
+    """
+
+    @web.middleware
+    async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
+        origin, (host, access) = request.headers.get("Origin"), listening()
+        if origin is not None and urlsplit(origin).netloc.lower() != request.host.lower():
+            return web.Response(status=403, text="pages of other sites are refused\n")
+        name = (urlsplit(f"//{request.host}").hostname or "").lower()
+        own = {"localhost", host.lower(), socket.gethostname().lower()}
+        if (
+            access.authenticates_peer
+            or name in own
+            or is_address(name)
+            or (origin is None and not is_loopback(host))
+        ):
+            return await handler(request)
+        return web.Response(
+            status=403, text=f"{name!r} is not this server: use its address, or give it a token\n"
+        )
+
+    return check
+
+
 def _authorizes_itself(path: str) -> bool:
     return path in {_HEALTH_PATH, _MONITOR_PATH} or path.startswith(f"{_MONITOR_PATH}/")
 
@@ -92,6 +129,8 @@ class Listener:
 
     def __init__(self, application: web.Application, keys: str = "host and port of [link]") -> None:
         self._application = application
+        self._listening = ("", Access())
+        application.middlewares.insert(0, own_pages_only(lambda: self._listening))
         self._keys = keys
         self._runner: web.AppRunner | None = None
 
@@ -122,6 +161,7 @@ class Listener:
         """
         check_listening(host, port, access, allowed=allowed)
         context = access.server_context()
+        self._listening = (host, access)
         runner = web.AppRunner(self._application, access_log=None, shutdown_timeout=CLOSE_TIMEOUT_S)
         await runner.setup()
         try:

@@ -5,20 +5,16 @@ are copies of published releases, each beside its licence, so that the pages wor
 network. The files hold nothing secret and are served to everyone who reaches the port.
 
 A WebSocket is protected as the link is: where there is a token, the page sends it in the first
-message, since a browser cannot set a header there. A page of another site that runs in the same
-browser reaches the port too. So the WebSocket requires its own origin and, without a token, an IP
-address in the place of a host name, which another site could have pointed here (DNS rebinding).
+message, since a browser cannot set a header there. Pages of other sites in the same browser are
+refused before any of this, by `mmt.link.http.own_pages_only`.
 """
 
-import ipaddress
 import json
-import socket as system
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
-from urllib.parse import urlsplit
 
 from aiohttp import web
 
@@ -111,32 +107,6 @@ def add_page(application: web.Application, path: str, files: Mapping[str, PageFi
     application.router.add_get(f"{path}/{{name:[^/]*}}", file)
 
 
-def refuse_foreign_page(request: web.Request, access: Access, host: str) -> None:
-    """Refuse a request that does not come from the server's own page.
-
-    Parameters
-    ----------
-    request
-        The request that opens a WebSocket.
-    access
-        What clients must present.
-    host
-        The host that is listened on.
-
-    Raises
-    ------
-    web.HTTPForbidden
-        It comes from another site's page, or could.
-    """
-    origin = request.headers.get("Origin")
-    if origin is not None and urlsplit(origin).netloc.lower() != request.host.lower():
-        raise web.HTTPForbidden(text="another site's page cannot look on\n")
-    name = (urlsplit(f"//{request.host}").hostname or "").lower()
-    own = {"localhost", host.lower(), system.gethostname().lower()}
-    if access.token is None and name not in own and not _is_address(name):
-        raise web.HTTPForbidden(text="open the page by the server's address, or give it a token\n")
-
-
 async def open_socket(
     request: web.Request, access: Access, most_bytes: int = _MOST_BYTES
 ) -> tuple[web.WebSocketResponse, bool]:
@@ -152,14 +122,6 @@ async def open_socket(
     if not admitted:
         await socket.close(code=REFUSED, message=b"the token is missing or wrong")
     return socket, admitted
-
-
-def _is_address(name: str) -> bool:
-    try:
-        ipaddress.ip_address(name)
-    except ValueError:
-        return False
-    return True
 
 
 async def _token(socket: web.WebSocketResponse) -> Any:

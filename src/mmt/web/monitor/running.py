@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 from aiohttp import WSMsgType, web
 
 from mmt.link.access import Access
-from mmt.scene import Monitor, Scene
+from mmt.scene import Monitor
 from mmt.web.binary_messages import pack
 from mmt.web.monitor import states
 from mmt.web.monitor.controls import Controls
@@ -22,7 +22,6 @@ from mmt.web.page_server import (
     add_page,
     monitor_files,
     open_socket,
-    refuse_foreign_page,
 )
 
 if TYPE_CHECKING:
@@ -165,14 +164,12 @@ class LeaderMonitor:
         self.viewers.publish("events", pack("events", {"events": events}, {}))
 
 
-def _monitor_page(viewers: Viewers, controls: Controls, scene: Scene) -> "Page":
+def _monitor_page(viewers: Viewers, controls: Controls) -> "Page":
     """Return the page ``/monitor/`` and its socket ``/monitor/socket``."""
     files = monitor_files()
-    host = scene.link.host if scene.link is not None else ""
 
     def add(application: web.Application, access: Access) -> None:
         async def look_on(request: web.Request) -> web.StreamResponse:
-            refuse_foreign_page(request, access, host)
             if viewers.full:
                 raise web.HTTPServiceUnavailable(text="too many viewers\n")
             return await _serve(request, access, viewers, controls)

@@ -13,7 +13,7 @@ from mmt.core.errors import InputError, MmtError
 from mmt.link.access import TOKEN_VARIABLE, Access, check_listening
 from mmt.link.http import Listener
 from mmt.web.binary_messages import pack
-from mmt.web.page_server import add_page, open_socket, player_files, refuse_foreign_page
+from mmt.web.page_server import add_page, open_socket, player_files
 from mmt.web.player.messages import PlayRequest, line, parse, play_request, whole
 from mmt.web.player.motion import PointerMotion
 from mmt.web.player.player import Player
@@ -48,7 +48,6 @@ class PlayerServer:
         self.player = player
         self._access = access or Access()
         self._connection: PageConnection | None = None
-        self._host = ""
         application = web.Application()
         application.router.add_get("/", self._redirect)
         application.router.add_get("/player/socket", self._receive)
@@ -80,7 +79,6 @@ class PlayerServer:
         check_listening(
             host, port, self._access, allowed=everyone, role="the player", remedy=_REMEDY
         )
-        self._host = host
         await self._listener.start(host, port, self._access, allowed=True)
 
     async def stop(self) -> list[tuple[Path, float]]:
@@ -94,7 +92,6 @@ class PlayerServer:
         raise web.HTTPFound("/player/")
 
     async def _receive(self, request: web.Request) -> web.StreamResponse:
-        refuse_foreign_page(request, self._access, self._host)
         socket, admitted = await open_socket(request, self._access, _MOST_BYTES)
         if not admitted:
             return socket

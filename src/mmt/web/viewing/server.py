@@ -15,7 +15,8 @@ from aiohttp import web
 
 from mmt.core.errors import InputError
 from mmt.link.access import Access
-from mmt.web.page_server import add_page, monitor_files, refuse_foreign_page
+from mmt.link.http import own_pages_only
+from mmt.web.page_server import add_page, monitor_files
 from mmt.web.viewing.recording import ViewedRecording
 
 HOST: Final = "127.0.0.1"
@@ -24,11 +25,11 @@ PATH: Final = "/session"
 
 def recording_application(recording: ViewedRecording) -> web.Application:
     """Return the application that shows a recording."""
-    application, access, one = web.Application(), Access(), asyncio.Lock()
+    own = own_pages_only(lambda: (HOST, Access()))
+    application, one = web.Application(middlewares=[own]), asyncio.Lock()
 
-    async def answer(request: web.Request, make: Callable[[], bytes]) -> web.Response:
+    async def answer(make: Callable[[], bytes]) -> web.Response:
         """Make a message in a thread, one at a time."""
-        refuse_foreign_page(request, access, HOST)
         async with one:
             try:
                 body = await asyncio.to_thread(make)
@@ -36,19 +37,19 @@ def recording_application(recording: ViewedRecording) -> web.Application:
                 raise web.HTTPNotFound(text=f"{error}\n") from error
         return web.Response(body=body, headers={"Cache-Control": "no-store"})
 
-    async def opening(request: web.Request) -> web.Response:
-        return await answer(request, recording.opening)
+    async def opening(_: web.Request) -> web.Response:
+        return await answer(recording.opening)
 
-    async def growth(request: web.Request) -> web.Response:
-        return await answer(request, recording.growth)
+    async def growth(_: web.Request) -> web.Response:
+        return await answer(recording.growth)
 
     async def model(request: web.Request) -> web.Response:
         number = int(_number(request, "number"))
-        return await answer(request, lambda: recording.model(number))
+        return await answer(lambda: recording.model(number))
 
     async def moment(request: web.Request) -> web.Response:
         time_s = _number(request, "time_s")
-        return await answer(request, lambda: recording.moment(time_s))
+        return await answer(lambda: recording.moment(time_s))
 
     for handler in (opening, growth, model, moment):
         application.router.add_get(f"{PATH}/{handler.__name__}", handler)
