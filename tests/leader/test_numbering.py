@@ -71,6 +71,31 @@ def test_another_process_is_told_by_its_name_whatever_it_counts() -> None:
     assert numbering.shift == -50
 
 
+def test_a_leader_that_was_paused_knows_the_follower_that_went_on() -> None:
+    numbering = SessionNumbering(PERIOD_NS)
+    numbering.reconnect("a")
+    numbering.number(made_frames(0, 1000), SECOND)
+    late = 6 * SECOND  # it was paused for 5 s, and reads what had arrived meanwhile
+    numbering.number(made_frames(1000, 900), late)
+    numbering.reconnect("a")
+    again = made_frames(6900, 5)
+    assert numbering.number(again, late + SECOND // 10) == (again, 0)
+    assert not numbering.anew
+    numbering.reconnect("a")
+    _, left_out = numbering.number(made_frames(2**31 - 20, 5), late + SECOND)
+    assert left_out, "the same process cannot have counted that far"
+
+
+def test_a_follower_anew_that_counts_on_is_not_taken_for_the_one_before() -> None:
+    numbering = SessionNumbering(PERIOD_NS)
+    numbering.reconnect("a")
+    numbering.number(made_frames(0, 100), SECOND)
+    numbering.reconnect("b")
+    taken, left_out = numbering.number(made_frames(100, 5), SECOND + 10 * PERIOD_NS)
+    assert left_out == 10
+    assert taken["sequence"].tolist() == list(range(110, 115))
+
+
 def test_another_clock_is_put_right_but_echoed_as_it_is() -> None:
     numbering = SessionNumbering(PERIOD_NS)
     first = made_frames(0, 100)

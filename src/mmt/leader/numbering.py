@@ -16,10 +16,11 @@ class SessionNumbering:
 
     A follower that takes its link up again goes on counting, and its frames pass as they
     are. One that was started anew counts from 0, or from further ahead than the time that
-    passed allows: its frames are put behind those of the
-    session, with as many missing as the silence lasted, at least one. So they are not
-    taken for late or repeated ones, and the gap is seen. If it runs on another clock, its times are
-    shifted likewise.
+    passed allows: since the newest frame, or since the session's first where the follower is
+    known to be the same process, since a leader that was paused reads old frames late. The frames
+    of a follower that was started anew are put behind those of the session, with as many missing
+    as the silence lasted, at least one. So they are not taken for late or repeated ones, and the
+    gap is seen. If it runs on another clock, its times are shifted likewise.
 
     Parameters
     ----------
@@ -35,7 +36,9 @@ class SessionNumbering:
         self._first: int | None = None
         self._newest = -1
         self._newest_time_ns = 0
+        self._first_arrival_ns = 0
         self._reconnected = False
+        self._same = False
         self.anew = False
         """Whether the follower that is connected is known to be another process."""
         self._run_id = ""
@@ -72,7 +75,8 @@ class SessionNumbering:
             numbers must tell.
         """
         self._reconnected = self._first is not None
-        self.anew = bool(run_id and self._run_id and run_id != self._run_id)
+        known = bool(run_id and self._run_id)
+        self._same, self.anew = known and run_id == self._run_id, known and run_id != self._run_id
         self._run_id = run_id
         self.follower_time_ns = 0
 
@@ -90,7 +94,7 @@ class SessionNumbering:
         self.arrival_ns = arrival_ns
         frames = self.renumber(frames)
         if self._first is None:
-            self._first = int(frames["sequence"][0])
+            self._first, self._first_arrival_ns = int(frames["sequence"][0]), arrival_ns
         self._newest = int(frames["sequence"][-1])
         self._newest_time_ns = int(frames["time_ns"][-1])
         return frames, left_out
@@ -117,7 +121,11 @@ class SessionNumbering:
         sequence = int(frames["sequence"][0])
         ahead = sequence + self._shift - self._newest
         silence_ns = arrival_ns - self.arrival_ns
-        if not self.anew and 0 < ahead <= most_ahead(silence_ns, self._shortest_ns):
+        most = most_ahead(silence_ns, self._shortest_ns)
+        if self._same:
+            passed_ns = arrival_ns - self._first_arrival_ns
+            most = most_ahead(passed_ns, self._shortest_ns) - self.frames
+        if not self.anew and 0 < ahead <= most:
             return 0
         missing = max(1, round(silence_ns / self._period_ns))
         self._shift = self._newest + 1 + missing - sequence
