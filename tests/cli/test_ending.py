@@ -133,3 +133,12 @@ def test_what_is_unusual_is_named(key: str, value: Any, sentence: str) -> None:
 def test_a_followers_devices_are_named_one_by_one() -> None:
     lost = {**FOLLOWER, "devices": {"robot": {"class": "Arm", "losses": 2}}}
     assert unusual("follower", lost) == ["follower: 2 losses of the robot"]
+
+
+def test_frames_that_were_missing_are_told_with_what_became_of_them() -> None:
+    gaps = {"missing": 12, "filled": 9, "lost": 3, "waiting": 0, "unwanted": 0}
+    summary = {**LEADER, "link": {**LEADER["link"], "lost": 12}, "backfill": gaps}
+    lines = ending_lines({"leader": summary})
+    assert "frames:    18003 in time, 12 missing: 9 filled in, 3 lost" in lines
+    unusual_lines = [line for line in lines if line.startswith("unusual")]
+    assert unusual_lines == ["unusual:   leader: 3 frames missing and never filled in"]

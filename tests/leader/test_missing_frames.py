@@ -184,3 +184,13 @@ def test_every_number_is_live_filled_lost_or_waited_for(
 
 def summary_of(account: Account, name: str) -> int:
     return account.missing.summary[name]
+
+
+def test_frames_that_no_follower_sent_are_counted_as_missing_and_lost() -> None:
+    account = Account()
+    account.missing.jumped(9, numbered(12))
+    account.missing.forget()
+    account.missing.skip(4338)
+    assert account.missing.summary["missing"] == account.missing.summary["lost"] == 4340
+    account.wait(200)
+    assert account.asked == []

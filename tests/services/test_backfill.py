@@ -184,7 +184,7 @@ async def test_a_follower_that_is_started_anew_is_not_asked_for_what_the_old_one
     await second.disconnect()
     leader = await together.end()
     assert any("started anew" in said for said in together.said)
-    assert leader.backfill["missing"] == leader.backfill["lost"] == 50
+    assert leader.backfill["missing"] == leader.backfill["lost"] > 50  # and the time between
     assert second.backfill["asked"] == second.backfill["gone"] == 0
     frames = read_session(tmp_path / "session.mcap").frames
     assert len(frames) == 200

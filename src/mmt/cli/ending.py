@@ -66,9 +66,8 @@ def ending_lines(
         lines.append(("model", _model(leader["texture"])))
     lines += [("error", text) for text in _errors(evaluation or {})]
     if main.get("link"):
-        link = main["link"]
-        end = f", {link['lost']} missing" if leader else " sent"
-        lines.append(("frames", f"{link['frames']}{end}"))
+        received = f"{main['link']['frames']}"
+        lines.append(("frames", received + (_missing(main) if leader else " sent")))
     for name, summary in summaries.items():
         lines += [("unusual", sentence) for sentence in unusual(name, summary)]
     recording = leader.get("recording", {}).get("file")
@@ -81,9 +80,12 @@ def ending_lines(
 
 def unusual(name: str, summary: Mapping[str, Any]) -> list[str]:
     """Return a sentence for each thing in a service's summary that a good run does not have."""
+    filled = "filled" in summary.get("backfill", {})
+    told = {"link.lost"} if filled else set()  # the line of the frames has what became of them
     found = [
         _counted(fault, count, place)
         for fault in _FAULTS
+        if fault.path not in told
         for place, count in _values(summary, fault.path.split("."))
         if count
     ]
@@ -121,6 +123,14 @@ def _counted(fault: _Fault, count: Any, place: str) -> str:
     what = fault.one if count == 1 else fault.many
     text = f"{count} {what}{' ' * bool(fault.more)}{fault.more}{kinds}"
     return text.replace("{name}", place)
+
+
+def _missing(summary: Mapping[str, Any]) -> str:
+    gaps = summary.get("backfill")
+    if not gaps:
+        return f", {summary['link']['lost']} missing"
+    filled, lost = gaps["filled"], gaps["lost"]
+    return f" in time, {gaps['missing']} missing: {filled} filled in, {lost} lost"
 
 
 def _outcome(summary: Mapping[str, Any]) -> str:

@@ -64,9 +64,10 @@ class Backfill:
             self.started_anew()
         self.missing.connect(hello.keep_frames)
 
-    def started_anew(self) -> None:
-        """Give up what the follower before this one had kept."""
+    def started_anew(self, skipped: int = 0) -> None:
+        """Give up what the follower before this one had kept, and what came between the two."""
         self.missing.forget()
+        self.missing.skip(skipped)
         self._look_again()
 
     def receive(self, frames: RecordArray) -> None:

@@ -102,6 +102,11 @@ class MissingFrames:
         """Give up everything: the follower that had it is gone."""
         self._lose(list(self._missing))
 
+    def skip(self, frames: int) -> None:
+        """Count frames as missing and lost that were never sent: no follower ran."""
+        self._seen += frames
+        self._lost += frames
+
     def jumped(self, newest: int, frames: RecordArray) -> None:
         """Take note of what is missing in frames (n,) and between them and the newest before."""
         before = newest

@@ -157,7 +157,7 @@ class RemoteFollower:
         newest = self._numbering.newest
         frames, left_out = self._numbering.number(frames, arrival_ns)
         if left_out:
-            self.backfill.started_anew()
+            self.backfill.started_anew(left_out)
             self._journal.event(
                 f"the follower started anew, {left_out} frames are missing before it"
             )
