@@ -71,7 +71,7 @@ class LeaderMonitor:
     @property
     def page(self) -> "Page":
         """The page for the leader's port."""
-        return _monitor_page(self.viewers, self._controls, self._leader.scene)
+        return _monitor_page(self.viewers, self._controls)
 
     async def run(self) -> None:
         """Look until cancelled. A fault ends the monitor, never the session."""
