@@ -119,7 +119,11 @@ def test_where_the_texture_is_not_known_the_error_is_of_held_out_segments() -> N
         ("vibration__actuator__clipped", 9, "9 samples clipped at the actuator's limit"),
         ("ticks__late_share_1ms", 0.073, "7 % of the ticks over 1 ms late"),
         ("recording__dropped", 5, "5 frames not recorded: the disk was too slow"),
-        ("recording__error", "disk full", "the recording failed: disk full"),
+        (
+            "recording",
+            {"file": "a.mcap", "frames": 9, "dropped": 5, "error": "disk full"},
+            "the recording failed: disk full; 5 frames are not in it",
+        ),
         ("handle__losses", 1, "1 loss of the handle"),
     ],
 )
@@ -128,6 +132,12 @@ def test_what_is_unusual_is_named(key: str, value: Any, sentence: str) -> None:
     assert unusual("leader", leader(**{key: value})) == [f"leader: {sentence}"]
     lines = ending_lines({"leader": leader(**{key: value})})
     assert f"unusual:   leader: {sentence}" in lines
+
+
+def test_a_recording_that_failed_is_to_be_recovered_before_it_is_viewed() -> None:
+    lines = ending_lines({"leader": leader(recording__error="disk full")})
+    recover = "mmt session recover mmt-demo/session.mcap saves what was written"
+    assert lines[-1] == f"next:      {recover}; --verbose shows all counters"
 
 
 def test_a_followers_devices_are_named_one_by_one() -> None:

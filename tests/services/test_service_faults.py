@@ -1,7 +1,6 @@
 """What goes wrong in a session is counted, said, and never costs what was recorded."""
 
 import asyncio
-import errno
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,6 @@ from mmt.link.protocol import FollowerHello
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
 from mmt.session import read_session, write_session
-from mmt.session.mcap_writer import SessionWriter
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.online.modeller import OnlineModeller
 from mmt.texture.online.work import Work
@@ -194,42 +192,6 @@ async def test_a_port_that_is_taken_leaves_an_older_recording_alone(tmp_path: Pa
     assert recording.read_bytes() == b"precious"
     first.leader.stop()
     assert (await first.end()).outcome == "stopped"
-
-
-async def test_a_disk_that_is_full_ends_the_session_and_is_explained(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    written = 0
-    write = SessionWriter.write_frames
-
-    def write_until_full(self: SessionWriter, *block: Any) -> None:
-        nonlocal written
-        written += 1
-        if written > 10:
-            raise OSError(errno.ENOSPC, "No space left on device")
-        write(self, *block)
-
-    monkeypatch.setattr(SessionWriter, "write_frames", write_until_full)
-    together = Together.of(small_scene(tmp_path))
-    await together.listen()
-    source = MadeSource([made_frames(k, 1) for k in range(5000)])
-    follower, leader = await together.follow(source), await together.end()
-    file = tmp_path / "session.mcap"
-    assert leader.problem == f"failed: recording {file}: No space left on device"
-    assert follower.problem == f"leader failed: recording {file}: No space left on device"
-    assert leader.recording["dropped"] == leader.link["frames"] - leader.recording["frames"] > 0
-
-
-async def test_a_disk_that_is_full_at_the_end_fails_the_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(self: SessionWriter) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(SessionWriter, "finish", full)
-    leader, _ = await run_session(small_scene(tmp_path), MadeSource([made_frames(0, 100)]))
-    assert leader.outcome == "source ended"
-    assert leader.problem == f"recording {tmp_path / 'session.mcap'}: No space left on device"
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,8 @@ import asyncio
 import json
 import signal
 import sys
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Callable, Coroutine, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeAlias, TypeVar
 
@@ -55,8 +56,41 @@ def run_app(app: typer.Typer, program: str) -> None:
 
 
 def print_error(sentence: str) -> None:
-    """Print an error."""
-    messages.print(Text.assemble(("error:", "red"), f" {sentence}"), soft_wrap=True)
+    """Print an error, where standard error takes it."""
+    with suppress(OSError):
+        messages.print(Text.assemble(("error:", "red"), f" {sentence}"), soft_wrap=True)
+
+
+@contextmanager
+def noting(problems: list[Exception], what: str = "") -> Iterator[None]:
+    """Note an error and go on behind the block; `raise_problems` tells it in the end.
+
+    Parameters
+    ----------
+    problems
+        The error is added to them. Of equal ones, such as those of a full disk, there is one.
+    what
+        What an `OSError` is about, for its sentence.
+    """
+    try:
+        yield
+    except BrokenPipeError:  # nobody reads on
+        raise
+    except OSError as error:
+        sentence = f"{what}: {error.strerror or error}"
+        if sentence not in map(str, problems):
+            problems.append(MmtError(sentence))
+    except Exception as error:  # noqa: BLE001 - raised in the end
+        problems.append(error)
+
+
+def raise_problems(problems: list[Exception]) -> None:
+    """Print problems but the last, and raise that; an error in the program is raised as such."""
+    ordered = sorted(problems, key=lambda problem: not isinstance(problem, MmtError))
+    for problem in ordered[:-1]:
+        print_error(str(problem))
+    if ordered:
+        raise ordered[-1]
 
 
 def version(wanted: bool) -> None:

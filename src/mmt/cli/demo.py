@@ -12,9 +12,9 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from mmt.cli.child import Child
-from mmt.cli.common import messages, output, print_error, summary_table, write_json
+from mmt.cli.common import messages, noting, output, raise_problems, summary_table, write_json
 from mmt.cli.ending import ending_lines
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import free_path
 from mmt.core.realtime import require_real_time
 from mmt.follower.sources import build_source
@@ -58,23 +58,19 @@ def run_demo(
     realtime: bool = False,
     force: bool = False,
     verbose: bool = False,
-) -> bool:
+) -> None:
     """Run a scene's services, print their summaries, and report the recording.
 
     A recording that is there already stays, and the new one gets a number; with `force` it is
     replaced. The report is of the newest.
-
-    Returns
-    -------
-    bool
-        Whether everything ended as wanted.
 
     Raises
     ------
     InputError
         The scene, the session to replay or the directory cannot be used.
     MmtError
-        Real-time scheduling is wanted and not permitted.
+        Real-time scheduling is wanted and not permitted, or a service failed; summaries, report
+        and JSON are there nevertheless, as far as they can be.
     """
     if realtime:
         require_real_time()
@@ -92,18 +88,21 @@ def run_demo(
     if verbose:
         for name, table in content.items():
             output.print(summary_table(name, table))
+    problems: list[Exception] = []
     if run.leader.get("recording"):
         from mmt.cli.reporting import report_recording
 
-        content["evaluation"] = report_recording(directory, recording, run.tables(), tables=verbose)
+        with noting(problems, "the report"):
+            content["evaluation"] = report_recording(
+                directory, recording, run.tables(), tables=verbose
+            )
     report = directory / "report.html" if "evaluation" in content else None
     if run.leader or run.follower:
         for line in ending_lines(run.tables(), content.get("evaluation"), report):
             output.print(line, highlight=False, soft_wrap=True)
-    for error in run.errors:
-        print_error(error)
-    write_json(json_file, content)
-    return not run.failed
+    with noting(problems):
+        write_json(json_file, content)
+    raise_problems([*problems, *map(MmtError, run.errors)])
 
 
 def _check(scene: Scene, directory: Path) -> None:

@@ -74,7 +74,8 @@ def ending_lines(
     files = [str(file) for file in (recording, report) if file is not None]
     if files:
         lines.append(("files", ", ".join(files)))
-    lines.append(("next", _next(recording, report)))
+    whole = not leader.get("recording", {}).get("error")
+    lines.append(("next", _next(recording, report, whole=whole)))
     return [f"{name + ':':<10} {text}" for name, text in lines]
 
 
@@ -82,6 +83,9 @@ def unusual(name: str, summary: Mapping[str, Any]) -> list[str]:
     """Return a sentence for each thing in a service's summary that a good run does not have."""
     filled = "filled" in summary.get("backfill", {})
     told = {"link.lost"} if filled else set()  # the line of the frames has what became of them
+    recording = summary.get("recording", {})
+    error = recording.get("error")
+    told |= {"recording.dropped"} if error else set()
     found = [
         _counted(fault, count, place)
         for fault in _FAULTS
@@ -92,9 +96,8 @@ def unusual(name: str, summary: Mapping[str, Any]) -> list[str]:
     late = summary.get("ticks", {}).get("late_share_1ms") or 0.0
     if late > _LATE_SHARE:
         found.append(f"{late:.0%} of the ticks over 1 ms late".replace("%", " %"))
-    error = summary.get("recording", {}).get("error")
     if error:
-        found.append(f"the recording failed: {error}")
+        found.append(f"the recording failed: {error}; {recording['dropped']} frames are not in it")
     return [f"{name}: {sentence}" for sentence in found]
 
 
@@ -163,10 +166,11 @@ def _errors(evaluation: Mapping[str, Any]) -> Iterator[str]:
         yield f"{name}{power_db:.1f} dB, within one JND on {100 * share:.0f} % of {where}"
 
 
-def _next(recording: str | None, report: Path | None) -> str:
+def _next(recording: str | None, report: Path | None, *, whole: bool) -> str:
     steps = []
     if report is not None:
         steps.append(f"open {report}")
     if recording is not None:
-        steps.append(f"mmt session view {recording} shows each moment")
+        shows = f"mmt session view {recording} shows each moment"
+        steps.append(shows if whole else f"mmt session recover {recording} saves what was written")
     return "; ".join([*steps, "--verbose shows all counters"])

@@ -127,10 +127,11 @@ class LeaderRun(ServiceRun["Leader"]):
 
     def on_status(self, status: LeaderStatus) -> None:
         """Report progress: a JSON line, or a line of the terminal that is written over."""
-        if self.options.json_lines:
-            write_line("status", **status.as_dict())
-        elif messages.is_terminal:
-            messages.print(_status_line(status), end="\r", highlight=False)
+        with self.reporting():
+            if self.options.json_lines:
+                write_line("status", **status.as_dict())
+            elif messages.is_terminal:
+                messages.print(_status_line(status), end="\r", highlight=False)
 
     def on_event(self, sentence: str) -> None:
         """Report an event, in a terminal below the line of status."""

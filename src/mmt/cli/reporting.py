@@ -14,7 +14,8 @@ from mmt.evaluation.results import Evaluation, evaluations_as_dict
 from mmt.evaluation.table import evaluation_table
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
-from mmt.session import RecordedSession, read_session
+from mmt.session import RecordedSession
+from mmt.session.mcap_reader import scan_mcap, scanned_session
 
 
 def report_recording(
@@ -22,10 +23,11 @@ def report_recording(
 ) -> dict[str, Any]:
     """Write the report of a run into a directory; return the evaluation's figures.
 
-    Where the scene had no model, or nothing was recorded, the report is of the run alone. With
-    `tables` the figures are printed as well.
+    Where the scene had no model, or nothing was recorded, the report is of the run alone. A
+    recording that was cut off is read as far as it goes. With `tables` the figures are printed as
+    well.
     """
-    session = read_session(recording)
+    session = scanned_session(scan_mcap(recording))
     scene = scene_of(session)
     evaluations: list[Evaluation] = []
     more: list[Block] = []

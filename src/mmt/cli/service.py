@@ -4,6 +4,7 @@ import asyncio
 import logging
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Generic, Protocol, TypeAlias, TypeVar
@@ -14,8 +15,10 @@ from mmt.cli.common import (
     STANDARD_OUTPUT,
     json_option,
     messages,
+    noting,
     output,
     print_parts,
+    raise_problems,
     stop_on_signals,
     summary_table,
     version,
@@ -107,6 +110,8 @@ class ServiceRun(ABC, Generic[AnyService]):
         self.name = name
         self.scene = scene
         self.options = options
+        self.problems: list[Exception] = []
+        """What went wrong beside the service itself; told when the rest is done."""
 
     @abstractmethod
     def build(self, logs: Logs) -> AnyService:
@@ -121,10 +126,15 @@ class ServiceRun(ABC, Generic[AnyService]):
 
     def on_event(self, sentence: str) -> None:
         """Report an event."""
-        if self.options.json_lines:
-            write_line("event", event=sentence)
-        else:
-            messages.print(sentence, highlight=False)
+        with self.reporting():
+            if self.options.json_lines:
+                write_line("event", event=sentence)
+            else:
+                messages.print(sentence, highlight=False)
+
+    def reporting(self) -> AbstractContextManager[None]:
+        """Note where progress cannot be written, such as to a full disk, and go on."""
+        return noting(self.problems, "progress cannot be written")
 
     @property
     def report(self) -> Path | None:
@@ -152,23 +162,35 @@ class ServiceRun(ABC, Generic[AnyService]):
         if options.realtime:
             require_real_time()
         if not options.json_lines:
-            print_parts(self.scene, self.name)
+            with self.reporting():
+                print_parts(self.scene, self.name)
         with Logs(self.name, options.log, options.log_level) as logs:
             logger.info("started", extra=details(version=__version__, scene=self.scene.dump()))
             summary = asyncio.run(self._run(logs))
             content = summary.as_dict()
             logger.info("summary", extra=details(summary=content))
-        if options.json_lines:
-            write_line("summary", **content)
-        elif options.verbose:
-            output.print(summary_table(self.name, content))
-        write_json(options.json_file, content)
-        evaluation = self.evaluate(content)
-        if not options.json_lines:
-            for line in ending_lines({self.name: content}, evaluation, self.report):
-                output.print(line, highlight=False, soft_wrap=True)
+        self._end(content)
         if summary.problem is not None:
-            raise MmtError(summary.problem)
+            self.problems.append(MmtError(summary.problem))
+        raise_problems(self.problems)
+
+    def _end(self, content: dict[str, Any]) -> None:
+        """Report a summary in every way that is wanted; what fails does not hold up the rest."""
+        options, evaluation, report = self.options, dict[str, Any](), None
+        with self.reporting():
+            if options.json_lines:
+                write_line("summary", **content)
+            elif options.verbose:
+                output.print(summary_table(self.name, content))
+        with noting(self.problems):
+            write_json(options.json_file, content)
+        with noting(self.problems, "the report"):
+            evaluation = self.evaluate(content)
+            report = self.report
+        if not options.json_lines:
+            with self.reporting():
+                for line in ending_lines({self.name: content}, evaluation, report):
+                    output.print(line, highlight=False, soft_wrap=True)
 
     async def _run(self, logs: Logs) -> Summary:
         service = self.build(logs)
@@ -176,7 +198,8 @@ class ServiceRun(ABC, Generic[AnyService]):
         def ready() -> None:
             if self.options.realtime:
                 be_real_time()
-            self.on_ready(service)
+            with self.reporting():
+                self.on_ready(service)
 
         stop_on_signals(service.stop)
         self.on_start(service)

@@ -207,4 +207,5 @@ class _FileWriter(logging.FileHandler):
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: ARG002, N802
         if not self._failed:
             self._failed = True
-            sys.stderr.write(f"warning: log {self.baseFilename}: {sys.exc_info()[1]}\n")
+            with suppress(OSError):  # which may go to the same full disk
+                sys.stderr.write(f"warning: log {self.baseFilename}: {sys.exc_info()[1]}\n")

@@ -124,7 +124,7 @@ class SessionView:
     @property
     def recording(self) -> Path | None:
         """The file that is recorded into."""
-        recorder = self._recording.recorder
+        recorder = self._recording.running
         return None if recorder is None else recorder.path
 
     def tell(self, sentence: str, **details: object) -> None:

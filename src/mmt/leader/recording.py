@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 class RecordingPart(Part):
     """Record frames, the output, events and models, while a recording runs.
 
+    One that fails, as on a full disk, is told; the session goes on without it.
+
     Parameters
     ----------
     session
@@ -28,13 +30,19 @@ class RecordingPart(Part):
     def __init__(self, session: Session) -> None:
         self._session = session
         self.recorder: McapRecorder | None = None
-        """The one that runs, None where none does."""
+        """The one that runs or has failed, None where none does."""
         self._ended: McapRecorder | None = None
+        self._failed: list[McapRecorder] = []
 
     @classmethod
     def build(cls, session: Session) -> "RecordingPart":
         """Return the part; no file is made yet."""
         return cls(session)
+
+    @property
+    def running(self) -> "McapRecorder | None":
+        """The one that runs and has not failed."""
+        return None if self.recorder is None or self.recorder.error else self.recorder
 
     def begin(self) -> None:
         """Make the file of the scene's recording.
@@ -60,8 +68,9 @@ class RecordingPart(Part):
         MmtError
             The session has ended meanwhile.
         """
-        if self.recorder is not None:
+        if self.running is not None:
             raise InputError("a recording runs already")
+        self.look()
         recorder = await asyncio.to_thread(self._made, path, self._session.time_s(), "refuse")
         if self._session.ending.reached:
             await asyncio.to_thread(recorder.close)
@@ -79,7 +88,7 @@ class RecordingPart(Part):
         MmtError
             It could not be written to its end.
         """
-        recorder = self.recorder
+        recorder = self.running
         if recorder is None:
             raise InputError("no recording runs")
         self._session.find("completing").record_last()
@@ -87,7 +96,8 @@ class RecordingPart(Part):
         self.recorder, self._ended = None, recorder
         await asyncio.to_thread(recorder.close)
         if recorder.error is not None:
-            raise MmtError(f"recording {recorder.path}: {recorder.error}")
+            self._failed.append(recorder)
+            raise MmtError(_failure(recorder))
         return recorder
 
     def close(self) -> None:
@@ -127,20 +137,23 @@ class RecordingPart(Part):
     # --- what it says
 
     def look(self) -> None:
-        """Raise where the recording has stopped, such as on a full disk."""
+        """Tell once that the recording has failed, such as on a full disk."""
         recorder = self.recorder
-        if recorder is not None and recorder.error is not None:
-            raise MmtError(f"recording {recorder.path}: {recorder.error}")
+        if recorder is None or recorder.error is None or recorder in self._failed:
+            return
+        self._failed.append(recorder)
+        self._session.journal.event(
+            f"{_failure(recorder)}: the session goes on without it", frames=recorder.frames
+        )
 
     def faults(self) -> list[str]:
-        """Return why the recording has stopped."""
-        error = self.recorder.error if self.recorder is not None else None
-        return [] if error is None else [f"recording: {error}"]
+        """Return why recordings have failed."""
+        return [_failure(recorder) for recorder in self._failed]
 
     def summary(self, duration_s: float) -> dict[str, Any]:
-        """Return the file, and what is in it."""
+        """Return the file, and what is in it; of several recordings the first that has failed."""
         _ = duration_s
-        recorder = self.recorder or self._ended
+        recorder = next(iter(self._failed), None) or self.recorder or self._ended
         if recorder is None:
             return {}
         table = {
@@ -173,3 +186,7 @@ class RecordingPart(Part):
             begins_s=begins_s,
             existing=existing,
         )
+
+
+def _failure(recorder: "McapRecorder") -> str:
+    return f"recording {recorder.path}: {recorder.error}"

@@ -90,8 +90,9 @@ class Leader:
     async def run(self, on_ready: Callable[[], None] | None = None) -> LeaderSummary:
         """Listen, run until the session ends, and return the summary.
 
-        A fault in its midst, such as a device that fails or a full disk, ends the session;
-        the summary says so. Everything that was recorded is kept whatever happens.
+        A fault in its midst, such as a device that fails, ends the session; the summary says
+        so. A recording that fails, as on a full disk, does not: the session goes on without it.
+        Everything that was recorded is kept whatever happens.
 
         Parameters
         ----------

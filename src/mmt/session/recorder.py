@@ -116,7 +116,14 @@ class McapRecorder:
         self._start_ns: int | None = None
         self._closing = threading.Event()
         self.path, self._stream = _create(path, existing)
-        self._writer = SessionWriter(self._stream, ordered_channels(channels), scene, session_id)
+        try:
+            self._writer = SessionWriter(
+                self._stream, ordered_channels(channels), scene, session_id
+            )
+        except OSError as error:  # the scene alone may fill what is left of a disk
+            with suppress(OSError):
+                self._stream.close()
+            raise InputError(f"recording {self.path}: {error.strerror or error}") from error
         self._frame_assembler = FrameAssembler(self._dtype, self._write_frames)
         self._backfill_assembler = FrameAssembler(self._dtype, self._write_backfill)
         self._output_assembler = OutputAssembler(self._writer.write_output)
@@ -187,15 +194,15 @@ class McapRecorder:
         time_s = event.get("time_s")
         timed = isinstance(time_s, int | float) and math.isfinite(time_s)
         log_time_ns = self._log_time_ns(time_s if timed else None)
-        self._rare_queue.append(_Record("event", log_time_ns, to_json(dict(event)).encode()))
+        self._put_rare(_Record("event", log_time_ns, to_json(dict(event)).encode()))
 
     def attach_model(self, data: bytes, time_s: float) -> None:
         """Attach the bytes of a texture model's ``.npz`` at a session time."""
-        self._rare_queue.append(_Record("model", self._log_time_ns(time_s), data))
+        self._put_rare(_Record("model", self._log_time_ns(time_s), data))
 
     def attach_annotations(self, data: bytes) -> None:
         """Attach the follower's annotations of the session; the last call counts."""
-        self._rare_queue.append(_Record("annotations", self._clock(), data))
+        self._put_rare(_Record("annotations", self._clock(), data))
 
     def close(self, timeout_s: float = 10.0) -> None:
         """Write everything that waits, end the file and wait for that.
@@ -220,6 +227,10 @@ class McapRecorder:
                 oldest = self._stream_queue.popleft()
                 self._overflowed_frames += oldest.frames
         self._stream_queue.append(record)
+
+    def _put_rare(self, record: _Record) -> None:
+        if self.error is None:
+            self._rare_queue.append(record)
 
     def _run(self) -> None:
         try:
