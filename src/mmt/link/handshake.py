@@ -11,6 +11,7 @@ import socketio
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import Channel
+from mmt.core.logs import RepeatLimit
 from mmt.core.process import clock_id
 from mmt.link.access import REFUSED, Access
 from mmt.link.clock_exchange import ClockResponder
@@ -189,6 +190,7 @@ class Handshake:
         self._session_id = session_id
         self._network = network
         self._closed = False
+        self._refusals = RepeatLimit()
         self._tasks: set[asyncio.Task[None]] = set()
         host.server.on("connect", self._on_connect)
         host.server.on("disconnect", self._on_disconnect)
@@ -207,7 +209,7 @@ class Handshake:
             self._clear_slot()
             self._events.on_follower(hello)
         except MmtError as error:
-            LOG.warning("refused a follower: %s", printable(str(error), MAX_SENTENCE))
+            self._log_refusal(printable(str(error), MAX_SENTENCE))
             raise socketio.exceptions.ConnectionRefusedError(str(error)) from error
         except Exception as error:
             self._events.on_error(error)
@@ -219,6 +221,13 @@ class Handshake:
         self._endpoint.rate_limit.open()
         self._host.sockets.admit(environ, handlers, self._endpoint.rate_limit)
         self._start(self._send_welcome(sid, self._host.sockets.send(sid, environ)))
+
+    def _log_refusal(self, sentence: str) -> None:
+        """Log a refusal, or once a second how many there were."""
+        times = self._refusals.allow("refusal")
+        if times:
+            more = f" ({times} since the last such line)" if times > 1 else ""
+            LOG.warning("refused a follower: %s%s", sentence, more)
 
     def _clear_slot(self) -> None:
         """Drop the earlier connection of a follower that connects again."""

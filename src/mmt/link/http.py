@@ -11,6 +11,7 @@ from aiohttp import web
 from aiohttp.typedefs import Handler, Middleware
 
 from mmt.core.errors import MmtError
+from mmt.link.accepting import Acceptor, admit_connection, watch_connections
 from mmt.link.access import Access, check_listening, is_address, is_loopback
 from mmt.link.protocol import MAX_MESSAGE_BYTES, PING_INTERVAL_S, PING_TIMEOUT_S
 from mmt.link.websocket import LINK_PATH, ServerSockets, wire_logger
@@ -26,8 +27,8 @@ CLOSE_TIMEOUT_S: Final = 1.0
 """How long open connections may take to end."""
 
 
-MOST_SOCKETS: Final = 16
-"""Connections that may be open at once, admitted or not."""
+_KEEP_ALIVE_S: Final = 10.0
+"""How long a connection without a request stays open."""
 
 _HEALTH_PATH: Final = "/health"
 """Without the token it reveals only whether all is well."""
@@ -36,27 +37,20 @@ _MONITOR_PATH: Final = "/monitor"
 
 
 def guarded_application(access: Access) -> web.Application:
-    """Return an application whose pages require the token, as ``Bearer``.
-
-    The number of WebSockets is bounded.
-    """
-    sockets = asyncio.Semaphore(MOST_SOCKETS)
+    """Return an application whose pages require the token, as ``Bearer``."""
 
     @web.middleware
     async def guard(request: web.Request, handler: Handler) -> web.StreamResponse:
-        if request.path == LINK_PATH:
-            if sockets.locked():
-                return web.Response(status=503, text="too many connections\n")
-            async with sockets:
-                return await handler(request)
-        if not _authorizes_itself(request.path) and not access.admits_header(
-            request.headers.get("Authorization")
-        ):
+        if _authorizes_itself(request.path):
+            return await handler(request)
+        if not access.admits_header(request.headers.get("Authorization")):
             return web.Response(
                 status=401,
                 headers={"WWW-Authenticate": "Bearer"},
                 text="give the leader's token: Authorization: Bearer TOKEN\n",
             )
+        if access.token is not None:
+            admit_connection(request)
         return await handler(request)
 
     return web.Application(middlewares=[guard])
@@ -98,7 +92,8 @@ def own_pages_only(listening: Callable[[], tuple[str, Access]]) -> Middleware:
 
 
 def _authorizes_itself(path: str) -> bool:
-    return path in {_HEALTH_PATH, _MONITOR_PATH} or path.startswith(f"{_MONITOR_PATH}/")
+    own = {LINK_PATH, _HEALTH_PATH, _MONITOR_PATH}
+    return path in own or path.startswith(f"{_MONITOR_PATH}/")
 
 
 def make_server(ping_timeout_s: float) -> socketio.AsyncServer:
@@ -132,13 +127,14 @@ class Listener:
         self._listening = ("", Access())
         application.middlewares.insert(0, own_pages_only(lambda: self._listening))
         self._keys = keys
+        self._acceptor = Acceptor()
+        watch_connections(application, self._acceptor)
         self._runner: web.AppRunner | None = None
 
     @property
     def port(self) -> int:
         """The port that is listened on, 0 before `start`."""
-        addresses = self._runner.addresses if self._runner is not None else []
-        return int(addresses[0][1]) if addresses else 0
+        return self._acceptor.port
 
     async def start(self, host: str, port: int, access: Access, *, allowed: bool) -> None:
         """Listen.
@@ -162,10 +158,15 @@ class Listener:
         check_listening(host, port, access, allowed=allowed)
         context = access.server_context()
         self._listening = (host, access)
-        runner = web.AppRunner(self._application, access_log=None, shutdown_timeout=CLOSE_TIMEOUT_S)
+        runner = web.AppRunner(
+            self._application,
+            access_log=None,
+            shutdown_timeout=CLOSE_TIMEOUT_S,
+            keepalive_timeout=_KEEP_ALIVE_S,
+        )
         await runner.setup()
         try:
-            await web.TCPSite(runner, host, port, ssl_context=context).start()
+            await self._acceptor.start(host, port, runner, context)
         except OSError as error:
             await runner.cleanup()
             raise MmtError(
@@ -178,6 +179,7 @@ class Listener:
         """Stop listening; if not started, do nothing."""
         runner, self._runner = self._runner, None
         if runner is not None:
+            await self._acceptor.stop()
             await runner.cleanup()
 
 

@@ -27,6 +27,7 @@ from aiohttp import ClientWebSocketResponse, WSCloseCode, WSMessage, WSMsgType, 
 
 from mmt.core.errors import MmtError
 from mmt.core.logs import RepeatLimit
+from mmt.link.accepting import HANDSHAKE_S, admit_connection
 from mmt.link.protocol import EVENT_NAMESPACE, MAX_MESSAGE_BYTES, MSGPACK_EVENT
 from mmt.link.queue import Sending, UnbufferedSend
 
@@ -226,9 +227,6 @@ Send = Callable[[bytes], Sending]
 
 _NAMESPACE: Final = "/"
 
-HANDSHAKE_TIMEOUT_S: Final = 10.0
-"""How long a connection may stay open without being admitted."""
-
 
 class ServerSockets:
     """The WebSockets of a Socket.IO server's clients."""
@@ -248,7 +246,7 @@ class ServerSockets:
             self._of_request[id(request)] = response
             receive_directly(response, {}, HandshakeLimit())
             loop = asyncio.get_running_loop()
-            loop.call_later(HANDSHAKE_TIMEOUT_S, self._expire, loop, weakref.ref(response))
+            loop.call_later(HANDSHAKE_S, self._expire, loop, weakref.ref(response))
 
     def _expire(
         self, loop: asyncio.AbstractEventLoop, reference: "weakref.ref[web.WebSocketResponse]"
@@ -285,8 +283,9 @@ class ServerSockets:
         self, environ: Mapping[str, object], handlers: Handlers, rate_limit: RateLimit
     ) -> None:
         """Admit the client with this environ: its events bypass the library, rate-limited."""
-        websocket = self._websocket(environ)
-        if websocket is not None:
+        websocket, request = self._websocket(environ), environ.get("aiohttp.request")
+        if websocket is not None and isinstance(request, web.Request):
+            admit_connection(request)
             self._admitted.add(websocket)
             receive_directly(websocket, handlers, rate_limit)
 

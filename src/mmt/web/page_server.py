@@ -18,6 +18,7 @@ from typing import Any, Final
 
 from aiohttp import web
 
+from mmt.link.accepting import HANDSHAKE_S, admit_connection
 from mmt.link.access import Access
 
 _FOLDER: Final = Path(__file__).parent / "pages"
@@ -80,7 +81,6 @@ REFUSED: Final = 4401
 """Close code: the token is missing or wrong."""
 GOING_AWAY: Final = 1001
 
-_TOKEN_WAIT_S: Final = 10.0
 _MOST_BYTES: Final = 4096
 _HEARTBEAT_S: Final = 10.0
 
@@ -119,7 +119,9 @@ async def open_socket(
     )
     await socket.prepare(request)
     admitted = access.admits(await _token(socket))
-    if not admitted:
+    if admitted:
+        admit_connection(request)
+    else:
         await socket.close(code=REFUSED, message=b"the token is missing or wrong")
     return socket, admitted
 
@@ -127,5 +129,5 @@ async def open_socket(
 async def _token(socket: web.WebSocketResponse) -> Any:
     """Return the token of the first message, None where it has none."""
     with suppress(TimeoutError, ValueError, TypeError, AttributeError):
-        return json.loads(await socket.receive_str(timeout=_TOKEN_WAIT_S)).get("token")
+        return json.loads(await socket.receive_str(timeout=HANDSHAKE_S)).get("token")
     return None

@@ -1,0 +1,238 @@
+"""Accept TCP connections, so that strangers cannot take the room of those who may connect.
+
+Whoever reaches a port can open connections and leave them idle. Here a connection that has shown
+nothing is a stranger's: it has two seconds for TLS and the headers of its first request, and when
+there are too many strangers, the oldest of the address that has most of them makes room for the
+next one. A connection that was admitted (by its token, its certificate, or as the follower) stays.
+
+The sockets are accepted here, one in each turn of the event loop, since asyncio's own server
+accepts a hundred in a row and, when descriptors run out, logs as many errors.
+"""
+
+import asyncio
+import logging
+import socket
+import ssl
+from collections import Counter
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Final
+
+from aiohttp import web
+from aiohttp.typedefs import Handler
+
+from mmt.core.logs import RepeatLimit
+
+LOG: Final = logging.getLogger("mmt.link")
+
+HANDSHAKE_S: Final = 2.0
+"""How long a connection may take for TLS and its first request, and then for what admits it."""
+MOST_STRANGERS: Final = 64
+"""Connections at once that nothing has admitted, and as many that were admitted."""
+MOST_OF_ADDRESS: Final = 32
+"""Strangers of one address: more than a browser opens, and a follower that is tried again."""
+
+_WAITING: Final = 128
+"""Connections that the system holds until they are accepted."""
+_PAUSE_S: Final = 0.1
+"""Pause before the next is accepted where descriptors have run out."""
+
+
+@dataclass(eq=False)
+class _Connection:
+    address: str
+    protocol: web.RequestHandler
+    opening: "asyncio.Task[None] | None" = None
+    heard: asyncio.Event = field(default_factory=asyncio.Event)
+    """Set when its first request has come."""
+    admitted: bool = False
+
+    @property
+    def gone(self) -> bool:
+        """Whether it is closed."""
+        if self.opening is not None:
+            return False
+        transport = self.protocol.transport
+        return transport is None or transport.is_closing()
+
+    def close(self) -> None:
+        """Close it at once."""
+        if self.opening is not None:
+            self.opening.cancel()
+        if self.protocol.transport is not None:
+            self.protocol.transport.abort()
+
+
+class Acceptor:
+    """Listens on a host and port, and bounds the connections there."""
+
+    def __init__(self) -> None:
+        self._most = min(MOST_STRANGERS, descriptors() // 4)
+        self._connections: dict[web.RequestHandler, _Connection] = {}  # the oldest first
+        self._sockets: list[socket.socket] = []
+        self._accepting: list[asyncio.Task[None]] = []
+        self._told = RepeatLimit()
+
+    @property
+    def port(self) -> int:
+        """The port that is listened on, 0 before `start`."""
+        return int(self._sockets[0].getsockname()[1]) if self._sockets else 0
+
+    async def start(
+        self, host: str, port: int, runner: web.AppRunner, tls: ssl.SSLContext | None
+    ) -> None:
+        """Listen.
+
+        Parameters
+        ----------
+        host, port
+            Where; port 0 takes any free one.
+        runner
+            Makes the protocol of each connection; it is set up.
+        tls
+            TLS of the connections, None for none.
+
+        Raises
+        ------
+        OSError
+            The host or the port cannot be used.
+        """
+        loop, make = asyncio.get_running_loop(), runner.server
+        assert make is not None  # noqa: S101 - the runner is set up
+        found = await loop.getaddrinfo(
+            host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )
+        try:
+            for family, _, _, _, address in dict.fromkeys(found):
+                listening = socket.create_server(address, family=family, backlog=_WAITING)
+                listening.setblocking(False)
+                self._sockets.append(listening)
+        except OSError:
+            await self.stop()
+            raise
+        self._accepting = [
+            loop.create_task(self._accept(listening, make, tls)) for listening in self._sockets
+        ]
+
+    async def stop(self) -> None:
+        """Listen no more, and close what is not open yet."""
+        opening = [c.opening for c in self._connections.values() if c.opening is not None]
+        for task in (*self._accepting, *opening):
+            task.cancel()
+        await asyncio.gather(*self._accepting, *opening, return_exceptions=True)
+        for listening in self._sockets:
+            listening.close()
+        self._sockets.clear()
+
+    def hear(self, protocol: web.RequestHandler) -> None:
+        """Note that a request has come on this protocol's connection."""
+        connection = self._connections.get(protocol)
+        if connection is not None:
+            connection.heard.set()
+
+    def admit(self, protocol: web.RequestHandler) -> None:
+        """Keep this protocol's connection whatever strangers do, as far as there is room."""
+        connection = self._connections.get(protocol)
+        if connection is not None and len(self._having(admitted=True)) < self._most:
+            connection.admitted = True
+
+    def _having(self, *, admitted: bool) -> list[_Connection]:
+        """Return the open connections that are admitted, or are not; the oldest first."""
+        self._connections = {p: c for p, c in self._connections.items() if not c.gone}
+        return [c for c in self._connections.values() if c.admitted is admitted]
+
+    async def _accept(
+        self, listening: socket.socket, make: web.Server, tls: ssl.SSLContext | None
+    ) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            try:
+                arrived, address = await loop.sock_accept(listening)
+            except ConnectionError:
+                continue  # it left before it was accepted
+            except OSError as error:
+                self._tell(f"no connection can be accepted ({error.strerror or error})")
+                self._make_room(self._having(admitted=False)[:1])
+                await asyncio.sleep(_PAUSE_S)
+                continue
+            connection = _Connection(str(address[0]), make())
+            self._make_room(self._supernumerary(connection.address))
+            self._connections[connection.protocol] = connection
+            connection.opening = loop.create_task(self._open(connection, arrived, tls))
+            await asyncio.sleep(0)  # sock_accept returns at once while more are waiting
+
+    def _supernumerary(self, address: str) -> list[_Connection]:
+        """Return the stranger that makes room for one more of this address, if one must."""
+        strangers = self._having(admitted=False)
+        counts = Counter(stranger.address for stranger in strangers)
+        if counts[address] >= min(MOST_OF_ADDRESS, self._most):
+            busiest = address
+        elif len(strangers) >= self._most:
+            busiest = counts.most_common(1)[0][0]
+        else:
+            return []
+        return [next(stranger for stranger in strangers if stranger.address == busiest)]
+
+    def _make_room(self, strangers: list[_Connection]) -> None:
+        for stranger in strangers:
+            stranger.close()
+            del self._connections[stranger.protocol]
+            self._tell(f"too many connections: closed the oldest from {stranger.address}")
+
+    async def _open(
+        self, connection: _Connection, arrived: socket.socket, tls: ssl.SSLContext | None
+    ) -> None:
+        """Open a connection, and close it unless its first request comes in time."""
+        loop = asyncio.get_running_loop()
+        try:
+            with suppress(OSError):  # a TLS handshake that fails
+                async with asyncio.timeout(HANDSHAKE_S):
+                    await loop.connect_accepted_socket(
+                        lambda: connection.protocol, arrived, ssl=tls
+                    )
+                    if tls is not None and tls.verify_mode is ssl.CERT_REQUIRED:
+                        self.admit(connection.protocol)
+                    await connection.heard.wait()
+        finally:
+            connection.opening = None
+            if not connection.heard.is_set():
+                connection.close()
+
+    def _tell(self, sentence: str) -> None:
+        """Warn, once a second."""
+        times = self._told.allow("warning")
+        if times:
+            more = f" ({times} since the last such line)" if times > 1 else ""
+            LOG.warning("%s%s", sentence, more)
+
+
+_ACCEPTOR: Final = web.AppKey("acceptor", Acceptor)
+
+
+def watch_connections(application: web.Application, acceptor: Acceptor) -> None:
+    """Have an application tell its acceptor of each request; before it is set up."""
+
+    @web.middleware
+    async def hear(request: web.Request, handler: Handler) -> web.StreamResponse:
+        acceptor.hear(request.protocol)
+        return await handler(request)
+
+    application[_ACCEPTOR] = acceptor
+    application.middlewares.insert(0, hear)
+
+
+def admit_connection(request: web.Request) -> None:
+    """Keep the connection of a request that has shown who it is, whatever strangers do."""
+    acceptor = request.app.get(_ACCEPTOR)
+    if acceptor is not None:
+        acceptor.admit(request.protocol)
+
+
+def descriptors() -> int:
+    """Return how many files and sockets this process may open."""
+    try:
+        import resource
+    except ImportError:
+        return 4 * MOST_STRANGERS  # Windows has no such limit
+    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return 4 * MOST_STRANGERS if soft == resource.RLIM_INFINITY else soft

@@ -1,0 +1,249 @@
+"""Strangers who reach the leader's port take neither its room nor its log."""
+
+import asyncio
+import errno
+import logging
+import socket
+import time
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
+from pathlib import Path
+
+import aiohttp
+import pytest
+import trustme
+from link_samples import CHANNELS, FollowerNotes, LeaderNotes, follower, frames, hello, until
+
+import mmt.link.accepting
+import mmt.link.websocket
+from mmt.core.errors import MmtError
+from mmt.link.access import Access
+from mmt.link.client import FollowerClient
+from mmt.link.server import LeaderServer
+from mmt.scene import Link
+
+TOKEN = "a token that nobody guesses"
+Stream = tuple[asyncio.StreamReader, asyncio.StreamWriter]
+
+
+@asynccontextmanager
+async def guarded_leader(
+    monkeypatch: pytest.MonkeyPatch, notes: LeaderNotes | None = None, **settings: object
+) -> AsyncIterator[LeaderServer]:
+    """A leader with a token; the followers made here have it too."""
+    monkeypatch.setenv("MMT_LINK_TOKEN", TOKEN)
+    link = Link.model_validate({"port": 0, **settings})
+    server = LeaderServer(link, CHANNELS, (notes or LeaderNotes()).events())
+    await server.start()
+    try:
+        yield server
+    finally:
+        await server.stop()
+
+
+@asynccontextmanager
+async def strangers(
+    port: int, count: int, says: bytes = b"", address: str = "127.0.0.1"
+) -> AsyncIterator[list[Stream]]:
+    """Connections that say this and then nothing."""
+    streams = [
+        await asyncio.open_connection("127.0.0.1", port, local_addr=(address, 0))
+        for _ in range(count)
+    ]
+    for _, writer in streams:
+        writer.write(says)
+    try:
+        yield streams
+    finally:
+        for _, writer in streams:
+            writer.transport.abort()
+
+
+async def is_open(stream: Stream) -> bool:
+    """Whether the leader has not closed a connection."""
+    try:
+        async with asyncio.timeout(0.05):
+            return await stream[0].read(1) != b""
+    except ConnectionError:
+        return False
+    except TimeoutError:
+        return True
+
+
+async def connects_within(port: int, timeout_s: float, **access: object) -> None:
+    started_s = time.monotonic()
+    scheme = "https" if "authority" in access else "http"
+    client = FollowerClient(
+        f"{scheme}://127.0.0.1:{port}",
+        hello(),
+        FollowerNotes().events(),
+        access=Access(TOKEN, **access),  # type: ignore[arg-type]
+    )
+    try:
+        await client.connect(timeout_s)
+        assert time.monotonic() - started_s < timeout_s
+    finally:
+        await client.disconnect()
+
+
+@pytest.mark.parametrize("says", [b"", b"GET /socket.io/?EIO=4&transport=websocket HTTP/1.1\r\n"])
+@pytest.mark.parametrize("count", [24, 150])
+async def test_connections_that_stay_idle_do_not_keep_the_follower_out(
+    monkeypatch: pytest.MonkeyPatch, says: bytes, count: int
+) -> None:
+    monkeypatch.setattr(mmt.link.accepting, "HANDSHAKE_S", 30.0)  # only their number counts
+    async with guarded_leader(monkeypatch) as server, strangers(server.port, count, says):
+        await connects_within(server.port, 5.0)
+
+
+async def test_web_sockets_without_a_hello_do_not_keep_the_follower_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(mmt.link.websocket, "HANDSHAKE_S", 30.0)
+    async with (
+        guarded_leader(monkeypatch) as server,
+        aiohttp.ClientSession(connector=aiohttp.TCPConnector(limit=0)) as session,
+        AsyncExitStack() as stack,
+    ):
+        url = f"http://127.0.0.1:{server.port}/socket.io/?EIO=4&transport=websocket"
+        for _ in range(40):
+            await stack.enter_async_context(session.ws_connect(url))
+        await connects_within(server.port, 5.0)
+
+
+async def test_idle_connections_before_tls_do_not_keep_the_follower_out(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(mmt.link.accepting, "HANDSHAKE_S", 30.0)
+    authority = trustme.CA()
+    issued = authority.issue_cert("127.0.0.1")
+    authority.cert_pem.write_to_path(tmp_path / "authority.pem")
+    issued.private_key_pem.write_to_path(tmp_path / "key.pem")
+    issued.cert_chain_pems[0].write_to_path(tmp_path / "leader.pem")
+    files = {"certificate": tmp_path / "leader.pem", "key": tmp_path / "key.pem"}
+    async with (
+        guarded_leader(monkeypatch, **files) as server,
+        strangers(server.port, 60) as idle,
+    ):
+        await connects_within(server.port, 5.0, authority=tmp_path / "authority.pem")
+        assert not await is_open(idle[0])
+
+
+@pytest.mark.parametrize("says", [b"", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: "])
+async def test_headers_that_do_not_end_are_closed(
+    monkeypatch: pytest.MonkeyPatch, says: bytes
+) -> None:
+    monkeypatch.setattr(mmt.link.accepting, "HANDSHAKE_S", 0.3)
+    async with guarded_leader(monkeypatch) as server, strangers(server.port, 1, says) as (one,):
+        assert await is_open(one)
+        async with asyncio.timeout(5):
+            while await is_open(one):
+                pass
+
+
+async def test_strangers_of_one_address_displace_only_each_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(mmt.link.accepting, "HANDSHAKE_S", 30.0)
+    async with (
+        guarded_leader(monkeypatch) as server,
+        strangers(server.port, 1, address="127.0.0.2") as (quiet,),
+        strangers(server.port, 200) as many,
+    ):
+        await asyncio.sleep(0.2)
+        still_open = [await is_open(stream) for stream in many]
+        assert sum(still_open) == mmt.link.accepting.MOST_OF_ADDRESS
+        assert still_open == sorted(still_open)  # the oldest went first
+        assert await is_open(quiet)
+
+
+async def test_strangers_of_many_addresses_displace_those_of_the_busiest(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(mmt.link.accepting, "HANDSHAKE_S", 30.0)
+    monkeypatch.setattr(mmt.link.accepting, "MOST_STRANGERS", 8)
+    async with (
+        guarded_leader(monkeypatch) as server,
+        strangers(server.port, 2, address="127.0.0.2") as few,
+        strangers(server.port, 6) as many,
+        strangers(server.port, 2, address="127.0.0.3"),
+    ):
+        await asyncio.sleep(0.2)
+        assert [await is_open(stream) for stream in few] == [True] * 2
+        assert [await is_open(stream) for stream in many] == [False] * 2 + [True] * 4
+
+
+async def test_a_follower_that_was_let_in_stays_whatever_strangers_do(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    notes = LeaderNotes()
+    async with guarded_leader(monkeypatch, notes) as server:
+        client = FollowerClient(
+            f"http://127.0.0.1:{server.port}",
+            hello(),
+            FollowerNotes().events(),
+            access=Access(TOKEN),
+        )
+        await client.connect(5.0)
+        async with strangers(server.port, 200):
+            client.send_frames(frames(0))
+            await until(lambda: notes.sequences == [0])
+        assert notes.losses == []
+        await client.disconnect()
+
+
+async def test_a_page_that_shows_the_token_keeps_its_connection(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    says = f"GET /none HTTP/1.1\r\nHost: a\r\nAuthorization: Bearer {TOKEN}\r\n\r\n".encode()
+    async with (
+        guarded_leader(monkeypatch) as server,
+        strangers(server.port, 1, says) as (page,),
+    ):
+        answer = await page[0].readuntil(b"\r\n\r\n")
+        assert answer.split()[1] == b"404"
+        async with strangers(server.port, 100):
+            page[1].write(says)
+            assert b" 404 " in await page[0].readuntil(b"\r\n\r\n")
+
+
+async def test_without_descriptors_the_leader_waits_and_then_accepts(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    loop, calls = asyncio.get_running_loop(), 0
+    accept, lacking_until_s = loop.sock_accept, time.monotonic() + 0.5
+
+    async def sock_accept(listening: socket.socket) -> tuple[socket.socket, object]:
+        nonlocal calls
+        calls += 1
+        if time.monotonic() < lacking_until_s:
+            raise OSError(errno.EMFILE, "Too many open files")
+        return await accept(listening)
+
+    monkeypatch.setattr(loop, "sock_accept", sock_accept)
+    async with guarded_leader(monkeypatch) as server:
+        await connects_within(server.port, 10.0)
+    assert 2 <= calls < 20
+
+
+async def test_few_descriptors_allow_few_strangers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mmt.link.accepting, "descriptors", lambda: 40)
+    async with guarded_leader(monkeypatch) as server, strangers(server.port, 30) as many:
+        await asyncio.sleep(0.2)
+        assert sum([await is_open(stream) for stream in many]) == 10
+
+
+async def test_strangers_fill_no_log(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    async with guarded_leader(monkeypatch) as server, strangers(server.port, 300):
+        for _ in range(40):
+            with pytest.raises(MmtError, match="the token is missing or wrong"):
+                async with follower(server.port):
+                    pass
+    refusals = [line for line in caplog.messages if "refused a follower" in line]
+    room = [line for line in caplog.messages if "too many connections" in line]
+    assert 1 <= len(refusals) < 10
+    assert 1 <= len(room) < 10
+    assert len(caplog.text) < 10_000
