@@ -275,3 +275,27 @@ async def test_back_fill_waits_while_the_emulated_bandwidth_is_taken() -> None:
         assert not box.idle
         await until(lambda: sent.messages)
         await until(lambda: box.idle)
+
+
+async def test_settings_that_arrive_in_two_segments_are_taken_and_late_ones_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(mmt.link.emulation, "HANDSHAKE_S", 0.5)
+    network = EmulatedNetwork(Network(), "down", 1, lambda _: None)
+    server = LeaderServer(Link(port=0), CHANNELS, LeaderNotes().events(), network=network)
+    await server.start()
+    try:
+        for rest, status in ((b"15}", b"200"), (b"", b"400")):
+            reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+            writer.write(
+                b"PUT /network HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\n"
+                b'Content-Length: 16\r\n\r\n{"delay_ms": '
+            )
+            await asyncio.sleep(0.1)
+            writer.write(rest)
+            async with asyncio.timeout(5):
+                assert (await reader.readline()).split()[1] == status
+            writer.close()
+    finally:
+        await server.stop()
+    assert network.settings.delay_ms == 15

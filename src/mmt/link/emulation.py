@@ -18,6 +18,7 @@ from aiohttp import web
 
 from mmt.core.errors import InputError
 from mmt.core.timer_file import TimerFile, open_timer
+from mmt.link.accepting import HANDSHAKE_S
 from mmt.link.impairments import MessageImpairments
 from mmt.link.queue import SendQueue
 from mmt.scene import Network
@@ -253,9 +254,15 @@ async def _json_of(request: web.Request) -> object:
     """Return the JSON body; a browser's page of another origin cannot send this content type."""
     if request.content_type != "application/json":
         raise InputError("send the settings as JSON, with Content-Type: application/json")
-    body = await request.content.read(_MOST_BYTES + 1)
-    if len(body) > _MOST_BYTES:
-        raise InputError(f"the settings are longer than {_MOST_BYTES} bytes")
+    body = b""
+    try:
+        async with asyncio.timeout(HANDSHAKE_S):
+            async for part in request.content.iter_any():
+                body += part
+                if len(body) > _MOST_BYTES:
+                    raise InputError(f"the settings are longer than {_MOST_BYTES} bytes")
+    except TimeoutError as error:
+        raise InputError(f"the settings did not arrive within {HANDSHAKE_S:g} s") from error
     try:
         return json.loads(body)
     except (ValueError, RecursionError) as error:
