@@ -21,6 +21,7 @@ True
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from mmt.core.extras import requiring
 from mmt.core.version import __version__
 
 if TYPE_CHECKING:
@@ -102,7 +103,8 @@ def __getattr__(name: str) -> Any:
         message = f"module {__name__!r} has no attribute {name!r}"
         raise AttributeError(message)
     module, _, original = _HOMES[name].partition(":")
-    value = getattr(importlib.import_module(module), original or name)
+    with requiring():
+        value = getattr(importlib.import_module(module), original or name)
     globals()[name] = value  # the next use finds it without this function
     return value
 

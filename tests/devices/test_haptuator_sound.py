@@ -5,6 +5,7 @@ import math
 import sys
 import time
 import types
+from importlib.machinery import ModuleSpec
 
 import numpy as np
 import pytest
@@ -140,21 +141,20 @@ def test_what_cannot_be_opened_is_explained() -> None:
 
 
 def test_a_missing_library_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(sys.modules, "sounddevice", raising=False)
+    monkeypatch.setitem(sys.modules, "sounddevice", None)
+    with pytest.raises(InputError, match=r"\[sound\]"):
+        load_sounddevice()
+    found = types.ModuleType("sounddevice")
+    found.__spec__ = ModuleSpec("sounddevice", None)
+    monkeypatch.setitem(sys.modules, "sounddevice", found)
     whole = builtins.__import__
 
-    def without(error: Exception):  # type: ignore[no-untyped-def]
-        def load(name: str, *rest: object) -> types.ModuleType:
-            if name == "sounddevice":
-                raise error
-            return whole(name, *rest)  # type: ignore[arg-type]
+    def load(name: str, *rest: object) -> types.ModuleType:
+        if name == "sounddevice":
+            raise OSError("PortAudio library not found")
+        return whole(name, *rest)  # type: ignore[arg-type]
 
-        return load
-
-    monkeypatch.setattr(builtins, "__import__", without(ImportError("no module")))
-    with pytest.raises(MmtError, match=r"mmt-haptics\[sound\]"):
-        load_sounddevice()
-    monkeypatch.setattr(builtins, "__import__", without(OSError("PortAudio library not found")))
+    monkeypatch.setattr(builtins, "__import__", load)
     with pytest.raises(MmtError, match="libportaudio2"):
         load_sounddevice()
 

@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from mmt.core.errors import InputError, MmtError
+from mmt.core.extras import requiring
 from mmt.core.inventory import Inventory
 from mmt.core.version import __version__
 from mmt.scene import Scene, Service
@@ -46,7 +47,8 @@ def run_app(app: typer.Typer, program: str) -> None:
         Their name in the help, however Python was started.
     """
     try:
-        app(prog_name=program)
+        with requiring():
+            app(prog_name=program)
     except MmtError as error:
         print_error(str(error))
         sys.exit(error.exit_code)

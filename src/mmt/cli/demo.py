@@ -16,6 +16,7 @@ from mmt.cli.common import messages, noting, output, raise_problems, summary_tab
 from mmt.cli.ending import ending_lines
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import free_path
+from mmt.core.extras import require
 from mmt.core.realtime import require_real_time
 from mmt.follower.sources import build_source
 from mmt.scene import Scene
@@ -67,7 +68,8 @@ def run_demo(
     Raises
     ------
     InputError
-        The scene, the session to replay or the directory cannot be used.
+        The scene, the session to replay or the directory cannot be used, or a package that the
+        report needs is not installed.
     MmtError
         Real-time scheduling is wanted and not permitted, or a service failed; summaries, report
         and JSON are there nevertheless, as far as they can be.
@@ -82,6 +84,10 @@ def run_demo(
         scene = load_scene(
             scene_file, overrides, replay=replay, record=recording, force=force, monitor=monitor
         )
+    if scene.numerics:
+        require("numba")
+    if scene.recording is not None:
+        require("matplotlib")
     _check(scene, directory)
     run = asyncio.run(run_services(scene_file, scene, duration_s, replay, realtime=realtime))
     content: dict[str, Any] = run.tables()

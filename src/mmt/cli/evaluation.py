@@ -8,6 +8,7 @@ from rich.progress import track
 from rich.table import Table
 
 from mmt.cli.common import json_option, messages, output, write_json
+from mmt.core.extras import require
 
 if TYPE_CHECKING:
     from mmt.evaluation.document import Block
@@ -33,6 +34,8 @@ def evaluate(
     from mmt.evaluation.results import evaluations_as_dict
     from mmt.session import read_session
 
+    if report is not None:
+        require("matplotlib")
     evaluations: list[Evaluation] = []
     scenes: list[dict[str, Any]] = []
     more: list[Block] = []

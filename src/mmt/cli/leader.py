@@ -22,6 +22,7 @@ from mmt.cli.service import (
     Version,
 )
 from mmt.core.errors import InputError
+from mmt.core.extras import require
 from mmt.core.kernel_cache import kernels_are_compiled
 from mmt.core.logs import Logs
 from mmt.leader.summary import LeaderStatus
@@ -74,6 +75,8 @@ def leader(
     )
     if report is not None and scene.recording is None:
         raise InputError("--report needs a recording: give --record FILE or add [recording]")
+    if report is not None:
+        require("matplotlib")
     options = ServiceOptions(json_file, json_lines, log, log_level, realtime, verbose)
     LeaderRun(scene, options, report).run()
 
@@ -98,9 +101,7 @@ class LeaderRun(ServiceRun["Leader"]):
     def build(self, logs: Logs) -> "Leader":
         """Return the leader; say so first where its numerics have to be compiled."""
         scene = self.scene
-        modelled = scene.texture is not None or scene.rendering is not None
-        needs_numerics = modelled or scene.concealment == "model"
-        if needs_numerics and not kernels_are_compiled():
+        if scene.numerics and not kernels_are_compiled():
             super().on_event("compiling the numerics, at the first start only (15 to 60 s)")
         from mmt.leader.service import Leader
 

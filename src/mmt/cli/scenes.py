@@ -8,6 +8,7 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from mmt.cli.common import json_option, messages, output, write_json
+from mmt.core.extras import require
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
 
@@ -74,6 +75,7 @@ def _measure(
     scene: Scene, duration_s: float, rounds: int, parts: bool
 ) -> "tuple[SceneCosts, Scene]":
     """Return the costs, and the scene as it was run."""
+    require("scipy")
     from mmt.cli.scene.costs import measure_scene
     from mmt.cli.scene.runs import SceneRunner
 

@@ -28,6 +28,7 @@ from mmt.cli.common import (
 )
 from mmt.cli.ending import ending_lines
 from mmt.core.errors import InputError, MmtError
+from mmt.core.extras import requiring
 from mmt.core.logs import Logs, details
 from mmt.core.realtime import be_real_time, require_real_time
 from mmt.core.version import __version__
@@ -164,7 +165,7 @@ class ServiceRun(ABC, Generic[AnyService]):
         if not options.json_lines:
             with self.reporting():
                 print_parts(self.scene, self.name)
-        with Logs(self.name, options.log, options.log_level) as logs:
+        with Logs(self.name, options.log, options.log_level) as logs, requiring():
             logger.info("started", extra=details(version=__version__, scene=self.scene.dump()))
             summary = asyncio.run(self._run(logs))
             content = summary.as_dict()

@@ -7,23 +7,16 @@ figures are those that the services keep for their summaries.
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Final
 
-from mmt.core.errors import InputError
+from prometheus_client import CollectorRegistry, ProcessCollector
+from prometheus_client.core import (
+    CounterMetricFamily,
+    GaugeMetricFamily,
+    HistogramMetricFamily,
+    Metric,
+)
+
 from mmt.core.ticking import TickStatistics, TimeHistogram
 from mmt.core.version import __version__
-
-try:
-    from prometheus_client import CollectorRegistry, ProcessCollector
-    from prometheus_client.core import (
-        CounterMetricFamily,
-        GaugeMetricFamily,
-        HistogramMetricFamily,
-        Metric,
-    )
-except ImportError as missing:
-    raise InputError(
-        "[metrics] needs prometheus-client: pip install 'mmt-haptics[metrics]', "
-        "or leave the table out"
-    ) from missing
 
 BOUNDS_S: Final = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 """Upper ends of a histogram's bins, 0.1 ms to 1 s."""

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from mmt.core.errors import MmtError
+from mmt.core.extras import require
 from mmt.devices.drivers import DRIVERS, Role, load_factory, offered, roles_of, software
 
 KNOWN_USB: Final[dict[tuple[int, int], str]] = {
@@ -125,7 +126,14 @@ def find_sound_outputs() -> list[FoundPort]:
 
 
 def find_serial_ports() -> list[FoundPort]:
-    """Return the serial ports that belong to a device; built-in ones that lead nowhere are not."""
+    """Return the serial ports that belong to a device; built-in ones that lead nowhere are not.
+
+    Raises
+    ------
+    InputError
+        pyserial is not installed.
+    """
+    require("serial")
     from serial.tools import list_ports
 
     return [
@@ -145,9 +153,12 @@ def find_usb_devices() -> list[FoundPort]:
 
     Raises
     ------
+    InputError
+        pyusb is not installed.
     MmtError
         There is no library to ask.
     """
+    require("usb")
     import usb.core
 
     try:

@@ -12,6 +12,7 @@ from typing import Any, Final, Literal, TypeVar, get_type_hints
 from pydantic import BaseModel, ValidationError
 
 from mmt.core.errors import InputError, MmtError
+from mmt.core.extras import requiring
 from mmt.scene.files import explain_problems
 
 Role = Literal["robot", "force_sensor", "accelerometer", "handle", "actuator", "board"]
@@ -188,7 +189,10 @@ def load_factory(driver: str, role: Role | None = None) -> Any:
     """Import the driver's module and return its factory; see `load_device`."""
     module_name, _, factory_name = locate(driver, role).partition(":")
     try:
-        module = importlib.import_module(module_name)
+        with requiring():
+            module = importlib.import_module(module_name)
+    except InputError:
+        raise
     except Exception as error:  # a driver may want a library, a file, a version of Python
         raise InputError(
             f"device {driver!r}: module {module_name} cannot be imported ({error}); "

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.ending import Ending
 from mmt.core.errors import FAILED, MmtError
+from mmt.core.extras import require
 from mmt.core.process import ProcessCost, ProcessMeter, prefer_even_ticks
 from mmt.core.ticking import Ticker
 from mmt.devices.protocols import DeviceBackedSource
@@ -183,6 +184,7 @@ class Follower:
         metrics = self.scene.metrics
         if metrics is None or metrics.follower_port is None:
             return None
+        require("prometheus_client")
         from mmt.follower.metrics import serve_metrics
 
         return await serve_metrics(self, metrics.follower_port, self._access)

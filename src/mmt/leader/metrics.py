@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
+from mmt.core.extras import require
 from mmt.leader.part import Part, Session
 
 if TYPE_CHECKING:
@@ -35,8 +36,7 @@ class MetricsPart(Part):
         InputError
             prometheus-client is not installed.
         """
-        import mmt.core.exposition  # noqa: F401 - says what is missing
-
+        require("prometheus_client")
         return cls(session)
 
     def pages(self) -> "list[Page]":

@@ -84,6 +84,12 @@ class Scene(Table):
             return self.playout.conceal
         return "repetition" if self.texture is None and self.rendering is None else "model"
 
+    @property
+    def numerics(self) -> bool:
+        """Whether the leader needs the compiled numerics."""
+        modelled = self.texture is not None or self.rendering is not None
+        return modelled or self.concealment == "model"
+
     def channels(self) -> tuple[Channel, ...]:
         """Return the channels that this scene needs on the wire, in the frame's order."""
         wanted: set[Channel] = set()

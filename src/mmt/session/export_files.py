@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mmt.core.errors import InputError
+from mmt.core.extras import require
 from mmt.session.data import RecordedSession, to_json
 from mmt.session.files import replacing
 
@@ -22,13 +22,10 @@ def write_parquet(path: Path, session: RecordedSession) -> None:
     MmtError
         Writing failed.
     """
-    try:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-    except ImportError as error:
-        raise InputError(
-            f"export {path}: Parquet needs pyarrow: pip install 'mmt-haptics[export]'"
-        ) from error
+    require("pyarrow")
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
     metadata: dict[bytes, bytes] = {}
     if session.scene is not None:
         metadata[b"mmt.scene"] = to_json(dict(session.scene)).encode()
@@ -56,12 +53,9 @@ def write_hdf5(path: Path, session: RecordedSession) -> None:
     MmtError
         Writing failed.
     """
-    try:
-        import h5py
-    except ImportError as error:
-        raise InputError(
-            f"export {path}: HDF5 needs h5py: pip install 'mmt-haptics[export]'"
-        ) from error
+    require("h5py")
+    import h5py
+
     frames = session.frames
     with replacing(path) as part, h5py.File(part, "w") as file:
         for name in frames.dtype.names or ():

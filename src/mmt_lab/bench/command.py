@@ -6,6 +6,7 @@ from typing import Any, Final
 
 from mmt.cli.common import messages
 from mmt.core.errors import InputError, MmtError
+from mmt.core.extras import install_command
 from mmt.evaluation.document import Block, Paragraph, Table
 from mmt.evaluation.report import machine
 from mmt_lab.harness import command
@@ -14,8 +15,6 @@ from mmt_lab.harness.findings import Findings, LeftOut
 from mmt_lab.harness.report import print_findings, print_targets, write_joint_report
 
 TITLE: Final = "Error against run time"
-
-EXTRA: Final = "pip install 'mmt-haptics[bench]'"
 
 
 def run_benches(
@@ -71,7 +70,8 @@ def run_stage(name: str, **options: Any) -> Findings:
         return command.run(name, load(name), **options)
     except ImportError as error:
         missing = error.name or str(error)
-        left_out = LeftOut(missing, "the stage needs it for its reference", EXTRA)
+        remedy = install_command("bench")
+        left_out = LeftOut(missing, "the stage needs it for its reference", remedy)
         return Findings(name, "Not measured.", left_out=(left_out,), name=name)
 
 

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from mmt.core.errors import InputError
+from mmt.core.extras import install_command
 from mmt_lab.harness.findings import LeftOut
 
 _MODULES: Final = {
@@ -52,6 +53,6 @@ def find(names: Sequence[str]) -> tuple[dict[str, ModuleType], tuple[LeftOut, ..
             with quiet():
                 modules[name] = importlib.import_module(_MODULES[name])
         except ImportError as error:
-            remedy = f"pip install {name}, or pip install 'mmt-haptics[bench]'"
+            remedy = f"pip install {name}, or {install_command('bench')}"
             left_out.append(LeftOut(name, f"cannot be imported: {error}", remedy))
     return modules, tuple(left_out)

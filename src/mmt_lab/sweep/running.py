@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Final, TypeVar
 
 import mmt
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import MmtError
+from mmt.core.extras import require
 from mmt.session.data import RecordedSession
 from mmt_lab.harness.processes import in_processes
 from mmt_lab.sweep.combinations import Job, Outcome, evaluate_job
@@ -63,11 +64,9 @@ def run_on_dask(
     MmtError
         No scheduler answers, or a worker has another version of this package.
     """
-    try:
-        import distributed
-    except ImportError as error:
-        message = "--dask needs the package distributed: pip install 'mmt-haptics[dask]'"
-        raise InputError(message) from error
+    require("distributed")
+    import distributed
+
     try:
         client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:

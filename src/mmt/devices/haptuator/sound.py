@@ -11,6 +11,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.core.extras import require
 from mmt.devices.drivers import read_options
 from mmt.devices.haptuator.card_buffer import CardBuffer
 from mmt.devices.haptuator.driver import RATE_HZ, SILENCE_NS, HaptuatorDriver
@@ -23,15 +24,14 @@ def load_sounddevice() -> Any:
 
     Raises
     ------
+    InputError
+        It is not installed.
     MmtError
-        It is not installed, or lacks PortAudio.
+        It lacks PortAudio.
     """
+    require("sounddevice")
     try:
         import sounddevice
-    except ImportError as error:
-        raise MmtError(
-            "the sound card needs the package 'sounddevice': pip install \"mmt-haptics[sound]\""
-        ) from error
     except OSError as error:
         raise MmtError(
             f"the sound card needs PortAudio ({error}): install the system's package for it, "

@@ -1,0 +1,133 @@
+"""A machine installs what it runs; what is missing is said with the command that installs it."""
+
+import ast
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+from service_processes import LONGEST_S, Service, scene
+
+from mmt.core.extras import PACKAGES
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+EXTRAS: dict[str, list[str]] = PROJECT["optional-dependencies"]
+
+ABSENT = """
+import os, sys
+for name in os.environ["MMT_TEST_ABSENT"].split():
+    sys.modules[name] = None
+"""
+"""With `None` for a module, it is found nowhere and its import fails."""
+
+
+def without(directory: Path, *packages: str) -> dict[str, str]:
+    """The variables with which Python does not find these packages."""
+    (directory / "sitecustomize.py").write_text(ABSENT)
+    return {"PYTHONPATH": str(directory), "MMT_TEST_ABSENT": " ".join(packages)}
+
+
+def run(directory: Path, absent: dict[str, str], *arguments: str) -> tuple[int, str]:
+    """The exit code of a command and what it printed as an error."""
+    ended = subprocess.run(
+        [sys.executable, "-m", "mmt.cli.entry", *arguments],
+        check=False,
+        capture_output=True,
+        text=True,
+        cwd=directory,
+        timeout=LONGEST_S,
+        env={**os.environ, **absent},
+    )
+    return ended.returncode, ended.stderr
+
+
+def named(requirements: list[str]) -> set[str]:
+    """The distributions of a list of requirements."""
+    return {re.split(r"[\[>=]", one)[0].replace("-", "_") for one in requirements}
+
+
+def test_every_import_of_a_package_is_of_the_base_or_of_the_extra_that_is_named() -> None:
+    distributions = packages_distributions()
+    for path in (ROOT / "src").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.ImportFrom) and node.module is not None:
+                names = [node.module]
+            for top in {name.partition(".")[0] for name in names}:
+                if top in sys.stdlib_module_names or top in {"mmt", "mmt_lab"}:
+                    continue
+                extra = PACKAGES.get(top, ("", ""))[0]
+                allowed = named(EXTRAS[extra] if extra else PROJECT["dependencies"])
+                found = {each.replace("-", "_") for each in distributions.get(top, [top])}
+                assert allowed & found, f"{path}: {top} is not declared"
+
+
+def test_all_holds_every_extra_but_those_of_the_bench_and_the_tests() -> None:
+    (everything,) = EXTRAS["all"]
+    listed = re.fullmatch(r"mmt-haptics\[(.*)\]", everything)
+    assert listed is not None
+    assert set(listed[1].split(",")) == set(EXTRAS) - {"all", "bench", "test"}
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("main", "--help"),
+        ("main", "lab"),
+        ("main", "device", "list"),
+        ("main", "scene", "explain", "--no-measure", "demo"),
+        ("leader", "--help"),
+    ],
+    ids=" ".join,
+)
+def test_the_base_shows_help_scenes_and_devices(tmp_path: Path, command: tuple[str, ...]) -> None:
+    assert run(tmp_path, without(tmp_path, *PACKAGES), *command) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("command", "extra"),
+    [
+        (("main", "demo"), "leader"),
+        (("main", "demo", "stream-only"), "report"),
+        (("main", "evaluate", "a.mcap"), "leader"),
+        (("main", "model", "info", "oak"), "leader"),
+        (("main", "scene", "explain", "demo"), "leader"),
+        (("main", "session", "info", "a.mcap"), "recording"),
+        (("main", "lab", "burg"), "leader"),
+        (("main", "device", "test", "labjack-u6"), "devices"),
+        (("leader", "demo"), "leader"),
+        (("leader", "stream-only", "--record", "a.mcap"), "recording"),
+        (("leader", "stream-only", "--record", "a.mcap", "--report", "a"), "report"),
+        (("follower", "replay", "--replay", "a.mcap"), "recording"),
+    ],
+    ids=str,
+)
+def test_what_an_extra_lacks_is_one_sentence_with_the_command(
+    tmp_path: Path, command: tuple[str, ...], extra: str
+) -> None:
+    (tmp_path / "a.mcap").touch()
+    if "--record" in command:
+        (tmp_path / "a.mcap").unlink()
+    code, said = run(tmp_path, without(tmp_path, *PACKAGES), *command)
+    assert code == 2
+    assert "Traceback" not in said
+    (error,) = [line for line in said.splitlines() if line.startswith("error: ")]
+    assert re.search(rf"which is not installed; install it with: .* -m pip .*\[{extra}\]", error)
+
+
+def test_a_follower_on_devices_runs_without_the_leaders_packages(tmp_path: Path) -> None:
+    others = [name for name, (extra, _) in PACKAGES.items() if extra != "devices"]
+    arguments = (scene("virtual-lab"), "--json-lines")
+    with Service("leader", *arguments, "--port", 0, "--duration", 1, cwd=tmp_path) as leader:
+        url = f"http://127.0.0.1:{leader.port()}"
+        folder = tmp_path / "follower"
+        folder.mkdir()
+        absent = without(folder, *others)
+        with Service("follower", *arguments, "--leader", url, cwd=folder, **absent) as follower:
+            assert (leader.end(), follower.end()) == (0, 0), leader.stderr + follower.stderr
+    assert follower.summary()["link"]["frames"] > 100

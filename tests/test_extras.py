@@ -1,0 +1,58 @@
+import json
+import sys
+from importlib import metadata
+from types import SimpleNamespace
+
+import pytest
+
+from mmt.core.errors import InputError
+from mmt.core.extras import install_command, require, requiring
+
+
+def installed_from(monkeypatch: pytest.MonkeyPatch, origin: object) -> None:
+    """Have the installation say that it came from there."""
+    text = None if origin is None else json.dumps(origin)
+    found = SimpleNamespace(read_text=lambda _: text)
+    monkeypatch.setattr(metadata, "distribution", lambda _: found)
+
+
+@pytest.mark.parametrize(
+    ("origin", "target"),
+    [
+        ({"url": "file:///a%20b/mmt", "dir_info": {"editable": True}}, "-e '/a b/mmt[leader]'"),
+        ({"url": "file:///mmt", "dir_info": {}}, "'mmt-haptics[leader] @ file:///mmt'"),
+        (
+            {"url": "file:///a/mmt.whl", "archive_info": {}},
+            "'mmt-haptics[leader] @ file:///a/mmt.whl'",
+        ),
+        (
+            {"url": "https://a.example/mmt", "vcs_info": {"vcs": "git", "commit_id": "1a2b"}},
+            "'mmt-haptics[leader] @ git+https://a.example/mmt@1a2b'",
+        ),
+        (None, "'mmt-haptics[leader]'"),
+    ],
+)
+def test_an_extra_is_added_from_where_the_installation_came_from(
+    monkeypatch: pytest.MonkeyPatch, origin: object, target: str
+) -> None:
+    installed_from(monkeypatch, origin)
+    assert install_command("leader") == f"{sys.executable} -m pip install {target}"
+
+
+def test_a_package_that_is_there_is_not_imported(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in [name for name in sys.modules if name.partition(".")[0] == "serial"]:
+        monkeypatch.delitem(sys.modules, name)
+    require("serial")
+    assert "serial" not in sys.modules
+
+
+def test_only_a_missing_optional_package_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(ModuleNotFoundError, match="nowhere"), requiring():
+        import nowhere  # noqa: F401
+    with pytest.raises(ImportError, match="no_such_name"), requiring():
+        from serial import no_such_name  # noqa: F401
+    monkeypatch.setitem(sys.modules, "serial", None)
+    with pytest.raises(InputError, match=r"pyserial, which is not installed; .*\[devices\]"):
+        require("serial")
+    with pytest.raises(InputError, match="pyserial, which is not installed"), requiring():
+        import serial  # noqa: F401
