@@ -2,6 +2,9 @@
 
 import asyncio
 import contextlib
+import gc
+import socket
+import struct
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from types import SimpleNamespace
@@ -25,8 +28,7 @@ import mmt.link.http
 import mmt.link.websocket
 from mmt.core.errors import MmtError
 from mmt.link.client import FollowerClient
-from mmt.link.connection import SocketClient
-from mmt.link.websocket import RateLimit, client_send
+from mmt.link.websocket import client_send
 
 
 class Wire:
@@ -195,6 +197,45 @@ async def test_a_wire_that_falls_silent_is_noticed_on_both_sides(
     assert (len(up.losses), len(down.losses)) == (1, 1)
 
 
+async def test_after_attempts_that_time_out_the_link_is_taken_up_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(mmt.link.http, "PING_TIMEOUT_S", 1)
+    monkeypatch.setattr(mmt.link.connection, "ATTEMPT_S", 0.2)
+    down = FollowerNotes()
+    async with (
+        leader() as server,
+        wire(server.port) as relay,
+        follower(relay.port, down) as client,
+    ):
+        relay.fall_silent()
+        await until(lambda: down.losses)
+        before = len(relay.writers)
+        await until(lambda: len(relay.writers) >= before + 6)  # three attempts
+        relay.flowing.set()
+        await until(lambda: client.connected and server.connected, timeout_s=5.0)
+
+
+async def test_a_client_that_leaves_before_it_is_answered_is_no_error(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(mmt.link.websocket, "HANDSHAKE_S", 0.1)
+    request = (
+        b"GET /socket.io/?EIO=4&transport=websocket HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+        b"Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
+        b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
+    )
+    async with leader() as server:
+        for _ in range(5):
+            with socket.create_connection(("127.0.0.1", server.port)) as leaving:
+                leaving.sendall(request)
+                leaving.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            await asyncio.sleep(0.05)
+        await asyncio.sleep(0.3)
+        gc.collect()  # an exception that nobody retrieved is logged then
+    assert caplog.messages == []
+
+
 async def test_a_follower_whose_old_connection_looks_alive_may_take_its_own_place() -> None:
     up = LeaderNotes()
     async with (
@@ -254,9 +295,16 @@ async def test_where_the_library_hides_its_websocket_its_queue_is_used(
 
 
 async def test_a_link_that_breaks_in_the_moment_it_is_closed_is_closed() -> None:
-    line = SocketClient.make({}, {}, RateLimit(1000, pytest.fail, pytest.fail))
-    reconnecting = line.client.start_background_task(line.client._handle_reconnect)
-    line.client._reconnect_task = reconnecting  # as the library does when it loses a connection
-    await line.close()
-    assert reconnecting.done()
-    assert line.session.closed
+    notes = FollowerNotes()
+    async with leader() as server, follower(server.port, notes) as client:
+        connection = client._connection
+        assert connection.line is not None
+        await connection.line.client.eio.ws.close()
+        await until(lambda: notes.losses)
+        restoring = connection._restoring
+        await client.disconnect()
+        assert restoring is not None
+        assert restoring.done()
+        await asyncio.sleep(0.5)  # longer than the first pause
+        assert not server.connected
+        assert connection.line is None

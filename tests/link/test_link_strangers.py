@@ -247,3 +247,14 @@ async def test_strangers_fill_no_log(
     assert 1 <= len(refusals) < 10
     assert 1 <= len(room) < 10
     assert len(caplog.text) < 10_000
+
+
+async def test_malformed_requests_are_a_line_a_second_without_a_traceback(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with guarded_leader(monkeypatch) as server:
+        for _ in range(50):
+            async with strangers(server.port, 1, b"GET / HTTP/1.1\r\nbad\r\n\r\n") as (one,):
+                await one[0].read()
+    assert 1 <= len(caplog.messages) < 10
+    assert "Traceback" not in caplog.text

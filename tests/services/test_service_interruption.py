@@ -96,6 +96,19 @@ def test_a_peer_that_hangs_does_not_hold_up_the_one_who_is_interrupted(tmp_path:
         assert follower.summary()["outcome"] == "stopped"
 
 
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="nothing stops a process here")
+def test_after_eight_seconds_without_the_leader_both_go_on(tmp_path: Path) -> None:
+    with session(tmp_path, "stream-only", "--duration", 60) as (leader, follower):
+        leader.wait_for(lambda: streamed_s(leader) > 0.2)
+        leader.signal(signal.SIGSTOP)
+        time.sleep(8.0)
+        leader.signal(signal.SIGCONT)
+        leader.wait_for(lambda: streamed_s(leader) > 9.0, 5.0)
+        follower.signal(signal.SIGINT)
+        assert (follower.end(), leader.end()) == (0, 0)
+    assert (leader.stderr, follower.stderr) == ("", "")
+
+
 def test_a_killed_follower_may_be_started_anew(tmp_path: Path) -> None:
     patience = {"MMT_LINK__PATIENCE_S": "60"}
     with session(tmp_path, "stream-only", **RECORDED, **patience) as (leader, follower):

@@ -215,7 +215,10 @@ def watch_connections(application: web.Application, acceptor: Acceptor) -> None:
     @web.middleware
     async def hear(request: web.Request, handler: Handler) -> web.StreamResponse:
         acceptor.hear(request.protocol)
-        return await handler(request)
+        try:
+            return await handler(request)
+        except ConnectionError:  # it left before its answer, which is no error here
+            return web.Response()
 
     application[_ACCEPTOR] = acceptor
     application.middlewares.insert(0, hear)

@@ -1,10 +1,14 @@
-"""The follower's Socket.IO connection: retried until the leader answers, and after a break."""
+"""The follower's Socket.IO connection: retried until the leader answers, and after a break.
+
+The library's own reconnection ends for good at the first attempt that fails in a way it does not
+expect, as one does that times out while the leader is held up; so each attempt is made here.
+"""
 
 import asyncio
 import logging
 import ssl
 import urllib.parse
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -25,9 +29,9 @@ CLOSE_TIMEOUT_S: Final = 2.0
 ACKNOWLEDGE_S: Final = 0.4
 """How long the leader may take to acknowledge the end of a session, and then the closing of the
 link: with a leader that hangs, stopping the follower takes less than a second."""
-_FIRST_RETRY_S: Final = 0.25
-_LONGEST_RETRY_S: Final = 2.0
-"""Delay before the first reconnection, doubled after each attempt up to the longest."""
+_FIRST_RETRY_S: Final = 0.2
+_LONGEST_RETRY_S: Final = 1.0
+"""Delay before the second attempt, doubled after each one up to the longest."""
 
 
 @dataclass(frozen=True)
@@ -61,9 +65,7 @@ class SocketClient:
             handle_sigint=False,
             http_session=session,
             request_timeout=CLOSE_TIMEOUT_S,
-            reconnection_delay=_FIRST_RETRY_S,
-            reconnection_delay_max=_LONGEST_RETRY_S,
-            randomization_factor=_FIRST_RETRY_S / 2,
+            reconnection=False,
             websocket_extra_options={"max_msg_size": MAX_MESSAGE_BYTES},
             logger=wire_logger(),
             engineio_logger=wire_logger(),
@@ -73,10 +75,7 @@ class SocketClient:
         return cls(client, session)
 
     async def open(self, url: str, auth: Mapping[str, object], timeout_s: float) -> str | None:
-        """Connect; return None, or the problem as a sentence.
-
-        A connection that breaks later is restored with the same `auth`.
-        """
+        """Connect; return None, or the problem as a sentence."""
         try:
             async with asyncio.timeout(timeout_s):
                 await self.client.connect(
@@ -84,6 +83,8 @@ class SocketClient:
                 )
         except (socketio.exceptions.ConnectionError, TimeoutError) as error:
             return _first_cause(error)
+        except Exception as error:  # noqa: BLE001 - the library chokes on what no leader sends
+            return f"no leader's answer: {type(error).__name__}"
         return None
 
     def drop(self) -> None:
@@ -95,11 +96,9 @@ class SocketClient:
             task.add_done_callback(self._dropping.discard)
 
     async def close(self) -> None:
-        """Close what is open and stop reconnecting, in bounded time."""
+        """Close what is open, in bounded time."""
         try:
             async with asyncio.timeout(ACKNOWLEDGE_S):
-                await asyncio.sleep(0)  # a reconnection that was only just begun cannot be ended
-                await self.client.shutdown()
                 await self.client.disconnect()
         except TimeoutError:
             LOG.info("the leader did not answer the closing of the link")
@@ -140,9 +139,6 @@ def _first_cause(error: BaseException) -> str:
     while cause is not None:
         error, cause = cause, cause.__cause__ or cause.__context__
     return str(error) or type(error).__name__
-
-
-_BETWEEN_ATTEMPTS_S: Final = 0.2
 
 
 class Connection:
@@ -189,6 +185,10 @@ class Connection:
         self._on_open = on_open
         self._on_broken = on_broken
         self._refusal: str | None = None
+        self._handlers: dict[str, Callable[..., None]] = {}
+        self._frequent: Handlers = {}
+        self._restoring: asyncio.Task[None] | None = None
+        self._attempting = False
         self.line: SocketClient | None = None
         self.connected = False
 
@@ -211,10 +211,11 @@ class Connection:
         MmtError
             No leader answered in time, or it refused; the message says why.
         """
+        self._handlers, self._frequent = dict(handlers), frequent
         loop = asyncio.get_running_loop()
         deadline_s = loop.time() + timeout_s
-        while True:
-            problem = await self._attempt(handlers, frequent, min(ATTEMPT_S, max(timeout_s, 0.1)))
+        for pause_s in _pauses_s():
+            problem = await self._attempt(min(ATTEMPT_S, max(timeout_s, 0.1)))
             if problem is None:
                 return
             if self._refusal is not None:
@@ -224,12 +225,12 @@ class Connection:
                     f"the leader at {self._url} and this follower do not trust each other "
                     f"({problem}): check certificate, key and authority of [link] on both"
                 )
-            if loop.time() + _BETWEEN_ATTEMPTS_S > deadline_s:
+            if loop.time() + pause_s > deadline_s:
                 raise MmtError(
                     f"no leader answered at {self._url} within {timeout_s:g} s ({problem}): "
                     f"start mmt-leader there, and check {connection_advice(self._url)}"
                 )
-            await asyncio.sleep(_BETWEEN_ATTEMPTS_S)
+            await asyncio.sleep(pause_s)
 
     async def request(self, event: str, payload: object, timeout_s: float) -> object:
         """Send an event and return the leader's acknowledgement.
@@ -248,17 +249,16 @@ class Connection:
 
     async def close(self) -> None:
         """Close the connection for good; without one, do nothing."""
+        restoring, self._restoring = self._restoring, None
+        if restoring is not None:
+            restoring.cancel()
+            await asyncio.gather(restoring, return_exceptions=True)
         line, self.line = self.line, None
         if line is not None:
             await line.close()
         self.connected = False
 
-    async def _attempt(
-        self,
-        handlers: Mapping[str, Callable[..., None]],
-        frequent: Handlers,
-        timeout_s: float,
-    ) -> str | None:
+    async def _attempt(self, timeout_s: float) -> str | None:
         """Try once to connect; return None, or the problem."""
         self._refusal = None
         own: dict[str, Callable[..., None]] = {
@@ -267,18 +267,29 @@ class Connection:
             "disconnect": self._on_disconnect,
         }
         self.line = line = SocketClient.make(
-            {**handlers, **own}, frequent, self._rate_limit, self._tls
+            {**self._handlers, **own}, self._frequent, self._rate_limit, self._tls
         )
+        self._attempting = True
         try:
-            return await line.open(self._url, self._auth, timeout_s)
+            problem = await line.open(self._url, self._auth, timeout_s)
         finally:
+            self._attempting = False
             if not self.connected:
                 self.line = None
                 await line.close()
+        return problem if self.connected else problem or "the connection was closed"
+
+    async def _restore(self, broken: SocketClient) -> None:
+        """Connect again after a break, for as long as it takes."""
+        await broken.close()
+        for pause_s in _pauses_s():
+            await asyncio.sleep(pause_s)
+            if await self._attempt(ATTEMPT_S) is None:
+                return
 
     def _on_connect(self) -> None:
-        self.connected = True
         if self.line is not None:
+            self.connected = True
             self._on_open(client_send(self.line.client))
 
     def _on_refused(self, problem: object = None) -> None:
@@ -287,7 +298,20 @@ class Connection:
             LOG.warning("refused by the leader: %s", self._refusal)
 
     def _on_disconnect(self, reason: str) -> None:
+        line, self.line = self.line, None
+        if line is None or not self.connected:
+            return  # it was closed here, or never open
         self.connected = False
-        if self.line is not None and reason == self.line.client.reason.TRANSPORT_ERROR:
-            self.line.drop()
+        if reason == line.client.reason.TRANSPORT_ERROR:
+            line.drop()
+        if not self._attempting:  # else the attempt fails, and is repeated
+            self._restoring = asyncio.get_running_loop().create_task(self._restore(line))
         self._on_broken(loss_of(reason))
+
+
+def _pauses_s() -> Iterator[float]:
+    """Yield the delays after the attempts."""
+    pause_s = _FIRST_RETRY_S
+    while True:
+        yield pause_s
+        pause_s = min(2.0 * pause_s, _LONGEST_RETRY_S)

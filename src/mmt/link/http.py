@@ -161,6 +161,7 @@ class Listener:
         runner = web.AppRunner(
             self._application,
             access_log=None,
+            logger=wire_logger(),
             shutdown_timeout=CLOSE_TIMEOUT_S,
             keepalive_timeout=_KEEP_ALIVE_S,
         )

@@ -24,6 +24,7 @@ from typing import Final
 import msgpack
 import socketio
 from aiohttp import ClientWebSocketResponse, WSCloseCode, WSMessage, WSMsgType, web
+from aiohttp.http_exceptions import HttpProcessingError
 
 from mmt.core.errors import MmtError
 from mmt.core.logs import RepeatLimit
@@ -255,6 +256,8 @@ class ServerSockets:
         websocket = reference()
         if websocket is None or websocket in self._admitted or websocket.closed:
             return
+        if not websocket.prepared:
+            return  # the client left before it was opened
         closing = loop.create_task(websocket.close(code=WSCloseCode.POLICY_VIOLATION))
         self._closing.add(closing)
         closing.add_done_callback(self._closing.discard)
@@ -303,18 +306,29 @@ def client_send(client: socketio.AsyncClient) -> Send:
 
 
 class _RepeatFilter(logging.Filter):
-    """Suppress repeated lines: the library logs a traceback for each malformed packet."""
+    """Suppress what strangers could fill a log with.
+
+    The libraries log a line for each connection that breaks, which is reported here anyway, and a
+    traceback for each malformed request or packet: of these one of a kind a second passes, a
+    malformed request as a sentence.
+    """
 
     def __init__(self) -> None:
         super().__init__()
         self._limit = RepeatLimit()
 
     def filter(self, record: logging.LogRecord) -> bool:
-        return self._limit.allow(record.msg) > 0
+        if record.exc_info is None or not self._limit.allow(record.msg):
+            return False
+        error = record.exc_info[1]
+        if isinstance(error, HttpProcessingError):
+            record.msg, record.args = "malformed request rejected: %s", (type(error).__name__,)
+            record.exc_info = None
+        return True
 
 
 def wire_logger() -> logging.Logger:
-    """Return the logger handed to python-socketio: errors alone, one of a kind a second."""
+    """Return the logger handed to the libraries: errors alone, one of a kind a second."""
     logger = logging.getLogger("mmt.link.wire")
     if not logger.filters:
         logger.addFilter(_RepeatFilter())
