@@ -279,6 +279,8 @@ def expected_default(field: FieldInfo) -> str:
         return "none"
     if isinstance(default, bool):
         return f"`{str(default).lower()}`"
+    if isinstance(default, tuple):  # corners of a box
+        return f"`[{', '.join(str([round(part) for part in corner]) for corner in default)}]`"
     return f"`{default:g}`" if isinstance(default, float) else f"`{default}`"
 
 

@@ -51,6 +51,18 @@ def test_a_part_runs_in_the_services_that_its_values_ask_for() -> None:
         ({**SIMULATED, "texture": {"stop_share": 0.5}}, ["stop_share is 0.5", "start_share 0.75"]),
         ({**SIMULATED, "texture": {"start_share": 1.0}}, ["texture.start_share"]),
         ({**SIMULATED, "hand": {"fastest_mm_s": 10.0}}, ["fastest_mm_s", "slowest_mm_s"]),
+        (
+            {**SIMULATED, "simulated": {"workspace_mm": [[0, 0, 0], [1, 0, 1]]}},
+            ["simulated", "workspace_mm reaches from 0 to 0 mm along y", "lowest corner first"],
+        ),
+        (
+            {**SIMULATED, "simulated": {"workspace_mm": [[0, 0], [1, 1, 1]]}},
+            ["simulated.workspace_mm.0.2 is missing", "should be 'off'"],
+        ),
+        (
+            {**SIMULATED, "simulated": {"acceleration_limit_mm_s2": 0}},
+            ["simulated.acceleration_limit_mm_s2 is 0: ", "equal to 100, or 'off'"],
+        ),
         ({"texture": {}}, ["[texture]", "add [link]"]),
         ({"link": {}, "texture": {}}, ["source", "[simulated], [replay], [devices]"]),
         ({**SIMULATED, "replay": {}}, ["[simulated] and [replay]", "keep one"]),
@@ -235,3 +247,13 @@ def test_a_variable_that_is_wrong_is_named_and_not_the_file(
     with pytest.raises(InputError, match=r"^environment variable MMT_LINK__PORT: link.port is"):
         load_scene(Path("demo"))
     assert load_scene(Path("demo"), {"link.port": 9000}).link.port == 9000, "a flag overrides it"
+
+
+def test_the_robots_limits_are_off_only_where_the_scene_says_so() -> None:
+    limits = scene_from_tables(SIMULATED).describe_motion_limits()
+    assert limits is not None
+    assert limits.startswith("x -200 to 200, y -200 to 200, z -200 to 200 mm; 1000 mm/s; 300000 ")
+    off = {"workspace_mm": "off", "acceleration_limit_mm_s2": "off"}
+    scene = scene_from_tables({**SIMULATED, "simulated": off})
+    assert scene.describe_motion_limits() == "any position; 1000 mm/s; any acceleration"
+    assert scene_from_tables({"recording": {}, "link": {}, "replay": {}}).motion_limits is None

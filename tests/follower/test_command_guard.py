@@ -32,7 +32,13 @@ def command(
 class Guarded:
     """A guard whose positions and sentences are noted."""
 
-    def __init__(self, measured: Vector | None = HOME, normal: str = "z", **keys: object) -> None:
+    def __init__(
+        self,
+        measured: Vector | None = HOME,
+        normal: str = "z",
+        box_mm: tuple[Vector, Vector] | None = None,
+        **keys: object,
+    ) -> None:
         self.said: list[str] = []
         self.measured = measured
         self.positions: list[Vector | None] = []
@@ -42,6 +48,7 @@ class Guarded:
             normal,
             measures_position=True,
             say=self.said.append,
+            box_mm=box_mm,
         )
 
     def run(self, ticks: int, position_mm: Vector | None = None) -> None:
@@ -82,6 +89,7 @@ def test_commands_pass_as_they_are_where_the_robot_is_there_already() -> None:
         "silent_s": 0.0,
         "stale_commands": 0,
         "slowed_ticks": 0,
+        "clipped_commands": 0,
         "halts": 0,
         "halted_s": 0.0,
     }
@@ -259,6 +267,46 @@ def test_whatever_comes_and_whenever_the_robot_never_jumps(
             continue
         assert math.dist(before, after) <= limit_mm * (1 + 1e-6) + 1e-9
         before = after
+
+
+# --- the workspace
+
+BOX_MM = ((-10.0, -10.0, 0.0), (10.0, 10.0, 12.0))
+
+
+def test_a_command_outside_the_workspace_is_clipped_counted_and_said_once() -> None:
+    robot = Guarded(box_mm=BOX_MM, recovery_mm_s=1000.0)
+    robot.run(5, HOME)
+    robot.run(60, (30.0, 3.0, -40.0))
+    assert robot.newest == (10.0, 3.0, 0.0)
+    assert robot.guard.summary["clipped_commands"] == 60
+    assert robot.said == ["commanded to (30, 3, -40) mm, outside workspace_mm: clipped"]
+    robot.run(60, HOME)
+    assert robot.newest == HOME
+    assert robot.guard.summary["clipped_commands"] == 60
+
+
+def test_a_retraction_ends_at_the_workspace() -> None:
+    robot = Guarded(box_mm=BOX_MM, on_silence="retract", retract_mm=50.0, recovery_mm_s=100.0)
+    robot.run(20, HOME)
+    robot.run(400)
+    assert robot.newest == pytest.approx((0.0, 0.0, 12.0))
+
+
+def test_a_robot_outside_its_workspace_comes_in_at_the_recovery_speed() -> None:
+    robot = Guarded(measured=(30.0, 0.0, 5.0), box_mm=BOX_MM, recovery_mm_s=50.0)
+    robot.run(500, (40.0, 0.0, 5.0))
+    assert robot.newest == pytest.approx((10.0, 0.0, 5.0))
+    assert max(steps_mm(robot.positions)) <= 0.05 + 1e-9
+
+
+@pytest.mark.parametrize("broken", [math.nan, math.inf, -math.inf])
+def test_a_command_that_is_not_finite_counts_as_none(broken: float) -> None:
+    robot = Guarded()
+    robot.run(20, HOME)
+    robot.run(300, (broken, 0.0, 0.0))
+    assert set(robot.positions) == {HOME}
+    assert robot.guard.summary["silences"] == 1
 
 
 # --- a device is lost

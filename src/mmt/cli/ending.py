@@ -35,6 +35,7 @@ _FAULTS: Final = (
     _Fault("recording.dropped", "frame", "frames", "not recorded: the disk was too slow"),
     _Fault("commands.silences", "silence of the leader", "silences of the leader"),
     _Fault("commands.stale_commands", "command", "commands", "too old when it arrived"),
+    _Fault("commands.clipped_commands", "command", "commands", "outside the workspace"),
     _Fault("commands.halts", "halt of the robot", "halts of the robot"),
     _Fault("handle.losses", "loss of the handle", "losses of the handle"),
     _Fault("devices.*.losses", "loss of the {name}", "losses of the {name}"),

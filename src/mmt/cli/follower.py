@@ -81,8 +81,11 @@ class FollowerRun(ServiceRun[Follower]):
         return Follower(self.scene, self._url, on_event=self.on_event, on_session=on_session)
 
     def on_start(self, service: Follower) -> None:
-        """Say what is streamed."""
+        """Say what is streamed, and what bounds the robot."""
         self.on_event(service.source.describe())
+        limits = self.scene.describe_motion_limits()
+        if limits is not None:
+            self.on_event(f"the robot's limits: {limits}")
 
     def on_ready(self, service: Follower) -> None:
         """Report that the leader is connected."""

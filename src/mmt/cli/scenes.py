@@ -57,6 +57,8 @@ def explain(
     description = describe_scene(scene)
     content: dict[str, Any] = {"scene": scene.session.name, **description.as_dict()}
     output.print(scene_tables.parts_table(description))
+    if description.robot_limits is not None:
+        output.print(f"The robot's limits: {description.robot_limits}", highlight=False)
     moves = scene.devices is not None and not devices
     costs = None
     if measure and not moves:

@@ -30,6 +30,12 @@ def difference(first: Vector, second: Vector) -> Vector:
     return (first[0] - second[0], first[1] - second[1], first[2] - second[2])
 
 
+def clipped(position: Vector, low: Vector, high: Vector) -> Vector:
+    """Return `position` or, where it is outside the box of two corners, the nearest point in it."""
+    x, y, z = (max(a, min(p, b)) for p, a, b in zip(position, low, high, strict=True))
+    return (x, y, z)
+
+
 def towards(start: Vector, goal: Vector, most: float) -> Vector:
     """Return `goal`, or the point at distance `most` towards it where it is farther away."""
     x, y, z = goal[0] - start[0], goal[1] - start[1], goal[2] - start[2]

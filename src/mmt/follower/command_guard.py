@@ -1,10 +1,11 @@
 """Keep a robot safe when commands stop, arrive late, or jump."""
 
+import math
 import struct
 from collections.abc import Callable
 from typing import Any, Final, Literal
 
-from mmt.core.arrays import RecordArray, difference, towards
+from mmt.core.arrays import RecordArray, clipped, difference, towards
 from mmt.core.logs import RepeatLimit
 from mmt.devices.protocols import Vector
 from mmt.scene import Link
@@ -31,6 +32,7 @@ class CommandGuard:
       leader's clock, comes on top.
     - Whatever is commanded, the position moves by no more than `limit_mm_s` gives in one tick,
       also in a call that makes up for missed ticks.
+    - What is commanded outside the workspace is clipped to it.
 
     About 1 us a tick.
 
@@ -45,7 +47,9 @@ class CommandGuard:
     measures_position
         Whether `step` gets the robot's position; else it starts at the first command.
     say
-        Called with a sentence when commands stop and when they come again.
+        Called with a sentence when commands stop, come again, or leave the workspace.
+    box_mm
+        The workspace by its lowest and its highest corner, None for none.
     """
 
     def __init__(
@@ -56,6 +60,7 @@ class CommandGuard:
         *,
         measures_position: bool,
         say: Callable[[str], None],
+        box_mm: tuple[Vector, Vector] | None = None,
     ) -> None:
         self._link = link
         self._rate_hz = rate_hz
@@ -67,6 +72,8 @@ class CommandGuard:
         self._recovery_mm = link.recovery_mm_s / rate_hz
         self._limit_mm = link.limit_mm_s / rate_hz
         self._normal = _NORMALS[normal]
+        self._box = box_mm
+        self._outside = False
         self._told = RepeatLimit()
         self._command: Vector | None = None  # came since the last tick
         self._target: Vector = (0.0, 0.0, 0.0)
@@ -77,7 +84,7 @@ class CommandGuard:
         self._silent = False
         self._halted = False
         self._halts = self._halted_ticks = 0
-        self._silences = self._silent_ticks = self._stale = self._slowed = 0
+        self._silences = self._silent_ticks = self._stale = self._slowed = self._clipped = 0
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -87,6 +94,7 @@ class CommandGuard:
             "silent_s": self._silent_ticks / self._rate_hz,
             "stale_commands": self._stale,
             "slowed_ticks": self._slowed,
+            "clipped_commands": self._clipped,
             "halts": self._halts,
             "halted_s": self._halted_ticks / self._rate_hz,
         }
@@ -117,7 +125,8 @@ class CommandGuard:
         if echo_time_ns and round_trip_ns > self._stale_ns:
             self._stale += len(commands)
             return
-        self._command, self._command_ns = (x, y, z), time_ns
+        if math.isfinite(x + y + z):
+            self._command, self._command_ns = self._clip((x, y, z)), time_ns
 
     def step(self, elapsed: int, measured: Callable[[], Vector | None]) -> Vector | None:
         """Return the position (mm) to take now, None before the first command.
@@ -149,6 +158,17 @@ class CommandGuard:
         else:
             self._advance(self._position, elapsed)
         return self._position
+
+    def _clip(self, command: Vector) -> Vector:
+        """Return the command as far as it is in the workspace; count and say it where it is not."""
+        inside = command if self._box is None else clipped(command, *self._box)
+        outside = inside != command
+        if outside and not self._outside and self._told.allow("outside"):
+            x, y, z = command
+            self._say(f"commanded to ({x:.0f}, {y:.0f}, {z:.0f}) mm, outside workspace_mm: clipped")
+        self._outside = outside
+        self._clipped += outside
+        return inside
 
     def _follow(self, command: Vector, measured: Callable[[], Vector | None]) -> None:
         if self._position is None:
@@ -187,7 +207,8 @@ class CommandGuard:
         away_mm = self._link.retract_mm if does == "retract" else 0.0
         x, y, z = position
         u, v, w = self._normal
-        self._target = (x + away_mm * u, y + away_mm * v, z + away_mm * w)
+        away = (x + away_mm * u, y + away_mm * v, z + away_mm * w)
+        self._target = away if self._box is None else clipped(away, *self._box)
 
     def _advance(self, position: Vector, elapsed: int) -> None:
         """Move as the hand does, as far as that leads to the target, and by the recovery."""

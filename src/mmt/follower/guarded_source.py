@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 from mmt.core.arrays import RecordArray
 from mmt.devices.protocols import DeviceBackedSource, FollowerSource, Vector
 from mmt.follower.command_guard import CommandGuard
-from mmt.scene import Link, Scene, Texture
+from mmt.follower.motion_limit import MotionLimit
+from mmt.scene import Link, MotionLimits, Scene, Texture
 
 if TYPE_CHECKING:
     from mmt.follower.feedback import FollowerFeedback
@@ -48,6 +49,8 @@ class GuardedSource:
         self._newest: RecordArray | None = None
         self.guard = None if scene.replay is not None else _guard(scene, say)
         """None where a recording is replayed, which follows no commands."""
+        limits = scene.motion_limits
+        self._limit = None if limits is None else _limit(scene, limits)
         self._of_devices = source if isinstance(source, DeviceBackedSource) else None
         if self._of_devices is not None:
             self._of_devices.on_loss(self._on_device)
@@ -81,6 +84,8 @@ class GuardedSource:
         command = guard.step(elapsed, self._measured) if guard is not None else None
         if feedback is not None:
             command = feedback.command(command)
+        if self._limit is not None:
+            command = self._limit.step(elapsed, command)
         frames = self._source.step(elapsed, time.monotonic_ns(), command)
         return frames, self._measure(frames) if len(frames) else None
 
@@ -109,8 +114,14 @@ class GuardedSource:
             self.guard.halt(devices.on_lost)
         else:
             self.guard.release()
+            if self._limit is not None:
+                self._limit.restart()
         does = "holding" if devices.on_lost == "hold" else "retracting"
         self._say(f"{sentence}{f': {does}' if lost else ': taking commands again'}")
+
+
+def _limit(scene: Scene, limits: MotionLimits) -> MotionLimit:
+    return MotionLimit(limits, (scene.link or Link()).limit_mm_s, scene.session.rate_hz)
 
 
 def _guard(scene: Scene, say: Callable[[str], None]) -> CommandGuard:
@@ -120,4 +131,5 @@ def _guard(scene: Scene, say: Callable[[str], None]) -> CommandGuard:
         (scene.texture or Texture()).normal,
         measures_position="position" in scene.channels(),
         say=say,
+        box_mm=scene.motion_limits.box_mm if scene.motion_limits is not None else None,
     )

@@ -4,6 +4,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
+from mmt.scene.motion_limits import MotionLimits
 from mmt.scene.table import PartTable, Service, Table
 
 DRIVER_PATTERN: Final = r"^([\w-]+|[\w.]+:\w+)$"
@@ -60,7 +61,7 @@ class Actuator(PartTable):
         return self
 
 
-class Devices(PartTable):
+class Devices(MotionLimits):
     """``[devices]``: the follower reads real devices, each by its driver."""
 
     runs_in: ClassVar[tuple[Service, ...]] = ("follower",)

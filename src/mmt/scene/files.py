@@ -1,6 +1,7 @@
 """Read scenes from files: TOML, then the environment, then the command line's flags."""
 
 import os
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -19,6 +20,8 @@ ENVIRONMENT_PREFIX = "MMT_"
 
 
 _UNKNOWN_KEY: Final = ("extra_forbidden", "unexpected_keyword_argument")
+_ALTERNATIVE: Final = re.compile(r"int|float|constrained-\w+|\w+\[.*\]")
+"""What Pydantic puts into a place for each type that a key may have."""
 """Pydantic's type of the error for a table that is a model, and for one that is a dataclass."""
 
 _READ: Final = (
@@ -223,7 +226,7 @@ def explain_problems(error: ValidationError, model: type[BaseModel] | None = Non
     """Return a sentence for each problem; `model` is what was validated, where it is known."""
     sentences = []
     for problem in error.errors(include_url=False):
-        place = ".".join(str(part) for part in problem["loc"] if part not in {"int", "float"})
+        place = ".".join(p for p in map(str, problem["loc"]) if not _ALTERNATIVE.fullmatch(p))
         if problem["type"] in _UNKNOWN_KEY:
             allowed = "" if model is None else f"; allowed are {_allowed(problem['loc'], model)}"
             sentences.append(f"{place} is not a key{allowed}")
@@ -234,7 +237,11 @@ def explain_problems(error: ValidationError, model: type[BaseModel] | None = Non
             sentences.append(where + problem["msg"].removeprefix("Value error, "))
         else:
             where = f"{place} is " if place else ""
-            sentences.append(f"{where}{problem['input']!r}: {problem['msg']}")
+            value, message = f"{where}{problem['input']!r}: ", problem["msg"]
+            if sentences and sentences[-1].startswith(value):  # another alternative for it
+                sentences[-1] += f", or {message.removeprefix('Input should be ')}"
+            else:
+                sentences.append(value + message)
     return "; ".join(sentences)
 
 

@@ -13,6 +13,7 @@ from mmt.scene.device_tables import Actuator, Devices, Handle
 from mmt.scene.feedback_table import ForceFeedback
 from mmt.scene.link_table import Link
 from mmt.scene.monitoring_tables import Metrics, Monitor
+from mmt.scene.motion_limits import MotionLimits
 from mmt.scene.network_table import Network
 from mmt.scene.recording_tables import Recording, Replay
 from mmt.scene.rendering_tables import Playout, Rendering
@@ -63,6 +64,18 @@ class Scene(Table):
             if getattr(self, name) is not None:
                 return name
         return None
+
+    @property
+    def motion_limits(self) -> MotionLimits | None:
+        """The limits of the follower's robot, None where no robot is moved."""
+        return (self.simulated or self.devices) if self.commands else None
+
+    def describe_motion_limits(self) -> str | None:
+        """Return where, how fast and how hard the robot may be moved; None where none is."""
+        if self.motion_limits is None:
+            return None
+        where, how = self.motion_limits.describe()
+        return f"{where}; {(self.link or Link()).limit_mm_s:g} mm/s; {how}"
 
     @property
     def commands(self) -> bool:

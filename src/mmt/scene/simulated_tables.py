@@ -4,6 +4,7 @@ from typing import ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
+from mmt.scene.motion_limits import Box, MotionLimits
 from mmt.scene.table import PartTable, Service, Table
 
 
@@ -15,7 +16,7 @@ class Course(Table):
     change: Literal["lifted", "contact", "either"] = "lifted"
 
 
-class Simulated(PartTable):
+class Simulated(MotionLimits):
     """``[simulated]``: a robot, a surface of known texture and noisy sensors."""
 
     runs_in: ClassVar[tuple[Service, ...]] = ("follower",)
@@ -25,6 +26,7 @@ class Simulated(PartTable):
     surface_stiffness_n_mm: float = Field(5.0, ge=0.05, le=50)
     noise: bool = True
     course: Course | None = None
+    workspace_mm: Box | Literal["off"] = ((-200.0, -200.0, -200.0), (200.0, 200.0, 200.0))
 
 
 class Hand(PartTable):

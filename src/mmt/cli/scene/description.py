@@ -49,6 +49,8 @@ class SceneDescription:
     leader: SideParts
     follower: SideParts | None
     streams: tuple[Stream, ...]
+    robot_limits: str | None
+    """Where, how fast and how hard the robot may be moved, None where none is."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return it for a program."""
@@ -65,6 +67,7 @@ def describe_scene(scene: Scene) -> SceneDescription:
         leader=_side(scene, LEADER),
         follower=_side(scene, FOLLOWER) if scene.source is not None else None,
         streams=_streams(scene),
+        robot_limits=scene.describe_motion_limits(),
     )
 
 

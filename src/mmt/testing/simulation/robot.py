@@ -19,8 +19,8 @@ DISSIPATION_S_M: Final = 0.3
 START_MM: Final[Vector] = (0.0, 0.0, 5.0)
 """Where the tip waits above the surface until the first command."""
 
-WORKSPACE_MM: Final = 200.0
-"""The arm reaches so far from its centre along each axis; commands beyond are cut to it."""
+REACH_MM: Final = 1000.0
+"""The arm reaches so far from its centre along each axis, whatever it is commanded."""
 
 _THREE_POLES = math.sqrt(2.0 ** (1.0 / 3.0) - 1.0)
 """Bandwidth (-3 dB) of three equal real poles, over the pole."""
@@ -89,7 +89,7 @@ class SimulatedRobot:
         """Move for one tick towards the command; return the state at its end."""
         smoothed = self._command
         for axis in range(3):
-            wanted_mm = max(-WORKSPACE_MM, min(command_mm[axis], WORKSPACE_MM))
+            wanted_mm = max(-REACH_MM, min(command_mm[axis], REACH_MM))
             smoothed[axis] += self._smoothing * (0.001 * wanted_mm - smoothed[axis])
         before = tuple(self._velocity)
         force = [0.0, 0.0, 0.0]

@@ -1,0 +1,232 @@
+"""The robot stays in its workspace, and its acceleration is bounded, whatever is commanded."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mmt.core.arrays import RecordArray
+from mmt.core.frames import COMMAND_DTYPE, frame_dtype
+from mmt.devices.protocols import Vector
+from mmt.follower.guarded_source import GuardedSource
+from mmt.follower.motion_limit import MotionLimit
+from mmt.scene import Simulated
+from mmt.scene.files import scene_from_tables
+
+BOX_MM = ((-50.0, -40.0, -10.0), (50.0, 60.0, 80.0))
+NAN = (math.nan, 0.0, 0.0)
+
+
+def limited(speed_mm_s: float = 1000.0, rate_hz: float = 1000.0, **keys: Any) -> MotionLimit:
+    return MotionLimit(Simulated(**{"workspace_mm": BOX_MM, **keys}), speed_mm_s, rate_hz)
+
+
+def run(
+    limit: MotionLimit, wanted: list[Vector | None], elapsed: list[int] | None = None
+) -> np.ndarray:
+    """Return the positions (n, 3); the first position wanted must be known."""
+    ticks = elapsed or [1] * len(wanted)
+    return np.array([limit.step(n, place) for n, place in zip(ticks, wanted, strict=True)])
+
+
+inside = st.tuples(*(st.floats(low, high) for low, high in zip(*BOX_MM, strict=True)))
+anywhere = st.tuples(*[st.floats(-1e6, 1e6)] * 3)
+broken = st.sampled_from([None, NAN, (math.inf, -math.inf, 0.0), (0.0, math.inf, 0.0)])
+stretch = st.tuples(st.one_of(inside, anywhere, broken), st.integers(1, 60))
+accelerations = st.floats(100.0, 1e6)
+speeds = st.floats(10.0, 10_000.0)
+rates = st.sampled_from([100.0, 333.0, 1000.0, 5000.0])
+
+
+@given(
+    first=inside,
+    stretches=st.lists(stretch, min_size=1, max_size=12),
+    missed=st.lists(st.integers(0, 30), min_size=1, max_size=7),
+    acceleration=accelerations,
+    speed=speeds,
+    rate_hz=rates,
+)
+@settings(max_examples=200, deadline=None)
+def test_no_command_leaves_the_workspace_or_exceeds_a_limit(
+    first: Vector,
+    stretches: list[tuple[Vector | None, int]],
+    missed: list[int],
+    acceleration: float,
+    speed: float,
+    rate_hz: float,
+) -> None:
+    limit = limited(speed, rate_hz, acceleration_limit_mm_s2=acceleration)
+    wanted: list[Vector | None] = [first]
+    wanted += [place for place, ticks in stretches for _ in range(ticks)]
+    elapsed = [1 + missed[k % len(missed)] * (k % 5 == 4) for k in range(len(wanted))]
+    places = run(limit, wanted, elapsed)
+    low, high = np.array(BOX_MM)
+    assert (places >= low - 1e-9).all()
+    assert (places <= high + 1e-9).all()
+    steps = np.diff(places, axis=0, prepend=places[:1])
+    assert np.linalg.norm(steps, axis=1).max() <= speed / rate_hz * (1 + 1e-6)
+    changes = np.abs(np.diff(steps, axis=0)).max(axis=1)
+    most = acceleration / rate_hz**2 * np.array(elapsed[1:])
+    assert (changes <= most * (1 + 1e-6) + 1e-9).all()
+
+
+@given(
+    path=st.lists(inside, min_size=1, max_size=40),
+    goal=inside,
+    acceleration=st.floats(2000.0, 1e6),
+    speed=st.floats(50.0, 10_000.0),
+)
+@settings(max_examples=60, deadline=None)
+def test_each_axis_passes_a_standing_target_once_at_most_and_arrives(
+    path: list[Vector], goal: Vector, acceleration: float, speed: float
+) -> None:
+    """Once, where the target has jumped to where the robot could no longer stop."""
+    limit = limited(speed, acceleration_limit_mm_s2=acceleration)
+    before = run(limit, [place for place in path for _ in range(7)])
+    fastest = min(speed / 1000.0, math.sqrt(2 * acceleration * 150) / 1000)
+    slow_ticks = math.ceil(4 * fastest / (acceleration / 1e6))
+    ticks = 3 * (math.ceil(200 / (speed / 1000.0)) + slow_ticks) + 2000
+    places = np.concatenate([before[-1:], run(limit, [goal] * ticks)])
+    for axis in range(3):
+        sides = np.sign(np.round(places[:, axis] - goal[axis], 9))
+        sides = sides[sides != 0]
+        assert np.count_nonzero(np.diff(sides)) <= 1
+    assert tuple(places[-1]) == pytest.approx(goal, abs=1e-6)
+
+
+@given(start=inside, goal=inside, acceleration=accelerations, speed=speeds)
+@settings(max_examples=100, deadline=None)
+def test_from_rest_no_axis_ever_passes_the_target(
+    start: Vector, goal: Vector, acceleration: float, speed: float
+) -> None:
+    limit = limited(speed, acceleration_limit_mm_s2=acceleration)
+    places = run(limit, [start] + [goal] * 3000)
+    behind = (np.array(goal) - places) * np.sign(np.array(goal) - np.array(start))
+    assert behind.min() >= -1e-9
+
+
+def test_a_stop_from_full_speed_is_planned_and_exact() -> None:
+    """100 mm at 10 m/s2 and 1 m/s: 100 ms to gain speed over 50 mm, 100 ms to lose it."""
+    limit = limited(acceleration_limit_mm_s2=10_000.0)
+    places = run(limit, [(-50.0, 0.0, 0.0)] + [(50.0, 0.0, 0.0)] * 250)[:, 0]
+    speed_mm_s = 1000.0 * np.diff(places)
+    assert speed_mm_s.max() == pytest.approx(1000.0, rel=0.02)
+    arrived = int(np.argmax(places == 50.0))
+    assert 198 <= arrived <= 204
+    assert (places[arrived:] == 50.0).all()
+
+
+def test_a_hand_that_one_ticks_acceleration_can_stop_is_followed_without_lag() -> None:
+    limit = limited()  # 0.3 mm a tick
+    path = [(0.29 * k, -0.2 * k, 0.1 * k) for k in range(100)] + [(28.71, -19.8, 9.9)] * 20
+    np.testing.assert_allclose(run(limit, path), path, atol=1e-9)
+
+
+def test_at_a_low_limit_the_robot_follows_by_what_it_needs_to_stop() -> None:
+    """At 100 mm/s and 5 m/s2: 1 mm."""
+    limit = limited(acceleration_limit_mm_s2=5000.0)
+    path: list[Vector | None] = [(0.1 * k - 40.0, 0.0, 0.0) for k in range(800)]
+    behind = np.array(path, dtype=float)[:, 0] - run(limit, path)[:, 0]
+    assert behind[-1] == pytest.approx(1.0, rel=0.06)
+    assert behind.min() >= 0.0
+
+
+def test_a_robot_outside_its_workspace_goes_no_farther_out() -> None:
+    limit = limited()
+    places = run(limit, [(70.0, 0.0, 0.0)] + [(90.0, 0.0, 0.0)] * 10 + [(0.0, 0.0, 0.0)] * 200)
+    assert places[:11, 0].tolist() == [70.0] * 11
+    assert (np.diff(places[:, 0]) <= 1e-9).all()
+    assert tuple(places[-1]) == (0.0, 0.0, 0.0)
+
+
+def test_what_is_off_does_not_bound() -> None:
+    limit = limited(workspace_mm="off", acceleration_limit_mm_s2="off", speed_mm_s=10_000.0)
+    path: list[Vector | None] = [(0.0, 0.0, 0.0), (9.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
+    path += [(10.0 * k, 0.0, 0.0) for k in range(30)]
+    np.testing.assert_array_equal(run(limit, path), np.array(path, dtype=float))
+
+
+def test_after_a_restart_it_begins_where_the_robot_is() -> None:
+    limit = limited()
+    run(limit, [(0.0, 0.0, 0.0)] + [(40.0, 0.0, 0.0)] * 50)
+    limit.restart()
+    assert limit.step(1, None) is None
+    assert limit.step(1, NAN) is None
+    assert limit.step(1, (7.0, 0.0, 0.0)) == (7.0, 0.0, 0.0)
+    place = limit.step(1, (40.0, 0.0, 0.0))
+    assert place is not None
+    assert 7.0 < place[0] <= 7.3 + 1e-9
+
+
+class NotingSource:
+    """Takes positions and measures none."""
+
+    finished = False
+    annotations = b""
+
+    def __init__(self) -> None:
+        self.taken: list[Vector] = []
+
+    def start(self, start_time_ns: int) -> None:
+        pass
+
+    def step(self, elapsed: int, now_ns: int, command_position_mm: Vector | None) -> RecordArray:
+        if command_position_mm is not None:
+            self.taken.append(command_position_mm)
+        return np.zeros(0, frame_dtype())
+
+    def describe(self) -> str:
+        return "notes"
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.mark.parametrize("source_table", ["simulated", "devices"])
+def test_the_limits_of_a_scene_hold_behind_guard_and_feedback(source_table: str) -> None:
+    keys: dict[str, Any] = {"workspace_mm": BOX_MM, "acceleration_limit_mm_s2": 20_000.0}
+    keys |= {"robot": "a:B"} if source_table == "devices" else {}
+    others: dict[str, Any] = {name: {} for name in ("link", "hand", "playout", "actuator")}
+    scene = scene_from_tables({source_table: keys, **others})
+    source, held = NotingSource(), JumpingFeedback()
+    guarded = GuardedSource(scene, source, held, lambda _: None, lambda *_: None)
+    block = np.zeros(1, COMMAND_DTYPE)
+    for tick in range(900):
+        block["time_ns"], block["position_mm"] = tick * 1_000_000, (0.2 * tick, 0.0, -0.3 * tick)
+        guarded.receive(block, 0)
+        guarded.step(1)
+    places = np.array(source.taken)
+    assert (places >= np.array(BOX_MM[0]) - 1e-9).all()
+    assert (places <= np.array(BOX_MM[1]) + 1e-9).all()
+    assert np.abs(np.diff(places, n=2, axis=0)).max() <= 0.02 + 1e-9
+    assert places[-1][0] > 40.0
+
+
+class JumpingFeedback:
+    """Asks for 30 mm more in every third tick."""
+
+    event, dtype = "nothing", np.dtype([("time_ns", "<i8")])
+    ticks = 0
+
+    def command(self, position_mm: Vector | None) -> Vector | None:
+        self.ticks += 1
+        if position_mm is None or self.ticks % 3:
+            return position_mm
+        x, y, z = position_mm
+        return (x + 30.0, y, z)
+
+    def measured(self, frames: RecordArray) -> RecordArray | None:
+        return None
+
+    def on_records(self, records: RecordArray) -> None:
+        pass
+
+    def restart(self) -> None:
+        pass
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        return {}
