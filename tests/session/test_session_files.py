@@ -256,7 +256,7 @@ def test_missing_files_folders_and_suffixes_are_named(tmp_path):
     (tmp_path / "folder.mcap").mkdir()
     with pytest.raises(InputError, match="Is a directory"):
         read_session(tmp_path / "folder.mcap")
-    with pytest.raises(InputError, match=r"\.wav cannot be read.*\.mcap, \.npz, \.csv"):
+    with pytest.raises(InputError, match=r"\.wav cannot be imported.*\.npz, \.csv.*\.mcap"):
         read_session(tmp_path / "sound.wav")
     with pytest.raises(InputError, match=r"cannot write.*No such file"):
         write_session(tmp_path / "nowhere" / "run.mcap", made_frames(1))
@@ -330,7 +330,8 @@ def test_a_demo_session_is_read_fast(tmp_path):
 def test_neither_scipy_nor_numba_is_imported():
     program = (
         "import sys, mmt.session, mmt.session.recorder, mmt.session.replay, mmt.session.recover,"
-        " mmt.session.info, mmt.session.npz_file, mmt.session.csv_file, mmt.session.samples\n"
+        " mmt.session.info, mmt.session.export_files, mmt.session.importing.recording,"
+        " mmt.session.importing.array_file, mmt.session.importing.text_file\n"
         "heavy = {'scipy', 'numba', 'pandas', 'pyarrow', 'h5py', 'matplotlib'}\n"
         "sys.exit(', '.join(heavy & set(sys.modules)) or None)"
     )

@@ -19,13 +19,17 @@ from mmt.cli.common import (
     summary_table,
     write_json,
 )
+from mmt.cli.importing import import_file, inspect_file
 from mmt.core.existing_files import free_path, require_absent
 from mmt.core.kernel_cache import kernels_are_compiled
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
-from mmt.session import export_session, import_session, read_session, write_session
+from mmt.session import export_session, read_session, write_session
 
 app = typer.Typer(no_args_is_help=True, help="Make, convert, view and recover sessions.")
+
+app.command("inspect")(inspect_file)
+app.command("import")(import_file)
 
 SourceFile = Annotated[Path, typer.Argument(metavar="FILE")]
 TargetFile = Annotated[Path, typer.Argument(metavar="OUT")]
@@ -89,15 +93,6 @@ def _trial_files(target: Path, trials: int) -> list[Path]:
     digits = len(str(trials))
     numbers = (f"{number:0{digits}}" for number in range(1, trials + 1))
     return [target.with_name(f"{target.stem}-{number}{target.suffix}") for number in numbers]
-
-
-@app.command("import")
-def import_file(source: SourceFile, target: TargetFile, force: Force = False) -> None:
-    """Import a .npz or .csv recording at any rate, resampled to 1 kHz."""
-    require_absent(target, force=force)
-    session = import_session(source)
-    export_session(session, target)
-    messages.print(f"{len(session.frames)} frames written to {target}", highlight=False)
 
 
 @app.command()

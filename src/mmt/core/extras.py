@@ -25,6 +25,8 @@ PACKAGES: Final[dict[str, tuple[str, str]]] = {
     "sounddevice": ("sound", "the sound card needs sounddevice"),
     "pyarrow": ("export", "Parquet needs pyarrow"),
     "h5py": ("export", "HDF5 needs h5py"),
+    "openpyxl": ("import", "workbooks need openpyxl"),
+    "rosbags": ("import", "ROS bags need rosbags"),
     "prometheus_client": ("metrics", "[metrics] needs prometheus-client"),
     "distributed": ("dask", "--dask needs distributed"),
     "mpmath": ("bench", "the reference of the bench needs mpmath"),

@@ -1,12 +1,55 @@
-"""Export sessions as Parquet (pandas, Polars, DuckDB) and HDF5 (MATLAB, Julia, h5py)."""
+"""Export sessions as text, NumPy archives, Parquet (pandas, Polars, DuckDB) and HDF5 (MATLAB)."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from mmt.core.extras import require
+from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL
 from mmt.session.data import RecordedSession, to_json
 from mmt.session.files import replacing
+
+
+def write_csv(path: Path, session: RecordedSession) -> None:
+    """Write the frames; single precision needs nine digits.
+
+    Raises
+    ------
+    InputError, MmtError
+        See `mmt.session.export_session`.
+    """
+    columns = session.columns()
+    formats = [
+        "%d" if values.dtype.kind in "iu" else "%.9f" if name == "time_s" else "%.9g"
+        for name, values in columns.items()
+    ]
+    table = np.column_stack([values.astype(np.float64) for values in columns.values()])
+    with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as stream:
+        np.savetxt(stream, table, fmt=formats, delimiter=",", header=",".join(columns), comments="")
+
+
+def write_npz(path: Path, session: RecordedSession) -> None:
+    """Write frames, scene, annotations and events.
+
+    Raises
+    ------
+    InputError, MmtError
+        See `mmt.session.export_session`.
+    """
+    frames = session.frames
+    arrays: dict[str, Any] = {"sequence": frames["sequence"], "time_s": session.time_s}
+    for channel in CHANNELS:
+        if channel in session.channels:
+            arrays[FIELD_OF_CHANNEL[channel]] = frames[FIELD_OF_CHANNEL[channel]]
+    if session.scene is not None:
+        arrays["scene_json"] = np.array(to_json(dict(session.scene)))
+    if session.annotations:
+        arrays["annotations"] = np.frombuffer(session.annotations, dtype=np.uint8)
+    if session.events:
+        arrays["events_json"] = np.array(to_json([dict(event) for event in session.events]))
+    with replacing(path) as part, part.open("wb") as stream:
+        np.savez_compressed(stream, **arrays)
 
 
 def write_parquet(path: Path, session: RecordedSession) -> None:

@@ -1,32 +1,26 @@
 """Read, import, write and export session files; the suffix chooses the format.
 
-A new format is one new module and one line in a table here. Its module is imported when a
-file of that format is read or written.
+A new format to write is one function and one line in the table here, a new one to import one in
+`mmt.session.importing.recording`. Its module is imported when a file of that format is met.
 """
 
 import importlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import logging
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError
 from mmt.session.data import JsonObject, OutputBlock, RecordedSession
 
-IMPORTERS: Final = {
-    ".npz": "mmt.session.npz_file:read_npz",
-    ".csv": "mmt.session.csv_file:read_csv",
-}
-"""Recordings of other programs: a function of (path, longest_gap_s)."""
-
-READERS: Final = {".mcap": "mmt.session.mcap_reader:read_mcap", **IMPORTERS}
-"""Every format that is read: a function of (path)."""
+_log = logging.getLogger(__name__)
 
 WRITERS: Final = {
     ".mcap": "mmt.session.mcap_writer:write_mcap",
-    ".npz": "mmt.session.npz_file:write_npz",
-    ".csv": "mmt.session.csv_file:write_csv",
+    ".npz": "mmt.session.export_files:write_npz",
+    ".csv": "mmt.session.export_files:write_csv",
     ".parquet": "mmt.session.export_files:write_parquet",
     ".h5": "mmt.session.export_files:write_hdf5",
     ".hdf5": "mmt.session.export_files:write_hdf5",
@@ -37,7 +31,7 @@ WRITERS: Final = {
 def read_session(path: str | Path) -> RecordedSession:
     """Read a session from a file of any readable format.
 
-    A ``.npz`` or ``.csv`` that is not at 1 kHz is resampled, see `import_session`.
+    Every other than ``.mcap`` is imported, see `import_session`.
 
     Raises
     ------
@@ -53,20 +47,45 @@ def read_session(path: str | Path) -> RecordedSession:
     <RecordedSession wood.mcap: 2.0 s, 2000 frames of position, force, acceleration>
     """
     path = Path(path)
-    session: RecordedSession = _choose(path, READERS, "read")(path)
-    return session
+    if path.suffix.lower() == ".mcap":
+        from mmt.session.mcap_reader import read_mcap
+
+        return read_mcap(path)
+    from mmt.session.importing.recording import import_recording
+
+    return import_recording(path)[0]
 
 
-def import_session(path: str | Path, *, longest_gap_s: float | None = None) -> RecordedSession:
+def import_session(
+    path: str | Path,
+    *,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+    rate_hz: float | None = None,
+    blanks_as_gaps: bool = False,
+    longest_gap_s: float | None = None,
+) -> RecordedSession:
     """Read a recording of another program and resample it to 1 kHz.
+
+    What looks wrong in it, such as a unit, the sign of the force or jittered stamps, is logged
+    as a warning.
 
     Parameters
     ----------
     path
-        A ``.npz`` with the arrays ``time_s`` (n,), ``position_mm``, ``force_n`` and
-        ``acceleration_m_s2`` (n, 3), and optionally ``acceleration_time_s`` where the
-        acceleration has its own rate; or a ``.csv`` with the same as columns
-        (``time_s``, ``position_x_mm``, ...). Channels may be left out.
+        A ``.npz`` or ``.mat`` with the arrays ``time_s`` (n,), ``position_mm``, ``force_n`` and
+        ``acceleration_m_s2`` (n, 3), a table (``.csv``, ``.txt``, ``.xlsx``) with the same as
+        columns (``time_s``, ``position_x_mm``, ...), or a ROS bag. Channels may be left out,
+        and each may have times of its own (``acceleration_time_s``).
+    columns
+        The names of columns that are called otherwise, as ``{"force_z": "Fz"}``, see
+        `mmt.session.importing.options.ImportOptions`.
+    units
+        Their units where the file does not say them, as ``{"acceleration": "g"}``.
+    rate_hz
+        Rows a second of a file without times.
+    blanks_as_gaps
+        Leave out rows with an empty cell or NaN.
     longest_gap_s
         Samples further apart than this are not joined: the frames between them are
         missing in the session. None is five of the file's own median intervals, but
@@ -75,13 +94,18 @@ def import_session(path: str | Path, *, longest_gap_s: float | None = None) -> R
     Raises
     ------
     InputError
-        The file is missing or not valid; the message names the array or column and the
-        row.
+        The file is missing or not valid, a column or its unit is not known; the message names
+        the array or column and the row.
     """
-    path = Path(path)
-    if longest_gap_s is not None and not longest_gap_s > 0:
-        raise InputError(f"longest_gap_s is {longest_gap_s}, it must be above zero")
-    session: RecordedSession = _choose(path, IMPORTERS, "imported")(path, longest_gap_s)
+    from mmt.session.importing.options import ImportOptions
+    from mmt.session.importing.recording import import_recording
+
+    options = ImportOptions(
+        columns or {}, units or {}, rate_hz, blanks_as_gaps, longest_gap_s=longest_gap_s
+    )
+    session, report = import_recording(path, options)
+    for warning in report.warnings:
+        _log.warning("%s: %s", path, warning)
     return session
 
 
@@ -100,7 +124,15 @@ def export_session(session: RecordedSession, path: str | Path) -> None:
         Writing failed.
     """
     path = Path(path)
-    _choose(path, WRITERS, "written")(path, session)
+    name = WRITERS.get(path.suffix.lower())
+    if name is None:
+        given = path.suffix or "a name without suffix"
+        raise InputError(
+            f"session {path}: {given} cannot be written; the suffix must be one of "
+            f"{', '.join(WRITERS)}"
+        )
+    module, _, function = name.partition(":")
+    getattr(importlib.import_module(module), function)(path, session)
 
 
 def write_session(
@@ -149,24 +181,3 @@ def replacing(path: Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)
-
-
-def _choose(path: Path, table: Mapping[str, str], verb: str) -> Callable[..., Any]:
-    """Return the function that a table of ``suffix: "module:function"`` has for a file.
-
-    Raises
-    ------
-    InputError
-        The suffix is not in the table; the message says what cannot be done (`verb`, as
-        in "read") and which suffixes are known.
-    """
-    name = table.get(path.suffix.lower())
-    if name is None:
-        given = path.suffix or "a name without suffix"
-        raise InputError(
-            f"session {path}: {given} cannot be {verb}; the suffix must be one of "
-            f"{', '.join(table)}"
-        )
-    module, _, function = name.partition(":")
-    chosen: Callable[..., Any] = getattr(importlib.import_module(module), function)
-    return chosen

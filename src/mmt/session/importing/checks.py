@@ -1,0 +1,233 @@
+"""What an imported recording looks like, and what in it looks wrong.
+
+The bounds are those of a hand that strokes a surface with a tool; they are wide, and only warn.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray, RecordArray
+from mmt.core.frames import FIELD_OF_CHANNEL, Channel
+from mmt.session.importing.options import ImportOptions
+from mmt.session.importing.samples import Samples
+from mmt.session.importing.stamps import Stamps
+
+_SPEED_WINDOW_FRAMES = 20
+_FASTEST_MM_S = 2000.0
+_SLOWEST_MM_S = 2.0
+_LARGEST_FORCE_N = 50.0
+_SMALLEST_FORCE_N = 0.05
+_GRAVITY_M_S2: Final = 9.80665
+_LEAST_VIBRATION_M_S2 = 0.05
+_LOWEST_RATE_HZ = 700.0
+_NOTED_JITTER = 0.05
+"""Periods of jitter from which it is said."""
+
+
+@dataclass(frozen=True)
+class ChannelReport:
+    """A channel as it stood in the file, in the units of frames."""
+
+    channel: Channel
+    rows: int
+    rate_hz: float
+    jitter_ms: float
+    """Root mean square of what the stamps lie off regular times."""
+    missing_rows: int
+    low: tuple[float, ...]
+    mean: tuple[float, ...]
+    high: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class ImportReport:
+    """What was found in a recording when it was imported."""
+
+    channels: tuple[ChannelReport, ...]
+    speed_mm_s: float | None
+    """The speed that is exceeded in one frame of a hundred, over 20 ms; None without position."""
+    warnings: tuple[str, ...]
+    """What looks wrong, each with the option that mends it."""
+
+
+def assess(
+    frames: RecordArray,
+    samples: Samples,
+    stamps: Mapping[Channel, Stamps],
+    options: ImportOptions,
+    *,
+    resampled: bool,
+) -> ImportReport:
+    """Describe a recording's channels, and check them for plausible times, units and axes.
+
+    Parameters
+    ----------
+    frames
+        What became of the samples, (n,).
+    samples, stamps
+        The channels, and the times that were taken for their rows.
+    options
+        How they were read, for what a warning proposes.
+    resampled
+        Whether `frames` are others than the rows of the file.
+    """
+    speed_mm_s = None
+    if "position" in samples.values:
+        speed_mm_s = _high_speed_mm_s(frames)
+    warnings = _of_stamps(stamps) if resampled else []
+    if speed_mm_s is not None:
+        warnings += _of_position(np.ptp(samples.values["position"], axis=0), speed_mm_s, options)
+    if "force" in samples.values:
+        warnings += _of_force(samples.values["force"], options)
+    if "acceleration" in samples.values:
+        rate_hz = 1.0 / stamps["acceleration"].period_s
+        warnings += _of_acceleration(samples.values["acceleration"], rate_hz, options)
+    channels = tuple(_describe(c, v, stamps[c]) for c, v in samples.values.items())
+    return ImportReport(channels, speed_mm_s, tuple(warnings))
+
+
+def _describe(channel: Channel, values: FloatArray, stamps: Stamps) -> ChannelReport:
+    low, mean, high = (f(values, axis=0).tolist() for f in (np.min, np.mean, np.max))
+    return ChannelReport(
+        channel=channel,
+        rows=len(values),
+        rate_hz=1.0 / stamps.period_s,
+        jitter_ms=1e3 * stamps.jitter_s,
+        missing_rows=stamps.missing_rows,
+        low=tuple(low),
+        mean=tuple(mean),
+        high=tuple(high),
+    )
+
+
+def _high_speed_mm_s(frames: RecordArray) -> float:
+    window = min(_SPEED_WINDOW_FRAMES, len(frames) - 1)
+    if window < 1:
+        return 0.0
+    position = frames["position_mm"].astype(np.float64)
+    steps = (frames["sequence"][window:] - frames["sequence"][:-window]).astype(np.float64)
+    distance = np.linalg.norm(position[window:] - position[:-window], axis=1)
+    return float(np.percentile(1e3 * distance / steps, 99))
+
+
+def _of_stamps(stamps: Mapping[Channel, Stamps]) -> list[str]:
+    groups: dict[int, tuple[list[str], Stamps]] = {}
+    for channel, assessed in stamps.items():
+        groups.setdefault(id(assessed), ([], assessed))[0].append(channel)
+    return [
+        sentence
+        for channels, assessed in groups.values()
+        for sentence in _of_clock(", ".join(channels), assessed)
+    ]
+
+
+def _of_clock(channels: str, stamps: Stamps) -> list[str]:
+    sentences = []
+    if stamps.jitter_s > _NOTED_JITTER * stamps.period_s:
+        size = f"{1e3 * stamps.jitter_s:.2f} ms rms, {1e3 * stamps.largest_s:.1f} ms at most"
+        clock = f"a clock of {1.0 / stamps.period_s:.1f} Hz"
+        if stamps.regular:
+            sentences.append(
+                f"{channels}: the stamps lie {size} off {clock}; the rows were put at its times "
+                "(--stamps kept takes the stamps)"
+            )
+        elif stamps.periodic:
+            sentences.append(
+                f"{channels}: the stamps lie {size} off {clock}, but the rows fit the stamps "
+                "better, which were kept (--stamps regular takes the clock)"
+            )
+        else:
+            sentences.append(
+                f"{channels}: the intervals are uneven ({size}) and follow no clock; the stamps "
+                "were taken as they are, and speeds are as uncertain as they"
+            )
+    if stamps.missing_rows:
+        sentences.append(f"{channels}: {stamps.missing_rows} rows are missing by the stamps")
+    return sentences
+
+
+def _of_position(range_mm: FloatArray, speed_mm_s: float, options: ImportOptions) -> list[str]:
+    largest_mm = float(np.max(range_mm))
+    if speed_mm_s > _FASTEST_MM_S:
+        return [
+            f"position: the speed exceeds {speed_mm_s:.0f} mm/s in one frame of a hundred, a hand "
+            f"strokes at 20 to 500; {_other_unit('position', 'um', options)}, or look at the times"
+        ]
+    if largest_mm > 0 and speed_mm_s < _SLOWEST_MM_S:
+        return [
+            f"position: it spans {largest_mm:.3g} mm, and the speed seldom exceeds "
+            f"{speed_mm_s:.2g} mm/s; {_other_unit('position', 'm', options)}"
+        ]
+    return []
+
+
+def _of_force(force_n: FloatArray, options: ImportOptions) -> list[str]:
+    size_n = np.linalg.norm(force_n, axis=1)
+    high_n = float(np.percentile(size_n, 99))
+    if high_n > _LARGEST_FORCE_N:
+        unit = _other_unit("force", "mN", options)
+        return [f"force: it exceeds {high_n:.3g} N, a hand presses with 0.2 to 10; {unit}"]
+    if high_n < _SMALLEST_FORCE_N:
+        unit = _other_unit("force", "kN", options)
+        return [f"force: it stays below {high_n:.2g} N, so nothing is touched; {unit}"]
+    mean_n = np.mean(force_n[size_n > max(_SMALLEST_FORCE_N, 0.2 * high_n)], axis=0)
+    axis = int(np.argmax(np.abs(mean_n)))
+    if axis != 2 and abs(mean_n[axis]) > 2.0 * abs(mean_n[2]):
+        return [
+            f"force: in contact it points along {'xyz'[axis]} ({_vector(mean_n)} N on average), "
+            "where z is taken for the surface's normal; map the axes anew (position and "
+            "acceleration too), or set normal in the scene's [texture]"
+        ]
+    if mean_n[2] < 0:
+        return [
+            f"force: z is {mean_n[2]:.2g} N on average in contact; it must be the surface's force "
+            f"on the tool, away from the surface: {_turned(options)}"
+        ]
+    return []
+
+
+def _of_acceleration(
+    acceleration_m_s2: FloatArray, rate_hz: float, options: ImportOptions
+) -> list[str]:
+    sentences = []
+    mean = float(np.linalg.norm(np.mean(acceleration_m_s2, axis=0)))
+    spread = float(np.sqrt(np.sum(np.var(acceleration_m_s2, axis=0))))
+    about = f"acceleration: its mean is {mean:.3g} m/s2 long; gravity is 9.81, and none is 0"
+    if 0.8 < mean < 1.2:
+        sentences.append(f"{about}: {_other_unit('acceleration', 'g', options)}")
+    elif 800.0 < mean < 1200.0:
+        sentences.append(f"{about}: {_other_unit('acceleration', 'mg', options)}")
+    elif mean > 2.0 and not 0.8 < mean / _GRAVITY_M_S2 < 1.2:
+        sentences.append(f"{about}: is its offset or its scale wrong?")
+    elif spread < _LEAST_VIBRATION_M_S2:
+        unit = _other_unit("acceleration", "g", options)
+        sentences.append(f"acceleration: it varies by {spread:.2g} m/s2 rms only; {unit}")
+    if rate_hz < _LOWEST_RATE_HZ:
+        sentences.append(
+            f"acceleration: at {rate_hz:.0f} Hz nothing above {rate_hz / 2:.0f} Hz is in it; "
+            "texture is felt up to 500 Hz"
+        )
+    return sentences
+
+
+def _other_unit(quantity: str, unit: str, options: ImportOptions) -> str:
+    if quantity in options.units:
+        return f"is it in {options.units[quantity]}, as --unit says?"
+    return f"is it in {unit}? Then say --unit {quantity}={unit}"
+
+
+def _turned(options: ImportOptions) -> str:
+    """Return the options that turn the sign of the force."""
+    given = {target: text for target, text in options.columns.items() if "time" not in target}
+    mapped = {target: text for target, text in given.items() if target.startswith("force")}
+    if not mapped:
+        mapped = {"force": FIELD_OF_CHANNEL["force"]}
+    texts = (f"--map {t}={n[1:] if n.startswith('-') else f'-{n}'}" for t, n in mapped.items())
+    return " ".join(texts)
+
+
+def _vector(values: FloatArray) -> str:
+    return "(" + ", ".join(f"{value:.2g}" for value in values) + ")"

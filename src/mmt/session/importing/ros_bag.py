@@ -1,0 +1,82 @@
+"""ROS 2 bags (folders, ``.db3``, ``.mcap``) and ROS 1 bags: fields as ``topic.field``."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from mmt.core.errors import InputError
+from mmt.core.extras import require
+from mmt.session.importing.columns import Columns
+
+_UNITS: Final = {"position": "m", "translation": "m", "point": "m"}
+"""The last part of a name whose values ROS gives in metres (REP 103); else it uses SI."""
+
+
+def read_bag(path: Path, wanted: Callable[[str], bool]) -> Columns:
+    """Read the wanted fields of a bag's messages, each with the times of its topic.
+
+    Fields with x, y and z, such as ``/sensor.wrench.force``, are arrays (n, 3); numbers are
+    (n,). Times are those of the messages' headers, or of their receipt where these are zero.
+
+    Raises
+    ------
+    InputError
+        rosbags is not installed, or the file is missing or not a bag.
+    """
+    origin = f"import {path}"
+    require("rosbags")
+    from rosbags.highlevel import AnyReader, AnyReaderError
+    from rosbags.rosbag1 import ReaderError as Reader1Error
+    from rosbags.rosbag2 import ReaderError as Reader2Error
+    from rosbags.typesys import Stores, get_typestore
+
+    if not path.exists():
+        raise InputError(f"{origin}: No such file or directory")
+    store = get_typestore(Stores.LATEST)
+    try:
+        with AnyReader([path], default_typestore=store) as reader:
+            return _read(origin, reader, wanted)
+    except (AnyReaderError, Reader1Error, Reader2Error, OSError, KeyError, ValueError) as error:
+        raise InputError(f"{origin}: this is not a ROS bag that can be read: {error}") from error
+
+
+def _read(origin: str, reader: Any, wanted: Callable[[str], bool]) -> Columns:
+    values: dict[str, list[Any]] = {}
+    stamps: dict[str, list[int]] = {}
+    names: set[str] = set()
+    for connection, received_ns, data in reader.messages():
+        message = reader.deserialize(data, connection.msgtype)
+        stamp_ns = _stamp_ns(message) or received_ns
+        for name, value in _numbers(connection.topic, message):
+            names.add(name)
+            if wanted(name):
+                values.setdefault(name, []).append(value)
+                stamps.setdefault(name, []).append(stamp_ns)
+    origin_ns = min((column[0] for column in stamps.values()), default=0)
+    return Columns(
+        origin=origin,
+        values={name: np.array(column, dtype=np.float64) for name, column in values.items()},
+        names=sorted(names),
+        units={name: unit for name in values if (unit := _UNITS.get(name.rsplit(".")[-1]))},
+        times={name: (np.array(column) - origin_ns) / 1e9 for name, column in stamps.items()},
+    )
+
+
+def _stamp_ns(message: Any) -> int:
+    stamp = getattr(getattr(message, "header", None), "stamp", None)
+    return 0 if stamp is None else int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+def _numbers(name: str, message: Any) -> Iterator[tuple[str, Any]]:
+    """Yield each number and each vector of a message with its dotted name."""
+    if all(hasattr(message, axis) for axis in "xyz") and not hasattr(message, "w"):
+        yield name, (message.x, message.y, message.z)
+    elif is_dataclass(message):
+        for field in fields(message):
+            if field.name != "header" and not field.name.startswith("_"):
+                yield from _numbers(f"{name}.{field.name}", getattr(message, field.name))
+    elif isinstance(message, int | float):
+        yield name, message

@@ -1,0 +1,87 @@
+"""``mmt session inspect`` proposes the command that imports a stranger's file."""
+
+import json
+import shlex
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from mmt.cli.main import app
+from mmt.session import read_session
+
+TIME_S = np.arange(3000) / 1000
+POSITION_MM = np.column_stack([30 * np.sin(5 * TIME_S), 10 * TIME_S])
+FORCE_N = 1 + 0.5 * np.sin(2 * TIME_S)
+ACCELERATION_M_S2 = np.random.default_rng(1).standard_normal(3000) + 9.81
+
+FILES = {
+    "lab.csv": "Time [ms],Tip X (mm),Tip Y (mm),Fz [mN],acc_z_g\n",
+    "long.csv": "timestamp_ms,pos_x,pos_y,force_z_mn,accelZ [g]\n",
+    "german.csv": "Lauf 3\nZeit;x;y;Fz;az\nms;mm;mm;mN;g\n",
+    "short.csv": "t,px,py,fz_mN,az_g\n",
+}
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, ["session", *arguments])
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_the_proposed_command_imports_the_file(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    delimiter = ";" if "german" in name else ","
+    columns = [1e3 * TIME_S, *POSITION_MM.T, 1e3 * FORCE_N, ACCELERATION_M_S2 / 9.80665]
+    rows = [delimiter.join(f"{value:.6f}" for value in row) for row in np.column_stack(columns)]
+    (tmp_path / name).write_text(FILES[name] + "\n".join(rows))
+    told = run("inspect", name)
+    assert told.exit_code == 0, told.output
+    command = shlex.split(told.stdout.splitlines()[-1])
+    assert command[:4] == ["mmt", "session", "import", name]
+    done = run(*command[2:])
+    assert done.exit_code == 0, done.output
+    frames = read_session(tmp_path / command[4]).frames
+    np.testing.assert_allclose(frames["position_mm"][:, :2], POSITION_MM, atol=1e-3)
+    np.testing.assert_allclose(frames["force_n"][:, 2], FORCE_N, atol=1e-3)
+    np.testing.assert_allclose(frames["acceleration_m_s2"][:, 2], ACCELERATION_M_S2, atol=1e-3)
+
+
+def test_a_file_of_which_nothing_is_known_is_listed(tmp_path):
+    (tmp_path / "odd.csv").write_text("alpha,beta\n1,2\n2,3\n")
+    told = run("inspect", str(tmp_path / "odd.csv"))
+    assert told.exit_code == 0
+    assert "columns: alpha, beta" in told.output
+    assert "no column was found for time: --map time=NAME, or --rate HZ" in told.output
+    assert "cannot be imported" in told.output
+
+
+def test_import_prints_and_writes_what_it_found(tmp_path):
+    force_n = np.column_stack([0 * TIME_S, 0 * TIME_S, -FORCE_N])
+    np.savez(tmp_path / "a.npz", time_s=TIME_S, force_n=force_n)
+    files = [str(tmp_path / "a.npz"), str(tmp_path / "a.mcap")]
+    done = run("import", *files, "--json", str(tmp_path / "a.json"))
+    assert done.exit_code == 0
+    assert "force_z_n" in done.output
+    assert "--map force=-force_n" in done.output
+    found = json.loads((tmp_path / "a.json").read_text())
+    assert found["frames"] == 3000
+    assert found["channels"][0]["rate_hz"] == pytest.approx(1000)
+    assert len(found["warnings"]) == 1
+    mended = run("import", *files, "--map", "force=-force_n", "--force")
+    assert "--map force=" not in mended.output
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (["--map", "force"], "must have the form NAME=VALUE"),
+        (["--unit", "force=bar"], "bar is no known unit"),
+        (["--map", "force=G"], "which is not there; the columns are time_s, force_n"),
+    ],
+)
+def test_options_that_are_wrong_are_explained(tmp_path, options, reason):
+    np.savez(tmp_path / "a.npz", time_s=TIME_S, force_n=np.ones((3000, 3)))
+    done = run("import", str(tmp_path / "a.npz"), str(tmp_path / "a.mcap"), *options)
+    assert done.exit_code != 0
+    assert reason in str(done.exception)
+    assert not (tmp_path / "a.mcap").exists()

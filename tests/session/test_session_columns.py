@@ -1,0 +1,315 @@
+"""Columns of any name, unit and kind of file become the same frames."""
+
+import numpy as np
+import pytest
+import scipy.io
+
+from mmt.core.errors import InputError
+from mmt.session import import_session
+from mmt.session.importing.options import ImportOptions, assignments
+from mmt.session.importing.recording import import_recording
+
+TIME_S = np.arange(3000) / 1000
+POSITION_MM = np.column_stack([30 * np.sin(5 * TIME_S), 10 * TIME_S, 0 * TIME_S])
+FORCE_N = np.column_stack([0.1 * np.cos(5 * TIME_S), 0 * TIME_S, 1 + 0.5 * np.sin(2 * TIME_S)])
+GRAVITY_M_S2 = np.array([0.0, 0.0, 9.81])
+ACCELERATION_M_S2 = np.random.default_rng(1).standard_normal((3000, 3)) + GRAVITY_M_S2
+
+
+def check(frames):
+    np.testing.assert_allclose(frames["position_mm"], POSITION_MM, atol=1e-3)
+    np.testing.assert_allclose(frames["force_n"], FORCE_N, atol=1e-4)
+    np.testing.assert_allclose(frames["acceleration_m_s2"], ACCELERATION_M_S2, atol=1e-4)
+
+
+def write_rows(path, header, columns, delimiter=",", comma=False, encoding="utf-8"):
+    rows = [delimiter.join(f"{value:.7f}" for value in row) for row in np.column_stack(columns)]
+    text = "\n".join(rows)
+    path.write_text(header + (text.replace(".", ",") if comma else text), encoding=encoding)
+    return path
+
+
+def test_columns_of_other_names_and_units_are_mapped(tmp_path):
+    path = write_rows(
+        tmp_path / "a.csv",
+        "t,px,py,Fx,Fy,Fz,ax,ay,az,note\n",
+        [
+            *(1e3 * TIME_S, *(POSITION_MM[:, :2] / 1e3).T, *(-FORCE_N).T),
+            *(ACCELERATION_M_S2 / 9.80665).T,
+            0 * TIME_S,
+        ],
+    )
+    columns = {"time": "t", "position_x": "px", "position_y": "py", "position_z": "0"}
+    columns |= {f"force_{axis}": f"-F{axis}" for axis in "xyz"}
+    columns |= {f"acceleration_{axis}": f"a{axis}" for axis in "xyz"}
+    units = {"time": "ms", "position": "m", "acceleration": "g"}
+    check(import_session(path, columns=columns, units=units).frames)
+
+
+def test_a_german_measuring_program_is_understood(tmp_path):
+    """Lines above the header, a row of units, semicolons, decimal commas, Windows' encoding."""
+    path = write_rows(
+        tmp_path / "a.txt",
+        "Messung bei 22 °C\nPrüfer: M\n\n"
+        "time_s;position_x_mm;position_y_mm;position_z_mm;force_x_n;force_y_n;force_z_n;"
+        "acceleration_x_m_s2;acceleration_y_m_s2;acceleration_z_m_s2\n"
+        "s;m;m;m;mN;mN;mN;mg;mg;mg\n",
+        [
+            *(TIME_S, *(POSITION_MM / 1e3).T, *(FORCE_N * 1e3).T),
+            *(ACCELERATION_M_S2 / 9.80665e-3).T,
+        ],
+        delimiter=";",
+        comma=True,
+        encoding="cp1252",
+    )
+    check(import_session(path).frames)
+
+
+def test_tabs_and_units_in_brackets_are_understood(tmp_path):
+    path = write_rows(
+        tmp_path / "a.tsv",
+        "time_s [ms]\tFx (mN)\tFy (mN)\tFz (mN)\n",
+        [1e3 * TIME_S, *(1e3 * FORCE_N).T],
+        delimiter="\t",
+    )
+    frames = import_session(path, columns={f"force_{axis}": f"F{axis}" for axis in "xyz"}).frames
+    np.testing.assert_allclose(frames["force_n"], FORCE_N, atol=1e-4)
+
+
+def test_a_table_without_header_and_without_times_has_numbers_for_names(tmp_path):
+    path = write_rows(tmp_path / "a.dat", "", [*FORCE_N.T])
+    columns = {"force_x": "1", "force_y": "2", "force_z": "3"}
+    frames = import_session(path, columns=columns, rate_hz=1000).frames
+    np.testing.assert_allclose(frames["force_n"], FORCE_N, atol=1e-6)
+    with pytest.raises(InputError, match="--rate HZ"):
+        import_session(path, columns=columns)
+
+
+def test_each_channel_may_have_times_of_its_own(tmp_path):
+    np.savez(
+        tmp_path / "a.npz",
+        tp=TIME_S[::4],
+        p=POSITION_MM[::4],
+        tf=TIME_S[::2],
+        f=FORCE_N[::2],
+        ta=TIME_S,
+        a=ACCELERATION_M_S2,
+    )
+    columns = {name: name[0] for name in ("position", "force", "acceleration")}
+    columns |= {f"{name}_time": f"t{name[0]}" for name in columns}
+    frames = import_session(tmp_path / "a.npz", columns=columns).frames
+    assert len(frames) == 2997
+    np.testing.assert_allclose(frames["position_mm"], POSITION_MM[:2997], atol=1e-3)
+    np.testing.assert_allclose(frames["force_n"], FORCE_N[:2997], atol=1e-4)
+
+
+def test_components_of_arrays_are_axes(tmp_path):
+    np.savez(tmp_path / "a.npz", time_s=TIME_S, wrench=np.hstack([FORCE_N, FORCE_N])[:, [1, 2, 0]])
+    columns = {"force_x": "wrench[2]", "force_y": "wrench[0]", "force_z": "-wrench[1]"}
+    frames = import_session(tmp_path / "a.npz", columns=columns).frames
+    np.testing.assert_allclose(frames["force_n"], FORCE_N * [1, 1, -1], atol=1e-6)
+    with pytest.raises(InputError, match=r"component 9 of wrench, which has shape \(3000, 3\)"):
+        import_session(tmp_path / "a.npz", columns={"force_x": "wrench[9]"})
+
+
+def test_blanks_are_gaps_when_asked(tmp_path):
+    force_n = FORCE_N.copy()
+    force_n[500:800, 1] = np.nan
+    np.savez(tmp_path / "a.npz", time_s=TIME_S, force_n=force_n)
+    with pytest.raises(InputError, match=r"force_y is empty or NaN in row 500.*299 more rows"):
+        import_session(tmp_path / "a.npz")
+    frames = import_session(tmp_path / "a.npz", blanks_as_gaps=True).frames
+    np.testing.assert_array_equal(frames["sequence"], np.r_[:500, 800:3000])
+
+
+def test_a_matlab_structure_is_read_by_its_fields(tmp_path):
+    content = {"run": {"t": TIME_S, "F": FORCE_N.T, "x": POSITION_MM, "a": ACCELERATION_M_S2}}
+    scipy.io.savemat(tmp_path / "a.mat", {**content, "note": "rough wood"})
+    columns = {"time": "run.t", "force": "run.F", "position": "run.x", "acceleration": "run.a"}
+    check(import_session(tmp_path / "a.mat", columns=columns).frames)
+
+
+def test_a_matlab_file_of_version_7_3_is_read(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
+        file["time_s"], file["force_n"] = TIME_S[None], FORCE_N.T  # as MATLAB stores its columns
+    header = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM"
+    with (tmp_path / "a.mat").open("r+b") as stream:
+        stream.write(header)
+    frames = import_session(tmp_path / "a.mat").frames
+    np.testing.assert_allclose(frames["force_n"], FORCE_N, atol=1e-6)
+
+
+def test_a_workbook_is_read(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.append(["Run 7"])
+    book.active.append(["time_s", "Fx [mN]", "Fy [mN]", "Fz [mN]"])
+    for row in np.column_stack([TIME_S, 1e3 * FORCE_N]).tolist():
+        book.active.append(row)
+    book.save(tmp_path / "a.xlsx")
+    columns = {f"force_{axis}": f"F{axis}" for axis in "xyz"}
+    frames = import_session(tmp_path / "a.xlsx", columns=columns).frames
+    np.testing.assert_allclose(frames["force_n"], FORCE_N, atol=1e-6)
+
+
+def ros_bag(path, rows=2000):
+    rosbag2 = pytest.importorskip("rosbags.rosbag2")
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.LATEST)
+    types = {name.rsplit("/", 1)[-1]: kind for name, kind in store.types.items()}
+    turn, nothing = types["Quaternion"](0.0, 0.0, 0.0, 1.0), types["Vector3"](0.0, 0.0, 0.0)
+    unknown = np.zeros(9)
+
+    def messages(row, header):
+        force, acceleration = (
+            types["Vector3"](*values[row].tolist()) for values in (FORCE_N, ACCELERATION_M_S2)
+        )
+        place = types["Point"](*(POSITION_MM[row] / 1e3).tolist())
+        return {
+            "/sensor/wrench": types["WrenchStamped"](header, types["Wrench"](force, nothing)),
+            "/imu": types["Imu"](header, turn, unknown, nothing, unknown, acceleration, unknown),
+            "/tool": types["PoseStamped"](header, types["Pose"](place, turn)),
+        }
+
+    with rosbag2.Writer(path, version=9) as writer:
+        connections = {}
+        for row in range(rows):
+            time_ns = 1_700_000_000_000_000_000 + row * 1_000_000
+            stamp = types["Time"](time_ns // 10**9, time_ns % 10**9)
+            for topic, message in messages(row, types["Header"](stamp, "tool")).items():
+                kind = message.__msgtype__
+                if topic not in connections:
+                    connections[topic] = writer.add_connection(topic, kind, typestore=store)
+                late_ns = time_ns + 3_000_000 + row % 7 * 100_000  # when it was received
+                writer.write(connections[topic], late_ns, store.serialize_cdr(message, kind))
+    return path
+
+
+def test_a_ros_2_bag_is_read_by_topic(tmp_path):
+    path = ros_bag(tmp_path / "bag")
+    columns = {"force": "/sensor/wrench", "acceleration": "/imu", "position": "/tool"}
+    frames = import_session(path, columns=columns).frames
+    assert len(frames) == 2000
+    np.testing.assert_allclose(frames["position_mm"], POSITION_MM[:2000], atol=1e-3)
+    np.testing.assert_allclose(frames["force_n"], FORCE_N[:2000], atol=1e-6)
+    np.testing.assert_allclose(frames["acceleration_m_s2"], ACCELERATION_M_S2[:2000], atol=1e-5)
+
+
+def test_what_is_no_bag_is_explained(tmp_path):
+    pytest.importorskip("rosbags")
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "a.mcap").write_bytes(b"\x89MCAP0\r\n" + bytes(40))
+    (tmp_path / "b.db3").write_bytes(b"SQLite format 3\0" + bytes(100))
+    for name in "bag", "a.mcap", "b.db3":
+        with pytest.raises(InputError, match="is not a ROS bag"):
+            import_session(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.mat", b"MATLAB 5.0 MAT-file" + bytes(200)),
+        ("b.mat", b""),
+        ("c.mat", b"not a matlab file at all" * 20),
+        ("d.mat", b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + bytes(2000)),
+        ("a.xlsx", b"PK\x03\x04 nothing"),
+        ("b.xlsx", b""),
+    ],
+)
+def test_damaged_files_are_explained(tmp_path, name, content):
+    pytest.importorskip("openpyxl")
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=r"MATLAB file|workbook|holds none|Unable|open"):
+        import_session(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        ({"columns": {"weight": "x"}}, "--map weight=.*there is no weight to map to, only time"),
+        ({"units": {"weight": "g"}}, "units are of time, position, force, acceleration"),
+        ({"units": {"force": "bar"}}, "bar is no known unit of it; known are N, mN"),
+        ({"rate_hz": -5.0}, "rate_hz is -5.0, it must be above zero"),
+        ({"longest_gap_s": float("nan")}, "longest_gap_s is nan"),
+    ],
+)
+def test_options_that_mean_nothing_are_refused(given, reason):
+    with pytest.raises(InputError, match=reason):
+        ImportOptions(**given)
+
+
+def test_a_column_that_is_not_there_is_named_with_those_that_are(tmp_path):
+    np.savez(tmp_path / "a.npz", time_s=TIME_S, F=FORCE_N)
+    with pytest.raises(InputError, match="force is mapped to G, which is not there; the columns"):
+        import_session(tmp_path / "a.npz", columns={"force": "G"})
+
+
+def test_pairs_on_the_command_line_have_one_form():
+    assert assignments(["a=b", "c = d=e"], "--map") == {"a": "b", "c": "d=e"}
+    for wrong in ["a"], ["=b"], ["a="], ["a=b", "a=c"]:
+        with pytest.raises(InputError, match="--map"):
+            assignments(wrong, "--map")
+
+
+# What looks wrong is said, with the option that mends it.
+
+
+def warnings_of(tmp_path, options=None, **arrays):
+    held = {"position_mm": POSITION_MM, "force_n": FORCE_N, "acceleration_m_s2": ACCELERATION_M_S2}
+    np.savez(tmp_path / "a.npz", **{"time_s": TIME_S, **held, **arrays})
+    return import_recording(tmp_path / "a.npz", options)[1].warnings
+
+
+def test_a_sound_recording_passes_without_a_word(tmp_path):
+    assert warnings_of(tmp_path) == ()
+    assert warnings_of(tmp_path, acceleration_m_s2=ACCELERATION_M_S2 - GRAVITY_M_S2) == ()
+
+
+@pytest.mark.parametrize(
+    ("arrays", "reason"),
+    [
+        ({"acceleration_m_s2": ACCELERATION_M_S2 / 9.80665}, "--unit acceleration=g"),
+        ({"acceleration_m_s2": ACCELERATION_M_S2 / 9.80665e-3}, "--unit acceleration=mg"),
+        ({"acceleration_m_s2": ACCELERATION_M_S2 * 3}, "offset or its scale"),
+        ({"acceleration_m_s2": ACCELERATION_M_S2 * 0}, "--unit acceleration=g"),
+        ({"position_mm": POSITION_MM / 1e3}, "--unit position=m"),
+        ({"position_mm": POSITION_MM * 1e3}, "--unit position=um"),
+        ({"force_n": FORCE_N * 1e3}, "--unit force=mN"),
+        ({"force_n": FORCE_N / 1e3}, "--unit force=kN"),
+        ({"force_n": -FORCE_N}, "--map force=-force_n"),
+        ({"force_n": FORCE_N[:, [0, 2, 1]]}, "points along y"),
+    ],
+)
+def test_a_wrong_unit_or_axis_is_said_with_what_mends_it(tmp_path, arrays, reason):
+    found = warnings_of(tmp_path, **arrays)
+    assert len(found) == 1
+    assert reason in found[0]
+
+
+def test_what_a_warning_proposes_mends_it(tmp_path):
+    options = ImportOptions(columns={"force": "-force_n"}, units={"acceleration": "g"})
+    arrays = {"force_n": -FORCE_N, "acceleration_m_s2": ACCELERATION_M_S2 / 9.80665}
+    assert warnings_of(tmp_path, options, **arrays) == ()
+
+
+def test_jitter_and_slow_sensors_are_said_with_figures(tmp_path):
+    jitter_s = 6e-4 * np.random.default_rng(3).uniform(-1, 1, 1500)
+    found = warnings_of(
+        tmp_path,
+        time_s=TIME_S[::2] + jitter_s,
+        position_mm=POSITION_MM[::2],
+        force_n=FORCE_N[::2],
+        acceleration_m_s2=ACCELERATION_M_S2[::2],
+    )
+    assert "0.3" in found[0]
+    assert "a clock of 500.0 Hz; the rows were put at its times" in found[0]
+    assert "at 500 Hz nothing above 250 Hz" in found[1]
+    assert len(found) == 2
+
+
+def test_warnings_are_logged_for_those_who_call_it_from_python(tmp_path, caplog):
+    np.savez(tmp_path / "a.npz", time_s=TIME_S, force_n=-FORCE_N)
+    import_session(tmp_path / "a.npz")
+    assert "--map force=-force_n" in caplog.text
