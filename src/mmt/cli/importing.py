@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from rich.text import Text
 
@@ -118,12 +119,14 @@ def import_file(
 
 def print_report(title: str, report: "ImportReport") -> None:
     """Print what was found in a recording, and what looks wrong."""
-    table = Table(title=title, title_justify="left", pad_edge=False)
+    table = Table(
+        title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0)
+    )
     table.add_column("column", no_wrap=True)
     for name in ("rows", "Hz", "jitter ms", "missing", "mean", "lowest", "highest"):
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", no_wrap="jitter" not in name)
     for channel in report.channels:
-        clock = (f"{channel.rate_hz:.1f}", f"{channel.jitter_ms:.3f}", str(channel.missing_rows))
+        clock = (f"{channel.rate_hz:.1f}", f"{channel.jitter_ms:.2f}", str(channel.missing_rows))
         for axis, name in enumerate(axis_columns(channel.channel)):
             figures = (channel.mean[axis], channel.low[axis], channel.high[axis])
             first = (str(channel.rows), *clock) if axis == 0 else ("", "", "", "")
