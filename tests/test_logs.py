@@ -10,8 +10,9 @@ from typing import Any
 
 import pytest
 
+import mmt.core.logs
 from mmt.core.errors import InputError, MmtError
-from mmt.core.logs import Logs, details
+from mmt.core.logs import Logs, RepeatLimit, details
 
 LOG = logging.getLogger("mmt.test")
 
@@ -160,3 +161,11 @@ def test_a_stalled_disk_holds_up_nothing_and_the_loss_is_written(
     losses = [line["count"] for line in written if line["event"] == "log lines dropped"]
     assert losses  # one, or more where the writer gets a turn while lines are still dropped
     assert sum(losses) + len(written) - len(losses) == 301
+
+
+def test_after_the_clock_jumped_back_lines_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    limit, now_s = RepeatLimit(), 1000.0
+    monkeypatch.setattr(mmt.core.logs.time, "monotonic", lambda: now_s)
+    assert [limit.allow("kind"), limit.allow("kind")] == [1, 0]
+    now_s = 5.0
+    assert [limit.allow("kind"), limit.allow("kind")] == [2, 0]

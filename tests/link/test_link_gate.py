@@ -89,6 +89,70 @@ def test_a_peer_that_goes_on_is_cut_off_and_one_that_stops_is_not() -> None:
     assert stopping.shut == []
 
 
+@pytest.mark.parametrize("jump_s", [0.5, 30, 3600])
+def test_a_clock_that_jumps_back_cuts_nobody_off(jump_s: float) -> None:
+    notes, jump_ns = Notes(), round(jump_s * SECOND)
+    for number in range(40_000):
+        now_ns = 5000 * SECOND + number * SECOND // 1000 - jump_ns * (number > 10_000)
+        assert notes.gate.passes(100, now_ns)
+    assert notes.shut == []
+
+
+def test_a_clock_that_jumps_back_lets_no_more_than_the_bound_pass() -> None:
+    notes = Notes()
+    passed = sum(
+        notes.gate.passes(0, (90 - jump) * SECOND) for jump in range(60) for _ in range(5000)
+    )
+    assert passed == 100_000
+
+
+def test_a_flood_is_cut_off_though_the_clock_jumps_back() -> None:
+    notes = Notes()
+    for start_s in (90.0, 60.0):
+        for number in range(130_000):
+            notes.gate.passes(0, round((start_s + number / 50_000) * SECOND))
+    assert len(notes.shut) == 1
+
+
+def test_an_excess_that_is_long_over_is_forgiven() -> None:
+    notes = Notes()
+
+    def clump(count: int, now_s: float) -> None:
+        for _ in range(count):
+            notes.gate.passes(0, round(now_s * SECOND))
+
+    clump(100_001, 10.0)  # one too many
+    assert notes.excess == 1
+    clump(1, 15.1)  # the bucket is more than half empty again
+    clump(60_000, 15.2)
+    assert notes.excess > 1
+    assert notes.shut == []
+    clump(30_000, 17.3)  # now it goes on for longer than the grace
+    assert len(notes.shut) == 1
+
+
+def test_an_excess_that_is_hardly_over_is_not_forgiven() -> None:
+    notes = Notes()
+    for now_s, count in ((10.0, 100_001), (14.9, 1), (15.0, 60_000)):
+        for _ in range(count):
+            notes.gate.passes(0, round(now_s * SECOND))
+    assert len(notes.shut) == 1
+
+
+def test_a_new_connection_begins_with_no_excess_but_the_same_level() -> None:
+    notes = Notes()
+    for now_s in (10.0, 12.1):
+        for _ in range(125_000):
+            notes.gate.passes(0, round(now_s * SECOND))
+    assert len(notes.shut) == 1
+    notes.gate.open()
+    assert not notes.gate.shut
+    before = notes.excess
+    assert not notes.gate.passes(0, round(12.1 * SECOND))
+    assert notes.excess == before + 1
+    assert not notes.gate.shut
+
+
 def test_the_gate_costs_little() -> None:
     notes, started_s = Notes(), time.perf_counter()
     for number in range(100_000):

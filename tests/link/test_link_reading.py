@@ -154,6 +154,17 @@ def test_numbers_never_outrun_twice_the_pace(arrivals: list[tuple[int, int]]) ->
     assert into.lost <= max(0, (passed or [0])[-1] - (passed or [0])[0])
 
 
+def test_after_the_clock_jumped_back_frames_are_believed_as_far_as_before() -> None:
+    into, hour_ns = reader(), 3600 * 10**9
+    for number in range(10):
+        assert read_at(into, numbered(number), hour_ns + number * 10**6) == [number]
+    assert into.is_plausible(11, 10**9)
+    assert not into.is_plausible(10**6, 10**9)
+    for number in range(10, 20):
+        assert read_at(into, numbered(number), 10**9 + number * 10**6) == [number]
+    assert read_at(into, numbered(10**6), 10**9 + 21 * 10**6) == []
+
+
 def test_a_first_number_so_high_that_it_would_wrap_is_not_believed() -> None:
     into = reader()
     assert read(into, numbered(2**31)) == []

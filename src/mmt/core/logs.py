@@ -132,7 +132,7 @@ class RepeatLimit:
     def allow(self, kind: Hashable) -> int:
         """Return 0 to suppress a line, else 1 plus the number suppressed since the last one."""
         now_s = time.monotonic()
-        if now_s < self._next_s.get(kind, 0.0):
+        if 0.0 < self._next_s.get(kind, 0.0) - now_s <= REPEAT_PERIOD_S:  # or it has jumped back
             self._suppressed[kind] = self._suppressed.get(kind, 0) + 1
             return 0
         if len(self._next_s) >= _MAX_KINDS:

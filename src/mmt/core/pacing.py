@@ -33,7 +33,8 @@ class JumpBound:
     A token bucket in units of time, filled by the clock. Each number costs the shortest period,
     so that in the long run a sender is at most that fast, and at most two seconds ahead once.
     A silence fills the bucket further; the surplus drains while records arrive, so that a burst
-    after a network stall still passes. Some integer operations a record, no division.
+    after a network stall still passes. A clock that jumps back takes the bucket along. Some
+    integer operations a record, no division.
 
     Parameters
     ----------
@@ -45,17 +46,23 @@ class JumpBound:
         self._shortest_ns = shortest_ns
         self._drain_ns = 2 * shortest_ns
         self._due_ns = -MARGIN_NS
+        self._arrival_ns = 0
 
     def restart(self, arrival_ns: int) -> None:
         """Start again from the number that arrives now."""
         self._due_ns = arrival_ns - MARGIN_NS
+        self._arrival_ns = arrival_ns
 
     def permits(self, ahead: int, arrival_ns: int) -> bool:
         """Whether a number so far ahead of the newest is plausible; changes nothing."""
-        return self._due_ns + ahead * self._shortest_ns <= arrival_ns
+        jumped_ns = max(0, self._arrival_ns - arrival_ns)
+        return self._due_ns - jumped_ns + ahead * self._shortest_ns <= arrival_ns
 
     def allows(self, ahead: int, arrival_ns: int) -> bool:
         """Whether a number so far ahead of the newest is plausible; if so, it is charged."""
+        if arrival_ns < self._arrival_ns:
+            self._due_ns -= self._arrival_ns - arrival_ns
+        self._arrival_ns = arrival_ns
         due_ns = self._due_ns + ahead * self._shortest_ns
         if due_ns > arrival_ns:
             return False

@@ -52,8 +52,8 @@ HANDSHAKE_MESSAGES: Final = 50
 class RateLimit:
     """Limit the rate of messages and bytes; a few integer operations a message.
 
-    A token bucket in units of time: each message costs some, the clock refills it. Messages that
-    find it empty are dropped and counted.
+    A token bucket in units of time: each message costs some, the clock refills it, and takes it
+    along where it jumps back. Messages that find it empty are dropped and counted.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class RateLimit:
         self._message_ns = max(1, round(1e9 / (rate_hz * MESSAGES_PER_PERIOD)))
         self._byte_ps = max(1, round(1e12 / (rate_hz * BYTES_PER_PERIOD)))
         self._burst_ns = round(BURST_S * 1e9)
-        self._due_ns = 0
+        self._now_ns = self._due_ns = 0
         self._over_since_ns: int | None = None
         self._on_excess = on_excess
         self._on_rate_exceeded = on_exceeded
@@ -89,6 +89,10 @@ class RateLimit:
 
     def passes(self, size: int, now_ns: int) -> bool:
         """Whether a message of `size` bytes that arrives now may pass."""
+        if now_ns < self._now_ns:
+            self._due_ns -= self._now_ns - now_ns
+            self._over_since_ns = None
+        self._now_ns = now_ns
         due_ns = max(self._due_ns, now_ns) + self._message_ns + size * self._byte_ps // 1000
         if due_ns - now_ns <= self._burst_ns:
             self._due_ns = due_ns
