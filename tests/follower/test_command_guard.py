@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmt.core.arrays import RecordArray
-from mmt.core.frames import COMMAND_DTYPE
+from mmt.core.frames import COMMAND_DTYPE, frame_dtype
 from mmt.devices.protocols import Vector
 from mmt.follower.command_guard import CommandGuard
 from mmt.scene import Link
@@ -27,6 +27,13 @@ def command(
     block["echo_time_ns"] = SECOND_NS
     block["echo_age_ns"] = 2 * SECOND_NS
     return block, 3 * SECOND_NS + round_trip_ns
+
+
+def sent_at(*times_ns: int) -> RecordArray:
+    """Frames of these times."""
+    frames = np.zeros(len(times_ns), dtype=frame_dtype())
+    frames["time_ns"] = times_ns
+    return frames
 
 
 class Guarded:
@@ -50,6 +57,11 @@ class Guarded:
             say=self.said.append,
             box_mm=box_mm,
         )
+        self.send(SECOND_NS)
+
+    def send(self, *times_ns: int) -> None:
+        """Send frames of these times."""
+        self.guard.echoes.note(sent_at(*times_ns))
 
     def run(self, ticks: int, position_mm: Vector | None = None) -> None:
         """Let ticks pass, with a command before each where there is one."""
@@ -88,6 +100,7 @@ def test_commands_pass_as_they_are_where_the_robot_is_there_already() -> None:
         "silences": 0,
         "silent_s": 0.0,
         "stale_commands": 0,
+        "implausible_commands": 0,
         "slowed_ticks": 0,
         "clipped_commands": 0,
         "halts": 0,
@@ -108,6 +121,7 @@ def test_the_robot_begins_where_it_is() -> None:
 
 def test_a_robot_that_is_not_measured_begins_at_the_first_command() -> None:
     guard = CommandGuard(Link(), 1000.0, "z", measures_position=False, say=lambda _: None)
+    guard.echoes.note(sent_at(SECOND_NS))
     guard.receive(*command(3.0, 2.0, 1.0))
     assert guard.step(1, lambda: None) == (3.0, 2.0, 1.0)
 
@@ -165,13 +179,70 @@ def test_stale_commands_are_thrown_away_and_are_no_end_of_the_silence() -> None:
     assert robot.newest == pytest.approx((5.0, 0.0, 5.0))
 
 
-def test_a_command_that_echoes_nothing_cannot_be_stale() -> None:
-    robot = Guarded()
-    block, arrival_ns = command(1.0, 0.0, 5.0)
+def test_a_command_that_echoes_nothing_is_as_old_as_the_first_frame() -> None:
+    robot = Guarded(stale_ms=300.0)
+    block, _ = command(1.0, 0.0, 5.0)
     block["echo_time_ns"] = block["echo_age_ns"] = 0
-    robot.guard.receive(block, arrival_ns)
+    robot.guard.receive(block, SECOND_NS + 300_000_001)
+    robot.run(10)
+    assert robot.positions[-1] is None
+    robot.guard.receive(block, SECOND_NS + 300_000_000)
     robot.run(100)
     assert robot.newest == (1.0, 0.0, 5.0)
+    robot.guard.echoes.connect()  # another leader, before the first frame for it
+    block["position_mm"] = HOME
+    robot.guard.receive(block, 9 * SECOND_NS)
+    robot.run(100)
+    assert robot.newest == HOME
+
+
+@pytest.mark.parametrize(
+    ("echo_time_ns", "echo_age_ns"),
+    [
+        (SECOND_NS + 1, 0),  # between two frames
+        (2 * SECOND_NS, 0),  # newer than any
+        (2**62, 0),
+        (-1, 0),
+        (SECOND_NS - 1, 0),  # older than any
+        (SECOND_NS, 2 * SECOND_NS + 10_000_000),  # since before it was sent
+        (SECOND_NS, 2**62),
+        (SECOND_NS, -1),
+        (SECOND_NS, -(2**63)),
+    ],
+)
+def test_an_echo_that_cannot_be_true_makes_no_command_fresh(
+    echo_time_ns: int, echo_age_ns: int
+) -> None:
+    robot = Guarded()
+    robot.send(SECOND_NS + 2_000_000)
+    robot.run(10, HOME)
+    block, arrival_ns = command(50.0, 0.0, 0.0)
+    block["echo_time_ns"], block["echo_age_ns"] = echo_time_ns, echo_age_ns
+    robot.guard.receive(block, arrival_ns)
+    robot.run(200)
+    assert robot.newest == HOME
+    assert robot.guard.summary["implausible_commands"] == 1
+    assert "echo no frame that was sent" in robot.said[0]
+
+
+def test_a_frame_of_a_minute_ago_may_be_echoed_but_none_of_an_earlier_connection() -> None:
+    robot = Guarded()
+    robot.send(*range(2 * SECOND_NS, 200 * SECOND_NS, 1_000_000))
+    block, _ = command(*HOME)
+    block["echo_time_ns"], block["echo_age_ns"] = 140 * SECOND_NS, 60 * SECOND_NS
+    robot.guard.receive(block, 200 * SECOND_NS)
+    assert robot.guard.summary["implausible_commands"] == 0
+    robot.guard.echoes.connect()
+    robot.guard.receive(block, 200 * SECOND_NS)
+    assert robot.guard.summary["implausible_commands"] == 1
+
+
+def test_after_the_frames_clock_jumped_back_newer_echoes_count_again() -> None:
+    robot = Guarded()
+    robot.send(SECOND_NS // 2, SECOND_NS)
+    robot.run(1, HOME)
+    assert robot.newest == HOME
+    assert robot.guard.summary["implausible_commands"] == 0
 
 
 def test_a_jump_of_the_commands_is_slowed_down_and_counted() -> None:

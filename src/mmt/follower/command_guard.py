@@ -8,6 +8,7 @@ from typing import Any, Final, Literal
 from mmt.core.arrays import RecordArray, clipped, difference, towards
 from mmt.core.logs import RepeatLimit
 from mmt.devices.protocols import Vector
+from mmt.follower.echoes import EchoCheck
 from mmt.scene import Link
 
 _COMMAND: Final = struct.Struct("<Iqqq3f")
@@ -23,7 +24,8 @@ _NORMALS: Final[dict[str, Vector]] = {
 class CommandGuard:
     """Turn the leader's commands into positions that a robot can take without harm.
 
-    - A command whose round trip was too long is thrown away: it is what the hand did then.
+    - A command whose round trip was too long is thrown away: it is what the hand did then. So is
+      one that echoes no frame that was sent, which may be of any age.
     - Where no fresh command has come for `silence_ms` of the follower's own ticks, the robot
       holds the last position, or retracts from the surface along its normal; so it does while a
       device is lost (`halt`).
@@ -34,7 +36,7 @@ class CommandGuard:
       also in a call that makes up for missed ticks.
     - What is commanded outside the workspace is clipped to it.
 
-    About 1 us a tick.
+    About 2 us a tick.
 
     Parameters
     ----------
@@ -75,6 +77,8 @@ class CommandGuard:
         self._box = box_mm
         self._outside = False
         self._told = RepeatLimit()
+        self.echoes = EchoCheck()
+        """To be told of connections and frames."""
         self._command: Vector | None = None  # came since the last tick
         self._target: Vector = (0.0, 0.0, 0.0)
         self._motion: Vector = (0.0, 0.0, 0.0)  # of the hand, in a tick
@@ -84,7 +88,8 @@ class CommandGuard:
         self._silent = False
         self._halted = False
         self._halts = self._halted_ticks = 0
-        self._silences = self._silent_ticks = self._stale = self._slowed = self._clipped = 0
+        self._silences = self._silent_ticks = self._slowed = self._clipped = 0
+        self._stale = self._implausible = 0
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -93,6 +98,7 @@ class CommandGuard:
             "silences": self._silences,
             "silent_s": self._silent_ticks / self._rate_hz,
             "stale_commands": self._stale,
+            "implausible_commands": self._implausible,
             "slowed_ticks": self._slowed,
             "clipped_commands": self._clipped,
             "halts": self._halts,
@@ -118,11 +124,16 @@ class CommandGuard:
         """Take commands (n,), n >= 1, the newest last, with their arrival by this clock.
 
         The newest one counts, unless its round trip, which includes the frame that it
-        answers, was longer than `stale_ms`.
+        answers, was longer than `stale_ms`, or its echo cannot be true.
         """
         _, time_ns, echo_time_ns, echo_age_ns, x, y, z = _COMMAND.unpack(commands[-1].tobytes())
-        round_trip_ns = arrival_ns - echo_time_ns - echo_age_ns
-        if echo_time_ns and round_trip_ns > self._stale_ns:
+        round_trip_ns = self.echoes.round_trip_ns(echo_time_ns, echo_age_ns, arrival_ns)
+        if round_trip_ns is None:
+            self._implausible += len(commands)
+            if self._told.allow("echo"):
+                self._say("the leader's commands echo no frame that was sent: they are left out")
+            return
+        if round_trip_ns > self._stale_ns:
             self._stale += len(commands)
             return
         if math.isfinite(x + y + z):

@@ -70,6 +70,11 @@ class GuardedSource:
         if self.guard is not None:
             self.guard.receive(commands, arrival_ns)
 
+    def connect(self) -> None:
+        """Expect commands of a leader that knows no frame yet."""
+        if self.guard is not None:
+            self.guard.echoes.connect()
+
     def step(self, elapsed: int) -> tuple[RecordArray, RecordArray | None]:
         """Do the work of `elapsed` ticks, all but the last of which were missed.
 
@@ -95,6 +100,8 @@ class GuardedSource:
     def _measure(self, frames: RecordArray) -> RecordArray | None:
         """Note frames (n,), n >= 1, and return the feedback's news of them."""
         self._newest = frames
+        if self.guard is not None:
+            self.guard.echoes.note(frames)
         return None if self._feedback is None else self._feedback.measured(frames)
 
     def _measured(self) -> Vector | None:

@@ -158,6 +158,7 @@ class Follower:
             ),
             FollowerEvents(
                 on_commands=self._guarded.receive,
+                on_open=self._guarded.connect,
                 on_session=self._take_session,
                 on_stop=self._on_stop,
                 on_lost=self._on_lost,

@@ -222,6 +222,7 @@ class FollowerClient:
 
     def _on_open(self, send: Send) -> None:
         self._endpoint.restart()
+        self._endpoint.notify(self._events.on_open)
         self._endpoint.outbox.open(send)
         self._frames.open()
 

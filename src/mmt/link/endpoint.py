@@ -70,6 +70,8 @@ class FollowerEvents:
 
     on_commands: Callable[[RecordArray, int], None]
     """Validated commands (n,), read-only, newest last, and their arrival (monotonic, ns)."""
+    on_open: Callable[[], None] = _nothing
+    """A connection begins, the first one or after a break; nothing was sent over it yet."""
     on_session: Callable[[str], None] = _nothing
     """The leader's name of the session, which its logs contain as well."""
     on_stop: Callable[[str], None] = _nothing
