@@ -1,16 +1,21 @@
 """Clocks, bursts and uptime: what holds, and that a fault would be seen."""
 
 import asyncio
+from typing import Any
 
 import numpy as np
 import pytest
 
 import mmt.leader.playout
 import mmt.texture.online.fitting
-from mmt_lab.stability import clocks, uptime
+from mmt.core.frames import empty_frames
+from mmt.devices.protocols import Vector
+from mmt.leader.force_ramp import ForceRamp
+from mmt_lab.stability import clocks, interrupted, uptime
 from mmt_lab.stability.cases import Case, run_case
 from mmt_lab.stability.fake_time import FakeClock, run_in_fake_time
 from mmt_lab.stability.families import services
+from mmt_lab.stability.interrupted import interrupted_cases
 from mmt_lab.stability.uptime import MemoryWatch, run_endless_modelling, run_hour
 
 
@@ -20,14 +25,67 @@ def case_of(cases: list[Case], words: str) -> Case:
 
 def test_what_needs_no_hour_holds() -> None:
     cases = services.cases(real_s=0.3)
-    quick = [
-        case
-        for case in cases
-        if not any(words in case.what for words in ("leader's parts", "never complete", "at rest"))
-    ]
+    long = ["leader's parts", "never complete", "at rest"]
+    long += [case.what for case in interrupted_cases(6.0)]
+    quick = [case for case in cases if not any(words in case.what for words in long)]
     assert len(quick) >= 10
     rows = [run_case("services", case) for case in quick]
     assert [f"{row.what}: {row.got}" for row in rows if not row.held] == []
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_the_services_survive_what_interrupts_them(number: int) -> None:
+    cases = interrupted_cases(6.0)
+    if number >= len(cases):
+        pytest.skip("this system cannot stop processes or limit their files")
+    row = run_case("services", cases[number])
+    assert row.held, f"{row.what}: {row.got}"
+
+
+SUMMARY: dict[str, Any] = {
+    "outcome": "stopped",
+    "link": {"frames": 9000},
+    "backfill": {"filled": 40, "lost": 0},
+    "recording": {"frames": 3000, "error": "disk full"},
+}
+
+
+def strokes(count: int, speed_mm_s: float) -> np.ndarray:
+    frames = empty_frames(count)
+    frames["sequence"] = np.arange(count)
+    frames["position_mm"][:, 0] = 0.001 * speed_mm_s * np.arange(count)
+    return frames
+
+
+def test_a_frame_that_is_not_filled_in_is_seen() -> None:
+    frames = strokes(3000, 100.0)
+    assert interrupted.judge_stop(SUMMARY, frames).held
+    assert not interrupted.judge_stop(SUMMARY, np.delete(frames, 1500)).held
+    lost = {**SUMMARY, "backfill": {"filled": 39, "lost": 1}}
+    assert not interrupted.judge_stop(lost, frames).held
+
+
+def test_a_robot_that_catches_up_too_fast_is_seen() -> None:
+    assert interrupted.judge_speed(340.0, SUMMARY, strokes(3000, 340.0)).held
+    assert not interrupted.judge_speed(340.0, SUMMARY, strokes(3000, 400.0)).held
+
+
+def test_a_session_that_ends_with_its_recording_is_seen() -> None:
+    frames = strokes(3000, 100.0)
+    assert interrupted.judge_disk(SUMMARY, frames).held
+    assert not interrupted.judge_disk({**SUMMARY, "outcome": "failed: disk full"}, frames).held
+    assert not interrupted.judge_disk({**SUMMARY, "link": {"frames": 3200}}, frames).held
+    assert not interrupted.judge_disk(SUMMARY, frames[:2000]).held
+
+
+def test_a_ramp_that_catches_up_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    shape = ForceRamp.shape
+
+    def at_once(self: ForceRamp, force_n: Vector, elapsed: int) -> Vector:
+        return [shape(self, force_n, 1) for _ in range(elapsed)][-1]
+
+    monkeypatch.setattr(ForceRamp, "shape", at_once)
+    assert not interrupted_cases(1.0)[-1].run().held
 
 
 def test_a_clock_that_is_not_watched_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""The services' parts over clocks that step, frames that come late, and an hour of uptime."""
+"""The services and their parts over faults, clocks that step, late frames, an hour of uptime."""
 
 import time
 from functools import partial
@@ -13,6 +13,7 @@ from mmt.texture.signals.filtering import StreamFilter
 from mmt_lab.stability import uptime
 from mmt_lab.stability.cases import Case, Family, Outcome
 from mmt_lab.stability.clocks import clock_cases
+from mmt_lab.stability.interrupted import interrupted_cases
 from mmt_lab.stability.stalls import stall_cases
 from mmt_lab.stability.uptime import PERIOD_NS, stroke_pattern
 
@@ -20,7 +21,11 @@ _FLAT: Final = 1.5
 
 
 def cases(
-    *, hour_samples: int = 3_600_000, modelling_s: int = 600, real_s: float = 1.5
+    *,
+    hour_samples: int = 3_600_000,
+    modelling_s: int = 600,
+    real_s: float = 1.5,
+    stopped_s: float = 6.0,
 ) -> list[Case]:
     """Return the family's cases.
 
@@ -32,10 +37,13 @@ def cases(
         Seconds of the stream that never completes a model.
     real_s
         Seconds on the system's own clock.
+    stopped_s
+        Seconds for which a service is stopped.
     """
     return [
         *clock_cases(real_s),
         *stall_cases(),
+        *interrupted_cases(stopped_s),
         Case(
             "filters, the same frames evenly and in bursts of 2 s",
             "the same to the bit",
