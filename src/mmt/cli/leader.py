@@ -23,8 +23,9 @@ from mmt.cli.service import (
 )
 from mmt.core.errors import InputError
 from mmt.core.extras import require
-from mmt.core.kernel_cache import kernels_are_compiled
+from mmt.core.kernel_cache import compile_kernels
 from mmt.core.logs import Logs
+from mmt.leader.parts import numerics_of
 from mmt.leader.summary import LeaderStatus
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
@@ -98,14 +99,18 @@ class LeaderRun(ServiceRun["Leader"]):
         super().__init__("leader", scene, options)
         self._report = report
 
+    def run(self) -> None:
+        """Compile the numerics at the first start, then run the leader; see `ServiceRun.run`."""
+        if numerics := numerics_of(self.scene):
+            require("numba")
+            compile_kernels(numerics, super().on_event)
+        super().run()
+
     def build(self, logs: Logs) -> "Leader":
-        """Return the leader; say so first where its numerics have to be compiled."""
-        scene = self.scene
-        if scene.numerics and not kernels_are_compiled():
-            super().on_event("compiling the numerics, at the first start only (15 to 60 s)")
+        """Return the leader."""
         from mmt.leader.service import Leader
 
-        service = Leader(scene, on_status=self.on_status, on_event=self.on_event)
+        service = Leader(self.scene, on_status=self.on_status, on_event=self.on_event)
         logs.session_id = service.log.session_id
         return service
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from mmt.cli.common import messages, stop_on_signals
 from mmt.core.errors import InputError, MmtError
-from mmt.core.kernel_cache import kernels_are_compiled
+from mmt.core.kernel_cache import compile_kernels
 from mmt.link.access import Access
 from mmt.models import find_model, shipped_models
 from mmt.scene import Link
@@ -44,8 +44,7 @@ def play(
     link = _link(host, port, token_file, certificate, key)
     if record is not None and record.suffix.lower() != _MCAP:
         raise InputError(f"--record {record}: the name of a recording must end in {_MCAP}")
-    if not kernels_are_compiled():
-        messages.print("compiling the numerics, at the first start only (15 to 60 s)")
+    compile_kernels(["mmt.web.player.player"], messages.print)
     from mmt.texture.model.texture_model import TextureModel
     from mmt.web.player.player import Player
     from mmt.web.player.results import ResultsFile

@@ -21,7 +21,7 @@ from mmt.cli.common import (
 )
 from mmt.cli.importing import import_file, inspect_file
 from mmt.core.existing_files import free_path, require_absent
-from mmt.core.kernel_cache import kernels_are_compiled
+from mmt.core.kernel_cache import compile_kernels
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
 from mmt.session import export_session, read_session, write_session
@@ -166,8 +166,7 @@ def _same_file(source: Path, target: Path) -> bool:
 
 def view_file(path: Path, *, port: int, show: bool) -> None:
     """Serve a recording's page until Ctrl-C; `show` opens it in the browser."""
-    if not kernels_are_compiled():
-        messages.print("compiling the numerics, at the first start only (15 to 60 s)")
+    compile_kernels(["mmt.web.viewing.recording"], messages.print)
     from mmt.web.viewing.recording import ViewedRecording
     from mmt.web.viewing.server import RecordingServer
 

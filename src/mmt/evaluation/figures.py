@@ -2,7 +2,7 @@
 
 import io
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,9 +12,11 @@ from mmt.core.arrays import FloatArray
 from mmt.evaluation.results import Evaluation, HeldOutSegment, Score
 from mmt.evaluation.truth import DENSITY_HZ
 from mmt.texture.model.samples import TextureSamples
-from mmt.texture.selection import Selection
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
 from mmt.texture.signals.metrics import JND_DB
+
+if TYPE_CHECKING:
+    from mmt.texture.selection import Selection
 
 COLOURS: Final = (
     "#0072b2",
@@ -222,7 +224,7 @@ def _legend(axis: Axes, evaluations: Sequence[Evaluation]) -> None:
     )
 
 
-def selection_plane(samples: TextureSamples, selection: Selection) -> Figure:
+def selection_plane(samples: TextureSamples, selection: "Selection") -> Figure:
     """Draw what is kept, redundant and wrong; a panel more where the heading counts."""
     directed = samples.space.directed
     figure = Figure(figsize=(9.6 if directed else 5.4, 4.0), layout="constrained")
@@ -236,7 +238,7 @@ def selection_plane(samples: TextureSamples, selection: Selection) -> Figure:
     return figure
 
 
-def _scatter(axis: Axes, places: FloatArray, selection: Selection) -> None:
+def _scatter(axis: Axes, places: FloatArray, selection: "Selection") -> None:
     for name, chosen, size, colour, marker in (
         ("redundant", selection.redundant, 12.0, "#8a9099", "o"),
         ("kept", selection.kept, 26.0, "#0072b2", "o"),

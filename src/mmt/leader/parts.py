@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 
 from mmt.leader.part import Part, Parts, Session
 from mmt.scene import Scene
+from mmt.texture.interpolation.registry import INTERPOLATORS
 
 
 class PartEntry(NamedTuple):
@@ -20,6 +21,8 @@ class PartEntry(NamedTuple):
     wanted: Callable[[Scene], bool]
     tasks: tuple[str, ...] = ()
     """Names of the tasks that it runs beside the ticks."""
+    numerics: tuple[str, ...] = ()
+    """Modules with compiled kernels that it imports when it is built."""
 
 
 PARTS: Final[dict[str, PartEntry]] = {
@@ -28,7 +31,11 @@ PARTS: Final[dict[str, PartEntry]] = {
         lambda scene: scene.recording is not None or scene.monitor is not None,
     ),
     "hand": PartEntry("mmt.leader.hand:HandPart", lambda scene: scene.commands),
-    "playout": PartEntry("mmt.leader.stream:StreamedVibration", lambda scene: scene.streams),
+    "playout": PartEntry(
+        "mmt.leader.stream:StreamedVibration",
+        lambda scene: scene.streams,
+        numerics=("mmt.texture.synthesis.concealment",),
+    ),
     "motion": PartEntry(
         "mmt.leader.stream:StreamedMotion", lambda scene: scene.rendering is not None
     ),
@@ -40,14 +47,18 @@ PARTS: Final[dict[str, PartEntry]] = {
         "mmt.leader.modelling:Modelling",
         lambda scene: scene.texture is not None,
         ("segmenting", "fitting", "synthesizing", "completing"),
+        ("mmt.leader.modelling",),
     ),
     "warming": PartEntry(
         "mmt.leader.warming:WarmingPart",
         lambda scene: scene.rendering is not None and scene.rendering.before == "warm",
         ("warming",),
+        ("mmt.leader.warming",),
     ),
     "synthesizing": PartEntry(
-        "mmt.leader.synthesizing:SynthesizingPart", lambda scene: scene.rendering is not None
+        "mmt.leader.synthesizing:SynthesizingPart",
+        lambda scene: scene.rendering is not None,
+        numerics=("mmt.texture.synthesis.synthesizer",),
     ),
     "vibration": PartEntry(
         "mmt.leader.vibration:VibrationPart", lambda scene: scene.actuator is not None
@@ -65,6 +76,22 @@ def tasks_of(scene: Scene) -> tuple[str, ...]:
     """Return the names of the tasks that a scene's leader runs beside the ticks."""
     entries = [entry for entry in PARTS.values() if entry.wanted(scene)]
     return tuple(name for entry in entries for name in entry.tasks)
+
+
+def numerics_of(scene: Scene) -> list[str]:
+    """Return the names of the modules with compiled kernels that a scene's leader imports."""
+    if not scene.numerics:
+        return []
+    texture, rendering = scene.texture, scene.rendering
+    saved = rendering is not None and (rendering.model is not None or rendering.before == "warm")
+    names = {"rbf"} if saved else set()  # as in the models that are shipped
+    if texture is not None:
+        names.add(texture.interpolator)
+    entries = [entry for entry in PARTS.values() if entry.wanted(scene)]
+    return [
+        *(name for entry in entries for name in entry.numerics),
+        *(INTERPOLATORS[name].partition(":")[0] for name in names if name in INTERPOLATORS),
+    ]
 
 
 def build_parts(session: Session, names: Collection[str] | None = None) -> Parts:

@@ -145,7 +145,8 @@ def burg_into(
     if exponent == _NOT_FINITE:
         return False
     _scale(x, exponent, forward)
-    backward[:] = forward
+    for i in range(n):  # copying slices takes the compiler a second and a half
+        backward[i] = forward[i]
     variance = 0.25 * _sums(forward, backward, rest)[0] / n
     vanished = _VANISHED * variance
     variances[0] = min(math.ldexp(variance, 2 * exponent), _LARGEST)

@@ -12,6 +12,7 @@ is made valid by the evaluator.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Final, Protocol, cast
 
 import numpy as np
@@ -57,10 +58,13 @@ class Evaluator:
         self.__module__, self.__qualname__ = function.__module__, function.__qualname__
         self.__doc__ = function.__doc__
         self._kernel = cast(Any, kernel(_SIGNATURE)(function))
+
+    @cached_property
+    def address(self) -> int:
+        """Where its machine code is in this process, for `evaluate_into`."""
         (compiled,) = self._kernel.overloads.values()
         library, symbol = compiled.library, compiled.fndesc.llvm_func_name
-        self.address: int = library.get_pointer_to_function(symbol)
-        """Where its machine code is in this process, for `evaluate_into`."""
+        return int(library.get_pointer_to_function(symbol))
 
     def __reduce__(self) -> str:
         return self.__qualname__  # pickled by name: another process has it at another address
