@@ -165,16 +165,17 @@ def test_a_plain_mcap_reader_decodes_it_from_the_file_alone(tmp_path):
         classes = _classes(reader)
         blocks, plots = [], []
         for schema, channel, message in reader.iter_messages():
-            if channel.topic == "/events":
-                assert json.loads(message.data) == {"time_s": 0.5, "event": "mark"}
-                assert message.log_time == frames["time_ns"][0] + 500_000_000
-                continue
             decoded = classes[schema.name].FromString(message.data)
             if channel.topic == "/frames":
                 assert message.publish_time == decoded.time_ns[0]
                 blocks.append(decoded)
             elif channel.topic == "/plot":
                 plots.append(decoded)
+            elif channel.topic == "/events":
+                assert json.loads(decoded.json) == {"time_s": 0.5, "event": "mark"}
+                assert message.publish_time == frames["time_ns"][0] + 500_000_000
+            elif channel.topic == "/log":
+                assert decoded.message == "mark"
             else:
                 assert (decoded.mode, list(decoded.vibration_m_s2)) == ("model", [1.5, -2.5])
         attachments = {a.name: a.data for a in reader.iter_attachments()}
@@ -193,7 +194,7 @@ def test_a_plain_mcap_reader_decodes_it_from_the_file_alone(tmp_path):
     assert attachments == {"annotations": b"truth", "model-0001.npz": b"npz"}
     assert json.loads(metadata["mmt.scene"]["json"]) == SCENE
     assert metadata["mmt.session"]["channels"] == "position,force,acceleration"
-    assert metadata["mmt.session"]["format_version"] == "1"
+    assert metadata["mmt.session"]["format_version"] == "2"
 
 
 def test_only_the_channels_present_are_in_the_schema(tmp_path):
@@ -276,9 +277,9 @@ def test_somebody_elses_mcap_is_refused_with_its_topics(tmp_path):
 
 
 def test_a_newer_format_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("mmt.session.mcap_writer.FORMAT_VERSION", 2)
+    monkeypatch.setattr("mmt.session.mcap_writer.FORMAT_VERSION", 3)
     write_session(tmp_path / "new.mcap", made_frames(5))
-    with pytest.raises(InputError, match=r"format version 2.*update mmt-haptics"):
+    with pytest.raises(InputError, match=r"format version 3.*update mmt-haptics"):
         read_session(tmp_path / "new.mcap")
 
 

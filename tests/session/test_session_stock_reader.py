@@ -1,39 +1,121 @@
 """Recordings as the MCAP library reads them, without anything of this package."""
 
 import json
+import time
 
 import numpy as np
-from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.reader import make_reader
+from mcap.writer import Writer
+from mcap_protobuf.decoder import DecoderFactory
 from session_samples import made_frames
+from typer.testing import CliRunner
 
+from mmt.cli.main import app
 from mmt.core.frames import CHANNELS
+from mmt.session import read_session, write_session
+from mmt.session.data import OutputBlock
+from mmt.session.messages import FRAME_BLOCK, FrameCodec, frame_schema
 from mmt.session.recorder import McapRecorder
 
+EVENT = {"time_s": 0.25, "event": "it begins", "kind": "mark", "more": [1, 2]}
 
-def test_what_is_said_of_each_topics_encoding_is_true(tmp_path):
-    path = tmp_path / "run.mcap"
-    with McapRecorder(path, channels=CHANNELS) as recorder:
-        recorder.record_frames(made_frames(40))
-        recorder.record_backfill(made_frames(40), 5_000_000_000)
-        recorder.record_output(5_000_000_000, "streamed", np.zeros(40))
-        recorder.record_event({"time_s": 0.0, "event": "it begins"})
-    seen = {}
+
+def decoded(path):
+    """Return every message as (topic, schema's name, log time, decoded), all by one decoder."""
     with path.open("rb") as stream:
-        for schema, channel, message in make_reader(stream).iter_messages():
-            assert schema is not None
-            seen[channel.topic] = (channel.message_encoding, schema.encoding)
-            if schema.encoding == "jsonschema":
-                assert json.loads(schema.data)["type"] == "object"
-                assert json.loads(message.data)["event"] == "it begins"
-            else:
-                files = FileDescriptorSet.FromString(schema.data).file
-                names = {
-                    f"{file.package}.{kind.name}" for file in files for kind in file.message_type
-                }
-                assert schema.name in names
-    block = ("protobuf", "protobuf")
-    assert seen == {
-        **dict.fromkeys(("/frames", "/backfill", "/plot", "/output"), block),
-        "/events": ("json", "jsonschema"),
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        return [
+            (channel.topic, schema.name, message.log_time, content)
+            for schema, channel, message, content in reader.iter_decoded_messages()
+        ]
+
+
+def recorded(path, *, scalars):
+    with McapRecorder(path, channels=CHANNELS, scalars=scalars) as recorder:
+        recorder.record_frames(made_frames(40))
+        recorder.record_backfill(made_frames(40), time.monotonic_ns())
+        recorder.record_output(time.monotonic_ns(), "streamed", np.arange(40.0))
+        recorder.record_event(EVENT)
+    return path
+
+
+def test_one_decoder_reads_every_topic_by_the_schemas_in_the_file(tmp_path):
+    before_ns = time.time_ns()
+    messages = decoded(recorded(tmp_path / "run.mcap", scalars=True))
+    kinds = {topic: name for topic, name, _, _ in messages}
+    assert kinds == {
+        "/frames": "mmt.FrameBlock",
+        "/backfill": "mmt.FrameBlock",
+        "/plot": "mmt.PlotSample",
+        "/output": "mmt.OutputBlock",
+        "/events": "mmt.Event",
+        "/log": "foxglove.Log",
+        "/scalars": "mmt.Scalars",
+        "/vibration": "mmt.VibrationSample",
     }
+    for _, _, log_time_ns, _ in messages:
+        assert before_ns <= log_time_ns <= time.time_ns() + 1_000_000_000
+
+
+def test_events_have_fields_and_a_line_in_the_log(tmp_path):
+    messages = decoded(recorded(tmp_path / "run.mcap", scalars=False))
+    (event,) = [content for topic, _, _, content in messages if topic == "/events"]
+    assert (event.time_s, event.event, event.kind) == (0.25, "it begins", "mark")
+    assert json.loads(event.json) == EVENT
+    ((log_time_ns, line),) = [(t, c) for topic, _, t, c in messages if topic == "/log"]
+    assert (line.message, line.level, line.name) == ("it begins", 2, "mmt")
+    assert line.timestamp.seconds * 10**9 + line.timestamp.nanos == log_time_ns
+    assert read_session(tmp_path / "run.mcap").events == [EVENT]
+
+
+def test_scalars_are_the_frames_and_samples_one_by_one(tmp_path):
+    frames = made_frames(50)
+    output = OutputBlock(0.01, "model", np.arange(30.0))
+    write_session(tmp_path / "a.mcap", frames, outputs=[output])
+    arguments = ["session", "export", str(tmp_path / "a.mcap")]
+    done = CliRunner().invoke(app, [*arguments, str(tmp_path / "b.mcap"), "--scalars"])
+    assert done.exit_code == 0
+    messages = decoded(tmp_path / "b.mcap")
+    scalars = [(t, c) for topic, _, t, c in messages if topic == "/scalars"]
+    assert [c.time_ns for _, c in scalars] == frames["time_ns"].tolist()
+    assert np.all(np.diff([t for t, _ in scalars]) == np.diff(frames["time_ns"]))
+    found = [[c.force_x_n, c.force_y_n, c.force_z_n] for _, c in scalars]
+    np.testing.assert_array_equal(np.float32(found), frames["force_n"])
+    vibration = [c.vibration_m_s2 for topic, _, _, c in messages if topic == "/vibration"]
+    np.testing.assert_array_equal(vibration, output.vibration_m_s2)
+    assert not {"/scalars", "/vibration"} & {topic for topic, *_ in decoded(tmp_path / "a.mcap")}
+    refused = CliRunner().invoke(app, [*arguments, str(tmp_path / "c.csv"), "--scalars"])
+    assert "leave --scalars out" in str(refused.exception)
+
+
+def test_a_converted_recording_keeps_its_date(tmp_path):
+    recorded(tmp_path / "run.mcap", scalars=False)
+    time.sleep(0.05)
+    session = read_session(tmp_path / "run.mcap")
+    write_session(tmp_path / "made.mcap", session.frames)
+    from mmt.session import export_session
+
+    export_session(session, tmp_path / "copy.mcap")
+    first = {name: decoded(tmp_path / f"{name}.mcap")[0][2] for name in ("run", "copy", "made")}
+    assert first["copy"] == first["run"] < first["made"] <= time.time_ns()
+
+
+def test_a_file_of_version_1_is_read(tmp_path):
+    """Its events are JSON, and its times are of a clock without a date."""
+    frames = made_frames(20)
+    with (tmp_path / "old.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="mmt")
+        writer.add_metadata("mmt.session", {"format_version": "1", "rate_hz": "1000"})
+        schema = writer.register_schema(FRAME_BLOCK, "protobuf", frame_schema(CHANNELS))
+        events = writer.register_schema("mmt.Event", "jsonschema", b'{"type": "object"}')
+        channel = writer.register_channel("/frames", "protobuf", schema)
+        data = FrameCodec.of_channels(CHANNELS).encode(frames)
+        writer.add_message(channel, 5_000_000_000, data, int(frames["time_ns"][0]))
+        channel = writer.register_channel("/events", "json", events)
+        writer.add_message(channel, 5_500_000_000, b'{"event": "mark"}', 5_500_000_000)
+        writer.finish()
+    session = read_session(tmp_path / "old.mcap")
+    np.testing.assert_array_equal(session.frames, frames)
+    assert session.events == [{"time_s": 0.5, "event": "mark"}]
+    assert session.began_utc_ns is None

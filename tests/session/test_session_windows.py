@@ -88,7 +88,7 @@ def test_everything_in_one_window_is_the_session(recorded: Path, windows: Sessio
 
 def test_frames_that_came_late_stand_at_their_places(tmp_path: Path) -> None:
     path, frames = tmp_path / "run.mcap", made_frames(100)
-    clock_ns = iter(range(5_000_000_000, 6_000_000_000, 1_000_000))
+    clock_ns = iter(range(4_999_000_000, 6_000_000_000, 1_000_000))
     with McapRecorder(path, channels=CHANNELS, clock=lambda: next(clock_ns)) as recorder:
         for index in [*range(40), *range(60, 100)]:
             recorder.record_frames(frames[index : index + 1])

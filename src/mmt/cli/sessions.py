@@ -128,11 +128,18 @@ def view(
 
 
 @app.command()
-def export(source: SourceFile, target: TargetFile, force: Force = False) -> None:
+def export(
+    source: SourceFile,
+    target: TargetFile,
+    scalars: Annotated[
+        bool, typer.Option("--scalars", help="In .mcap each frame also as numbers to plot.")
+    ] = False,
+    force: Force = False,
+) -> None:
     """Export to .csv, .npz, .parquet, .h5 or .mcap, by the suffix of OUT."""
     require_absent(target, force=force)
     session = read_session(source)
-    export_session(session, target)
+    export_session(session, target, scalars=scalars)
     messages.print(f"{len(session.frames)} frames written to {target}", highlight=False)
 
 

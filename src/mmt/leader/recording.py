@@ -185,6 +185,7 @@ class RecordingPart(Part):
             session_id=self._session.log.session_id,
             begins_s=begins_s,
             existing=existing,
+            scalars=scene.recording is not None and scene.recording.scalars,
         )
 
 

@@ -28,3 +28,4 @@ class Recording(PartTable):
     file: Path = Path("mmt-demo/session.mcap")
     channels: Literal["all", "needed"] = "all"
     existing: Literal["number", "refuse", "replace"] = "number"
+    scalars: bool = False

@@ -63,6 +63,8 @@ class RecordedSession:
     """The file it was read from."""
     session_id: str | None = None
     """Names the session in the logs and summaries of both services; None where unknown."""
+    began_utc_ns: int | None = None
+    """UTC of session time zero since 1970, None where unknown."""
     complete: bool = True
     """False where the file was cut off and then recovered."""
 

@@ -109,17 +109,18 @@ def import_session(
     return session
 
 
-def export_session(session: RecordedSession, path: str | Path) -> None:
+def export_session(session: RecordedSession, path: str | Path, *, scalars: bool = False) -> None:
     """Write a session to a file of the format that the suffix names.
 
-    MCAP holds everything; ``.npz``, ``.parquet``, ``.h5`` hold frames, scene, annotations
-    and events (HDF5 the models too), ``.csv`` the frames alone.
+    MCAP holds everything, with `scalars` each frame and each sample of the output also as a
+    message of its own, for tools that plot numbers; ``.npz``, ``.parquet``, ``.h5`` hold
+    frames, scene, annotations and events (HDF5 the models too), ``.csv`` the frames alone.
 
     Raises
     ------
     InputError
-        The suffix is not known, the folder does not exist, or the package that writes
-        the format is not installed.
+        The suffix is not known, the folder does not exist, the package that writes the
+        format is not installed, or `scalars` are wanted of another format.
     MmtError
         Writing failed.
     """
@@ -131,8 +132,13 @@ def export_session(session: RecordedSession, path: str | Path) -> None:
             f"session {path}: {given} cannot be written; the suffix must be one of "
             f"{', '.join(WRITERS)}"
         )
+    if scalars and path.suffix.lower() != ".mcap":
+        raise InputError(
+            f"session {path}: scalars are messages of .mcap files; leave --scalars out"
+        )
     module, _, function = name.partition(":")
-    getattr(importlib.import_module(module), function)(path, session)
+    write = getattr(importlib.import_module(module), function)
+    write(path, session, **({"scalars": True} if scalars else {}))
 
 
 def write_session(

@@ -6,6 +6,7 @@ far as it goes: `scan_mcap` says how far that is, and what is wrong.
 
 import json
 import os
+import re
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -26,6 +27,7 @@ from mcap.records import (
     Schema,
 )
 from mcap.stream_reader import StreamReader, breakup_chunk, read_magic
+from mcap.well_known import MessageEncoding
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
@@ -41,8 +43,9 @@ from mmt.session.mcap_writer import (
     RECOVERY_METADATA,
     SCENE_METADATA,
     SESSION_METADATA,
+    UTC_OFFSET,
 )
-from mmt.session.messages import FRAME_BLOCK, FrameCodec, OutputCodec
+from mmt.session.messages import FRAME_BLOCK, FrameCodec, OutputCodec, event_codec
 
 DAMAGE: Final = (McapError, struct.error, ValueError, zstandard.ZstdError)
 """What the MCAP library raises on damaged bytes; its CRC and Unicode errors are ValueErrors."""
@@ -214,6 +217,7 @@ def scanned_session(scan: Scan) -> RecordedSession:
     annotations = [a.data for a in scan.attachments if a.name == ANNOTATIONS_ATTACHMENT]
     models = [a for a in scan.attachments if a.media_type == MODEL_MEDIA_TYPE]
     scene = scan.metadata_of(SCENE_METADATA).get("json")
+    about = scan.metadata_of(SESSION_METADATA)
     return RecordedSession(
         frames=scanned_frames(scan),
         scene=None if scene is None else parse_json(scan.path, scene, "the scene"),
@@ -222,7 +226,8 @@ def scanned_session(scan: Scan) -> RecordedSession:
         events=[_event(scan, message, start_ns) for message in scan.on_topic(EVENTS_TOPIC)],
         outputs=_outputs(scan, start_ns),
         path=scan.path,
-        session_id=scan.metadata_of(SESSION_METADATA).get("session_id"),
+        session_id=about.get("session_id"),
+        began_utc_ns=None if utc_offset_ns(about) is None else start_ns,
         complete=scan.whole and not scan.metadata_of(RECOVERY_METADATA),
     )
 
@@ -256,8 +261,14 @@ def _check_kind(scan: Scan) -> None:
 
 
 def _event(scan: Scan, message: Message, start_ns: int) -> JsonObject:
-    event = parse_json(scan.path, message.data, "an event")
+    event = parse_event(scan.path, message.data, scan.channels[message.channel_id])
     return {"time_s": (message.log_time - start_ns) / 1e9, **event}
+
+
+def utc_offset_ns(metadata: Mapping[str, str]) -> int | None:
+    """Return UTC minus the recording machine's clock, None in a file that has no date."""
+    text = metadata.get(UTC_OFFSET, "")
+    return int(text) if re.fullmatch(r"-?[0-9]{1,20}", text) else None
 
 
 def _outputs(scan: Scan, start_ns: int) -> list[OutputBlock]:
@@ -292,6 +303,18 @@ def checked_frame_schema(
             f"{FORMAT_VERSION}; update mmt-haptics"
         )
     return bytes(schema.data)
+
+
+def parse_event(path: Path, data: bytes, channel: Channel) -> dict[str, Any]:
+    """Return an event of any version: JSON, or a Protobuf message that holds it.
+
+    Raises
+    ------
+    InputError
+        It cannot be read.
+    """
+    json_encoded = channel.message_encoding == MessageEncoding.JSON
+    return parse_json(path, data if json_encoded else event_codec().decode(data), "an event")
 
 
 def parse_json(path: Path, text: str | bytes, what: str) -> dict[str, Any]:

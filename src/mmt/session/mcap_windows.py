@@ -21,9 +21,11 @@ from mmt.session.data import JsonObject, OutputBlock
 from mmt.session.mcap_reader import (
     DAMAGE,
     checked_frame_schema,
+    parse_event,
     parse_json,
     scan_mcap,
     scanned_session,
+    utc_offset_ns,
 )
 from mmt.session.mcap_writer import (
     BACKFILL_TOPIC,
@@ -65,6 +67,7 @@ class McapWindows:
             (index for index in summary.chunk_indexes if index.message_index_offsets),
             key=lambda index: index.chunk_start_offset,
         )
+        self._mcap_channels = summary.channels
         self._topics = {number: c.topic for number, c in summary.channels.items()}
         metadata = {record.name: record.metadata for record in reader.iter_metadata()}
         scene = metadata.get(SCENE_METADATA, {}).get("json")
@@ -78,6 +81,7 @@ class McapWindows:
         self.channels: tuple[Channel, ...] = self._codec.channels
         output_schema = schemas.get(OUTPUT_TOPIC)
         self._output_codec = OutputCodec(output_schema.data) if output_schema else None
+        self._utc_offset_ns = utc_offset_ns(about) or 0
         self._parts: OrderedDict[int, _Part] = OrderedDict()
         self._start_ns = self._first_frame_ns()
         self._begins_s, self._ends_s = (
@@ -142,7 +146,7 @@ class McapWindows:
             order = np.argsort(frames["sequence"], kind="stable")
             frames, time_s = frames[order], np.maximum.accumulate(time_s[order])
         arrivals = np.concatenate([part.arrivals for part in parts])
-        arrived_s = (arrivals[:, 0] - self._start_ns) / 1e9
+        arrived_s = (arrivals[:, 0] + self._utc_offset_ns - self._start_ns) / 1e9
         outputs = overlapping([o for part in parts for o in part.outputs], begin_s, end_s)
         return Window(
             time_s, frames, outputs, arrivals[(arrived_s >= begin_s) & (arrived_s < end_s)]
@@ -191,7 +195,9 @@ class McapWindows:
         for index in self._chunks_with(EVENTS_TOPIC):
             for message in self._messages(index):
                 if self._topics.get(message.channel_id) == EVENTS_TOPIC:
-                    event = parse_json(self.path, message.data, "an event")
+                    event = parse_event(
+                        self.path, message.data, self._mcap_channels[message.channel_id]
+                    )
                     at_s = (message.log_time - self._start_ns) / 1e9
                     events.append({"time_s": at_s, **event, "at_s": at_s})
         return sorted(events, key=lambda event: float(event["at_s"]))
@@ -214,7 +220,9 @@ class McapWindows:
         frames, time_s = (
             np.concatenate(c) for c in zip(*map(self._frames, (live, late)), strict=True)
         )
-        arrivals = np.array([(m.log_time, m.publish_time) for m in live], dtype=np.int64)
+        arrivals = np.array(
+            [(m.log_time - self._utc_offset_ns, m.publish_time) for m in live], dtype=np.int64
+        )
         return _Part(
             time_s=time_s,
             frames=frames,

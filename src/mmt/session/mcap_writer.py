@@ -4,34 +4,49 @@
 The layout is in ``docs/reference/session-file.md``.
 """
 
-from collections.abc import Callable, Sequence
+import json
+import time
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import BinaryIO, Final
 
-import numpy as np
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.frames import Channel, channels_of
 from mmt.core.version import __version__
-from mmt.session.data import JsonObject, RecordedSession, to_json
+from mmt.session.data import FRAME_PERIOD_NS, JsonObject, RecordedSession, to_json
 from mmt.session.files import replacing
 from mmt.session.messages import (
-    EVENT_SCHEMA,
+    EVENT,
     FRAME_BLOCK,
     OUTPUT_BLOCK,
-    PLOT_SAMPLE,
     FrameCodec,
     OutputCodec,
-    PlotCodec,
+    event_codec,
+    event_schema,
     frame_schema,
     output_schema,
+)
+from mmt.session.plot_messages import (
+    LOG,
+    PLOT_SAMPLE,
+    SCALARS,
+    VIBRATION_SAMPLE,
+    LogCodec,
+    PlotCodec,
+    ScalarCodec,
+    VibrationCodec,
+    log_schema,
     plot_schema,
+    scalars_schema,
+    vibration_sample_schema,
 )
 
-FORMAT_VERSION: Final = 1
+FORMAT_VERSION: Final = 2
+"""Version 1, whose events are JSON messages and whose times have no date, is read too."""
 FRAMES_PER_BLOCK: Final = 20
 CHUNK_BYTES: Final = 64 * 1024
 PROFILE: Final = "mmt"
@@ -42,23 +57,40 @@ BACKFILL_TOPIC: Final = "/backfill"
 PLOT_TOPIC: Final = "/plot"
 OUTPUT_TOPIC: Final = "/output"
 EVENTS_TOPIC: Final = "/events"
+LOG_TOPIC: Final = "/log"
+SCALARS_TOPIC: Final = "/scalars"
+VIBRATION_TOPIC: Final = "/vibration"
 
 SESSION_METADATA: Final = "mmt.session"
 SCENE_METADATA: Final = "mmt.scene"
+UTC_OFFSET: Final = "utc_offset_ns"
+"""Key of `SESSION_METADATA`: UTC minus the clock of the machine that recorded."""
 RECOVERY_METADATA: Final = "mmt.recovery"
 
 ANNOTATIONS_ATTACHMENT: Final = "annotations"
 MODEL_ATTACHMENT: Final = "model"
 MODEL_MEDIA_TYPE: Final = "application/x-npz"
 
-_SAMPLE_BYTES = 4
-
 
 class SessionWriter:
     """Write one session file to an open stream, in the order of the calls.
 
-    Times are ``log_time_ns``: the clock of the machine that records. A file that lacks
-    `finish` is readable up to its last `flush` by ``mmt session recover``.
+    A file that lacks `finish` is readable up to its last `flush` by ``mmt session recover``.
+
+    Parameters
+    ----------
+    stream
+        The file, which stays open.
+    channels
+        What the frames carry.
+    scene, session_id
+        See `RecordedSession`.
+    utc_offset_ns
+        UTC minus the clock of the times given to the calls, ``log_time_ns``: the clock of
+        the machine that records. The file's log times are UTC.
+    scalars
+        Write each frame and each sample of the output as a message of its own as well, for
+        tools that plot numbers.
     """
 
     def __init__(
@@ -67,11 +99,18 @@ class SessionWriter:
         channels: Sequence[Channel],
         scene: JsonObject | None = None,
         session_id: str | None = None,
+        *,
+        utc_offset_ns: int = 0,
+        scalars: bool = False,
     ) -> None:
         self._writer = open_writer(stream)
         self._frames = FrameCodec.of_channels(channels)
         self._plot = PlotCodec(channels)
         self._output = OutputCodec()
+        self._event, self._log = event_codec(), LogCodec()
+        self._scalar = ScalarCodec(channels) if scalars else None
+        self._vibration = VibrationCodec() if scalars else None
+        self._utc_offset_ns = utc_offset_ns
         self._models = 0
         self._writer.add_metadata(
             SESSION_METADATA,
@@ -80,77 +119,95 @@ class SessionWriter:
                 "rate_hz": "1000",
                 "channels": ",".join(channels),
                 "created_utc": datetime.now(UTC).isoformat(timespec="milliseconds"),
+                UTC_OFFSET: str(utc_offset_ns),
                 **({} if session_id is None else {"session_id": session_id}),
             },
         )
         if scene is not None:
             self._writer.add_metadata(SCENE_METADATA, {"json": to_json(dict(scene))})
-        self._frame_schema = frame_schema(channels)
-        self._frames_id = self._register(
-            FRAMES_TOPIC, FRAME_BLOCK, SchemaEncoding.Protobuf, self._frame_schema
-        )
-        self._backfill_id: int | None = None
-        self._plot_id = self._register(
-            PLOT_TOPIC, PLOT_SAMPLE, SchemaEncoding.Protobuf, plot_schema(channels)
-        )
-        self._output_id: int | None = None
-        self._events_id: int | None = None
+        blocks = (FRAME_BLOCK, frame_schema(channels))
+        self._schemas = {
+            FRAMES_TOPIC: blocks,
+            BACKFILL_TOPIC: blocks,
+            PLOT_TOPIC: (PLOT_SAMPLE, plot_schema(channels)),
+            OUTPUT_TOPIC: (OUTPUT_BLOCK, output_schema()),
+            EVENTS_TOPIC: (EVENT, event_schema()),
+            LOG_TOPIC: (LOG, log_schema()),
+            SCALARS_TOPIC: (SCALARS, scalars_schema(channels)),
+            VIBRATION_TOPIC: (VIBRATION_SAMPLE, vibration_sample_schema()),
+        }
+        self._channels = {topic: self._register(topic) for topic in (FRAMES_TOPIC, PLOT_TOPIC)}
 
-    def _register(self, topic: str, schema: str, encoding: str, data: bytes) -> int:
-        schema_id = self._writer.register_schema(schema, encoding, data)
-        json_encoded = encoding == SchemaEncoding.JSONSchema
-        message = MessageEncoding.JSON if json_encoded else MessageEncoding.Protobuf
-        return self._writer.register_channel(topic, message, schema_id)
+    def _register(self, topic: str) -> int:
+        name, schema = self._schemas[topic]
+        schema_id = self._writer.register_schema(name, SchemaEncoding.Protobuf, schema)
+        return self._writer.register_channel(topic, MessageEncoding.Protobuf, schema_id)
+
+    def _add(
+        self, topic: str, data: bytes, log_time_ns: int, time_ns: int, sequence: int = 0
+    ) -> None:
+        """Write a message; its topic is registered with its first."""
+        if topic not in self._channels:
+            self._channels[topic] = self._register(topic)
+        self._writer.add_message(
+            self._channels[topic], self._utc_ns(log_time_ns), data, max(0, time_ns), sequence
+        )
+
+    def _utc_ns(self, log_time_ns: int) -> int:
+        return max(0, max(0, log_time_ns) + self._utc_offset_ns)
 
     def write_frames(self, frames: RecordArray, log_time_ns: int) -> None:
         """Write a block of frames (n,), n >= 1, as one message, and its plot sample."""
-        self._write_block(self._frames_id, frames, log_time_ns)
+        self._write_block(FRAMES_TOPIC, frames, log_time_ns)
 
     def write_backfill(self, frames: RecordArray, log_time_ns: int) -> None:
         """Write a block of frames (n,), n >= 1, that came late, as `write_frames`."""
-        if self._backfill_id is None:
-            self._backfill_id = self._register(
-                BACKFILL_TOPIC, FRAME_BLOCK, SchemaEncoding.Protobuf, self._frame_schema
-            )
-        self._write_block(self._backfill_id, frames, log_time_ns)
+        self._write_block(BACKFILL_TOPIC, frames, log_time_ns)
 
-    def _write_block(self, frames_id: int, frames: RecordArray, log_time_ns: int) -> None:
-        time_ns = max(0, int(frames["time_ns"][0]))
-        sequence = int(frames["sequence"][0])
-        for channel_id, data in (
-            (frames_id, self._frames.encode(frames)),
-            (self._plot_id, self._plot.encode(frames)),
+    def _write_block(self, topic: str, frames: RecordArray, log_time_ns: int) -> None:
+        time_ns, sequence = int(frames["time_ns"][0]), int(frames["sequence"][0])
+        for each, data in (
+            (topic, self._frames.encode(frames)),
+            (PLOT_TOPIC, self._plot.encode(frames)),
         ):
-            self._writer.add_message(channel_id, log_time_ns, data, time_ns, sequence)
+            self._add(each, data, log_time_ns, time_ns, sequence)
+        if self._scalar is not None:
+            for frame in frames:
+                at_ns = int(frame["time_ns"])
+                logged_ns = log_time_ns + at_ns - time_ns
+                data = self._scalar.encode(frame)
+                self._add(SCALARS_TOPIC, data, logged_ns, at_ns, int(frame["sequence"]))
 
     def write_output(self, log_time_ns: int, mode: str, vibration_m_s2: FloatArray) -> None:
         """Write a block of the leader's output, samples (n,) of one mode."""
-        if self._output_id is None:
-            self._output_id = self._register(
-                OUTPUT_TOPIC, OUTPUT_BLOCK, SchemaEncoding.Protobuf, output_schema()
-            )
         log_time_ns = max(0, log_time_ns)
         data = self._output.encode(log_time_ns, mode, vibration_m_s2)
-        self._writer.add_message(self._output_id, log_time_ns, data, log_time_ns)
+        self._add(OUTPUT_TOPIC, data, log_time_ns, log_time_ns)
+        if self._vibration is not None:
+            for sample, value in enumerate(vibration_m_s2.tolist()):
+                at_ns = log_time_ns + sample * FRAME_PERIOD_NS
+                self._add(VIBRATION_TOPIC, self._vibration.encode(at_ns, value), at_ns, at_ns)
 
     def write_event(self, event: str, log_time_ns: int) -> None:
-        """Write an event, a JSON object as text."""
-        if self._events_id is None:
-            self._events_id = self._register(
-                EVENTS_TOPIC, "mmt.Event", SchemaEncoding.JSONSchema, EVENT_SCHEMA
-            )
-        self._writer.add_message(self._events_id, log_time_ns, event.encode(), log_time_ns)
+        """Write an event, a JSON object as text, and its sentence as a line of the log."""
+        self._add(EVENTS_TOPIC, self._event.encode(event), log_time_ns, log_time_ns)
+        sentence = json.loads(event).get("event")
+        if isinstance(sentence, str):
+            data = self._log.encode(self._utc_ns(log_time_ns), sentence)
+            self._add(LOG_TOPIC, data, log_time_ns, log_time_ns)
 
     def write_model(self, data: bytes, log_time_ns: int) -> None:
         """Attach a texture model's ``.npz``."""
         self._models += 1
         name = f"{MODEL_ATTACHMENT}-{self._models:04d}.npz"
-        self._writer.add_attachment(log_time_ns, log_time_ns, name, MODEL_MEDIA_TYPE, data)
+        utc_ns = self._utc_ns(log_time_ns)
+        self._writer.add_attachment(utc_ns, utc_ns, name, MODEL_MEDIA_TYPE, data)
 
     def write_annotations(self, data: bytes, log_time_ns: int) -> None:
         """Attach the follower's annotations, bytes that are stored and never opened."""
+        utc_ns = self._utc_ns(log_time_ns)
         self._writer.add_attachment(
-            log_time_ns, log_time_ns, ANNOTATIONS_ATTACHMENT, "application/octet-stream", data
+            utc_ns, utc_ns, ANNOTATIONS_ATTACHMENT, "application/octet-stream", data
         )
 
     def flush(self) -> None:
@@ -169,8 +226,10 @@ def open_writer(stream: BinaryIO) -> Writer:
     return writer
 
 
-def write_mcap(path: Path, session: RecordedSession) -> None:
+def write_mcap(path: Path, session: RecordedSession, *, scalars: bool = False) -> None:
     """Write a whole session; an existing file is replaced, but only by a finished one.
+
+    A session that does not know when it began begins now. For `scalars` see `SessionWriter`.
 
     Raises
     ------
@@ -180,13 +239,21 @@ def write_mcap(path: Path, session: RecordedSession) -> None:
         Writing failed, for instance because the disk is full.
     """
     with replacing(path) as part, part.open("wb") as stream:
-        _write_all(stream, session)
+        _write_all(stream, session, scalars=scalars)
 
 
-def _write_all(stream: BinaryIO, session: RecordedSession) -> None:
+def _write_all(stream: BinaryIO, session: RecordedSession, *, scalars: bool) -> None:
     frames = session.frames
-    writer = SessionWriter(stream, channels_of(frames.dtype), session.scene, session.session_id)
     start_ns = max(0, int(frames["time_ns"][0])) if len(frames) else 0
+    began_utc_ns = session.began_utc_ns or time.time_ns()
+    writer = SessionWriter(
+        stream,
+        channels_of(frames.dtype),
+        session.scene,
+        session.session_id,
+        utc_offset_ns=began_utc_ns - start_ns,
+        scalars=scalars,
+    )
 
     def log_time_ns(time_s: float) -> int:
         return max(0, start_ns + round(time_s * 1e9))
@@ -203,60 +270,3 @@ def _write_all(stream: BinaryIO, session: RecordedSession) -> None:
     for event in session.events:
         writer.write_event(to_json(dict(event)), log_time_ns(float(event.get("time_s", 0.0))))
     writer.finish()
-
-
-class FrameAssembler:
-    """Join frames into blocks of 20; `write` gets each with its first frame's log time."""
-
-    def __init__(self, dtype: np.dtype[Any], write: Callable[[RecordArray, int], None]) -> None:
-        self._dtype = dtype
-        self._write = write
-        self._block_bytes = FRAMES_PER_BLOCK * dtype.itemsize
-        self._waiting = bytearray()
-        self._log_time_ns = 0
-
-    def add(self, log_time_ns: int, data: bytes) -> None:
-        """Append frames as bytes and write every block that is full."""
-        if not self._waiting:
-            self._log_time_ns = log_time_ns
-        self._waiting += data
-        while len(self._waiting) >= self._block_bytes:
-            self._write_block(self._block_bytes)
-            self._log_time_ns = log_time_ns
-
-    def flush(self) -> None:
-        """Write the rest as a block that is not full."""
-        if self._waiting:
-            self._write_block(len(self._waiting))
-
-    def _write_block(self, size: int) -> None:
-        block = bytes(self._waiting[:size])
-        del self._waiting[:size]
-        self._write(np.frombuffer(block, dtype=self._dtype), self._log_time_ns)
-
-
-class OutputAssembler:
-    """Join output samples of one mode into blocks of 20 or a little more."""
-
-    def __init__(self, write: Callable[[int, str, FloatArray], None]) -> None:
-        self._write = write
-        self._waiting = bytearray()
-        self._mode = ""
-        self._time_ns = 0
-
-    def add(self, time_ns: int, mode: str, data: bytes) -> None:
-        """Append little-endian float32 samples; a new mode begins a new block."""
-        if mode != self._mode:
-            self.flush()
-        if not self._waiting:
-            self._mode, self._time_ns = mode, time_ns
-        self._waiting += data
-        if len(self._waiting) >= FRAMES_PER_BLOCK * _SAMPLE_BYTES:
-            self.flush()
-
-    def flush(self) -> None:
-        """Write the rest."""
-        if self._waiting:
-            samples = np.frombuffer(bytes(self._waiting), dtype="<f4").astype(np.float64)
-            self._waiting.clear()
-            self._write(self._time_ns, self._mode, samples)

@@ -6,6 +6,7 @@ from the channels of the session. The layout is in ``docs/reference/session-file
 
 import json
 from collections.abc import Sequence
+from functools import cache
 from typing import Any, Final, Self
 
 import numpy as np
@@ -14,16 +15,14 @@ from google.protobuf.message import DecodeError
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
-from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, Channel, channels_of, frame_dtype
+from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, Channel, frame_dtype
 
 FRAME_BLOCK: Final = "mmt.FrameBlock"
-PLOT_SAMPLE: Final = "mmt.PlotSample"
 OUTPUT_BLOCK: Final = "mmt.OutputBlock"
 
-EVENT_SCHEMA: Final = json.dumps({"type": "object", "title": "mmt.Event"}).encode()
-"""JSON Schema of an event: an object; its keys are the recording program's own."""
+EVENT: Final = "mmt.Event"
 
-_Field = descriptor_pb2.FieldDescriptorProto
+Field: Final = descriptor_pb2.FieldDescriptorProto
 _MISFITS = (DecodeError, AttributeError, TypeError, ValueError)
 """What decoding raises on fields that are absent, of another type or of another length."""
 
@@ -31,7 +30,7 @@ _MERGED_MESSAGES = 4096
 """Messages parsed in one call; limits the bytes that are joined at a time (4 MB)."""
 
 
-def _schema(message: str, fields: Sequence[tuple[str, int, bool]]) -> bytes:
+def message_schema(message: str, fields: Sequence[tuple[str, int, bool]]) -> bytes:
     """Return a serialized FileDescriptorSet with one message of (name, type, repeated)."""
     package, _, name = message.partition(".")
     described = descriptor_pb2.FileDescriptorProto(
@@ -39,38 +38,39 @@ def _schema(message: str, fields: Sequence[tuple[str, int, bool]]) -> bytes:
     )
     body = described.message_type.add(name=name)
     for number, (field, kind, repeated) in enumerate(fields, start=1):
-        label = _Field.LABEL_REPEATED if repeated else _Field.LABEL_OPTIONAL
+        label = Field.LABEL_REPEATED if repeated else Field.LABEL_OPTIONAL
         body.field.add(name=field, number=number, type=kind, label=label)
     return bytes(descriptor_pb2.FileDescriptorSet(file=[described]).SerializeToString())
 
 
 def frame_schema(channels: Sequence[Channel]) -> bytes:
     """Return the schema of ``mmt.FrameBlock`` with the fields of these channels."""
-    fields = [("sequence", _Field.TYPE_UINT32, True), ("time_ns", _Field.TYPE_SFIXED64, True)]
-    fields += [(FIELD_OF_CHANNEL[channel], _Field.TYPE_FLOAT, True) for channel in channels]
-    return _schema(FRAME_BLOCK, fields)
-
-
-def plot_schema(channels: Sequence[Channel]) -> bytes:
-    """Return the schema of ``mmt.PlotSample``: scalars, which every plotting tool reads."""
-    names = []
-    for channel, quantity, unit in (("position", "position", "mm"), ("force", "force", "n")):
-        if channel in channels:
-            names += [f"{quantity}_{axis}_{unit}" for axis in "xyz"]
-    if "acceleration" in channels:
-        names.append("vibration_rms_m_s2")
-    fields = [("time_ns", _Field.TYPE_SFIXED64, False)]
-    return _schema(PLOT_SAMPLE, fields + [(name, _Field.TYPE_DOUBLE, False) for name in names])
+    fields = [("sequence", Field.TYPE_UINT32, True), ("time_ns", Field.TYPE_SFIXED64, True)]
+    fields += [(FIELD_OF_CHANNEL[channel], Field.TYPE_FLOAT, True) for channel in channels]
+    return message_schema(FRAME_BLOCK, fields)
 
 
 def output_schema() -> bytes:
     """Return the schema of ``mmt.OutputBlock``."""
-    return _schema(
+    return message_schema(
         OUTPUT_BLOCK,
         [
-            ("time_ns", _Field.TYPE_SFIXED64, False),
-            ("mode", _Field.TYPE_STRING, False),
-            ("vibration_m_s2", _Field.TYPE_FLOAT, True),
+            ("time_ns", Field.TYPE_SFIXED64, False),
+            ("mode", Field.TYPE_STRING, False),
+            ("vibration_m_s2", Field.TYPE_FLOAT, True),
+        ],
+    )
+
+
+def event_schema() -> bytes:
+    """Return the schema of ``mmt.Event``: all of an event as JSON, and what most have."""
+    return message_schema(
+        EVENT,
+        [
+            ("time_s", Field.TYPE_DOUBLE, False),
+            ("event", Field.TYPE_STRING, False),
+            ("kind", Field.TYPE_STRING, False),
+            ("json", Field.TYPE_STRING, False),
         ],
     )
 
@@ -140,33 +140,6 @@ class FrameCodec:
         return frames
 
 
-class PlotCodec:
-    """Condense a block of frames into one ``mmt.PlotSample``."""
-
-    def __init__(self, channels: Sequence[Channel]) -> None:
-        self._message = message_class(plot_schema(channels), PLOT_SAMPLE)
-
-    def encode(self, frames: RecordArray) -> bytes:
-        """Return the block's means and the root mean square of its vibration.
-
-        Vibration is the acceleration without the block's mean, all axes together.
-        """
-        channels = channels_of(frames.dtype)
-        values: dict[str, float] = {"time_ns": int(frames["time_ns"][0])}
-        with np.errstate(all="ignore"):  # a faulty sensor's inf must not stop a recording
-            for channel, unit in (("position", "mm"), ("force", "n")):
-                if channel in channels:
-                    mean = frames[f"{channel}_{unit}"].mean(axis=0, dtype=np.float64).tolist()
-                    for axis, value in zip("xyz", mean, strict=True):
-                        values[f"{channel}_{axis}_{unit}"] = value
-            if "acceleration" in channels:
-                acceleration = frames["acceleration_m_s2"].astype(np.float64)
-                vibration = acceleration - acceleration.mean(axis=0)
-                rms = np.sqrt(np.mean(np.sum(vibration**2, axis=1)))
-                values["vibration_rms_m_s2"] = float(rms)
-        return bytes(self._message(**values).SerializeToString())
-
-
 class OutputCodec:
     """Turn the leader's output into ``mmt.OutputBlock`` messages and back."""
 
@@ -191,3 +164,41 @@ class OutputCodec:
             return str(message.mode), np.asarray(message.vibration_m_s2, dtype=np.float64)
         except _MISFITS as error:
             raise InputError(f"the leader's output does not fit its schema: {error}") from error
+
+
+@cache
+def event_codec() -> "EventCodec":
+    """Return the codec of events."""
+    return EventCodec()
+
+
+class EventCodec:
+    """Turn events, JSON objects as text, into ``mmt.Event`` messages and back."""
+
+    def __init__(self) -> None:
+        self._message = message_class(event_schema(), EVENT)
+
+    def encode(self, text: str) -> bytes:
+        """Return an event as a message."""
+        event = json.loads(text)
+        time_s, kind = event.get("time_s"), event.get("kind")
+        message = self._message(
+            time_s=float(time_s) if isinstance(time_s, int | float) else 0.0,
+            event=str(event.get("event", "")),
+            kind="" if kind is None else str(kind),
+            json=text,
+        )
+        return bytes(message.SerializeToString())
+
+    def decode(self, payload: bytes) -> str:
+        """Return the event's JSON text.
+
+        Raises
+        ------
+        InputError
+            The message does not parse.
+        """
+        try:
+            return str(self._message.FromString(payload).json)
+        except _MISFITS as error:
+            raise InputError(f"an event does not fit its schema: {error}") from error

@@ -25,8 +25,9 @@ from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.core.existing_files import exists_error, numbered
 from mmt.core.frames import Channel, frame_dtype, ordered_channels
+from mmt.session.assembling import FrameAssembler, OutputAssembler
 from mmt.session.data import JsonObject, to_json
-from mmt.session.mcap_writer import FrameAssembler, OutputAssembler, SessionWriter
+from mmt.session.mcap_writer import SessionWriter
 
 fcntl: Final[Any] = importlib.import_module("fcntl") if find_spec("fcntl") else None
 """None on Windows, which locks open files by itself."""
@@ -55,7 +56,8 @@ class McapRecorder:
 
     All calls come from one thread. After a clean `close` everything recorded is in the
     file; after a crash all but the last 0.5 s is, by ``mmt session recover``. Times in the
-    file are those of `clock` at the call: this machine's, also for frames from another.
+    file are those of the call, by this machine's clock, also for frames from another; they are
+    written as UTC.
 
     Parameters
     ----------
@@ -79,6 +81,8 @@ class McapRecorder:
         "refuse" an existing file, "replace" it, or "number" the new one, as ``run-2.mcap``;
         the attribute `path` is the name that was taken. A file that another recorder writes
         is never replaced.
+    scalars
+        Write each frame as a message of plain numbers as well, see `SessionWriter`.
 
     Raises
     ------
@@ -98,6 +102,7 @@ class McapRecorder:
         clock: Callable[[], int] = time.monotonic_ns,
         begins_s: float = 0.0,
         existing: Existing = "refuse",
+        scalars: bool = False,
     ) -> None:
         self.frames = 0
         """Frames that are in the file, up to the last flush."""
@@ -118,7 +123,12 @@ class McapRecorder:
         self.path, self._stream = _create(path, existing)
         try:
             self._writer = SessionWriter(
-                self._stream, ordered_channels(channels), scene, session_id
+                self._stream,
+                ordered_channels(channels),
+                scene,
+                session_id,
+                utc_offset_ns=time.time_ns() - clock(),
+                scalars=scalars,
             )
         except OSError as error:  # the scene alone may fill what is left of a disk
             with suppress(OSError):

@@ -4,10 +4,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+from mcap.records import Message
+
 from mmt.core.errors import InputError
 from mmt.session.data import duration_s, missing_frames
 from mmt.session.files import replacing
-from mmt.session.mcap_reader import Scan, parse_json, scan_mcap, scanned_frames
+from mmt.session.mcap_reader import Scan, parse_event, parse_json, scan_mcap, scanned_frames
 from mmt.session.mcap_writer import EVENTS_TOPIC, RECOVERY_METADATA, SCENE_METADATA, open_writer
 
 
@@ -92,7 +94,7 @@ def _copy(scan: Scan, recovery: Recovery, stream: BinaryIO) -> None:
     }
     for message in scan.messages:
         topic = scan.channels[message.channel_id].topic if message.channel_id in channels else ""
-        if topic == EVENTS_TOPIC and not _is_json(scan, message.data, "an event"):
+        if topic == EVENTS_TOPIC and not _is_event(scan, message):
             continue  # another record whose kind was damaged
         if topic:
             writer.add_message(
@@ -103,6 +105,14 @@ def _copy(scan: Scan, recovery: Recovery, stream: BinaryIO) -> None:
                 message.sequence,
             )
     writer.finish()  # type: ignore[no-untyped-call]
+
+
+def _is_event(scan: Scan, message: Message) -> bool:
+    try:
+        parse_event(scan.path, message.data, scan.channels[message.channel_id])
+    except InputError:
+        return False
+    return True
 
 
 def _is_json(scan: Scan, text: str | bytes, what: str) -> bool:

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
-from mmt.session.mcap_reader import scan_mcap, scanned_frames
-from mmt.session.mcap_writer import FRAMES_TOPIC
+from mmt.session.mcap_reader import scan_mcap, scanned_frames, utc_offset_ns
+from mmt.session.mcap_writer import FRAMES_TOPIC, SESSION_METADATA
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,8 @@ def read_back(path: Path) -> Readback:
     """
     scan = scan_mcap(path)
     blocks = scan.on_topic(FRAMES_TOPIC)
-    arrival_ns = np.array([block.log_time for block in blocks], dtype=np.int64)
+    offset_ns = utc_offset_ns(scan.metadata_of(SESSION_METADATA)) or 0
+    arrival_ns = np.array([block.log_time - offset_ns for block in blocks], dtype=np.int64)
     time_ns = np.array([block.publish_time for block in blocks], dtype=np.int64)
     frames = scanned_frames(scan)
     gaps, disordered = find_gaps(frames)

@@ -1,0 +1,144 @@
+"""Messages of a session file that tools show: numbers to plot, and lines of a log.
+
+mmt writes them and reads none of them; the layout is in ``docs/reference/session-file.md``.
+"""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from google.protobuf import descriptor_pb2, timestamp_pb2
+
+from mmt.core.arrays import RecordArray
+from mmt.core.frames import FIELD_OF_CHANNEL, Channel, channels_of
+from mmt.session.data import axis_columns
+from mmt.session.messages import Field, message_class, message_schema
+
+PLOT_SAMPLE: Final = "mmt.PlotSample"
+LOG: Final = "foxglove.Log"
+SCALARS: Final = "mmt.Scalars"
+VIBRATION_SAMPLE: Final = "mmt.VibrationSample"
+
+
+def plot_schema(channels: Sequence[Channel]) -> bytes:
+    """Return the schema of ``mmt.PlotSample``: scalars, which every plotting tool reads."""
+    names = []
+    for channel, quantity, unit in (("position", "position", "mm"), ("force", "force", "n")):
+        if channel in channels:
+            names += [f"{quantity}_{axis}_{unit}" for axis in "xyz"]
+    if "acceleration" in channels:
+        names.append("vibration_rms_m_s2")
+    fields = [("time_ns", Field.TYPE_SFIXED64, False)]
+    return message_schema(
+        PLOT_SAMPLE, fields + [(name, Field.TYPE_DOUBLE, False) for name in names]
+    )
+
+
+def log_schema() -> bytes:
+    """Return the schema of ``foxglove.Log``, which log panels show.
+
+    It is that of https://docs.foxglove.dev/docs/visualization/message-schemas/log.
+    """
+    timestamp = descriptor_pb2.FileDescriptorProto()
+    timestamp_pb2.DESCRIPTOR.CopyToProto(timestamp)
+    described = descriptor_pb2.FileDescriptorProto(
+        name="foxglove/Log.proto",
+        package="foxglove",
+        syntax="proto3",
+        dependency=[timestamp.name],
+    )
+    body = described.message_type.add(name="Log")
+    levels = body.enum_type.add(name="Level")
+    for number, name in enumerate(("UNKNOWN", "DEBUG", "INFO", "WARNING", "ERROR", "FATAL")):
+        levels.value.add(name=name, number=number)
+    kinds: list[tuple[str, int, str | None]] = [
+        ("timestamp", Field.TYPE_MESSAGE, ".google.protobuf.Timestamp"),
+        ("level", Field.TYPE_ENUM, ".foxglove.Log.Level"),
+        *((name, Field.TYPE_STRING, None) for name in ("message", "name", "file")),
+        ("line", Field.TYPE_FIXED32, None),
+    ]
+    for number, (name, kind, of_type) in enumerate(kinds, start=1):
+        label = Field.LABEL_OPTIONAL
+        body.field.add(name=name, number=number, type=kind, label=label, type_name=of_type)
+    files = descriptor_pb2.FileDescriptorSet(file=[timestamp, described])
+    return bytes(files.SerializeToString())
+
+
+def scalars_schema(channels: Sequence[Channel]) -> bytes:
+    """Return the schema of ``mmt.Scalars``: one frame, a field for each axis of each channel."""
+    names = [name for channel in channels for name in axis_columns(channel)]
+    fields = [("time_ns", Field.TYPE_SFIXED64, False)]
+    return message_schema(SCALARS, fields + [(name, Field.TYPE_FLOAT, False) for name in names])
+
+
+def vibration_sample_schema() -> bytes:
+    """Return the schema of ``mmt.VibrationSample``: one sample of the leader's output."""
+    fields = [("time_ns", Field.TYPE_SFIXED64, False), ("vibration_m_s2", Field.TYPE_FLOAT, False)]
+    return message_schema(VIBRATION_SAMPLE, fields)
+
+
+class PlotCodec:
+    """Condense a block of frames into one ``mmt.PlotSample``."""
+
+    def __init__(self, channels: Sequence[Channel]) -> None:
+        self._message = message_class(plot_schema(channels), PLOT_SAMPLE)
+
+    def encode(self, frames: RecordArray) -> bytes:
+        """Return the block's means and the root mean square of its vibration.
+
+        Vibration is the acceleration without the block's mean, all axes together.
+        """
+        channels = channels_of(frames.dtype)
+        values: dict[str, float] = {"time_ns": int(frames["time_ns"][0])}
+        with np.errstate(all="ignore"):  # a faulty sensor's inf must not stop a recording
+            for channel, unit in (("position", "mm"), ("force", "n")):
+                if channel in channels:
+                    mean = frames[f"{channel}_{unit}"].mean(axis=0, dtype=np.float64).tolist()
+                    for axis, value in zip("xyz", mean, strict=True):
+                        values[f"{channel}_{axis}_{unit}"] = value
+            if "acceleration" in channels:
+                acceleration = frames["acceleration_m_s2"].astype(np.float64)
+                vibration = acceleration - acceleration.mean(axis=0)
+                rms = np.sqrt(np.mean(np.sum(vibration**2, axis=1)))
+                values["vibration_rms_m_s2"] = float(rms)
+        return bytes(self._message(**values).SerializeToString())
+
+
+class LogCodec:
+    """Turn sentences into ``foxglove.Log`` messages."""
+
+    def __init__(self) -> None:
+        self._message = message_class(log_schema(), LOG)
+
+    def encode(self, utc_ns: int, sentence: str) -> bytes:
+        """Return a sentence, said at a time since 1970, as a message of level INFO."""
+        message = self._message(level=2, message=sentence, name="mmt")
+        message.timestamp.seconds, message.timestamp.nanos = divmod(utc_ns, 1_000_000_000)
+        return bytes(message.SerializeToString())
+
+
+class ScalarCodec:
+    """Turn frames into ``mmt.Scalars`` messages, one each."""
+
+    def __init__(self, channels: Sequence[Channel]) -> None:
+        self._message = message_class(scalars_schema(channels), SCALARS)
+        self._fields = {FIELD_OF_CHANNEL[channel]: axis_columns(channel) for channel in channels}
+
+    def encode(self, frame: Any) -> bytes:
+        """Return a frame, shape (), as one message."""
+        values: dict[str, float] = {"time_ns": int(frame["time_ns"])}
+        for field, names in self._fields.items():
+            values |= zip(names, frame[field].tolist(), strict=True)
+        return bytes(self._message(**values).SerializeToString())
+
+
+class VibrationCodec:
+    """Turn samples of the leader's output into ``mmt.VibrationSample`` messages, one each."""
+
+    def __init__(self) -> None:
+        self._message = message_class(vibration_sample_schema(), VIBRATION_SAMPLE)
+
+    def encode(self, time_ns: int, vibration_m_s2: float) -> bytes:
+        """Return one sample as a message."""
+        message = self._message(time_ns=time_ns, vibration_m_s2=vibration_m_s2)
+        return bytes(message.SerializeToString())
