@@ -1,4 +1,5 @@
 import os
+import subprocess
 import sys
 import threading
 import time
@@ -41,3 +42,22 @@ def test_sleeps_that_end_when_they_are_due_are_asked_of_the_system() -> None:
     thread.join()
     assert slack_ns in ([], [1])
     assert bool(slack_ns) == (sys.platform == "linux")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_the_code_of_the_compiler_is_released_and_runs_again() -> None:
+    program = (
+        "import numba, psutil\n"
+        "from mmt.core.process import release_code\n"
+        "memory_mb = lambda: psutil.Process().memory_info().rss / 1e6\n"
+        "double = numba.njit('f8(f8)')(lambda x: x + x)\n"
+        "before_mb = memory_mb()\n"
+        "assert release_code('libllvmlite') > 0\n"
+        "assert release_code('no such library') == 0\n"
+        "assert memory_mb() < before_mb - 20.0\n"
+        "assert numba.njit('f8(f8)')(lambda x: double(x) + x)(1.0) == 3.0\n"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", program], check=False, capture_output=True, text=True, timeout=150
+    )
+    assert ended.returncode == 0, ended.stderr
