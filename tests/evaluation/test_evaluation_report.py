@@ -195,6 +195,24 @@ def test_texts_are_escaped():
     assert r"| q\|r |" in to_markdown(blocks)
 
 
+def test_no_name_becomes_html_or_a_link_in_markdown():
+    evil = "<img src=x onerror=alert(1)>&lt;[a](javascript:b)\n# c"
+    blocks = [
+        Heading(evil),
+        Paragraph(evil),
+        Table((evil,), [(evil,)], evil),
+        Picture("p.png", b"", evil),
+        Listing(evil, "as it is: <b>\n```\n<script>"),
+    ]
+    listing = to_markdown(blocks).rpartition("\n\n")[2]
+    text = to_markdown(blocks).replace(listing, "")
+    assert "<" not in text
+    assert "&amp;lt;" in text
+    assert text.count("](") == text.count(r"\[a](") + 1  # the picture's own
+    assert "\n# c" not in text
+    assert listing == "````\nas it is: <b>\n```\n<script>\n````\n"
+
+
 def test_curves_hold_the_figures(evaluations):
     axis = figures.completion_over_time(evaluations).axes[0]
     np.testing.assert_array_equal(axis.lines[0].get_xydata(), evaluations[0].course)

@@ -2,6 +2,7 @@
 
 import base64
 import html
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Final
@@ -150,28 +151,39 @@ def to_html(title: str, blocks: Sequence[Block]) -> str:
     )
 
 
+_MARKDOWN: Final = str.maketrans({"&": "&amp;", "<": "&lt;", "[": r"\["})
+"""Markdown passes HTML on to the browser, and a name such as a file's may be anything."""
+
+
+def _plain(text: str) -> str:
+    """Return a text as one line of Markdown that holds neither HTML nor a link."""
+    return " ".join(text.split()).translate(_MARKDOWN)
+
+
 def _markdown(block: Block) -> str:
     if isinstance(block, Heading):
-        return f"{'#' * block.level} {block.text}\n"
+        return f"{'#' * block.level} {_plain(block.text)}\n"
     if isinstance(block, Paragraph):
-        return f"{block.text}\n"
+        return f"{_plain(block.text)}\n"
     if isinstance(block, Picture):
-        return f"![{block.caption}]({block.source})\n\n*{block.caption}*\n"
+        caption = _plain(block.caption)
+        return f"![{caption}]({block.source})\n\n*{caption}*\n"
     if isinstance(block, SideBySide | SmallTables):
         return "\n".join(map(_markdown, block.inner))
     if isinstance(block, Listing):
-        return f"{block.title}:\n\n```\n{block.text.rstrip()}\n```\n"
+        fence = "`" * max(3, 1 + max(map(len, re.findall("`+", block.text)), default=0))
+        return f"{_plain(block.title)}:\n\n{fence}\n{block.text.rstrip()}\n{fence}\n"
     return _markdown_table(block)
 
 
 def _markdown_table(table: Table) -> str:
     def line(cells: Sequence[str]) -> str:
-        escaped = (" ".join(cell.split()).replace("|", r"\|") for cell in cells)
+        escaped = (_plain(cell).replace("|", r"\|") for cell in cells)
         return f"| {' | '.join(escaped)} |"
 
     rulers = ["---:" if numeric else "---" for numeric in numeric_columns(table)]
-    lines = [line(table.columns), line(rulers), *(line(row) for row in table.rows)]
-    caption = f"{table.caption}\n\n" if table.caption else ""
+    lines = [line(table.columns), f"| {' | '.join(rulers)} |", *(line(row) for row in table.rows)]
+    caption = f"{_plain(table.caption)}\n\n" if table.caption else ""
     return caption + "\n".join(lines) + "\n"
 
 
