@@ -169,3 +169,10 @@ def test_after_the_clock_jumped_back_lines_go_on(monkeypatch: pytest.MonkeyPatch
     assert [limit.allow("kind"), limit.allow("kind")] == [1, 0]
     now_s = 5.0
     assert [limit.allow("kind"), limit.allow("kind")] == [2, 0]
+
+
+def test_a_traceback_on_the_terminal_holds_no_escapes(capsys: pytest.CaptureFixture[str]) -> None:
+    with Logs("leader"):
+        LOG.error("it failed", exc_info=ValueError("\x1b[2J\x07\u202eforged"))
+    text = capsys.readouterr().err
+    assert "ValueError: \ufffd[2J\ufffd\ufffdforged" in text

@@ -19,10 +19,11 @@ from link_samples import (
     until,
 )
 
+import mmt.link.rate_limit
 import mmt.link.websocket
 from mmt.core.errors import MmtError
 from mmt.link.protocol import encode_event
-from mmt.link.websocket import RateLimit
+from mmt.link.rate_limit import RateLimit
 
 SECOND = 1_000_000_000
 
@@ -33,7 +34,8 @@ class Notes:
         self.shut: list[MmtError] = []
         self.gate = RateLimit(rate_hz, self.count, self.shut.append)
 
-    def count(self) -> None:
+    def count(self, reason: str) -> None:
+        assert reason == "too fast"
         self.excess += 1
 
 
@@ -163,9 +165,9 @@ def test_the_gate_costs_little() -> None:
 async def test_a_follower_that_floods_is_cut_off_and_the_next_is_served(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(mmt.link.websocket, "MESSAGES_PER_PERIOD", 1)
-    monkeypatch.setattr(mmt.link.websocket, "BURST_S", 0.5)
-    monkeypatch.setattr(mmt.link.websocket, "GRACE_S", 0.05)
+    monkeypatch.setattr(mmt.link.rate_limit, "MESSAGES_PER_PERIOD", 1)
+    monkeypatch.setattr(mmt.link.rate_limit, "BURST_S", 0.5)
+    monkeypatch.setattr(mmt.link.rate_limit, "GRACE_S", 0.05)
     notes = LeaderNotes()
     async with leader(notes) as server:
         client = socketio.AsyncClient(serializer="msgpack", handle_sigint=False, reconnection=False)
@@ -194,9 +196,9 @@ async def test_a_follower_that_floods_is_cut_off_and_the_next_is_served(
 async def test_a_leader_that_floods_ends_the_follower_with_a_reason(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(mmt.link.websocket, "MESSAGES_PER_PERIOD", 1)
-    monkeypatch.setattr(mmt.link.websocket, "BURST_S", 0.5)
-    monkeypatch.setattr(mmt.link.websocket, "GRACE_S", 0.05)
+    monkeypatch.setattr(mmt.link.rate_limit, "MESSAGES_PER_PERIOD", 1)
+    monkeypatch.setattr(mmt.link.rate_limit, "BURST_S", 0.5)
+    monkeypatch.setattr(mmt.link.rate_limit, "GRACE_S", 0.05)
     notes = FollowerNotes()
     async with leader() as server, follower(server.port, notes) as client:
         await until(lambda: server._endpoint.outbox.is_open)

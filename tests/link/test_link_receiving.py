@@ -26,10 +26,8 @@ from socketio.msgpack_packet import MsgPackPacket
 import mmt.link.connection
 import mmt.link.websocket
 from mmt.link.protocol import MAX_MESSAGE_BYTES, encode_event
+from mmt.link.rate_limit import HANDSHAKE_MESSAGES, HandshakeLimit, RateLimit
 from mmt.link.websocket import (
-    HANDSHAKE_MESSAGES,
-    HandshakeLimit,
-    RateLimit,
     _receive_rest,
     binary_event,
     receive_directly,
@@ -51,7 +49,7 @@ def decoded(monkeypatch: pytest.MonkeyPatch) -> Counter[int]:
 
 
 def open_gate() -> RateLimit:
-    return RateLimit(1000, on_excess=pytest.fail, on_exceeded=pytest.fail)
+    return RateLimit(1000, on_drop=pytest.fail, on_exceeded=pytest.fail)
 
 
 async def stays_open(**_: object) -> None:
@@ -135,6 +133,30 @@ async def test_a_client_that_joins_again_on_the_same_websocket_is_a_new_follower
         await until(lambda: notes.sequences == [0, 0])
     assert len(notes.hellos) == 2
     assert server.statistics.rejected == {}
+
+
+@pytest.mark.parametrize("event", ["connect", "disconnect", "connect_error"])
+@pytest.mark.parametrize("argument", [b"x", "text", {"message": "forged"}, None])
+async def test_an_event_by_a_name_of_the_library_reaches_none_of_its_handlers(
+    event: str, argument: object, caplog: pytest.LogCaptureFixture
+) -> None:
+    up, down = LeaderNotes(), FollowerNotes()
+    async with leader(up) as server, follower(server.port, down) as client:
+        await until(lambda: server._endpoint.outbox.is_open)
+        assert client._connection.line is not None
+        await client._connection.line.client.emit(event, argument)
+        await server._host.server.emit(event, argument)
+        client.send_frames(frames(0))
+        server.send_commands(commands(0))
+        await until(lambda: up.sequences == down.sequences == [0])
+        assert up.losses == []
+        assert server.statistics.rejected == {"reserved event": 1}
+        assert client.statistics.rejected == {"reserved event": 1}
+        assert client.connected
+        assert server.connected
+    assert len(up.hellos) == 1
+    assert down.losses == []
+    assert "refused" not in caplog.text
 
 
 async def test_a_flood_leaves_the_loop_its_turns() -> None:

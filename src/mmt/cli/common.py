@@ -17,6 +17,7 @@ from rich.text import Text
 from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import requiring
 from mmt.core.inventory import Inventory
+from mmt.core.printable import printable
 from mmt.core.version import __version__
 from mmt.scene import Scene, Service
 
@@ -28,10 +29,21 @@ STANDARD_OUTPUT: Final = Path("-")
 Force: TypeAlias = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
 """Without it no command replaces a file, see `mmt.core.existing_files`."""
 
-output = Console(markup=False, emoji=False)
+_KEPT: Final = "\n\t"
+
+
+class Terminal(Console):
+    """A console that prints no control character that a peer, a device or a file has sent."""
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """Return a text as it is printed."""
+        return super().render_str(printable(text, keep=_KEPT), **options)
+
+
+output = Terminal(markup=False, emoji=False)
 """For results; brackets in a text, such as a table's name, are no markup."""
 
-messages = Console(stderr=True, markup=False, emoji=False)
+messages = Terminal(stderr=True, markup=False, emoji=False)
 """For progress, notes and errors."""
 messages.soft_wrap = not messages.is_terminal  # a program reads whole lines
 
@@ -60,7 +72,8 @@ def run_app(app: typer.Typer, program: str) -> None:
 def print_error(sentence: str) -> None:
     """Print an error, where standard error takes it."""
     with suppress(OSError):
-        messages.print(Text.assemble(("error:", "red"), f" {sentence}"), soft_wrap=True)
+        error = Text.assemble(("error:", "red"), f" {printable(sentence, keep=_KEPT)}")
+        messages.print(error, soft_wrap=True)
 
 
 @contextmanager

@@ -18,6 +18,7 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 from mmt.core.errors import InputError, MmtError
+from mmt.core.printable import printable
 
 LEVELS: Final = ("debug", "info", "warning", "error")
 
@@ -168,8 +169,10 @@ class _TerminalLines(logging.Formatter):
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's name
         record.levelname = record.levelname.lower()
-        text = super().formatMessage(record)
-        return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
+        return printable(super().formatMessage(record))
+
+    def format(self, record: logging.LogRecord) -> str:
+        return printable(super().format(record), keep="\n")  # a traceback has lines
 
 
 class _BoundedQueue(QueueHandler):

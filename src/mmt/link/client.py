@@ -27,7 +27,7 @@ from mmt.link.protocol import (
     FollowerHello,
     LinkStatistics,
     argument_of,
-    printable,
+    peer_text,
     reason_of,
 )
 from mmt.link.reader import BlockReader
@@ -262,7 +262,7 @@ class FollowerClient:
         self._clock.start(self._clock_hz)
         session_id = payload.get("session_id")
         if isinstance(session_id, str) and session_id:
-            self._endpoint.notify(self._events.on_session, printable(session_id))
+            self._endpoint.notify(self._events.on_session, peer_text(session_id))
 
     def _on_commands(self, *arguments: object) -> None:
         arrival_ns = time.monotonic_ns()

@@ -17,8 +17,9 @@ import socketio
 
 from mmt.core.errors import InputError, MmtError
 from mmt.link.access import Access, check_scheme
-from mmt.link.protocol import MAX_MESSAGE_BYTES, MAX_SENTENCE, loss_of, printable
-from mmt.link.websocket import Handlers, RateLimit, Send, client_send, client_websocket, wire_logger
+from mmt.link.protocol import MAX_MESSAGE_BYTES, MAX_SENTENCE, loss_of, peer_text
+from mmt.link.rate_limit import RateLimit
+from mmt.link.websocket import Handlers, Send, client_send, client_websocket, wire_logger
 
 LOG: Final = logging.getLogger("mmt.link")
 
@@ -138,7 +139,7 @@ def _first_cause(error: BaseException) -> str:
     cause: BaseException | None = error
     while cause is not None:
         error, cause = cause, cause.__cause__ or cause.__context__
-    return str(error) or type(error).__name__
+    return peer_text(str(error), MAX_SENTENCE) or type(error).__name__
 
 
 class Connection:
@@ -294,7 +295,7 @@ class Connection:
 
     def _on_refused(self, problem: object = None) -> None:
         if isinstance(problem, Mapping) and "message" in problem:
-            self._refusal = printable(str(problem["message"]), MAX_SENTENCE)
+            self._refusal = peer_text(str(problem["message"]), MAX_SENTENCE)
             LOG.warning("refused by the leader: %s", self._refusal)
 
     def _on_disconnect(self, reason: str) -> None:

@@ -4,7 +4,6 @@ import logging
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Final, Literal, Protocol
 
 import numpy as np
@@ -16,8 +15,8 @@ from mmt.core.ticking import TimeHistogram
 from mmt.link.clock_offset import ClockJump
 from mmt.link.protocol import MAX_RECORDS_PER_MESSAGE, FollowerHello, LinkStatistics, encode_event
 from mmt.link.queue import SendQueue
+from mmt.link.rate_limit import RateLimit
 from mmt.link.reader import BlockReader
-from mmt.link.websocket import RateLimit
 from mmt.scene import Scene
 
 if TYPE_CHECKING:
@@ -218,7 +217,7 @@ class Endpoint:
     ) -> None:
         self.reader = reader
         self.outbox = SendQueue(capacity) if network is None else network.outbox(capacity)
-        self.rate_limit = RateLimit(rate_hz, partial(reader.reject, "too fast"), on_exceeded)
+        self.rate_limit = RateLimit(rate_hz, reader.reject, on_exceeded)
         self.extra = extra
         self._events = events
 

@@ -24,7 +24,7 @@ from mmt.link.protocol import (
     WELCOME,
     FollowerHello,
     loss_of,
-    printable,
+    peer_text,
 )
 from mmt.link.websocket import Send
 
@@ -209,7 +209,7 @@ class Handshake:
             self._clear_slot()
             self._events.on_follower(hello)
         except MmtError as error:
-            self._log_refusal(printable(str(error), MAX_SENTENCE))
+            self._log_refusal(peer_text(str(error), MAX_SENTENCE))
             raise socketio.exceptions.ConnectionRefusedError(str(error)) from error
         except Exception as error:
             self._events.on_error(error)

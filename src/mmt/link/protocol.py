@@ -11,6 +11,7 @@ import msgpack
 
 from mmt.core.errors import InputError
 from mmt.core.frames import Channel, ordered_channels
+from mmt.core.printable import printable
 from mmt.core.process import clock_id
 from mmt.core.ranges import Range
 
@@ -179,7 +180,7 @@ class FollowerHello:
         channels = _read(auth, "channels", list)
         return cls(
             channels=ordered_channels(str(channel)[:MAX_TEXT] for channel in channels),
-            source=printable(_read(auth, "source", str), MAX_TEXT + 1),
+            source=peer_text(_read(auth, "source", str), MAX_TEXT + 1),
             rate_hz=_read(auth, "rate_hz", int),
             frames_per_message=_read(auth, "frames_per_message", int),
             annotations=_read(auth, "annotations", bytes),
@@ -259,12 +260,12 @@ def reason_of(payload: object) -> str | None:
     if not isinstance(payload, Mapping):
         return None
     reason = payload.get("reason")
-    return printable(reason) if isinstance(reason, str) else None
+    return peer_text(reason) if isinstance(reason, str) else None
 
 
-def printable(text: str, longest: int = MAX_TEXT) -> str:
+def peer_text(text: str, longest: int = MAX_TEXT) -> str:
     """Return a text from the peer without control characters, of bounded length."""
-    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text[:longest])
+    return printable(text[:longest])
 
 
 def loss_of(reason: str) -> str:

@@ -19,114 +19,23 @@ import time
 import weakref
 from collections.abc import Awaitable, Callable, Mapping
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 import msgpack
 import socketio
 from aiohttp import ClientWebSocketResponse, WSCloseCode, WSMessage, WSMsgType, web
 from aiohttp.http_exceptions import HttpProcessingError
 
-from mmt.core.errors import MmtError
 from mmt.core.logs import RepeatLimit
 from mmt.link.accepting import HANDSHAKE_S, admit_connection
 from mmt.link.protocol import EVENT_NAMESPACE, MAX_MESSAGE_BYTES, MSGPACK_EVENT
 from mmt.link.queue import Sending, UnbufferedSend
+from mmt.link.rate_limit import HandshakeLimit, RateLimit
 
 LOG: Final = logging.getLogger("mmt.link")
 
 LINK_PATH: Final = "/socket.io/"
 """Where Socket.IO connections are opened; a follower shows its token in its hello."""
-
-MESSAGES_PER_PERIOD: Final = 10
-"""Messages that a peer may send for each record that the session's rate expects of it."""
-BYTES_PER_PERIOD: Final = 20_000
-"""Likewise bytes: four times what a replay at a hundred times real time sends."""
-BURST_S: Final = 10.0
-"""Size of the token bucket, in time: a network that stalled may deliver this burst at once."""
-GRACE_S: Final = 2.0
-"""A peer that exceeds the limit for longer than this is cut off."""
-HANDSHAKE_MESSAGES: Final = 50
-"""Messages that a connection may send before it is admitted; it needs two or three."""
-
-
-class RateLimit:
-    """Limit the rate of messages and bytes; a few integer operations a message.
-
-    A token bucket in units of time: each message costs some, the clock refills it, and takes it
-    along where it jumps back. Messages that find it empty are dropped and counted.
-
-    Parameters
-    ----------
-    rate_hz
-        Records a second that the session expects of the peer.
-    on_excess
-        Called for each message that is dropped.
-    on_exceeded
-        Called once, with an error, when the peer keeps exceeding the limit and is cut off.
-    """
-
-    def __init__(
-        self,
-        rate_hz: float,
-        on_excess: Callable[[], None],
-        on_exceeded: Callable[[MmtError], None],
-    ) -> None:
-        self._message_ns = max(1, round(1e9 / (rate_hz * MESSAGES_PER_PERIOD)))
-        self._byte_ps = max(1, round(1e12 / (rate_hz * BYTES_PER_PERIOD)))
-        self._burst_ns = round(BURST_S * 1e9)
-        self._now_ns = self._due_ns = 0
-        self._over_since_ns: int | None = None
-        self._on_excess = on_excess
-        self._on_rate_exceeded = on_exceeded
-        self._messages_hz = round(rate_hz * MESSAGES_PER_PERIOD)
-        self.shut = False
-        """Whether the peer exceeded the limit for too long and is to be cut off."""
-
-    def open(self) -> None:
-        """Lift the cut-off for a new connection; the bucket keeps its level."""
-        self.shut = False
-        self._over_since_ns = None
-
-    def passes(self, size: int, now_ns: int) -> bool:
-        """Whether a message of `size` bytes that arrives now may pass."""
-        if now_ns < self._now_ns:
-            self._due_ns -= self._now_ns - now_ns
-            self._over_since_ns = None
-        self._now_ns = now_ns
-        due_ns = max(self._due_ns, now_ns) + self._message_ns + size * self._byte_ps // 1000
-        if due_ns - now_ns <= self._burst_ns:
-            self._due_ns = due_ns
-            if self._over_since_ns is not None and due_ns - now_ns < self._burst_ns // 2:
-                self._over_since_ns = None
-            return True
-        self._on_excess()
-        if self._over_since_ns is None:
-            self._over_since_ns = now_ns
-        elif not self.shut and now_ns - self._over_since_ns > GRACE_S * 1e9:
-            self.shut = True
-            self._on_rate_exceeded(
-                MmtError(
-                    f"it sent more than {self._messages_hz} messages, or "
-                    f"{self._messages_hz // MESSAGES_PER_PERIOD * BYTES_PER_PERIOD / 1e6:g} MB, a "
-                    f"second for {GRACE_S:g} s"
-                )
-            )
-        return False
-
-
-class HandshakeLimit:
-    """Limit the messages of a connection that is not admitted yet."""
-
-    def __init__(self) -> None:
-        self._left = HANDSHAKE_MESSAGES
-        self.shut = False
-
-    def passes(self, size: int, now_ns: int) -> bool:  # noqa: ARG002 - as in RateLimit
-        """Whether one more may pass."""
-        self._left -= 1
-        self.shut = self._left < 0
-        return not self.shut
-
 
 Handlers = Mapping[str, Callable[[bytes], None]]
 """By event; called on the loop with the event's one argument, must return soon and not raise."""
@@ -135,6 +44,7 @@ Receive = Callable[[], Awaitable[WSMessage]]
 Close = Callable[..., Awaitable[object]]
 AnyRateLimit = RateLimit | HandshakeLimit
 
+_RESERVED: Final = {"connect", "connect_error", "disconnect"}
 _BURST: Final = 64
 """Messages handled in a row before the event loop runs its other tasks."""
 _CLOSED: Final = WSMessage(WSMsgType.CLOSED, None, None)
@@ -154,22 +64,29 @@ def binary_event(message: bytes) -> tuple[str, bytes] | None:
         None unless it is an event of our namespace with one binary argument that asks for no
         acknowledgement.
     """
+    packet = _event(message)
+    if packet is None or packet.get("nsp") != EVENT_NAMESPACE or packet.get("id") is not None:
+        return None
+    data = packet["data"]
+    return (data[0], data[1]) if len(data) == 2 and isinstance(data[1], bytes) else None
+
+
+def is_reserved(message: bytes) -> bool:
+    """Whether this is an event by a name that the library calls its own handlers by."""
+    packet = _event(message)
+    return packet is not None and packet["data"][0] in _RESERVED
+
+
+def _event(message: bytes) -> dict[str, Any] | None:
+    """Decode the packet of an event, None where it is none."""
     try:
         packet = msgpack.unpackb(message)
     except (ValueError, TypeError, OverflowError, RecursionError):
         return None
-    if (
-        not isinstance(packet, dict)
-        or packet.get("type") != MSGPACK_EVENT
-        or packet.get("nsp") != EVENT_NAMESPACE
-        or packet.get("id") is not None
-    ):
+    if not isinstance(packet, dict) or packet.get("type") != MSGPACK_EVENT:
         return None
     data = packet.get("data")
-    if not isinstance(data, list) or len(data) != 2:  # a match statement takes three times as long
-        return None
-    name, argument = data
-    return (name, argument) if isinstance(name, str) and isinstance(argument, bytes) else None
+    return packet if isinstance(data, list) and data and isinstance(data[0], str) else None
 
 
 def client_websocket(handlers: Handlers, rate_limit: RateLimit) -> type[ClientWebSocketResponse]:
@@ -217,9 +134,12 @@ async def _receive_rest(
                 return message
             event = binary_event(message.data)
             handler = handlers.get(event[0]) if event is not None else None
-            if event is None or handler is None:
+            if event is not None and handler is not None:
+                handler(event[1])
+            elif is_reserved(message.data):
+                rate_limit.drop("reserved event")
+            else:
                 return message
-            handler(event[1])
         elif rate_limit.shut:
             await close(code=WSCloseCode.POLICY_VIOLATION, message=b"too many messages")
             return _CLOSED
