@@ -284,5 +284,5 @@ class BackfillReceiver:
             missing = self._events.on_settle(sent)[:MAX_RANGES]
         except Exception as error:  # noqa: BLE001 - handed to the service
             self._events.on_error(error)
-        self.settling = bool(missing)
+        self.settling |= bool(missing)
         return {"missing": missing}

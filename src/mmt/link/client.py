@@ -1,5 +1,6 @@
 """The follower's side of the link: it connects, streams, and reconnects after a break."""
 
+import asyncio
 import logging
 import struct
 import time
@@ -22,6 +23,7 @@ from mmt.link.protocol import (
     MISSING,
     NETWORK,
     SETTLE,
+    SETTLE_S,
     STOP,
     WELCOME,
     FollowerHello,
@@ -241,16 +243,20 @@ class FollowerClient:
         self._frames.close()
 
     async def _settle(self) -> None:
-        """Send what the leader lacks of the frames so far."""
-        await self._endpoint.outbox.flush(CLOSE_TIMEOUT_S)
-        try:
-            answer = await self._connection.request(
-                SETTLE, {"frames": self._frames.sent}, _SETTLED_S
-            )
-        except ConnectionError:
-            return  # it does not answer the end either, or has no such event
-        if isinstance(answer, Mapping):
-            await self._frames.settle(answer.get("missing"))
+        """Send what the leader lacks of the frames so far, again where that is lost as well."""
+        loop = asyncio.get_running_loop()
+        deadline_s = loop.time() + SETTLE_S
+        while loop.time() < deadline_s:
+            await self._endpoint.outbox.flush(CLOSE_TIMEOUT_S)
+            try:
+                answer = await self._connection.request(
+                    SETTLE, {"frames": self._frames.sent}, _SETTLED_S
+                )
+            except ConnectionError:
+                return  # it does not answer the end either, or has no such event
+            if not isinstance(answer, Mapping) or not answer.get("missing"):
+                return
+            await self._frames.settle(answer["missing"])
 
     # --- what the leader sends
 
