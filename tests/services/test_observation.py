@@ -1,6 +1,7 @@
 """Health and metrics, of services that run."""
 
 import asyncio
+import time
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,8 @@ from service_runs import MadeSource, Together, small_scene
 
 from mmt.core.errors import InputError
 from mmt.link.access import TOKEN_VARIABLE
+from mmt.link.client import FollowerClient, FollowerEvents
+from mmt.link.protocol import FollowerHello
 
 TOKEN = "a token that nobody guesses"
 
@@ -184,3 +187,30 @@ async def test_a_follower_port_that_is_taken_is_explained(tmp_path: Path) -> Non
 def test_metrics_need_a_link(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"\[metrics\] needs a follower: add \[link\]"):
         small_scene(tmp_path, link=None, simulated=None, playout=None, recording=None, metrics={})
+
+
+async def test_a_follower_that_is_too_slow_is_named_at_once_and_at_health(
+    tmp_path: Path, http: aiohttp.ClientSession
+) -> None:
+    together = Together.of(small_scene(tmp_path))
+    await together.listen()
+    client = FollowerClient(
+        f"http://127.0.0.1:{together.leader.port}",
+        FollowerHello(together.leader.scene.channels(), "slow"),
+        FollowerEvents(on_commands=lambda *_: None),
+    )
+    await client.connect(10.0)
+    started_s, number = time.monotonic(), 0
+    while not any("promised" in sentence for sentence in together.said):
+        assert time.monotonic() - started_s < 20.0
+        client.send_frames(made_frames(number, 1))
+        number += 1
+        await asyncio.sleep(max(0.0, started_s + number / 500 - time.monotonic()))
+    (sentence,) = [sentence for sentence in together.said if "promised" in sentence]
+    assert sentence.startswith("the follower promised 1000 frames a second and sends ")
+    assert 300 < int(sentence.split("sends ")[1].split(":")[0]) < 600
+    status, table = await health_of(http, together.leader.port)
+    assert (status, table["faults"]) == (503, [sentence])
+    await client.end("done")
+    await client.disconnect()
+    await together.end()

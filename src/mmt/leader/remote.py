@@ -12,6 +12,7 @@ from mmt.core.process import ProcessMeter
 from mmt.core.ranges import Range
 from mmt.devices.protocols import Vector
 from mmt.leader.backfill import Backfill
+from mmt.leader.frame_rate import FrameRateWatch
 from mmt.leader.numbering import SessionNumbering
 from mmt.leader.part import Session
 from mmt.scene import LARGEST_SPEED
@@ -50,6 +51,7 @@ class RemoteFollower:
         self.server: LeaderServer | None = None
         """None before `listen`."""
         self._clock_notes: ClockNotes | None = None
+        self._rate = FrameRateWatch(scene.session.rate_hz, journal.event)
 
     @property
     def connected(self) -> bool:
@@ -70,6 +72,11 @@ class RemoteFollower:
     def has_begun(self) -> bool:
         """Whether a frame has come."""
         return self._numbering.frames > 0
+
+    @property
+    def faults(self) -> list[str]:
+        """What is not as it should be, a sentence each."""
+        return [] if self._rate.fault is None else [self._rate.fault]
 
     @property
     def time_s(self) -> float:
@@ -144,6 +151,7 @@ class RemoteFollower:
     def _on_follower(self, hello: "FollowerHello") -> None:
         self._ending.cancel_timeout()
         self._numbering.reconnect(hello.run_id)
+        self._rate.restart()
         self.backfill.connect(hello)
         self._parts.call("on_follower", hello)
         self._journal.event(f"follower connected ({hello.source})")
@@ -164,6 +172,8 @@ class RemoteFollower:
         if 0 <= newest != self._numbering.newest - len(frames) - left_out:
             self.backfill.missing.jumped(newest + left_out, frames)
         self._parts.on_frames(frames, arrival_ns)
+        if self._scene.replay is None:  # which may be faster or slower than it was
+            self._rate.add(self._numbering.newest, arrival_ns)
         if self.time_s >= self._scene.session.duration_s:
             self._ending.stop("completed")
 

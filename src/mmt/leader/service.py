@@ -140,6 +140,8 @@ class Leader:
             found.append(f"the session has ended: {self.ending.outcome}")
         if self.ending.awaits_peer:
             found.append("the follower was lost")
+        elif self.remote is not None:
+            found += self.remote.faults
         return found + [fault for faults in self.parts.verbs("faults") for fault in faults()]
 
     def reset_model(self) -> None:
