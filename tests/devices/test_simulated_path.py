@@ -157,7 +157,7 @@ def test_files_that_are_no_npz(tmp_path):
         load_path(missing)
     text = tmp_path / "text.npz"
     text.write_text("not arrays")
-    with pytest.raises(InputError, match="not an"):
+    with pytest.raises(InputError, match="not a .npz"):
         load_path(text)
     single = tmp_path / "single.npy"
     np.save(single, np.zeros(3))

@@ -47,8 +47,8 @@ _CHUNK = settings(
 )
 
 
-def fuzz(body: Callable[..., None], *strategies: st.SearchStrategy[Any]) -> int:
-    """Run a test on made examples for as long as is wanted; return how many there were.
+def fuzz(body: Callable[..., None], *strategies: st.SearchStrategy[Any], share: float = 1.0) -> int:
+    """Run a test on made examples for a share of `SECONDS`; return how many there were.
 
     The examples are the same in every run; a longer one goes on where a shorter one stops.
     """
@@ -59,7 +59,7 @@ def fuzz(body: Callable[..., None], *strategies: st.SearchStrategy[Any]) -> int:
         count += 1
         body(*values)
 
-    until_s, chunk = time.monotonic() + SECONDS, 0
+    until_s, chunk = time.monotonic() + share * SECONDS, 0
     while chunk == 0 or time.monotonic() < until_s:
         seed(chunk)(_CHUNK(given(st.tuples(*strategies))(example)))()
         chunk += 1

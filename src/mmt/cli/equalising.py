@@ -8,6 +8,7 @@ import numpy as np
 
 from mmt.cli.common import messages, output, write_json
 from mmt.cli.device_testing import devices_named, options_from
+from mmt.core.archives import load_arrays
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.devices.drivers import load_device
@@ -168,13 +169,9 @@ def _keep(path: Path | None, recording: SweepRecording) -> None:
 
 def _read(recording: Path) -> tuple[FloatArray, FloatArray]:
     try:
-        with np.load(recording, allow_pickle=False) as arrays:
-            volts, acceleration = (np.asarray(arrays[name], dtype=np.float64) for name in _NAMES)
-    except KeyError as error:
-        raise InputError(
-            f"{recording}: {error.args[0]}; it needs {' and '.join(_NAMES)}"
-        ) from error
-    except Exception as error:  # an archive that is none fails in many ways
+        arrays, _ = load_arrays(recording)
+        volts, acceleration = (np.asarray(arrays[name], dtype=np.float64) for name in _NAMES)
+    except (InputError, OSError, KeyError, ValueError, TypeError) as error:
         raise InputError(
             f"{recording} cannot be read ({error}): it must be a .npz file with the arrays "
             f"{' and '.join(_NAMES)}, at 1 kHz"

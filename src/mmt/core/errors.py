@@ -7,6 +7,9 @@ FAILED: Final = "failed: "
 peer, which then ends as failed as well."""
 
 
+_LONGEST_TEXT = 200
+
+
 class MmtError(Exception):
     """An error that can be explained to the user in a sentence.
 
@@ -25,3 +28,13 @@ class InputError(MmtError):
 
 class DeviceLost(MmtError):  # noqa: N818 - it is what has happened to the device
     """A device that worked before no longer answers; it may be connected again later."""
+
+
+def brief(error: object) -> str:
+    """Return what another library says, in one line that stays short, for a sentence of ours.
+
+    Such a text may quote the file that it complains of, whatever its bytes are.
+    """
+    line = " ".join(str(error).split())
+    plain = "".join(sign if sign.isprintable() else "?" for sign in line)
+    return plain if len(plain) <= _LONGEST_TEXT else f"{plain[:_LONGEST_TEXT]} ..."

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from mmt.core.archives import load_arrays
 from mmt.core.arrays import BoolArray
 from mmt.core.errors import InputError, MmtError
 from mmt.session import RecordedSession
@@ -180,7 +181,6 @@ def is_model(path: Path) -> bool:
     if path.suffix.lower() != ".npz":
         return False
     try:
-        with np.load(path, allow_pickle=False) as arrays:
-            return "lsf_rad" in arrays.files
-    except (OSError, ValueError) as error:
+        return "lsf_rad" in load_arrays(path, lambda _: False)[1]
+    except (OSError, InputError) as error:
         raise InputError(f"{path}: {error}") from error

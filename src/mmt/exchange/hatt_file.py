@@ -15,7 +15,8 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, brief
+from mmt.core.xml_files import parse_xml
 
 _LARGEST_BYTES: Final = 1 << 26
 _ACCELERATION: Final = {"m/s^2": 1.0, "m/s2": 1.0, "m/s/s": 1.0, "mm/s^2": 1e-3, "g": 9.80665}
@@ -86,12 +87,7 @@ def read_hatt(path: Path) -> HattModelSet:
 
 def parse_hatt(content: bytes) -> HattModelSet:
     """Read a file's content; raises `InputError` as `read_hatt` does."""
-    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
-        raise InputError("it declares a document type or entities, which no file of HaTT does")
-    try:
-        root = ET.fromstring(content)  # noqa: S314 - without entities nothing can be expanded
-    except ET.ParseError as error:
-        raise InputError(f"it is no XML: {error}") from error
+    root = parse_xml(content)
     if root.tag != "modelSet":
         raise InputError(f"its root is <{root.tag}>, not <modelSet>: this is no file of HaTT")
     acceleration = _unit(root, "AccelUnits", _ACCELERATION)
@@ -159,7 +155,7 @@ def _rows(elements: list[ET.Element], path: str, *, what: str = "model") -> Floa
                 f"{what} {number} has {len(row)} numbers in <{path.partition('/')[0]}>, "
                 f"{what} 1 has {len(rows[0])}"
             )
-    return np.array(rows, dtype=np.float64).reshape(len(rows), -1)
+    return np.array(rows, dtype=np.float64).reshape(len(rows), len(rows[0]) if rows else 0)
 
 
 def _column(models: list[ET.Element], tag: str) -> FloatArray:
@@ -182,7 +178,7 @@ def _parse(text: str | None, tag: str, where: str) -> float:
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
-        raise InputError(f"{where}: <{tag}> is {text!r}, a finite number is needed")
+        raise InputError(f"{where}: <{tag}> is {brief(text)!r}, a finite number is needed")
     return value
 
 
@@ -195,7 +191,7 @@ def _positive(root: ET.Element, tag: str) -> float:
 
 def _compare(root: ET.Element, tag: str, count: int) -> None:
     if root.find(tag) is not None and _number(root, tag, "the file") != count:
-        raise InputError(f"<{tag}> is {root.findtext(tag)}, but {count} are there: cut off?")
+        raise InputError(f"<{tag}> is {brief(root.findtext(tag))}, but {count} are there: cut off?")
 
 
 def _unit(root: ET.Element, tag: str, known: dict[str, float]) -> float:
@@ -205,7 +201,7 @@ def _unit(root: ET.Element, tag: str, known: dict[str, float]) -> float:
         return 1.0
     name = text.strip().lower().replace("sec", "s")
     if name not in known:
-        raise InputError(f"<{tag}> is {text.strip()!r}, known are {', '.join(known)}")
+        raise InputError(f"<{tag}> is {brief(text)!r}, known are {', '.join(known)}")
     return known[name]
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.optimize import isotonic_regression
 
 from mmt.contact.estimation import ContactModel
+from mmt.core.archives import load_arrays
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import empty_frames
@@ -131,13 +132,13 @@ def read_run(path: Path) -> RecordedRun:
         The file is none, or lacks an array.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
-            missing = [name for name in _ARRAYS if name not in file]
-            if missing:
-                raise InputError(f"{path}: no array {missing[0]!r}: needed are {_ARRAYS}")
-            arrays = {name: np.asarray(file[name], dtype=float) for name in _ARRAYS}
-    except (OSError, ValueError) as error:
+        loaded, _ = load_arrays(path)
+        arrays = {n: np.asarray(loaded[n], dtype=float) for n in _ARRAYS if n in loaded}
+    except (OSError, InputError, ValueError) as error:
         raise InputError(f"{path}: no recording of a bilateral teleoperator: {error}") from error
+    missing = [name for name in _ARRAYS if name not in arrays]
+    if missing:
+        raise InputError(f"{path}: no array {missing[0]!r}: needed are {_ARRAYS}")
     lengths = {arrays[name].shape for name in _ARRAYS[:-1]}
     if len(lengths) != 1 or arrays["time_s"].ndim != 1 or len(arrays["time_s"]) < 2:
         raise InputError(f"{path}: the arrays must have one length, and one dimension")

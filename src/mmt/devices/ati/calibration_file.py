@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, brief
+from mmt.core.xml_files import parse_xml
 from mmt.devices.ati.calibration import (
     Calibration,
     force_in_newton,
@@ -65,10 +66,7 @@ def parse_calibration_file(content: bytes) -> FileCalibration:
     InputError
         It cannot be used; the message says why.
     """
-    try:
-        root = ET.fromstring(content)  # noqa: S314 - the user's own file, of bounded size
-    except ET.ParseError as error:
-        raise InputError(f"it is no XML ({error})") from None
+    root = parse_xml(content)
     calibration = root.find("Calibration")
     if root.tag != "FTSensor" or calibration is None:
         raise InputError("it has no FTSensor with a Calibration: it is no .cal file by ATI")
@@ -172,4 +170,4 @@ def _number(text: str, name: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise InputError(f"its {name} is {text!r}, not a number") from None
+        raise InputError(f"its {name} is {brief(text)!r}, not a number") from None

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from mmt.core.arrays import FloatArray
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, brief
 from mmt.core.extras import require
 from mmt.session.importing.columns import Columns
 
@@ -31,8 +31,10 @@ def read_matlab(path: Path, wanted: Callable[[str], bool]) -> Columns:
         variables = dict(_variables(path))
     except OSError as error:
         raise InputError(f"{origin}: {error.strerror or error}") from error
-    except (ValueError, TypeError, KeyError, IndexError, MemoryError, EOFError) as error:
-        raise InputError(f"{origin}: this is not a MATLAB file: {error}") from error
+    except InputError:
+        raise
+    except Exception as error:  # damage reaches every part of the library
+        raise InputError(f"{origin}: this is not a MATLAB file: {brief(error)}") from error
     return Columns(
         origin=origin,
         values={n: _upright(v) for n, v in variables.items() if wanted(n)},
@@ -43,12 +45,9 @@ def read_matlab(path: Path, wanted: Callable[[str], bool]) -> Columns:
 def _variables(path: Path) -> Iterator[tuple[str, FloatArray]]:
     require("scipy")
     from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
 
     try:
         content = loadmat(path, squeeze_me=True, struct_as_record=True, appendmat=False)
-    except MatReadError as error:
-        raise ValueError(str(error)) from error
     except NotImplementedError:  # version 7.3 is HDF5
         yield from _hdf5_variables(path)
         return

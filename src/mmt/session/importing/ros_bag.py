@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, brief
 from mmt.core.extras import require
 from mmt.session.importing.columns import Columns
 
@@ -28,9 +28,7 @@ def read_bag(path: Path, wanted: Callable[[str], bool]) -> Columns:
     """
     origin = f"import {path}"
     require("rosbags")
-    from rosbags.highlevel import AnyReader, AnyReaderError
-    from rosbags.rosbag1 import ReaderError as Reader1Error
-    from rosbags.rosbag2 import ReaderError as Reader2Error
+    from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
     if not path.exists():
@@ -39,8 +37,9 @@ def read_bag(path: Path, wanted: Callable[[str], bool]) -> Columns:
     try:
         with AnyReader([path], default_typestore=store) as reader:
             return _read(origin, reader, wanted)
-    except (AnyReaderError, Reader1Error, Reader2Error, OSError, KeyError, ValueError) as error:
-        raise InputError(f"{origin}: this is not a ROS bag that can be read: {error}") from error
+    except Exception as error:  # damage reaches every part of the library
+        said = f"this is not a ROS bag that can be read: {brief(error)}"
+        raise InputError(f"{origin}: {said}") from error
 
 
 def _read(origin: str, reader: Any, wanted: Callable[[str], bool]) -> Columns:

@@ -12,6 +12,9 @@ from mmt.core.frames import Channel
 _LONGEST_S = 4_200_000.0
 """The longest session: as many frames as 32 bits number."""
 
+_LARGEST = float(np.finfo(np.float32).max)
+"""Frames are in single precision."""
+
 ROW_NUMBER = "row {}, counted from 0"
 """Names a row of an array in messages."""
 
@@ -41,14 +44,14 @@ class Samples:
         """
         for channel, values in self.values.items():
             self._check_time(channel, self.times[channel])
-            rows, axes = np.nonzero(~np.isfinite(values))
+            rows, axes = np.nonzero(~(np.abs(values) <= _LARGEST))
             if len(rows):
                 value = values[rows[0], axes[0]]
                 what = "empty or NaN" if np.isnan(value) else value
                 raise InputError(
                     f"{self.origin}: {channel}_{'xyz'[axes[0]]} is {what} in "
                     f"{self.row_name(int(rows[0]))}, and {len(set(rows.tolist())) - 1} more rows "
-                    "are not finite; --blanks-as-gaps leaves such rows out"
+                    "are no such numbers as frames hold; --blanks-as-gaps leaves out what is empty"
                 )
 
     def without_blanks(self) -> "Samples":

@@ -1,11 +1,10 @@
 """Excel workbooks: the sheet that was open when the file was saved."""
 
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, brief
 from mmt.core.extras import require
 from mmt.session.importing.columns import Columns
 from mmt.session.importing.table import read_table
@@ -22,7 +21,6 @@ def read_spreadsheet(path: Path, wanted: Callable[[str], bool]) -> Columns:
     origin = f"import {path}"
     require("openpyxl")
     import openpyxl
-    from openpyxl.utils.exceptions import InvalidFileException
 
     try:
         book: Any = openpyxl.load_workbook(path, read_only=True, data_only=True)
@@ -32,10 +30,9 @@ def read_spreadsheet(path: Path, wanted: Callable[[str], bool]) -> Columns:
             book.close()
     except OSError as error:
         raise InputError(f"{origin}: {error.strerror or error}") from error
-    except (
-        *(InvalidFileException, zipfile.BadZipFile, KeyError, ValueError, AttributeError),
-        *(NotImplementedError, RuntimeError, SyntaxError),  # SyntaxError: XML that is cut off
-    ) as error:
+    except InputError:
+        raise
+    except Exception as error:  # damage reaches every part of the library
         raise InputError(
-            f"{origin}: this is not an .xlsx workbook with a table: {error}"
+            f"{origin}: this is not an .xlsx workbook with a table: {brief(error)}"
         ) from error

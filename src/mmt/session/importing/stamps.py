@@ -114,6 +114,8 @@ def _fit(stamps_s: FloatArray) -> _Line | None:
     intervals_s = np.diff(stamps_s)
     window = _WINDOW_ROWS * _batch_rows(intervals_s)
     typical_s = _slope(stamps_s, np.arange(len(stamps_s)), window)
+    if typical_s <= 0:  # most rows have the stamp of the row before
+        return None
     pause_s = max(_SHORTEST_PAUSE_S, _PAUSE_PERIODS * typical_s, 2 * window * typical_s)
     cuts = np.flatnonzero(intervals_s > pause_s) + 1
     # a clock wanders within minutes, and a missing row may have passed unseen
@@ -182,7 +184,10 @@ def _with_missing(stamps_s: FloatArray, window: int) -> IntArray:
     window = min(window, len(stamps_s) // 4)
     numbers: IntArray = np.arange(len(stamps_s))
     for _ in range(_PASSES):
-        off = stamps_s / _slope(stamps_s, numbers, window) - numbers
+        period_s = _slope(stamps_s, numbers, window)
+        if period_s <= 0:
+            break
+        off = stamps_s / period_s - numbers
         before = median_filter(off, window, mode="nearest", origin=(window - 1) // 2)[:-1]
         after = median_filter(off, window, mode="nearest", origin=-(window // 2))[1:]
         # a later pass takes back what an earlier one counted too much

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
 
-from mmt.core.errors import InputError
+from mmt.core.errors import InputError, brief
 from mmt.session.importing.columns import Columns
 from mmt.session.importing.table import read_table
 
@@ -42,7 +42,7 @@ def read_text(path: Path, wanted: Callable[[str], bool]) -> Columns:
     except OSError as error:
         raise InputError(f"{origin}: {error.strerror or error}") from error
     except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{origin}: this is not text in columns: {error}") from error
+        raise InputError(f"{origin}: this is not text in columns: {brief(error)}") from error
 
 
 def _encoding(path: Path) -> str:

@@ -1,7 +1,5 @@
 """Recorded human motion and force as the stroke of a simulated session."""
 
-import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from mmt.core.archives import load_arrays
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
 from mmt.testing.simulation import PERIOD_S, RATE_HZ
@@ -95,13 +94,7 @@ def load_path(path: Path) -> RecordedPath:
         finite, time does not rise, or the recording is too short.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-    except OSError as error:
-        raise InputError(f"path {path}: {error.strerror or error}") from error
-    except (ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise InputError(f"path {path}: not an .npz file of plain arrays: {error}") from error
-    try:
+        arrays, _ = load_arrays(path)
         time_s, position_mm, force_n = _tool(arrays) or _lever(arrays)
         _check(time_s, position_mm, force_n)
         return RecordedPath(
@@ -109,6 +102,8 @@ def load_path(path: Path) -> RecordedPath:
             np.maximum(_resampled(time_s, force_n, 0.4 * RATE_HZ), 0.0),
             path.name,
         )
+    except OSError as error:
+        raise InputError(f"path {path}: {error.strerror or error}") from error
     except InputError as error:
         raise InputError(f"path {path}: {error}") from error
 

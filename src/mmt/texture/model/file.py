@@ -1,12 +1,12 @@
 """The ``.npz`` file of a texture model; the layout is in ``docs/reference/model-file.md``."""
 
 import io
-import zipfile
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
+from mmt.core.archives import load_arrays
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.texture.field.trend import NO_TREND, Trend
@@ -105,9 +105,8 @@ def unpack(data: bytes) -> ModelContents:
         It is no model, has another version, lacks an array, or one is out of its range.
     """
     try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
-            content = {name: arrays[name] for name in arrays.files}
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
+        content: _Arrays = dict(load_arrays(data)[0])
+    except (InputError, OSError) as error:
         raise InputError("not a texture model (.npz), or cut off") from error
     try:
         version = _version(content)
@@ -138,7 +137,7 @@ def unpack(data: bytes) -> ModelContents:
         )
     except KeyError as error:
         raise InputError(f"the array {error} is missing") from error
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, IndexError, OverflowError) as error:
         raise InputError(f"its arrays do not fit together: {error}") from error
 
 

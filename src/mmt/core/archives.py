@@ -1,0 +1,71 @@
+"""NumPy archives from anywhere: what is damaged, odd or a bomb is explained."""
+
+import io
+import zipfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from tokenize import TokenError
+from typing import Any, Final
+
+import numpy as np
+
+from mmt.core.errors import InputError, brief
+
+_DAMAGE: Final = (
+    *(ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error),
+    *(SyntaxError, TokenError, OverflowError, RecursionError),  # in the header of an array
+    MemoryError,  # a shape that is larger than the machine
+    NotImplementedError,  # a compression that Python does not know
+    RuntimeError,  # an encrypted member
+)
+"""What reading an archive raises where it is damaged, or not made by NumPy."""
+
+_LARGEST_BYTES = 512 << 20
+_LARGEST_RATIO = 100
+"""An archive may grow to so many times its size where that is more than `_LARGEST_BYTES`."""
+
+Arrays = dict[str, np.ndarray[Any, np.dtype[Any]]]
+
+
+def load_arrays(
+    source: Path | bytes, wanted: Callable[[str], bool] | None = None
+) -> tuple[Arrays, list[str]]:
+    """Return the wanted arrays of a ``.npz`` by name, and the names of all.
+
+    Raises
+    ------
+    InputError
+        It is not an archive of plain arrays, or much larger than its file; the message does
+        not name the file.
+    OSError
+        The file cannot be read.
+    """
+    stream = io.BytesIO(source) if isinstance(source, bytes) else source.open("rb")
+    try:
+        with stream:
+            _check_size(stream)
+            loaded = np.load(stream, allow_pickle=False)
+            if isinstance(loaded, np.ndarray):
+                raise InputError("this is a single array, not a .npz archive")
+            with loaded as archive:
+                names = [name for name in archive.files if wanted is None or wanted(name)]
+                return {name: archive[name] for name in names}, list(archive.files)
+    except _DAMAGE as error:
+        raise InputError(f"this is not a .npz archive of numbers: {brief(error)}") from error
+
+
+def _check_size(stream: Any) -> None:
+    """Refuse what unpacks to far more than its file."""
+    if not zipfile.is_zipfile(stream):
+        stream.seek(0)
+        return
+    with zipfile.ZipFile(stream) as archive:
+        unpacked = sum(member.file_size for member in archive.infolist())
+    size = stream.seek(0, io.SEEK_END)
+    stream.seek(0)
+    if unpacked > max(_LARGEST_BYTES, _LARGEST_RATIO * size):
+        raise InputError(
+            f"it unpacks to {unpacked / 1e6:.0f} MB from {size / 1e6:.3g} MB, which no recording "
+            "or model does"
+        )
