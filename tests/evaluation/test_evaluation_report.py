@@ -232,7 +232,8 @@ def test_model_growth_ends_with_the_finished_model(evaluations):
     titles = [axis.get_title() for axis in growth.model_growth(evaluations[0]).axes[:4]]
     final = evaluations[0].final
     assert titles[-1] == f"{final.time_s:g} s, {final.samples} samples"
-    one = growth.model_growth(replace(evaluations[0], models=evaluations[0].models[:1]))
+    first = replace(evaluations[0].models, updates=evaluations[0].models.updates[:1])
+    one = growth.model_growth(replace(evaluations[0], models=first))
     assert len(one.axes) == 2
 
 

@@ -20,7 +20,7 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.completion.distance import CompletionMonitor
 from mmt.texture.online import factory
 from mmt.texture.online.factory import ModellerFactory
-from mmt.texture.online.work import ModelUpdate, Work
+from mmt.texture.online.work import Made, ModelUpdate, Work
 from mmt.texture.settings import ModellingSettings
 
 
@@ -62,7 +62,7 @@ class SlowModeller:
             order=None,
             started=False,
             stopped=self.stops,
-            model=None,
+            source=Made(),
             durations_s={},
         )
 
@@ -314,7 +314,7 @@ def described(update: ModelUpdate) -> tuple[Any, ...]:
     """Everything that an update says but the time it took; the model by its file."""
     model = None if update.model is None else update.model.to_bytes()
     left = tuple(described(state) for state in update.left)
-    return (*vars(replace(update, durations_s={}, model=None, left=())).values(), model, left)
+    return (*vars(replace(update, durations_s={}, source=Made(), left=())).values(), model, left)
 
 
 @pytest.mark.parametrize("name", list(TEXTURES))

@@ -15,7 +15,7 @@ from mmt.leader.synthesizing import SynthesizingPart
 from mmt.leader.vibration import VibrationSwitch
 from mmt.scene import Scene
 from mmt.texture.completion.distance import CompletionMonitor
-from mmt.texture.online.modeller import ModelUpdate
+from mmt.texture.online.work import Made, ModelUpdate
 from mmt.texture.surfaces import SurfaceChange
 
 FADE = 50
@@ -177,7 +177,7 @@ def state(
         order=10,
         started=started,
         stopped=stopped,
-        model=model,
+        source=Made(model),
         durations_s={},
         surface=surface,
         **more,

@@ -1,4 +1,6 @@
+import gc
 import itertools
+import pickle
 
 import numpy as np
 import pytest
@@ -11,6 +13,8 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power
 from mmt.texture.completion.distance import distance_sum
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.online.history import build, update_blocks
 from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
 from mmt.texture.settings import ModellingSettings
 
@@ -218,3 +222,36 @@ def test_a_level_of_its_own_hears_slow_lines_and_the_other_does_not() -> None:
     assert (gain > 1.05).any()
     assert (gain == 1.0).any()  # what came before the hand was known
     assert {fit.count for fit in ours.fits.values()} == {stop - start for start, stop in ours.fits}
+
+
+def models_alive() -> int:
+    gc.collect()
+    return sum(isinstance(each, TextureModel) for each in gc.get_objects())
+
+
+def test_a_history_makes_a_model_when_it_is_asked_for_as_the_live_leader_had_it(
+    frames: RecordArray,
+) -> None:
+    blocks = list(update_blocks(frames, 1000))
+    before = models_alive()
+    history = build(blocks, ModellingSettings())
+    assert models_alive() == before
+    modeller = OnlineModeller()
+    for update, block in zip(history.updates, blocks, strict=True):
+        live = modeller.update(block).model
+        made = update.model
+        assert (made is None) == (live is None)
+        if made is not None and live is not None:
+            assert update.model is made  # as long as it is held
+            assert made.to_bytes() == live.to_bytes()
+    again = pickle.loads(pickle.dumps(history.updates[-1]))
+    assert again.model.to_bytes() == history.updates[-1].model.to_bytes()
+
+
+def test_a_history_keeps_models_that_grow_from_each_other(frames: RecordArray) -> None:
+    blocks = list(update_blocks(frames[:8000], 1000))
+    before = models_alive()
+    history = build(blocks, ModellingSettings(interpolator="rbf"))
+    made = sum(update.samples > 0 for update in history.updates)
+    assert models_alive() >= before + 2
+    assert made >= 2

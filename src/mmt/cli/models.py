@@ -179,7 +179,7 @@ def _remark(session: RecordedSession, settings: "ModellingSettings") -> str:
 
     from mmt.evaluation.coverage import coverage
 
-    return coverage(session.frames, np.empty((0, 2)), settings, stopped=False).remark
+    return coverage([session.frames], np.empty((0, 2)), settings, stopped=False).remark
 
 
 def save(model: "TextureModel", path: Path) -> None:

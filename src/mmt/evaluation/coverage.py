@@ -1,6 +1,6 @@
 """Where in its input space a hand has been, and which cells it left out."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 import numpy as np
@@ -18,14 +18,18 @@ _NAMED_CELLS: Final = 9
 
 
 def coverage(
-    frames: RecordArray, points: FloatArray, settings: ModellingSettings, *, stopped: bool
+    blocks: Iterable[RecordArray],
+    points: FloatArray,
+    settings: ModellingSettings,
+    *,
+    stopped: bool,
 ) -> Coverage:
     """Describe where the hand was and which cells are far from its samples.
 
     Parameters
     ----------
-    frames
-        The whole session, shape (n,).
+    blocks
+        The whole session, in parts of shape (n,).
     points
         Normalised inputs of the model's samples, shape (k, d); none for k = 0.
     settings
@@ -36,7 +40,7 @@ def coverage(
     space = InputSpace(settings.inputs)
     points = points if len(points) else np.empty((0, space.dimensions))
     cells = _cells(cells_of(space.dimensions), space, points, settings.distances.stop)
-    speed_mm_s, force_n = _strokes(frames, settings)
+    speed_mm_s, force_n = _strokes(blocks, settings)
     ranges = (_range(speed_mm_s), _range(force_n)) if len(speed_mm_s) else (None, None)
     return Coverage(
         cells=cells,
@@ -68,17 +72,22 @@ def _cells(
     return tuple(cells)
 
 
-def _strokes(frames: RecordArray, settings: ModellingSettings) -> tuple[FloatArray, FloatArray]:
+def _strokes(
+    blocks: Iterable[RecordArray], settings: ModellingSettings
+) -> tuple[FloatArray, FloatArray]:
     """Return speed and force of the samples at which the tool strokes the surface."""
-    motion = StreamFilter(
-        normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz
-    ).process(frames)
-    stroking = (
-        motion.valid
-        & (motion.speed_mm_s >= settings.least_speed_mm_s)
-        & (motion.normal_force_n >= settings.least_force_n)
-    )
-    return motion.speed_mm_s[stroking], motion.normal_force_n[stroking]
+    signals = StreamFilter(normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz)
+    speeds_mm_s, forces_n = [np.empty(0)], [np.empty(0)]
+    for block in blocks:
+        motion = signals.process(block)
+        stroking = (
+            motion.valid
+            & (motion.speed_mm_s >= settings.least_speed_mm_s)
+            & (motion.normal_force_n >= settings.least_force_n)
+        )
+        speeds_mm_s.append(motion.speed_mm_s[stroking])
+        forces_n.append(motion.normal_force_n[stroking])
+    return np.concatenate(speeds_mm_s), np.concatenate(forces_n)
 
 
 def _range(values: FloatArray) -> tuple[float, float]:

@@ -137,14 +137,14 @@ def evaluate_session(
         worst=worst,
         by_heading=scorer.by_heading(final_s),
         coverage=coverage(
-            session.frames,
+            blocks,
             np.empty((0, 2)) if model is None else model.points,
             settings,
             stopped=leader.stop_s is not None,
         ),
         held_out=scorer.segments(final_s, first),
         course=np.array([(u.time_s, u.progress.value) for u in leader.updates]),
-        models=tuple((update.time_s, update.model) for update in leader.updates),
+        models=leader,
         power_map=errors,
         processing_s=time.perf_counter() - started,
     )

@@ -108,7 +108,8 @@ def _draw_velocity_cells(axis: Axes, model: TextureModel | None, limit: float) -
 def _growth_times(evaluation: Evaluation, panels: int) -> list[float]:
     """Spread times over the growth of the model, the last one where it was finished."""
     final_s = evaluation.final.time_s
-    times_s = [t for t, model in evaluation.models if t <= final_s and model is not None]
+    updates = evaluation.models.updates
+    times_s = [each.time_s for each in updates if each.time_s <= final_s and each.samples]
     if not times_s:
         return [final_s]
     chosen = np.unique(np.linspace(0, len(times_s) - 1, panels).round().astype(int))

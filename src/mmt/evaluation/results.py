@@ -9,6 +9,7 @@ from mmt.core.arrays import FloatArray
 from mmt.evaluation.definitions import DEFINITIONS
 from mmt.evaluation.grid_errors import HeadingErrors
 from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.online.history import ModelHistory
 from mmt.texture.settings import ModellingSettings
 
 Basis = Literal["truth", "held-out"]
@@ -165,7 +166,7 @@ class Evaluation:
     held_out: tuple[HeldOutSegment, ...]
     processing_s: float
     course: FloatArray = field(repr=False)
-    models: tuple[tuple[float, TextureModel | None], ...] = field(repr=False)
+    models: ModelHistory = field(repr=False)
     power_map: PowerMap | None = field(repr=False)
 
     @property
@@ -180,11 +181,7 @@ class Evaluation:
 
     def model_at(self, time_s: float) -> TextureModel | None:
         """Return the model that the leader had at a session time, None before the first."""
-        model = None
-        for updated_s, updated in self.models:
-            if updated_s <= time_s:
-                model = updated
-        return model
+        return self.models.model_at(time_s)
 
     def __repr__(self) -> str:
         met = [

@@ -225,7 +225,9 @@ class ModelOutput(Part):
             return
         for number, model in (modelling.models() if modelling is not None else {}).items():
             if number != update.surface:
-                self._record(replace(update, surface=number, model=model))
+                from mmt.texture.online.work import Made
+
+                self._record(replace(update, surface=number, source=Made(model)))
         self._record(update)
 
     def save_surfaces(self) -> list[str]:

@@ -164,10 +164,11 @@ class _Judge:
         updates = []
         squares, counts = np.zeros(len(DEVIATIONS_DB) - 1), np.zeros(len(DEVIATIONS_DB) - 1)
         for number, update in enumerate(history.updates):
-            if update.model is None or update.model.level_process is None:
+            model = update.model
+            if model is None or model.level_process is None:
                 continue
             weights = self._weights[number]
-            said, error_db = self._look(update.model, weights)
+            said, error_db = self._look(model, weights)
             right = np.abs(error_db) <= JND_DB
             updates.append(
                 Update(

@@ -9,7 +9,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
-from mmt.core.frames import CHANNELS
+from mmt.core.frames import CHANNELS, frame_dtype
 from mmt.scene import Hand, Scene, Simulated
 from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.course import SurfaceCourse
@@ -97,8 +97,8 @@ def _stroked(
         if feel:
             x, y, z = frames["force_n"][0].tolist()
             hand.write((x, y, z))
-        blocks.append(frames)
-    return np.concatenate(blocks)
+        blocks.append(frames.tobytes())
+    return np.frombuffer(bytearray(b"".join(blocks)), frame_dtype(CHANNELS))
 
 
 def _replayed(

@@ -1,8 +1,9 @@
 """The third stage of an update: an immutable model that interpolates between the fits."""
 
+import weakref
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -10,11 +11,14 @@ from mmt.texture.interpolation.registry import load
 from mmt.texture.model.fits import Fit, samples_of
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel
-from mmt.texture.online.work import SegmentRange, Stopwatch, Work
+from mmt.texture.online.work import Made, ModelSource, SegmentRange, Stopwatch, Work
 from mmt.texture.settings import ModellingSettings
 
 if TYPE_CHECKING:
     from mmt.texture.selection.online import OnlineSelection
+
+_INDEPENDENT: Final = ("delaunay", "nearest")
+"""Interpolators of which a model is the same whatever the model before was."""
 
 
 class BuildingStage:
@@ -26,17 +30,26 @@ class BuildingStage:
     ----------
     settings
         Settings of the modelling.
+    deferred
+        Whether each model is made only when it is asked for, where none depends on the one
+        before.
     """
 
-    def __init__(self, settings: ModellingSettings) -> None:
+    def __init__(self, settings: ModellingSettings, *, deferred: bool = False) -> None:
         load(settings.interpolator)
         self._settings = settings
         self._space = InputSpace(settings.inputs)
         self._selection = _selection(settings)
         self._chosen: Sequence[Fit] = ()
         self._outliers = self._redundant = 0
-        self.model: TextureModel | None = None
+        plain = settings.level == "interpolated" and settings.criterion == "distance"
+        self._deferred = deferred and plain and settings.interpolator in _INDEPENDENT
+        self._source: ModelSource | None = None
+
+    @property
+    def model(self) -> TextureModel | None:
         """The newest model, None before the first fit."""
+        return None if self._source is None else self._source()
 
     @property
     def selects(self) -> bool:
@@ -74,27 +87,52 @@ class BuildingStage:
         """Build the model anew, where it changes, and set it."""
         clock = Stopwatch(work.durations_s)
         if self._changes(work):
-            self.model = self._built(work.noise_power)
+            deferred = _Deferred(tuple(self._chosen), work.noise_power, self._settings)
+            self._source = deferred if self._deferred else Made(deferred.made(self.model))
         work.chosen, work.outliers, work.redundant = self._chosen, self._outliers, self._redundant
-        work.model = self.model
+        if self._source is not None:
+            work.source = self._source
         clock.lap("triangulate")
 
     def _changes(self, work: Work) -> bool:
         if work.added or work.removed_count:
             return True
-        return work.forget_from is None and self.model is None and bool(work.fits)
+        return work.forget_from is None and self._source is None and bool(work.fits)
 
-    def _built(self, noise_power: float) -> TextureModel | None:
-        if not self._chosen:
+
+class _Deferred:
+    """The model of some fits, made anew for whoever asks while nobody else holds it."""
+
+    def __init__(
+        self, fits: tuple[Fit, ...], noise_power: float, settings: ModellingSettings
+    ) -> None:
+        self._fits, self._noise_power, self._settings = fits, noise_power, settings
+        self._held: weakref.ref[TextureModel] | None = None
+
+    def __call__(self) -> TextureModel | None:
+        held = None if self._held is None else self._held()
+        if held is None:
+            held = self.made()
+            self._held = None if held is None else weakref.ref(held)
+        return held
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (self._fits, self._noise_power, self._settings)
+
+    def made(self, previous: TextureModel | None = None) -> TextureModel | None:
+        """Return a new model, grown from an earlier one; None without fits."""
+        if not self._fits:
             return None
+        settings = self._settings
+        samples = samples_of(self._fits, InputSpace(settings.inputs))
         return TextureModel(
-            replace(samples_of(self._chosen, self._space), noise_power=noise_power),
-            interpolate=self._settings.interpolate,
-            interpolator=self._settings.interpolator,
-            level=self._settings.level,
-            shape=self._settings.shape,
-            previous=self.model,
-            rate_hz=self._settings.rate_hz,
+            replace(samples, noise_power=self._noise_power),
+            interpolate=settings.interpolate,
+            interpolator=settings.interpolator,
+            level=settings.level,
+            shape=settings.shape,
+            previous=previous,
+            rate_hz=settings.rate_hz,
         )
 
 

@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from mmt.core.arrays import FloatArray
 from mmt.texture.completion import make_criterion
 from mmt.texture.completion.criterion import Criterion
-from mmt.texture.completion.distance import distance_sum
-from mmt.texture.model.fits import samples_of
+from mmt.texture.completion.distance import CompletionMonitor, distance_sum
+from mmt.texture.model.fits import points_of
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.online.work import ModelUpdate, Stopwatch, Work
 from mmt.texture.settings import ModellingSettings
@@ -40,15 +41,15 @@ class CompletionStage:
         clock = Stopwatch(work.durations_s)
         for block in work.observed:
             self.criterion.observe(block)
-        if work.forget_from is None:
-            self.criterion.update(work.model, work.time_s)
-        elif work.removed_count:
-            self.criterion.update(work.model, work.time_s)
-            self.criterion.revoke_since((work.forget_from - first_sequence) / self._rate_hz)
-        clock.lap("completion")
         points = np.empty((0, self._space.dimensions))
         if work.chosen:
-            points = samples_of(work.chosen, self._space).points
+            points = points_of(work.chosen, self._space)
+        if work.forget_from is None:
+            self._update(work, points)
+        elif work.removed_count:
+            self._update(work, points)
+            self.criterion.revoke_since((work.forget_from - first_sequence) / self._rate_hz)
+        clock.lap("completion")
         work.update = ModelUpdate(
             time_s=work.time_s if work.session_time_s is None else work.session_time_s,
             samples=len(work.chosen),
@@ -59,7 +60,7 @@ class CompletionStage:
             order=work.order,
             started=self.criterion.started,
             stopped=self.criterion.stopped,
-            model=work.model,
+            source=work.source,
             durations_s=work.durations_s,
             outliers=work.outliers,
             redundant=work.redundant,
@@ -67,3 +68,10 @@ class CompletionStage:
             changes=work.changes,
             left=work.left,
         )
+
+    def _update(self, work: Work, points: FloatArray) -> None:
+        """Evaluate the criterion; the published one asks for no model, which may be deferred."""
+        if isinstance(self.criterion, CompletionMonitor):
+            self.criterion.update_points(points, work.time_s)
+        else:
+            self.criterion.update(work.source(), work.time_s)

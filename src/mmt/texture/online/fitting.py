@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from scipy.spatial import cKDTree
 
-from mmt.texture.model.fits import Fit, automatic_order, fit_segments, samples_of
+from mmt.texture.model.fits import Fit, automatic_order, fit_segments, points_of
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.online.work import SegmentRange, Stopwatch, Work
 from mmt.texture.segmentation.segments import Segment
@@ -79,8 +79,13 @@ class FittingStage:
         coming back the samples are recent, and a place that it has touched once is kept.
         """
         surplus = max(0, len(self.fits) - LARGEST_MODEL)
+        if surplus == 0:
+            return 0
+        keys = list(self.fits)
+        points = points_of(self.fits.values(), self._space)
         for _ in range(surplus):
-            points = samples_of(list(self.fits.values()), self._space).points
             distances, _ = cKDTree(points).query(points, k=2)
-            del self.fits[list(self.fits)[int(np.argmin(distances[:, 1]))]]
+            older = int(np.argmin(distances[:, 1]))
+            points = np.delete(points, older, axis=0)
+            del self.fits[keys.pop(older)]
         return surplus

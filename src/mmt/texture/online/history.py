@@ -4,6 +4,7 @@
 surface. Both read a session faster than real time.
 """
 
+from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -27,7 +28,8 @@ class ModelHistory:
     """A model as it grew over a session: every update, and when its criteria were met."""
 
     updates: tuple[ModelUpdate, ...]
-    """In order, each with its session time ``time_s`` and its ``model``, None without samples."""
+    """In order, each with its session time ``time_s`` and its ``model``, None without samples; an
+    update may make it anew each time that it is asked for it: keep what is needed twice."""
     finished: tuple[Segment, ...]
     """The segments of the finished model: that at the stop criterion, or at the end of the
     session where the criterion was never met."""
@@ -42,8 +44,7 @@ class ModelHistory:
 
     def number(self, time_s: float) -> int:
         """Return the number of the last update up to a session time, -1 before the first."""
-        times = [update.time_s for update in self.updates]
-        return int(np.searchsorted(times, time_s, side="right")) - 1
+        return bisect_right(self.updates, time_s, key=lambda update: update.time_s) - 1
 
     def model(self, number: int) -> TextureModel | None:
         """Return the model after an update by its number, None before the first."""
@@ -208,7 +209,7 @@ def build(
     accept
         Says which segments may enter the model; None accepts all.
     """
-    modeller = OnlineModeller(settings, accept)
+    modeller = OnlineModeller(settings, accept, deferred=True)
     updates: list[ModelUpdate] = []
     finished: tuple[Segment, ...] = ()
     for block in blocks:

@@ -38,6 +38,8 @@ class OnlineModeller:
     accept
         Asked for each segment whether it may enter the model; the evaluation holds
         segments out with it.
+    deferred
+        Whether a model is made only when it is asked for; see `BuildingStage`.
     """
 
     in_step = False
@@ -47,12 +49,14 @@ class OnlineModeller:
         self,
         settings: ModellingSettings | None = None,
         accept: Callable[[Segment], bool] | None = None,
+        *,
+        deferred: bool = False,
     ) -> None:
         self.settings = settings or ModellingSettings()
         self.space = InputSpace(self.settings.inputs)
         self._segmenting = SegmentingStage(self.settings, accept)
         self._fitting = FittingStage(self.settings)
-        self._building = BuildingStage(self.settings)
+        self._building = BuildingStage(self.settings, deferred=deferred)
         self._completing = CompletionStage(self.settings)
 
     @property

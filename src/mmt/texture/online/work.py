@@ -1,7 +1,7 @@
 """One update of a model on its way through the stages, and what comes of it."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
@@ -39,6 +39,21 @@ SegmentRange = tuple[int, int]
 """Sequence numbers of a segment's first sample and of the one after its last."""
 
 
+ModelSource = Callable[[], TextureModel | None]
+"""Gives the model of an update, None before the first sample."""
+
+
+@dataclass(frozen=True)
+class Made:
+    """A model that there is already."""
+
+    model: TextureModel | None = None
+
+    def __call__(self) -> TextureModel | None:
+        """Return it."""
+        return self.model
+
+
 @dataclass(frozen=True)
 class ModelUpdate:
     """What one update did.
@@ -48,7 +63,7 @@ class ModelUpdate:
     ``outliers`` counts fits that a selection keeps out, ``redundant`` those that left for good.
     Where surfaces are told apart, ``surface`` is the number of the one that all this is of,
     ``changes`` says which changes this update brings to light, in order, and ``left`` what
-    has become of the models of the surfaces that were left by them.
+    has become of the models of the surfaces that were left by them. ``source`` gives ``model``.
     """
 
     time_s: float
@@ -60,13 +75,18 @@ class ModelUpdate:
     order: int | None
     started: bool
     stopped: bool
-    model: TextureModel | None
+    source: ModelSource
     durations_s: dict[str, float]
     outliers: int = 0
     redundant: int = 0
     surface: int | None = None
     changes: "tuple[SurfaceChange, ...]" = ()
     left: "tuple[ModelUpdate, ...]" = ()
+
+    @property
+    def model(self) -> TextureModel | None:
+        """The model, None before the first sample."""
+        return self.source()
 
 
 @dataclass
@@ -95,9 +115,9 @@ class Work:
         By the fitting: all fits of the model as they are now, and their order.
     removed_count
         By the fitting: how many fits have left.
-    chosen, outliers, redundant, model
+    chosen, outliers, redundant, source
         By the building: the fits that the model is made of, how many a selection has kept out and
-        sent away, and the model.
+        sent away, and what gives the model.
     announced
         Whether the update is one that others hear of; where the tool leaves a surface, its model is
         also updated in between.
@@ -121,7 +141,7 @@ class Work:
     chosen: Sequence[Fit] = ()
     outliers: int = 0
     redundant: int = 0
-    model: TextureModel | None = None
+    source: ModelSource = Made()
     announced: bool = True
     surface: int | None = None
     changes: "tuple[SurfaceChange, ...]" = ()
