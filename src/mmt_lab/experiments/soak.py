@@ -8,7 +8,6 @@ ticks is tested for drift.
 
 import asyncio
 import os
-import signal
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -19,7 +18,7 @@ import aiohttp
 import typer
 from rich.progress import BarColumn, Progress, TextColumn
 
-from mmt.cli.common import messages
+from mmt.cli.common import messages, stop_on_signals
 from mmt.core.errors import InputError
 from mmt.core.existing_files import free_path
 from mmt_lab.harness.experiment import Experiment, Seed
@@ -127,8 +126,7 @@ async def _run(
     with progress:
         async with services:
             start_s = time.monotonic()
-            for number in (signal.SIGINT, signal.SIGTERM):
-                asyncio.get_running_loop().add_signal_handler(number, services.ended.set)
+            stop_on_signals(services.ended.set)
             harming = asyncio.create_task(_harm(services, faults, start_s, happened, say))
             with suppress(TimeoutError):
                 async with asyncio.timeout(duration_s):

@@ -1,12 +1,10 @@
 """An ADXL335 behind a microcontroller on a pseudo-terminal, as its driver meets it."""
 
 import os
-import pty
 import random
 import tempfile
 import threading
 import time
-import tty
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
@@ -123,6 +121,9 @@ class EmulatedAdxl335Board:
 
     def plug(self) -> None:
         """Bring the port back under its name; the board itself went on counting."""
+        import pty
+        import tty
+
         with self._lock:
             if self._ends is None:
                 board, host = pty.openpty()
