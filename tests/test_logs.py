@@ -71,6 +71,15 @@ def test_what_ends_a_service_is_logged_and_a_mistake_has_its_trace(
     assert capsys.readouterr().err == ""  # the command line says it itself
 
 
+def test_without_a_file_the_command_line_alone_says_what_ends_a_service(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(logging.getLogger(), "handlers", [])  # pytest's, which a program has not
+    with pytest.raises(MmtError), Logs("leader"):
+        raise MmtError("the port is taken")
+    assert capsys.readouterr().err == ""
+
+
 @pytest.mark.parametrize(
     ("file", "level", "shown"),
     [

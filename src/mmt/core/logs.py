@@ -93,7 +93,7 @@ class Logs:
         trace: TracebackType | None,
     ) -> None:
         self._root.removeHandler(self._terminal)  # where the command line says it itself
-        if isinstance(error, Exception):
+        if isinstance(error, Exception) and self._listener is not None:
             trace_of = None if isinstance(error, MmtError) else error
             self._own.error("the service failed: %s", error, exc_info=trace_of)
         self.close()

@@ -287,6 +287,8 @@ class Connection:
             await asyncio.sleep(pause_s)
             if await self._attempt(ATTEMPT_S) is None:
                 return
+            if self._refusal is not None:
+                LOG.warning("refused by the leader: %s", self._refusal)
 
     def _on_connect(self) -> None:
         if self.line is not None:
@@ -296,7 +298,6 @@ class Connection:
     def _on_refused(self, problem: object = None) -> None:
         if isinstance(problem, Mapping) and "message" in problem:
             self._refusal = peer_text(str(problem["message"]), MAX_SENTENCE)
-            LOG.warning("refused by the leader: %s", self._refusal)
 
     def _on_disconnect(self, reason: str) -> None:
         line, self.line = self.line, None

@@ -170,8 +170,9 @@ class Listener:
             await self._acceptor.start(host, port, runner, context)
         except OSError as error:
             await runner.cleanup()
+            why = str(error.strerror or error).partition(" (while")[0]  # the address is said
             raise MmtError(
-                f"cannot listen on {host} port {port} ({error.strerror or error}): "
+                f"cannot listen on {host} port {port} ({why}): "
                 f"set {self._keys} to an address of this machine and a free port"
             ) from error
         self._runner = runner
