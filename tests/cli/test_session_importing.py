@@ -52,7 +52,7 @@ def test_a_file_of_which_nothing_is_known_is_listed(tmp_path):
     assert told.exit_code == 0
     assert "columns: alpha, beta" in told.output
     assert "no column was found for time: --map time=NAME, or --rate HZ" in told.output
-    assert "cannot be imported" in told.output
+    assert "no name tells a channel: say which columns are" in told.output
 
 
 def test_import_prints_and_writes_what_it_found(tmp_path):

@@ -108,6 +108,8 @@ def test_components_of_arrays_are_axes(tmp_path):
     columns = {"force_x": "wrench[2]", "force_y": "wrench[0]", "force_z": "-wrench[1]"}
     frames = import_session(tmp_path / "a.npz", columns=columns).frames
     np.testing.assert_allclose(frames["force_n"], FORCE_N * [1, 1, -1], atol=1e-6)
+    scaled = import_session(tmp_path / "a.npz", columns={**columns, "force_y": "wrench[0]*-2.5e-1"})
+    np.testing.assert_allclose(scaled.frames["force_n"], FORCE_N * [1, -0.25, -1], atol=1e-6)
     with pytest.raises(InputError, match=r"component 9 of wrench, which has shape \(3000, 3\)"):
         import_session(tmp_path / "a.npz", columns={"force_x": "wrench[9]"})
 

@@ -13,6 +13,7 @@ from rich.text import Text
 from mmt.cli.common import Force, json_option, messages, output, write_json
 from mmt.core.errors import InputError
 from mmt.core.existing_files import require_absent
+from mmt.core.frames import CHANNELS
 from mmt.session.data import axis_columns
 
 if TYPE_CHECKING:
@@ -43,6 +44,9 @@ def inspect_file(source: SourceFile) -> None:
     for target in proposal.lacking:
         option = "time=NAME, or --rate HZ" if target == "time" else f"{target}_z=NAME and so on"
         output.print(f"no column was found for {target}: --map {option}", highlight=False)
+    if set(CHANNELS) <= set(proposal.lacking):
+        output.print("no name tells a channel: say which columns are", highlight=False)
+        return
     try:
         _, report = import_recording(source, proposal.options)
     except InputError as error:
@@ -63,7 +67,7 @@ def import_file(
             metavar="TARGET=COLUMN",
             help="The column of time, position, force, acceleration (arrays), position_x ... "
             "acceleration_z, or position_time ...; -COLUMN turns the sign, COLUMN[2] is a "
-            "component, a number a constant. May be repeated.",
+            "component, COLUMN*0.5 scaled, a number a constant. May be repeated.",
         ),
     ] = None,
     units: Annotated[
@@ -130,9 +134,13 @@ def print_report(title: str, report: "ImportReport") -> None:
         for axis, name in enumerate(axis_columns(channel.channel)):
             figures = (channel.mean[axis], channel.low[axis], channel.high[axis])
             first = (str(channel.rows), *clock) if axis == 0 else ("", "", "", "")
-            table.add_row(name, *first, *(f"{figure:.3g}" for figure in figures))
+            table.add_row(name, *first, *map(_short, figures))
     output.print(table)
     if report.speed_mm_s is not None:
         output.print(f"speed: up to {report.speed_mm_s:.0f} mm/s (99 %)", highlight=False)
     for warning in report.warnings:
         messages.print(Text.assemble(("look:", "yellow"), f" {warning}"), soft_wrap=True)
+
+
+def _short(value: float) -> str:
+    return f"{value:.0f}" if 1000 <= abs(value) < 1e6 else f"{value:.3g}"

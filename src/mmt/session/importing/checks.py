@@ -201,7 +201,10 @@ def _of_acceleration(
     elif 800.0 < mean < 1200.0:
         sentences.append(f"{about}: {_other_unit('acceleration', 'mg', options)}")
     elif mean > 2.0 and not 0.8 < mean / _GRAVITY_M_S2 < 1.2:
-        sentences.append(f"{about}: is its offset or its scale wrong?")
+        sentences.append(
+            f"{about}: its offset or its scale is wrong; counts become m/s2 by a factor, as in "
+            "--map acceleration_x=NAME*0.0006"
+        )
     elif spread < _LEAST_VIBRATION_M_S2:
         unit = _other_unit("acceleration", "g", options)
         sentences.append(f"acceleration: it varies by {spread:.2g} m/s2 rms only; {unit}")

@@ -161,7 +161,7 @@ class _Mapping:
                 f"{self._origin}: {source.name} has shape {values.shape}, it must have shape (n,)"
             )
         scaled = self._scaled(source.name, values, quantity)
-        return scaled if source.sign > 0 else -scaled
+        return scaled if source.factor == 1.0 else source.factor * scaled
 
     def _source(self, target: str, quantity: str) -> Source | float | None:
         """Return the column of a target, or its constant; None where it has none."""

@@ -32,7 +32,9 @@ UNITS: Final[Mapping[str, Mapping[str, float]]] = {
 }
 """Factors to s, mm, N and m/s², by quantity."""
 
-_SOURCE = re.compile(r"^(-?)(.*?)(?:\[(\d+)\])?$", re.DOTALL)
+_SOURCE = re.compile(
+    r"^(-?)(.*?)(?:\[(\d+)\])?(?:\*([-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?))?$", re.DOTALL
+)
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ class Source:
 
     name: str
     component: int | None = None
-    sign: float = 1.0
+    factor: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -56,8 +58,8 @@ class ImportOptions:
 
     columns: Mapping[str, str] = field(default_factory=dict)
     """A column's name for each of `TARGETS` whose column has not the standard name. A minus
-    before it turns the sign, ``[2]`` after it takes that component of an array, and a number
-    is a constant."""
+    before it turns the sign, ``[2]`` after it takes that component of an array, ``*0.5`` behind
+    that scales it, and a number is a constant."""
     units: Mapping[str, str] = field(default_factory=dict)
     """The unit of "time", "position", "force", "acceleration" where the file does not say it."""
     rate_hz: float | None = None
@@ -93,7 +95,7 @@ class ImportOptions:
     def source(self, target: str, names: "Mapping[str, object]") -> Source | None:
         """Return what a target is mapped to, None where it is not mapped.
 
-        A name that is a column's as it stands is that column, with or without minus or brackets.
+        A name that is a column's as it stands is that column, whatever signs are in it.
         """
         text = self.columns.get(target)
         if text is None or text in names:
@@ -101,8 +103,9 @@ class ImportOptions:
         found = _SOURCE.match(text)
         if found is None:
             return Source(text)
-        sign, name, component = found.groups()
-        return Source(name, None if component is None else int(component), -1.0 if sign else 1.0)
+        sign, name, component, factor = found.groups()
+        scale = (-1.0 if sign else 1.0) * float(factor or 1.0)
+        return Source(name, None if component is None else int(component), scale)
 
     def mapped_names(self) -> set[str]:
         """Return every name that a column might have to be one that is mapped."""
