@@ -83,3 +83,13 @@ def test_a_free_path_is_the_name_itself_or_the_least_number(tmp_path):
     assert free_path(wanted) == tmp_path / "session-2.mcap"
     (tmp_path / "session-2.mcap").touch()
     assert free_path(wanted) == tmp_path / "session-4.mcap"
+
+
+@pytest.mark.parametrize("command", [("calibrate", "adxl335-serial"), ("equalise",)])
+def test_what_a_device_was_measured_by_is_not_replaced(tmp_path, capsys, command):
+    """It is refused before anybody turns a sensor or plays a sweep."""
+    (tmp_path / "kept.npz").write_bytes(KEPT)
+    code, told = run(["device", *command, "--keep", tmp_path / "kept.npz"], capsys)
+    assert code == 2
+    assert "kept.npz: it exists already" in told
+    assert (tmp_path / "kept.npz").read_bytes() == KEPT

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from mmt.cli.common import json_option
+from mmt.cli.common import Force, json_option
+from mmt.core.existing_files import require_absent
 
 app = typer.Typer(no_args_is_help=True, help="Look at devices.")
 
@@ -79,6 +80,7 @@ def calibrate_accelerometer(
     keep: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Keep the measured rests, for --rests.")
     ] = None,
+    force: Force = False,
     json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
 ) -> None:
     """Calibrate an ADXL335 by gravity and store it under its serial number."""
@@ -86,6 +88,8 @@ def calibrate_accelerometer(
     from mmt.cli.gravity import Files, calibrate_by_gravity
     from mmt.devices.drivers import load_device
 
+    if keep is not None:
+        require_absent(keep, force=force)
     named = accelerometer_named(what, settings or [])
     device = load_device(named.driver, named.options, role=named.role)
     calibrate_by_gravity(device, named.driver, duration, Files(rests, keep, json_file))
@@ -135,11 +139,14 @@ def equalise_actuator(
     largest_gain_db: Annotated[
         float, typer.Option(help="Raise or lower a frequency by so much at most.")
     ] = 12.0,
+    force: Force = False,
     json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
 ) -> None:
     """Fit a Haptuator's level and equaliser to a sweep, recorded or played now; store both."""
     from mmt.cli.equalising import Fit, Live, equalise
 
+    if keep is not None:
+        require_absent(keep, force=force)
     fit = Fit(serial, low_hz, high_hz, largest_gain_db, json_file)
     live = Live(actuator, accelerometer, settings or [], duration, level_v, largest_m_s2, keep)
     equalise(what, fit, live)
