@@ -75,7 +75,7 @@ function report({ rms, counted }) {
   const { total, trip, ahead, conversion, output, by } = sound.figures();
   $("latency").dataset.by = by;
   const worklet = by === "script" ? " (no worklet: open by https)" : "";
-  text("latency", `pointer to sound ${ms(total)} ms: ahead ${ms(ahead)}, of which round trip ${ms(trip)}; conversion ${ms(conversion)}, output ${ms(output)}${worklet}`);
+  text("latency", `pointer to sound ${ms(total)} ms; now ahead ${ms(ahead)}, round trip ${ms(trip)}, conversion ${ms(conversion)}, output ${ms(output)}${worklet}`);
 }
 
 async function toggleSound() {
