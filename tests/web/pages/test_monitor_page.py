@@ -298,3 +298,26 @@ async def test_single_keys_change_the_network_and_are_listed(browser: Any) -> No
         await page.keyboard.press("v")
         assert await page.evaluate("document.activeElement.id") == "force"
         assert problems == []
+
+
+OUTSIDE = """() => [...document.querySelectorAll("section")].flatMap((card) => {
+    const bottom = card.getBoundingClientRect().bottom;
+    return [...card.querySelectorAll(".u-legend")]
+        .filter((legend) => legend.getBoundingClientRect().bottom > bottom)
+        .map(() => card.getAttribute("aria-labelledby"));
+})"""
+
+
+async def test_legends_stay_in_their_cards_on_a_telephone(browser: Any) -> None:
+    async with Leading() as leading, a_page(browser, (390, 844)) as (page, _):
+        await page.goto(leading.url)
+        await shows(page, "#connection", "live")
+        lines = await page.evaluate("document.querySelector('#vibration .u-legend').offsetHeight")
+        assert lines > 40  # or there is nothing to see
+        assert await page.evaluate(OUTSIDE) == []
+        await page.emulate_media(color_scheme="dark")
+        await page.wait_for_timeout(300)
+        assert await page.evaluate(OUTSIDE) == []
+        await page.set_viewport_size({"width": 300, "height": 844})
+        await page.wait_for_timeout(300)
+        assert await page.evaluate(OUTSIDE) == []

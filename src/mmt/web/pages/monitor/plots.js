@@ -11,7 +11,7 @@ export class Plot {
     Object.assign(this, { element, series, axes, ranges });
     this.data = [[], ...series.map(() => [])];
     this.#make();
-    new ResizeObserver(() => this.plot.setSize(this.#size())).observe(element);
+    new ResizeObserver(() => this.#fit()).observe(element);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#make());
   }
 
@@ -53,6 +53,12 @@ export class Plot {
     return { width: Math.max(this.element.clientWidth, 50), height: Math.max(this.element.clientHeight - legend, 50) };
   }
 
+  /** Leave the legend its room: how many lines it has shows once the width is set. */
+  #fit() {
+    this.plot.setSize(this.#size());
+    queueMicrotask(() => this.plot.setSize(this.#size()));
+  }
+
   #make() {
     this.plot?.destroy();
     const axis = (label) => ({
@@ -72,6 +78,7 @@ export class Plot {
         label, stroke: css(colour), width: 1.5, dash, points: { show: false }, spanGaps: false,
       }))],
     }, this.data, this.element);
+    this.#fit();
   }
 }
 
