@@ -44,6 +44,8 @@ class Guarded:
         measured: Vector | None = HOME,
         normal: str = "z",
         box_mm: tuple[Vector, Vector] | None = None,
+        rate_hz: float = 1000.0,
+        measures_position: bool = True,
         **keys: object,
     ) -> None:
         self.said: list[str] = []
@@ -51,9 +53,9 @@ class Guarded:
         self.positions: list[Vector | None] = []
         self.guard = CommandGuard(
             Link.model_validate(keys),
-            1000.0,
+            rate_hz,
             normal,
-            measures_position=True,
+            measures_position=measures_position,
             say=self.said.append,
             box_mm=box_mm,
         )
@@ -222,7 +224,9 @@ def test_an_echo_that_cannot_be_true_makes_no_command_fresh(
     robot.run(200)
     assert robot.newest == HOME
     assert robot.guard.summary["implausible_commands"] == 1
-    assert "echo no frame that was sent" in robot.said[0]
+    robot.guard.receive(np.concatenate([block, block]), arrival_ns)
+    assert robot.guard.summary["implausible_commands"] == 3
+    assert robot.said[0] == "the leader's commands echo no frame that was sent: they are left out"
 
 
 def test_a_frame_of_a_minute_ago_may_be_echoed_but_none_of_an_earlier_connection() -> None:
@@ -340,6 +344,53 @@ def test_whatever_comes_and_whenever_the_robot_never_jumps(
         before = after
 
 
+@pytest.mark.parametrize("along", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.6, -0.8)])
+def test_on_each_axis_the_robot_begins_and_recovers_at_its_rate_beyond_the_hand(
+    along: Vector,
+) -> None:
+    """The hand goes at 300 mm/s and commands every second tick, with a silence in between."""
+    robot = Guarded(silence_ms=50.0)
+    start = np.add(HOME, np.multiply(3.0, along))
+    robot.run(150, tuple(start.tolist()))
+    for k in range(0, 1300, 2):
+        if not 300 <= k < 400:
+            x, y, z = start + 0.3 * k * np.array(along)
+            robot.guard.receive(*command(x, y, z, time_ns=k * 1_000_000))
+        robot.run(2)
+    ways = np.dot(np.subtract(robot.positions[1:], robot.positions[:-1]), along)
+    assert ways[:20] == pytest.approx(np.full(20, 0.05))
+    assert ways.max() <= 0.35 + 1e-4
+    assert ways.min() >= 0.0
+    assert max(steps_mm(robot.positions)) == pytest.approx(ways.max(), abs=1e-4)
+    assert robot.newest == pytest.approx(tuple(start + 0.3 * 1298 * np.array(along)), abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("silence_ms", "rate_hz", "ticks"), [(1000.0, 1000.0, 1000), (10.0, 100.0, 1)]
+)
+def test_silence_is_counted_in_ticks(silence_ms: float, rate_hz: float, ticks: int) -> None:
+    robot = Guarded(silence_ms=silence_ms, rate_hz=rate_hz)
+    robot.run(1, HOME)
+    robot.run(ticks - 1)
+    assert robot.guard.summary["silences"] == 0
+    robot.run(1)
+    assert robot.guard.summary["silences"] == 1
+    robot.run(1, HOME)
+    robot.run(ticks)
+    assert robot.guard.summary["silences"] == 2
+
+
+def test_missed_ticks_count_for_the_retraction_and_the_recovery() -> None:
+    robot = Guarded(on_silence="retract", silence_ms=10.0)
+    robot.guard.receive(*command(9.0, 0.0, 5.0))
+    assert robot.guard.step(4, lambda: HOME) == pytest.approx((4 * 0.05, 0.0, 5.0))
+    robot.run(10)
+    before = robot.newest
+    after = robot.guard.step(4, lambda: HOME)
+    assert after is not None
+    assert after[2] - before[2] == pytest.approx(4 * 0.05)
+
+
 # --- the workspace
 
 BOX_MM = ((-10.0, -10.0, 0.0), (10.0, 10.0, 12.0))
@@ -355,6 +406,17 @@ def test_a_command_outside_the_workspace_is_clipped_counted_and_said_once() -> N
     robot.run(60, HOME)
     assert robot.newest == HOME
     assert robot.guard.summary["clipped_commands"] == 60
+
+
+def test_commands_that_stay_outside_the_workspace_are_said_when_they_leave_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("mmt.core.logs.REPEAT_PERIOD_S", 0.0)
+    robot = Guarded(box_mm=BOX_MM)
+    for _ in range(2):
+        robot.run(5, (30.0, 0.0, 5.0))
+        robot.run(5, HOME)
+    assert robot.said == ["commanded to (30, 0, 5) mm, outside workspace_mm: clipped"] * 2
 
 
 def test_a_retraction_ends_at_the_workspace() -> None:
@@ -419,6 +481,31 @@ def test_after_a_halt_the_robot_begins_where_it_is(measured: Vector) -> None:
     assert math.dist(robot.positions[0], measured) <= 0.05 + 1e-9  # type: ignore[arg-type]
     assert max(steps_mm(robot.positions)) <= 0.05 + 1e-9
     assert robot.newest == pytest.approx((10.0, 0.0, 5.0))
+
+
+def test_halts_are_counted_and_are_no_silence_of_the_leader() -> None:
+    robot = Guarded(measures_position=False)
+    for _ in range(2):
+        robot.run(20, HOME)
+        robot.guard.halt("hold")
+        robot.run(200)
+        robot.guard.release()
+    robot.run(5, HOME)
+    summary = robot.guard.summary
+    assert (summary["halts"], summary["halted_s"]) == (2, pytest.approx(0.4))
+    assert (summary["silences"], summary["silent_s"], robot.said) == (0, 0.0, [])
+
+
+def test_after_a_halt_the_hand_is_followed_at_its_own_speed() -> None:
+    robot = Guarded()
+    robot.run(20, HOME)
+    robot.guard.halt("hold")
+    robot.run(20)
+    robot.guard.release()
+    for k in range(100):
+        robot.guard.receive(*command(0.3 * k, 0.0, 5.0, time_ns=k * 1_000_000))
+        robot.run(1)
+    assert robot.newest == pytest.approx((29.7, 0.0, 5.0))
 
 
 def test_a_halt_before_the_first_command_commands_nothing() -> None:

@@ -1,10 +1,12 @@
 """A session's frames are numbered on, whichever follower connects."""
 
 import numpy as np
+import pytest
 from frame_samples import PERIOD_NS, made_frames
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mmt.core.pacing import most_ahead, shortest_period_ns
 from mmt.leader.numbering import SessionNumbering
 
 SECOND = 1_000_000_000
@@ -108,6 +110,118 @@ def test_another_clock_is_put_right_but_echoed_as_it_is() -> None:
     assert taken["time_ns"][0] - first["time_ns"][-1] == 21 * PERIOD_NS
     assert (np.diff(taken["time_ns"]) == PERIOD_NS).all()
     assert numbering.follower_time_ns == again["time_ns"][-1]
+
+
+def test_before_the_first_frame_nothing_is_known() -> None:
+    numbering = SessionNumbering(PERIOD_NS)
+    known = (numbering.frames, numbering.newest, numbering.shift, numbering.anew)
+    assert known == (0, -1, 0, False)
+    assert (numbering.follower_time_ns, numbering.arrival_ns) == (0, 0)
+    numbering.extend(50)
+    assert (numbering.frames, numbering.newest) == (0, -1)
+    numbering.reconnect("first")
+    assert numbering.anew is False
+    frames = made_frames(100_000, 3)
+    assert numbering.number(frames, 5) == (frames, 0)
+    assert numbering.frames == 3
+
+
+def test_a_session_is_extended_by_what_is_missing_at_its_end() -> None:
+    numbering = SessionNumbering(PERIOD_NS)
+    numbering.number(made_frames(10, 90), SECOND)
+    numbering.extend(150)
+    assert (numbering.newest, numbering.frames) == (149, 140)
+    numbering.extend(120)
+    assert (numbering.newest, numbering.frames) == (149, 140)
+
+
+def test_a_late_frame_was_due_beside_the_newest_but_not_before_zero_or_after_now() -> None:
+    numbering = SessionNumbering(PERIOD_NS)
+    frames = made_frames(100, 10)
+    numbering.number(frames, SECOND)
+    newest_ns = int(frames["time_ns"][-1])
+    now_ns = SECOND + 3 * PERIOD_NS
+    due_ns = numbering.expected_arrival_ns(newest_ns - 4 * PERIOD_NS, now_ns)
+    assert due_ns == SECOND - 4 * PERIOD_NS
+    assert numbering.expected_arrival_ns(newest_ns + 10 * PERIOD_NS, now_ns) == now_ns
+    assert numbering.expected_arrival_ns(newest_ns - 2 * SECOND, now_ns) == 0
+
+
+def test_a_follower_without_a_name_is_judged_by_its_numbers() -> None:
+    """By those that the silence allows, also where the one before it had a name."""
+    numbering = SessionNumbering(PERIOD_NS)
+    numbering.reconnect("a")
+    numbering.number(made_frames(0, 10), SECOND)
+    numbering.number(made_frames(10, 10), 100 * SECOND)
+    numbering.reconnect("")
+    assert numbering.anew is False
+    assert numbering.follower_time_ns == 0
+    again = made_frames(20, 5)
+    assert numbering.number(again, 100 * SECOND) == (again, 0)
+    numbering.reconnect()
+    _, left_out = numbering.number(made_frames(9000, 5), 100 * SECOND + SECOND // 10)
+    assert left_out == 100
+
+
+@pytest.mark.parametrize("name", ["", "a"])
+def test_the_time_that_passed_bounds_what_a_follower_may_have_counted(name: str) -> None:
+    for beyond in (0, 1):
+        numbering = SessionNumbering(PERIOD_NS)
+        numbering.reconnect(name)
+        numbering.number(made_frames(5, 100), SECOND)
+        numbering.number(made_frames(105, 100), 9 * SECOND)
+        numbering.reconnect(name)
+        passed_s = 10 if name else 2  # of the same process since its first frame, else of silence
+        most = most_ahead(passed_s * SECOND, shortest_period_ns(1000.0, 1.0))
+        most -= numbering.frames if name else 0
+        again = made_frames(204 + most + beyond, 5)
+        _, left_out = numbering.number(again, 11 * SECOND)
+        assert left_out == 2000 * beyond
+
+
+def test_a_jump_within_a_connection_is_a_gap_and_no_new_follower() -> None:
+    numbering = SessionNumbering(PERIOD_NS)
+    numbering.number(made_frames(0, 10), SECOND)
+    numbering.reconnect()
+    numbering.number(made_frames(10, 10), SECOND + PERIOD_NS)
+    ahead = made_frames(90_000, 1)
+    assert numbering.number(ahead, SECOND + 2 * PERIOD_NS) == (ahead, 0)
+
+
+def test_a_follower_that_was_started_anew_takes_its_link_up_again_too() -> None:
+    numbering = SessionNumbering(PERIOD_NS)
+    numbering.number(made_frames(0, 1000), SECOND)
+    numbering.reconnect()
+    numbering.number(made_frames(0, 10), SECOND + 250 * PERIOD_NS)
+    numbering.reconnect()
+    taken, left_out = numbering.number(made_frames(12, 2), SECOND + 270 * PERIOD_NS)
+    assert left_out == 0
+    assert taken["sequence"].tolist() == [1262, 1263]
+
+
+def test_where_no_time_passed_one_frame_is_missing_between_two_followers() -> None:
+    numbering = SessionNumbering(PERIOD_NS)
+    numbering.reconnect("a")
+    numbering.number(made_frames(0, 10), SECOND)
+    numbering.reconnect("b")
+    taken, left_out = numbering.number(made_frames(0, 1), SECOND)
+    assert (left_out, taken["sequence"][0]) == (1, 11)
+
+
+@pytest.mark.parametrize(
+    ("behind_ns", "shifted"), [(SECOND, False), (SECOND + 1, True), (5, False)]
+)
+def test_times_that_are_a_second_off_come_from_another_clock(behind_ns: int, shifted: bool) -> None:
+    numbering = SessionNumbering(PERIOD_NS)
+    numbering.reconnect("a")
+    first, again = made_frames(0, 10), made_frames(0, 1)
+    first["time_ns"] += 90_000 * SECOND
+    numbering.number(first, SECOND)
+    numbering.reconnect("b")
+    due_ns = int(first["time_ns"][-1]) + 21 * PERIOD_NS
+    again["time_ns"] = due_ns - behind_ns
+    taken, _ = numbering.number(again, SECOND + 20 * PERIOD_NS)
+    assert taken["time_ns"][0] == (due_ns if shifted else due_ns - behind_ns)
 
 
 @settings(max_examples=60, deadline=None)

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmt.leader.playout import PlayoutBuffer
+from mmt.leader.playout import PlayoutBuffer, PlayoutStatistics
 
 MS = 1_000_000
 
@@ -166,3 +166,155 @@ def test_the_automatic_delay_follows_the_99th_percentile_not_the_slowest_frame()
     buffer = PlayoutBuffer("auto")
     play(buffer, [(k, k * MS, (k + lateness_ms(k)) * MS, 1.0) for k in range(4000)], 3900)
     assert buffer.statistics().delay_ms == 2.0
+
+
+# --- sample by sample: frames arrive 3 ms late, so that at 5 ms tick t plays number t - 8
+
+
+class Bare:
+    """Plays what there is, and -1 for what is missing."""
+
+    def __init__(self, *, silent: bool = False) -> None:
+        self.silent = silent
+
+    def play(self, value: float) -> float:
+        return value
+
+    def bridge(self) -> float:
+        return -1.0
+
+
+def steady(ticks: int, *, silent: bool = False) -> PlayoutBuffer:
+    """Return a buffer of 5 ms after this many ticks, that has been given 1000 frames."""
+    buffer = PlayoutBuffer(5.0, concealment=Bare(silent=silent))
+    play(buffer, stream(1000, 3.0)[: ticks - 3], ticks)
+    for k in range(ticks - 3, 1000):
+        buffer.push(k, k * MS, (k + 3) * MS, float(k + 1))
+    return buffer
+
+
+def test_each_sample_is_played_a_delay_after_the_quickest_frame() -> None:
+    buffer = PlayoutBuffer(5.0, concealment=Bare())
+    output = play(buffer, stream(1000, 3.0), 900)
+    assert output.tolist() == [0.0] * 8 + [float(k + 1) for k in range(892)]
+    assert buffer.statistics() == PlayoutStatistics(5.0, 892, 0, 0, 0, 0)
+
+
+def test_a_frame_that_comes_at_its_turn_is_not_late() -> None:
+    buffer = PlayoutBuffer(0.0, concealment=Bare())
+    play(buffer, stream(100, 3.0), 90)
+    assert buffer.statistics() == PlayoutStatistics(0.0, 87, 0, 0, 0, 0)
+
+
+def test_frames_after_their_turn_and_frames_that_never_come_are_counted() -> None:
+    buffer = PlayoutBuffer(5.0, concealment=Bare())
+    frames = [frame for frame in stream(500, 3.0) if frame[0] != 1]
+    frames = [(k, t, a + (20 * MS if k in {100, 101, 102} else 0), v) for k, t, a, v in frames]
+    output = play(buffer, frames, 400)
+    assert buffer.statistics() == PlayoutStatistics(5.0, 388, 4, 3, 0, 0)
+    assert np.flatnonzero(output == -1.0).tolist() == [9, 108, 109, 110]
+
+
+def test_the_end_of_the_stream_is_bridged_for_the_longest_delay() -> None:
+    buffer = PlayoutBuffer(5.0, concealment=Bare())
+    play(buffer, stream(500, 3.0), 900)
+    assert (buffer.statistics().played, buffer.statistics().bridged) == (500, 100)
+
+
+@pytest.mark.parametrize(
+    ("given", "delay_ms"),
+    [
+        ({}, 2.0),
+        ({"delay_ms": 500.0}, 100.0),
+        ({"delay_ms": -3.0}, 0.0),
+        ({"delay_ms": 50.0, "longest_delay_ms": 0.1}, 1.0),
+        ({"delay_ms": 4.0, "period_ns": 2 * MS}, 4.0),
+    ],
+)
+def test_the_delay_before_the_first_frame(given: dict[str, float], delay_ms: float) -> None:
+    assert PlayoutBuffer(**given).statistics().delay_ms == delay_ms  # type: ignore[arg-type]
+
+
+def test_the_age_of_a_sample_counts_from_the_quickest_frame() -> None:
+    buffer = PlayoutBuffer(5.0)
+    assert buffer.age_ms(0) is None
+    buffer.push(0, 0, 3 * MS, 1.0)
+    buffer.push(1, MS, 11 * MS, 1.0)
+    assert buffer.age_ms(None) is None
+    assert buffer.age_ms(0) == 8.0
+    assert buffer.age_ms(1_234_567) == 9.235
+
+
+@pytest.mark.parametrize(("step_ns", "noticed"), [(100 * MS, False), (100 * MS + 1, True)])
+def test_a_clock_has_stepped_where_it_is_more_than_100_ms_off(step_ns: int, noticed: bool) -> None:
+    follower = steady(500)
+    follower.push(1000, 1000 * MS - step_ns, 1003 * MS, 1.0)
+    follower.pull(500 * MS)
+    assert follower.statistics().resyncs == (not noticed)
+    leader = steady(500)
+    leader.pull(500 * MS + step_ns)
+    assert (leader.age_ms(0) is None) == noticed
+
+
+def test_a_gap_in_the_stream_is_no_step_of_a_clock() -> None:
+    buffer = steady(500)
+    buffer.push(1300, 1300 * MS, 1323 * MS, 1.0)
+    assert buffer.age_ms(0) == 8.0
+
+
+@pytest.mark.parametrize(
+    ("late_ms", "delay_ms"),
+    [
+        ([0.0] * 190 + [10.0] * 10, 12.0),
+        ([0.0] * 197 + [10.0] * 3, 12.0),
+        ([0.0] * 198 + [10.0] * 2, 12.0),
+        ([0.0] * 199 + [10.0], 2.0),
+        ([0.0, 1.5], 4.0),
+        ([0.0, 500.0], 2.0),
+    ],
+)
+def test_the_automatic_delay_is_judged_every_hundred_ticks(
+    late_ms: list[float], delay_ms: float
+) -> None:
+    buffer = PlayoutBuffer()
+    for k, late in enumerate(late_ms):
+        buffer.push(k, k * MS, k * MS + round(late * MS), 1.0)
+    for tick in range(99):
+        buffer.pull(tick * MS)
+    assert buffer.statistics().delay_ms == 2.0
+    buffer.pull(99 * MS)
+    assert buffer.statistics().delay_ms == delay_ms
+
+
+def test_from_51_samples_on_the_playout_jumps() -> None:
+    buffer, now = steady(500), 499 * MS
+    for resyncs, jump_ms in ((0, 50), (1, 51), (2, -51)):
+        now += (1 + jump_ms) * MS
+        buffer.pull(now)
+        assert buffer.statistics().resyncs == resyncs
+        for _ in range(21 * 50):  # the 50 samples are worked off by slips
+            now += MS
+            buffer.push(now // MS, now, now + 3 * MS, 1.0)
+            buffer.pull(now)
+
+
+@pytest.mark.parametrize(("jump_ms", "slips"), [(1, 0), (2, 1), (3, 2), (-1, 0), (-2, 1)])
+def test_a_difference_of_two_samples_is_worked_off_every_twenty_ticks(
+    jump_ms: int, slips: int
+) -> None:
+    buffer, sign = steady(501), np.sign(jump_ms)
+    played = [buffer.pull((501 + jump_ms + k) * MS) for k in range(60)]
+    steps = np.diff([493.0, *played])
+    expected = np.ones(60)
+    expected[[18, 38][:slips]] += sign  # in tick 520 and 540
+    assert steps.tolist() == expected.tolist()
+    assert buffer.statistics().slips == slips
+
+
+@pytest.mark.parametrize(("jump_ms", "heard"), [(1, 494.0), (2, 496.0), (-2, 492.0)])
+def test_in_silence_a_difference_of_two_samples_is_made_up_for_at_once(
+    jump_ms: int, heard: float
+) -> None:
+    buffer = steady(501, silent=True)
+    assert buffer.pull((501 + jump_ms) * MS) == heard
+    assert buffer.statistics().slips == 0

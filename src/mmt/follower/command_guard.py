@@ -14,6 +14,8 @@ from mmt.scene import Link
 _COMMAND: Final = struct.Struct("<Iqqq3f")
 """The layout of `mmt.core.frames.COMMAND_DTYPE`; NumPy takes over twice as long to read it."""
 
+_AT_REST: Final[Vector] = (0.0, 0.0, 0.0)
+
 _NORMALS: Final[dict[str, Vector]] = {
     "x": (1.0, 0.0, 0.0),
     "y": (0.0, 1.0, 0.0),
@@ -80,8 +82,8 @@ class CommandGuard:
         self.echoes = EchoCheck()
         """To be told of connections and frames."""
         self._command: Vector | None = None  # came since the last tick
-        self._target: Vector = (0.0, 0.0, 0.0)
-        self._motion: Vector = (0.0, 0.0, 0.0)  # of the hand, in a tick
+        self._target = _AT_REST
+        self._motion = _AT_REST  # of the hand, in a tick
         self._command_ns = self._target_ns = 0  # by the leader's clock
         self._position: Vector | None = None
         self._age_ticks = 0
@@ -186,9 +188,9 @@ class CommandGuard:
             self._position = measured() if self._measures_position else command
             if self._position is None:
                 return
-            self._motion = (0.0, 0.0, 0.0)
+            self._motion = _AT_REST
         elif self._silent:
-            self._motion = (0.0, 0.0, 0.0)
+            self._motion = _AT_REST
             self._silent = False
             if self._age_ticks and self._told.allow("back"):
                 silent_s = self._age_ticks / self._rate_hz

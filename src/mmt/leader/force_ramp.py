@@ -10,6 +10,8 @@ SILENCE_TICKS: Final = 50
 RAMP_TICKS: Final = 50
 """Length of a ramp out or in: where no tick is missed, there is no force after 100 ms."""
 
+_NONE: Final[Vector] = (0.0, 0.0, 0.0)
+
 
 class ForceRamp:
     """Shape a force by the time since its source last gave one.
@@ -31,8 +33,7 @@ class ForceRamp:
         self._silence_ticks = silence_ticks
         self._ramp_ticks = ramp_ticks
         self._age_ticks = 0
-        self._shown: Vector = (0.0, 0.0, 0.0)
-        self._start: Vector = (0.0, 0.0, 0.0)
+        self._shown = self._start = _NONE
         self._share = 1.0  # of the source's force; the rest is that of the ramp's start
         self._left = 1.0  # of the force in a silence
 
@@ -52,7 +53,7 @@ class ForceRamp:
     def rest(self, elapsed: int) -> None:
         """Note that nothing is displayed for these ticks; the force then returns from zero."""
         self._age_ticks += elapsed
-        self._shown = self._start = (0.0, 0.0, 0.0)
+        self._shown = self._start = _NONE
         self._share = 0.0
 
     def shape(self, force_n: Vector, elapsed: int) -> Vector:
@@ -63,15 +64,8 @@ class ForceRamp:
             self._left = max(0.0, self._left - step)
         else:
             self._share = min(1.0, self._share + step)
-        share, left = self._share, self._left
-        if share < 1.0:
-            rest = 1.0 - share
-            force_n = (
-                share * force_n[0] + rest * self._start[0],
-                share * force_n[1] + rest * self._start[1],
-                share * force_n[2] + rest * self._start[2],
-            )
-        if left < 1.0:
-            force_n = (left * force_n[0], left * force_n[1], left * force_n[2])
-        self._shown = force_n
-        return force_n
+        share, left = self._left * self._share, self._left * (1.0 - self._share)
+        x, y, z = force_n
+        u, v, w = self._start
+        self._shown = (share * x + left * u, share * y + left * v, share * z + left * w)
+        return self._shown
