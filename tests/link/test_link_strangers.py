@@ -12,7 +12,16 @@ from pathlib import Path
 import aiohttp
 import pytest
 import trustme
-from link_samples import CHANNELS, FollowerNotes, LeaderNotes, follower, frames, hello, until
+from link_samples import (
+    CHANNELS,
+    FollowerNotes,
+    LeaderNotes,
+    follower,
+    frames,
+    hello,
+    leader,
+    until,
+)
 
 import mmt.link.accepting
 import mmt.link.websocket
@@ -190,6 +199,24 @@ async def test_a_follower_that_was_let_in_stays_whatever_strangers_do(
             await until(lambda: notes.sequences == [0])
         assert notes.losses == []
         await client.disconnect()
+
+
+async def test_a_crowd_comes_in_slowly_while_a_session_goes_on() -> None:
+    async with leader() as server:
+
+        async def crowd_s() -> float:
+            started_s = time.monotonic()
+            async with strangers(
+                server.port, 20, b"GET /health HTTP/1.1\r\nHost: a\r\n\r\n"
+            ) as all_:
+                await asyncio.gather(*(reader.readline() for reader, _ in all_))
+            return time.monotonic() - started_s
+
+        alone_s = min([await crowd_s() for _ in range(3)])
+        async with follower(server.port):
+            await until(lambda: server.connected)
+            assert await crowd_s() > 19 * 0.02
+        assert alone_s < 19 * 0.02
 
 
 async def test_a_page_that_shows_the_token_keeps_its_connection(

@@ -14,6 +14,7 @@ import logging
 import socket
 import ssl
 from collections import Counter
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Final
@@ -34,6 +35,8 @@ MOST_OF_ADDRESS: Final = 32
 
 _WAITING: Final = 128
 """Connections that the system holds until they are accepted."""
+_SPACING_S: Final = 0.02
+"""Time between two of them while there is something to disturb: each costs half a tick."""
 _PAUSE_S: Final = 0.1
 """Pause before the next is accepted where descriptors have run out."""
 
@@ -64,9 +67,16 @@ class _Connection:
 
 
 class Acceptor:
-    """Listens on a host and port, and bounds the connections there."""
+    """Listens on a host and port, and bounds the connections there.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    busy
+        Whether a session is under way, which strangers that come in a crowd would disturb.
+    """
+
+    def __init__(self, busy: Callable[[], bool]) -> None:
+        self._busy = busy
         self._most = min(MOST_STRANGERS, descriptors() // 4)
         self._connections: dict[web.RequestHandler, _Connection] = {}  # the oldest first
         self._sockets: list[socket.socket] = []
@@ -159,7 +169,8 @@ class Acceptor:
             self._make_room(self._supernumerary(connection.address))
             self._connections[connection.protocol] = connection
             connection.opening = loop.create_task(self._open(connection, arrived, tls))
-            await asyncio.sleep(0)  # sock_accept returns at once while more are waiting
+            # sock_accept returns at once while more are waiting
+            await asyncio.sleep(_SPACING_S if self._busy() else 0)
 
     def _supernumerary(self, address: str) -> list[_Connection]:
         """Return the stranger that makes room for one more of this address, if one must."""

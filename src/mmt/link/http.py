@@ -120,14 +120,21 @@ class Listener:
         The application.
     keys
         Names the settings to change, for the error when the address cannot be used.
+    busy
+        Whether a session is under way that crowds of strangers would disturb.
     """
 
-    def __init__(self, application: web.Application, keys: str = "host and port of [link]") -> None:
+    def __init__(
+        self,
+        application: web.Application,
+        keys: str = "host and port of [link]",
+        busy: Callable[[], bool] = lambda: False,
+    ) -> None:
         self._application = application
         self._listening = ("", Access())
         application.middlewares.insert(0, own_pages_only(lambda: self._listening))
         self._keys = keys
-        self._acceptor = Acceptor()
+        self._acceptor = Acceptor(busy)
         watch_connections(application, self._acceptor)
         self._runner: web.AppRunner | None = None
 
@@ -196,9 +203,13 @@ class LinkServer:
         What clients must present.
     pages
         Pages served beside Socket.IO.
+    busy
+        Whether a session is under way.
     """
 
-    def __init__(self, settings: Link, access: Access, pages: Iterable[Page]) -> None:
+    def __init__(
+        self, settings: Link, access: Access, pages: Iterable[Page], busy: Callable[[], bool]
+    ) -> None:
         self._settings = settings
         self._access = access
         self.server = make_server(PING_TIMEOUT_S)
@@ -207,7 +218,7 @@ class LinkServer:
         for add_page in pages:
             add_page(self.application, access)
         self.sockets = ServerSockets(self.server, self.application)
-        self._listener = Listener(self.application)
+        self._listener = Listener(self.application, busy=busy)
 
     @property
     def port(self) -> int:
