@@ -9,6 +9,7 @@ from rich.table import Table
 
 from mmt.cli.common import json_option, messages, output, write_json
 from mmt.core.extras import require
+from mmt.core.process import release_compiler
 
 if TYPE_CHECKING:
     from mmt.evaluation.document import Block
@@ -32,15 +33,16 @@ def evaluate(
     from mmt.evaluation.evaluate import evaluate_surfaces
     from mmt.evaluation.report import write_report
     from mmt.evaluation.results import evaluations_as_dict
-    from mmt.session import read_session
+    from mmt.session.stream import open_recording
 
+    release_compiler()
     if report is not None:
         require("matplotlib")
     evaluations: list[Evaluation] = []
     scenes: list[dict[str, Any]] = []
     more: list[Block] = []
     for path in track(sessions, "evaluating", console=messages, transient=True):
-        session = read_session(path)
+        session = open_recording(path)
         scene = scene_of(session, scene_file)
         found, parts = evaluate_surfaces(session, scene, step_s=step, seed=seed)
         evaluations += found

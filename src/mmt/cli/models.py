@@ -10,9 +10,13 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import require_absent
 from mmt.scene import Texture
-from mmt.session import RecordedSession, read_session
+from mmt.session import RecordedSession
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from mmt.core.arrays import RecordArray
+    from mmt.session.stream import Recording
     from mmt.texture.model.texture_model import TextureModel
     from mmt.texture.online.history import ModelHistory
     from mmt.texture.settings import ModellingSettings
@@ -43,29 +47,25 @@ def build_model(
 ) -> None:
     """Build a session's model as the live leader does, or one of several, and save it."""
     from mmt.cli.reporting import scene_of
-    from mmt.texture.online.history import build, trials, update_blocks
+    from mmt.session.stream import open_recording
+    from mmt.texture.online.history import build
 
     if target.suffix.lower() != SUFFIX:
         raise InputError(f"model {target}: the name of a model file must end in {SUFFIX}")
     require_absent(target, force=force)
-    sessions = [read_session(source) for source in sources]
-    for session in sessions:
-        if len(session.frames) == 0:
-            raise InputError(f"session {session.path}: it holds no frames, nothing can be modelled")
-    scene = scene_of(sessions[0], scene_file)
+    recordings = [open_recording(source) for source in sources]
+    scene = scene_of(recordings[0], scene_file)
     texture = scene.texture or Texture()
     settings = texture.settings(float(scene.session.rate_hz))
-    sessions = [_on_surface(session, settings, surface) for session in sessions]
     period_frames = max(1, round(texture.update_period_s * settings.rate_hz))
-    blocks = trials([session.frames for session in sessions])
-    if len(blocks) == 1:
-        blocks = list(update_blocks(sessions[0].frames, period_frames))
-    history = build(blocks, settings)
-    model = _chosen(history, whole=whole or len(sessions) > 1)
+    history = build(_blocks(recordings, settings, surface, period_frames), settings)
+    if not history.updates:
+        raise _no_frames(sources[0])
+    model = _chosen(history, whole=whole or len(recordings) > 1)
     if model is None:
         raise MmtError(
             f"session {', '.join(map(str, sources))}: too few steady strokes. "
-            f"{_remark(sessions[0], settings)}"
+            f"{_remark(recordings[0], settings)}"
         )
     save(model, target)
     figures = {
@@ -145,6 +145,32 @@ def _range(values: FloatArray, digits: int) -> dict[str, float]:
     }
 
 
+def _blocks(
+    recordings: "Sequence[Recording]",
+    settings: "ModellingSettings",
+    surface: int | None,
+    period_frames: int,
+) -> "Iterable[RecordArray]":
+    """Return the frames of one recording by updates, or each of several as one update."""
+    from mmt.session.stream import blocks_of, in_memory
+    from mmt.texture.online.history import stream_blocks, trials, update_blocks
+
+    if len(recordings) == 1 and settings.surfaces is None and surface is None:
+        return stream_blocks(blocks_of(recordings[0]), period_frames)
+    sessions = [in_memory(recording) for recording in recordings]
+    for session in sessions:
+        if len(session.frames) == 0:
+            raise _no_frames(session.path)
+    sessions = [_on_surface(session, settings, surface) for session in sessions]
+    if len(sessions) == 1:
+        return update_blocks(sessions[0].frames, period_frames)
+    return trials([session.frames for session in sessions])
+
+
+def _no_frames(path: Path) -> InputError:
+    return InputError(f"session {path}: it holds no frames, nothing can be modelled")
+
+
 def _on_surface(
     session: RecordedSession, settings: "ModellingSettings", surface: int | None
 ) -> RecordedSession:
@@ -174,12 +200,16 @@ def _chosen(history: "ModelHistory", *, whole: bool) -> "TextureModel | None":
     return history.model(history.number(history.stop_s))
 
 
-def _remark(session: RecordedSession, settings: "ModellingSettings") -> str:
+def _remark(recording: "Recording", settings: "ModellingSettings") -> str:
     import numpy as np
 
-    from mmt.evaluation.coverage import coverage
+    from mmt.evaluation.coverage import Strokes, coverage
+    from mmt.session.stream import blocks_of
 
-    return coverage([session.frames], np.empty((0, 2)), settings, stopped=False).remark
+    strokes = Strokes(settings)
+    for block in blocks_of(recording):
+        strokes.add(block)
+    return coverage(strokes, np.empty((0, 2)), settings, stopped=False).remark
 
 
 def save(model: "TextureModel", path: Path) -> None:

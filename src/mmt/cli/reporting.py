@@ -14,8 +14,8 @@ from mmt.evaluation.results import Evaluation, evaluations_as_dict
 from mmt.evaluation.table import evaluation_table
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
-from mmt.session import RecordedSession
 from mmt.session.mcap_reader import scan_mcap, scanned_session
+from mmt.session.stream import Recording
 
 
 def report_recording(
@@ -67,7 +67,7 @@ def surface_section(parts: SurfaceParts | None) -> list[Block]:
     return surface_blocks(parts, parts.stays[-1].to_s)
 
 
-def scene_of(session: RecordedSession, scene_file: Path | None = None) -> Scene:
+def scene_of(session: Recording, scene_file: Path | None = None) -> Scene:
     """Return the scene with the settings to model a session: a file's, else the recorded one's.
 
     A session without a scene, such as an imported one, is modelled with the defaults.

@@ -26,7 +26,6 @@ _BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
 _OFFSETS: Final = Path("/proc/self/timens_offsets")
 
 _MAPPINGS: Final = Path("/proc/self/maps")
-_COMPILER: Final = "libllvmlite"
 
 _MADV_DONTNEED = 4
 _PR_SET_TIMERSLACK = 29
@@ -100,15 +99,19 @@ def prefer_even_ticks() -> None:
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     gc.collect()
     gc.freeze()
-    release_code(_COMPILER)
+    release_compiler()
+
+
+def release_compiler() -> None:
+    """Give back the memory of the kernels' compiler, of which little runs once they are loaded."""
+    release_code("libllvmlite")
 
 
 def release_code(library: str) -> int:
     """Give back the memory that holds a library's code; what runs again is read again.
 
-    These pages are as in the file, so that nothing is lost. It is for the kernels' compiler, of
-    which a process that has loaded its kernels calls next to nothing. Returns the bytes of the
-    mappings released, 0 where the library is not loaded or the system is not Linux.
+    These pages are as in the file, so that nothing is lost. Returns the bytes of the mappings
+    released, 0 where the library is not loaded or the system is not Linux.
 
     Parameters
     ----------

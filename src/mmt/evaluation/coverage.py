@@ -1,6 +1,6 @@
 """Where in its input space a hand has been, and which cells it left out."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -17,8 +17,48 @@ _AT_REST_MM_S: Final = 1.0
 _NAMED_CELLS: Final = 9
 
 
+class Strokes:
+    """Speed and force of the samples at which the tool strokes the surface, gathered by blocks.
+
+    Parameters
+    ----------
+    settings
+        Settings of the modelling.
+    """
+
+    def __init__(self, settings: ModellingSettings) -> None:
+        self._settings = settings
+        self._filter = StreamFilter(
+            normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz
+        )
+        self._speeds_mm_s: list[FloatArray] = []
+        self._forces_n: list[FloatArray] = []
+
+    def add(self, block: RecordArray) -> None:
+        """Add the next frames of the session, shape (n,)."""
+        motion, settings = self._filter.process(block), self._settings
+        stroking = (
+            motion.valid
+            & (motion.speed_mm_s >= settings.least_speed_mm_s)
+            & (motion.normal_force_n >= settings.least_force_n)
+        )
+        self._speeds_mm_s.append(motion.speed_mm_s[stroking])
+        self._forces_n.append(motion.normal_force_n[stroking])
+
+    @property
+    def count(self) -> int:
+        """Samples so far."""
+        return sum(map(len, self._speeds_mm_s))
+
+    def ranges(self) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
+        """Return the usual range of the speed (mm/s) and of the force (N), None without samples."""
+        if self.count == 0:
+            return None, None
+        return _range(self._speeds_mm_s), _range(self._forces_n)
+
+
 def coverage(
-    blocks: Iterable[RecordArray],
+    strokes: Strokes,
     points: FloatArray,
     settings: ModellingSettings,
     *,
@@ -28,8 +68,8 @@ def coverage(
 
     Parameters
     ----------
-    blocks
-        The whole session, in parts of shape (n,).
+    strokes
+        Those of the whole session.
     points
         Normalised inputs of the model's samples, shape (k, d); none for k = 0.
     settings
@@ -40,11 +80,10 @@ def coverage(
     space = InputSpace(settings.inputs)
     points = points if len(points) else np.empty((0, space.dimensions))
     cells = _cells(cells_of(space.dimensions), space, points, settings.distances.stop)
-    speed_mm_s, force_n = _strokes(blocks, settings)
-    ranges = (_range(speed_mm_s), _range(force_n)) if len(speed_mm_s) else (None, None)
+    ranges = strokes.ranges()
     return Coverage(
         cells=cells,
-        stroking_s=len(speed_mm_s) / settings.rate_hz,
+        stroking_s=strokes.count / settings.rate_hz,
         speed_mm_s=ranges[0],
         force_n=ranges[1],
         remark=_remark(cells, ranges, settings, stopped=stopped),
@@ -72,26 +111,8 @@ def _cells(
     return tuple(cells)
 
 
-def _strokes(
-    blocks: Iterable[RecordArray], settings: ModellingSettings
-) -> tuple[FloatArray, FloatArray]:
-    """Return speed and force of the samples at which the tool strokes the surface."""
-    signals = StreamFilter(normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz)
-    speeds_mm_s, forces_n = [np.empty(0)], [np.empty(0)]
-    for block in blocks:
-        motion = signals.process(block)
-        stroking = (
-            motion.valid
-            & (motion.speed_mm_s >= settings.least_speed_mm_s)
-            & (motion.normal_force_n >= settings.least_force_n)
-        )
-        speeds_mm_s.append(motion.speed_mm_s[stroking])
-        forces_n.append(motion.normal_force_n[stroking])
-    return np.concatenate(speeds_mm_s), np.concatenate(forces_n)
-
-
-def _range(values: FloatArray) -> tuple[float, float]:
-    low, high = np.percentile(values, _PERCENTILES)
+def _range(parts: Sequence[FloatArray]) -> tuple[float, float]:
+    low, high = np.percentile(np.concatenate(parts), _PERCENTILES, overwrite_input=True)
     return float(low), float(high)
 
 

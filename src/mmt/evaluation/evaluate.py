@@ -8,14 +8,14 @@ is known, the leader's model is compared with it over the whole plane as well.
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.evaluation.coverage import coverage
+from mmt.evaluation.coverage import Strokes, coverage
 from mmt.evaluation.held_out import choose_held_out, outside
 from mmt.evaluation.recorded_surfaces import SurfaceParts, part_by_surface
 from mmt.evaluation.results import Evaluation
@@ -23,8 +23,9 @@ from mmt.evaluation.scoring import Scorer
 from mmt.evaluation.truth import KnownTexture, known_texture
 from mmt.scene import Scene, Texture
 from mmt.scene.files import scene_from_tables
-from mmt.session.data import RecordedSession, missing_frames
-from mmt.texture.online.history import ModelHistory, build, update_blocks
+from mmt.session.data import missing_frames
+from mmt.session.stream import Recording, blocks_of, in_memory
+from mmt.texture.online.history import ModelHistory, build, stream_blocks
 from mmt.texture.settings import Inputs, ModellingSettings
 
 
@@ -39,7 +40,7 @@ class SessionEvaluation(Evaluation):
 
 
 def evaluate_session(
-    session: RecordedSession,
+    session: Recording,
     settings: ModellingSettings | None = None,
     *,
     period_s: float | None = None,
@@ -51,7 +52,7 @@ def evaluate_session(
     Parameters
     ----------
     session
-        With position, force and acceleration.
+        With position, force and acceleration; one that stays in its file is read twice or thrice.
     settings
         How to model; None takes the scene that the session was recorded with, or the defaults
         where it holds none.
@@ -92,24 +93,32 @@ def evaluate_session(
     recorded, recorded_period_s = modelling_of(recorded_scene(session))
     settings = settings or recorded
     period_s = recorded_period_s if period_s is None else period_s
-    _check(session, period_s, step_s)
-    blocks = list(update_blocks(session.frames, max(1, round(period_s * settings.rate_hz))))
-    leader = build(blocks, settings)
+    for name, value in (("period_s", period_s), ("step_s", step_s)):
+        if not (np.isfinite(value) and value > 0):
+            raise InputError(f"{name} is {value}: it must be positive and finite")
+    period_frames = max(1, round(period_s * settings.rate_hz))
+
+    def blocks() -> Iterator[RecordArray]:
+        return stream_blocks(blocks_of(session), period_frames)
+
+    seen = _Seen(settings)
+    leader = build(map(seen.passed, blocks()), settings)
+    if not leader.updates:
+        raise InputError(f"session {session.path}: it holds no frames, nothing can be evaluated")
     held_out = choose_held_out(leader.finished, seed)
-    rebuilt = build(blocks, settings, outside(held_out))
+    rebuilt = build(blocks(), settings, outside(held_out))
     truth, basis_reason = known_texture(session.annotations, settings)
     scorer = Scorer(
         leader=leader,
         rebuilt=rebuilt,
         held_out=held_out,
-        other=_of_other_inputs(blocks, settings, truth),
+        other=_of_other_inputs(blocks(), settings, truth),
         truth=truth,
         settings=settings,
         seed=seed,
     )
 
-    first = int(session.frames["sequence"][0])
-    duration_s = (int(session.frames["sequence"].max()) + 1 - first) / settings.rate_hz
+    duration_s = (seen.highest + 1 - seen.first) / settings.rate_hz
     final_s = duration_s if leader.stop_s is None else leader.stop_s
     model = leader.model(leader.number(final_s))
     worst, errors = scorer.errors(final_s)
@@ -120,7 +129,7 @@ def evaluate_session(
         surface=truth.surface.name if truth is not None else None,
         duration_s=duration_s,
         complete=session.complete,
-        missing_frames=missing_frames(session.frames),
+        missing_frames=seen.missing,
         settings=settings,
         period_s=period_s,
         step_s=step_s,
@@ -137,12 +146,12 @@ def evaluate_session(
         worst=worst,
         by_heading=scorer.by_heading(final_s),
         coverage=coverage(
-            blocks,
+            seen.strokes,
             np.empty((0, 2)) if model is None else model.points,
             settings,
             stopped=leader.stop_s is not None,
         ),
-        held_out=scorer.segments(final_s, first),
+        held_out=scorer.segments(final_s, seen.first),
         course=np.array([(u.time_s, u.progress.value) for u in leader.updates]),
         models=leader,
         power_map=errors,
@@ -151,7 +160,7 @@ def evaluate_session(
 
 
 def evaluate_surfaces(
-    session: RecordedSession,
+    session: Recording,
     scene: Scene | None = None,
     *,
     step_s: float = 2.5,
@@ -183,10 +192,13 @@ def evaluate_surfaces(
     scene = recorded_scene(session) if scene is None else scene
     settings, period_s = modelling_of(scene)
 
-    def evaluate(part: RecordedSession) -> Evaluation:
+    def evaluate(part: Recording) -> Evaluation:
         return evaluate_session(part, settings, period_s=period_s, step_s=step_s, seed=seed)
 
-    if settings.surfaces is None or not len(session.frames):
+    if settings.surfaces is None:
+        return [evaluate(session)], None
+    session = in_memory(session)
+    if not len(session.frames):
         return [evaluate(session)], None
     parts = part_by_surface(session, settings)
     name = session.path.stem or "session"
@@ -201,7 +213,7 @@ def evaluate_surfaces(
     return evaluations, parts
 
 
-def recorded_scene(session: RecordedSession) -> Scene:
+def recorded_scene(session: Recording) -> Scene:
     """Return the scene that a session was recorded with, or the default where it holds none.
 
     Raises
@@ -221,7 +233,7 @@ def modelling_of(scene: Scene) -> tuple[ModellingSettings, float]:
 
 
 def _of_other_inputs(
-    blocks: Sequence[RecordArray], settings: ModellingSettings, truth: KnownTexture | None
+    blocks: Iterable[RecordArray], settings: ModellingSettings, truth: KnownTexture | None
 ) -> ModelHistory | None:
     """Build the model that knows the heading, or does not, where the texture depends on it."""
     if truth is None or truth.surface.isotropic:
@@ -231,9 +243,22 @@ def _of_other_inputs(
     return build(blocks, others)
 
 
-def _check(session: RecordedSession, period_s: float, step_s: float) -> None:
-    if len(session.frames) == 0:
-        raise InputError(f"session {session.path}: it holds no frames, nothing can be evaluated")
-    for name, value in (("period_s", period_s), ("step_s", step_s)):
-        if not (np.isfinite(value) and value > 0):
-            raise InputError(f"{name} is {value}: it must be positive and finite")
+class _Seen:
+    """What is gathered of a session's frames while they are modelled."""
+
+    def __init__(self, settings: ModellingSettings) -> None:
+        self.strokes = Strokes(settings)
+        self.first = self.highest = -1
+        self.missing = 0
+        self._last: RecordArray | None = None
+
+    def passed(self, block: RecordArray) -> RecordArray:
+        """Note the next frames (n,), n > 0, and return them."""
+        if self._last is None:
+            self.first = int(block["sequence"][0])
+        joined = block if self._last is None else np.concatenate([self._last, block])
+        self.missing += missing_frames(joined)
+        self.highest = max(self.highest, int(block["sequence"].max()))
+        self._last = block[-1:]
+        self.strokes.add(block)
+        return block

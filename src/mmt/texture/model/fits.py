@@ -93,7 +93,12 @@ def fit_segments(
 
 def samples_of(fits: Sequence[Fit], space: InputSpace) -> TextureSamples:
     """Return fits, at least one, as the samples of a model."""
-    rows = _rows(fits)
+    return unpacked([fit.packed for fit in fits], space)
+
+
+def unpacked(packed: Sequence[bytes], space: InputSpace) -> TextureSamples:
+    """Return the samples of a model from what `Fit.packed` is of each, at least one."""
+    rows = _rows(packed)
     return TextureSamples(
         inputs=rows[:, _INPUTS[space.name]],
         lsf=rows[:, _LSF:],
@@ -107,7 +112,7 @@ def samples_of(fits: Sequence[Fit], space: InputSpace) -> TextureSamples:
 
 def points_of(fits: Iterable[Fit], space: InputSpace) -> FloatArray:
     """Return the normalised inputs of fits, at least one, in a model's space; (n, d)."""
-    return space.normalise(_rows(fits)[:, _INPUTS[space.name]])
+    return space.normalise(_rows([fit.packed for fit in fits])[:, _INPUTS[space.name]])
 
 
 _INPUTS: Final[dict[Inputs, list[int]]] = {"isotropic": [0, 3], "anisotropic": [1, 2, 3]}
@@ -115,9 +120,8 @@ _LSF: Final = 8
 """Columns of `Fit.packed`: inputs of either space, and where the frequencies begin."""
 
 
-def _rows(fits: Iterable[Fit]) -> FloatArray:
-    joined = np.frombuffer(b"".join([fit.packed for fit in fits]))
-    return joined.reshape(-1, _LSF + len(next(iter(fits)).lsf))
+def _rows(packed: Sequence[bytes]) -> FloatArray:
+    return np.frombuffer(b"".join(packed)).reshape(len(packed), -1)
 
 
 def _resolving_order(settings: ModellingSettings) -> int:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from mmt.texture.interpolation.registry import load
-from mmt.texture.model.fits import Fit, samples_of
+from mmt.texture.model.fits import Fit, samples_of, unpacked
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.work import Made, ModelSource, SegmentRange, Stopwatch, Work
@@ -87,7 +87,8 @@ class BuildingStage:
         """Build the model anew, where it changes, and set it."""
         clock = Stopwatch(work.durations_s)
         if self._changes(work):
-            deferred = _Deferred(tuple(self._chosen), work.noise_power, self._settings)
+            packed = tuple(fit.packed for fit in self._chosen)
+            deferred = _Deferred(packed, work.noise_power, self._settings)
             self._source = deferred if self._deferred else Made(deferred.made(self.model))
         work.chosen, work.outliers, work.redundant = self._chosen, self._outliers, self._redundant
         if self._source is not None:
@@ -104,9 +105,9 @@ class _Deferred:
     """The model of some fits, made anew for whoever asks while nobody else holds it."""
 
     def __init__(
-        self, fits: tuple[Fit, ...], noise_power: float, settings: ModellingSettings
+        self, packed: tuple[bytes, ...], noise_power: float, settings: ModellingSettings
     ) -> None:
-        self._fits, self._noise_power, self._settings = fits, noise_power, settings
+        self._packed, self._noise_power, self._settings = packed, noise_power, settings
         self._held: weakref.ref[TextureModel] | None = None
 
     def __call__(self) -> TextureModel | None:
@@ -117,14 +118,14 @@ class _Deferred:
         return held
 
     def __reduce__(self) -> tuple[object, ...]:
-        return type(self), (self._fits, self._noise_power, self._settings)
+        return type(self), (self._packed, self._noise_power, self._settings)
 
     def made(self, previous: TextureModel | None = None) -> TextureModel | None:
         """Return a new model, grown from an earlier one; None without fits."""
-        if not self._fits:
+        if not self._packed:
             return None
         settings = self._settings
-        samples = samples_of(self._fits, InputSpace(settings.inputs))
+        samples = unpacked(self._packed, InputSpace(settings.inputs))
         return TextureModel(
             replace(samples, noise_power=self._noise_power),
             interpolate=settings.interpolate,

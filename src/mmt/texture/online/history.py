@@ -5,7 +5,7 @@ surface. Both read a session faster than real time.
 """
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -164,14 +164,30 @@ def update_blocks(frames: RecordArray, period_frames: int) -> Iterator[RecordArr
     A block is full when its newest sequence number is a period ahead of its first one; the
     rest at the end is a last, shorter block.
     """
-    newest = np.maximum.accumulate(frames["sequence"].astype(np.int64))
-    start = 0
-    while start < len(frames):
-        due = int(frames["sequence"][start]) + period_frames - 1
-        stop = int(np.searchsorted(newest, due)) + 1
-        stop = max(start + 1, min(stop, len(frames)))
-        yield frames[start:stop]
-        start = stop
+    return stream_blocks([frames], period_frames)
+
+
+def stream_blocks(parts: Iterable[RecordArray], period_frames: int) -> Iterator[RecordArray]:
+    """Cut a session that comes in parts of shape (n,) into blocks; see `update_blocks`."""
+    frames: RecordArray | None = None
+    highest = -1
+    for part in parts:
+        frames = part if frames is None else np.concatenate([frames, part])
+        newest = np.maximum.accumulate(frames["sequence"].astype(np.int64))
+        start = 0
+        while start < len(frames):
+            due = int(frames["sequence"][start]) + period_frames - 1
+            stop = start + 1
+            if due > highest:
+                stop = int(np.searchsorted(newest, due)) + 1
+            if stop > len(frames):
+                break
+            yield frames[start : max(start + 1, stop)]
+            start = max(start + 1, stop)
+        highest = max(highest, int(newest[start - 1])) if start else highest
+        frames = frames[start:]
+    if frames is not None and len(frames):
+        yield frames
 
 
 def trials(sessions: Sequence[RecordArray]) -> list[RecordArray]:
@@ -192,7 +208,7 @@ def trials(sessions: Sequence[RecordArray]) -> list[RecordArray]:
 
 
 def build(
-    blocks: Sequence[RecordArray],
+    blocks: Iterable[RecordArray],
     settings: ModellingSettings,
     accept: Callable[[Segment], bool] | None = None,
 ) -> ModelHistory:

@@ -1,0 +1,82 @@
+"""A session file read from its beginning to its end, a chunk at a time: hours need no memory."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from mmt.core.arrays import RecordArray
+from mmt.session.data import JsonObject, RecordedSession
+from mmt.session.files import read_session
+
+_MCAP: Final = ".mcap"
+
+
+@dataclass(frozen=True, eq=False)
+class SessionStream:
+    """A session whose frames stay in its file; the rest is as of `RecordedSession`."""
+
+    path: Path
+    schema: bytes = field(repr=False)
+    """That of the messages with frames."""
+    scene: JsonObject | None = None
+    annotations: bytes = b""
+    complete: bool = True
+
+    def blocks(self) -> Iterator[RecordArray]:
+        """Yield the frames (n,) of one chunk after the other; every call begins anew.
+
+        Raises
+        ------
+        InputError
+            The file is damaged; the message says how to recover it.
+        """
+        from mmt.session.mcap_chunks import frame_payloads
+        from mmt.session.messages import FrameCodec
+
+        codec = FrameCodec(self.schema)
+        for payloads in frame_payloads(self.path):
+            yield codec.decode(payloads)
+
+    def whole(self) -> RecordedSession:
+        """Return the session with all its frames in memory."""
+        return read_session(self.path)
+
+
+Recording = RecordedSession | SessionStream
+"""A recorded session, in memory or in its file."""
+
+
+def open_recording(path: Path) -> Recording:
+    """Open a session file of any readable format for one reading after the other.
+
+    An ``.mcap`` file that holds its frames in order stays where it is; all else is read whole.
+
+    Raises
+    ------
+    InputError
+        As of `mmt.read_session`.
+    """
+    if path.suffix.lower() == _MCAP:
+        from mmt.session.mcap_chunks import open_in_order
+
+        stream = open_in_order(path)
+        if stream is not None:
+            return SessionStream(path, *stream)
+    return read_session(path)
+
+
+def blocks_of(recording: Recording) -> Iterator[RecordArray]:
+    """Return a recording's frames in parts of shape (n,)."""
+    return recording.blocks() if isinstance(recording, SessionStream) else iter([recording.frames])
+
+
+def in_memory(recording: Recording) -> RecordedSession:
+    """Return a recording with all its frames.
+
+    Raises
+    ------
+    InputError
+        As of `mmt.read_session`.
+    """
+    return recording.whole() if isinstance(recording, SessionStream) else recording
