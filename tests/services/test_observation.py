@@ -118,6 +118,7 @@ async def test_metrics_are_what_the_summary_counts(
     assert up["mmt_unfilled_frames_total", ()] + up["mmt_awaited_frames", ()] == missing
     assert up["mmt_filled_frames_total", ()] == 0
     assert down["mmt_backfilled_frames_total", ()] <= 1  # the broken one, broken again
+    assert down["mmt_implausible_commands_total", ()] == 0
     assert down["mmt_stale_commands_total", ()] > 0  # made frames have no true time
     assert up["mmt_vibration_mode", (("mode", "streamed"),)] == 1
     assert up["mmt_vibration_mode", (("mode", "synthesized"),)] == 0

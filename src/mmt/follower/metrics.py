@@ -73,3 +73,5 @@ def _collect(run: FollowerRun) -> Iterator["Metric"]:
         yield counter("silences", "Times that the leader fell silent.", commands["silences"])
         yield counter("silent_seconds", "Time without a fresh command.", commands["silent_s"])
         yield counter("stale_commands", "Commands thrown away.", commands["stale_commands"])
+        implausible = commands["implausible_commands"]
+        yield counter("implausible_commands", "Commands with an impossible echo.", implausible)
