@@ -1,5 +1,6 @@
 """The frames of an MCAP session file in the order of its chunks, without its index in memory."""
 
+import os
 import struct
 from collections.abc import Iterator
 from io import BytesIO
@@ -11,7 +12,7 @@ from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Channel, Chunk
-from mcap.stream_reader import StreamReader, get_chunk_data_stream
+from mcap.stream_reader import MAGIC_SIZE, get_chunk_data_stream
 
 from mmt.core.errors import InputError
 from mmt.session.data import JsonObject
@@ -97,24 +98,37 @@ def frame_payloads(path: Path) -> Iterator[list[bytes]]:
 def _payloads(stream: IO[bytes]) -> Iterator[list[bytes]]:
     ids: set[int] = set()
     payloads: list[bytes] = []
-    chunks = 0
-    for chunk in StreamReader(stream, emit_chunks=True).records:
-        if not isinstance(chunk, Chunk):
-            continue
+    for number, chunk in enumerate(_chunks(stream), start=1):
         payloads += _frame_messages(chunk, ids)
-        chunks += 1
-        if chunks % _CHUNKS_TOGETHER == 0:
+        if number % _CHUNKS_TOGETHER == 0:
             yield payloads
             payloads = []
     yield payloads
 
 
-def _frame_messages(chunk: Chunk, ids: set[int]) -> Iterator[bytes]:
-    """Yield a chunk's messages with frames; note the channels that it declares for them.
+def _chunks(stream: IO[bytes]) -> Iterator[Chunk]:
+    """Yield the chunks of a file; the indexes of their messages are not looked at.
 
-    The library reads a record number by number, which takes as long as all else that is done with
-    a session.
+    Here and below, records are taken apart by their lengths: the library reads each number by
+    number, which takes as long as much of what is done with a session.
     """
+    left = os.fstat(stream.fileno()).st_size - stream.seek(MAGIC_SIZE)
+    while True:
+        head = stream.read(_HEAD.size)
+        opcode, size = _HEAD.unpack(head)
+        left -= len(head) + size
+        if left < 0:
+            raise EndOfFile
+        if opcode == Opcode.DATA_END:
+            return
+        if opcode == Opcode.CHUNK:
+            yield Chunk.read(ReadDataStream(BytesIO(stream.read(size))))
+        else:
+            stream.seek(size, os.SEEK_CUR)
+
+
+def _frame_messages(chunk: Chunk, ids: set[int]) -> Iterator[bytes]:
+    """Yield a chunk's messages with frames; note the channels that it declares for them."""
     reader, length = get_chunk_data_stream(chunk, validate_crc=True)
     data, at = reader.read(length), 0
     while at < length:

@@ -91,14 +91,14 @@ def _stroked(
     follower: SimulatedFollower, hand: SimulatedHand, count: int, *, feel: bool
 ) -> RecordArray:
     follower.start(0)
-    blocks = []
+    joined = bytearray()
     for _ in range(count):
         frames = follower.step(1, 0, hand.read(1).position_mm)
         if feel:
             x, y, z = frames["force_n"][0].tolist()
             hand.write((x, y, z))
-        blocks.append(frames.tobytes())
-    return np.frombuffer(bytearray(b"".join(blocks)), frame_dtype(CHANNELS))
+        joined += frames.tobytes()
+    return np.frombuffer(joined, frame_dtype(CHANNELS))
 
 
 def _replayed(

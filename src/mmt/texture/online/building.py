@@ -87,7 +87,7 @@ class BuildingStage:
         """Build the model anew, where it changes, and set it."""
         clock = Stopwatch(work.durations_s)
         if self._changes(work):
-            packed = tuple(fit.packed for fit in self._chosen)
+            packed = tuple([fit.packed for fit in self._chosen])
             deferred = _Deferred(packed, work.noise_power, self._settings)
             self._source = deferred if self._deferred else Made(deferred.made(self.model))
         work.chosen, work.outliers, work.redundant = self._chosen, self._outliers, self._redundant
