@@ -35,6 +35,11 @@ def details(**values: object) -> dict[str, Any]:
     return {"details": values}
 
 
+def told(**values: object) -> dict[str, Any]:
+    """Return `details` for a sentence that a person is told already: a terminal shows it once."""
+    return {**details(**values), "told": True}
+
+
 class Logs:
     """The log handlers of one service; leaving the context writes everything that is queued.
 
@@ -64,6 +69,7 @@ class Logs:
         self._terminal = terminal = logging.StreamHandler()
         terminal.setFormatter(_TerminalLines("%(levelname)s: %(message)s"))
         terminal.setLevel(chosen if file is None else logging.WARNING)
+        terminal.addFilter(lambda record: not getattr(record, "told", False))
         self._handlers: list[logging.Handler] = [terminal]
         self._listener: QueueListener | None = None
         if file is not None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 from mmt.core.ending import Ending
 from mmt.core.errors import FAILED, MmtError
 from mmt.core.extras import require
+from mmt.core.logs import told
 from mmt.core.process import ProcessCost, ProcessMeter, prefer_even_ticks
 from mmt.core.ticking import Ticker
 from mmt.devices.protocols import DeviceBackedSource
@@ -173,13 +174,13 @@ class Follower:
 
     def _say(self, sentence: str) -> None:
         self._tell(sentence)
-        LOG.info(sentence)
+        LOG.info(sentence, extra=told())
 
     def _take_session(self, session_id: str) -> None:
         if session_id != self.session_id:
             self.session_id = session_id
             self._on_session(session_id)
-            LOG.info("connected to the leader")
+            LOG.info("connected to the leader", extra=told())
 
     async def _serve_metrics(self) -> "Listener | None":
         metrics = self.scene.metrics

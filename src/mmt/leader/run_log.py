@@ -56,7 +56,7 @@ class Journal:
     def event(self, sentence: str, **details: object) -> None:
         """Tell and record what a person wants to know."""
         self.say(sentence)
-        LOG.info(sentence, extra=logs.details(time_s=self.time_s, **details))
+        LOG.info(sentence, extra=logs.told(time_s=self.time_s, **details))
         self._tell({"event": sentence, **details}, sentence)
 
     def record(self, event: dict[str, Any]) -> None:
