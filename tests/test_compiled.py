@@ -8,7 +8,12 @@ from pathlib import Path
 import pytest
 
 from mmt.core.compiled import kernel
-from mmt.core.kernel_cache import KERNELS, drop_stale_kernels, kernels_are_compiled
+from mmt.core.kernel_cache import (
+    KERNELS,
+    compile_kernels,
+    drop_stale_kernels,
+    kernels_are_compiled,
+)
 
 SMALL_SCENE = """
 [rendering]
@@ -84,6 +89,20 @@ def test_a_scene_finds_all_its_kernels_compiled_by_processes_beside_each_other(
     assert told == ["compiling the numerics, at the first start only (about 10 s)"]
     assert compiled == []
     assert list((tmp_path / "mmt").rglob("*.nbi"))
+
+
+def test_where_nothing_can_be_written_beside_the_sources_nothing_is_compiled_beforehand(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """numba caches elsewhere then, and every start would compile, for all that is known here."""
+    monkeypatch.setattr("mmt.core.kernel_cache.kernels_are_compiled", lambda: False)
+    monkeypatch.setattr("mmt.core.kernel_cache._PROGRAM", "raise SystemExit")
+    told: list[str] = []
+    compile_kernels([], told.append)
+    assert len(told) == 1
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    compile_kernels([], told.append)
+    assert len(told) == 1
 
 
 def test_a_report_imports_no_kernels_of_the_selection_which_it_does_not_show() -> None:

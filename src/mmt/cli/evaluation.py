@@ -9,6 +9,7 @@ from rich.table import Table
 
 from mmt.cli.common import json_option, messages, output, write_json
 from mmt.core.extras import require
+from mmt.core.kernel_cache import compile_kernels
 from mmt.core.process import release_compiler
 
 if TYPE_CHECKING:
@@ -29,6 +30,9 @@ def evaluate(
     report: Annotated[Path | None, typer.Option(help="Write a report there.")] = None,
 ) -> None:
     """Evaluate recorded sessions: distance and fit against session time."""
+    if report is not None:
+        require("matplotlib")
+    compile_kernels(["mmt.cli.reporting"], messages.print)
     from mmt.cli.reporting import scene_of, surface_section
     from mmt.evaluation.evaluate import evaluate_surfaces
     from mmt.evaluation.report import write_report
@@ -36,8 +40,6 @@ def evaluate(
     from mmt.session.stream import open_recording
 
     release_compiler()
-    if report is not None:
-        require("matplotlib")
     evaluations: list[Evaluation] = []
     scenes: list[dict[str, Any]] = []
     more: list[Block] = []

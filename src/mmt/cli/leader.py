@@ -102,7 +102,6 @@ class LeaderRun(ServiceRun["Leader"]):
     def run(self) -> None:
         """Compile the numerics at the first start, then run the leader; see `ServiceRun.run`."""
         if numerics := numerics_of(self.scene):
-            require("numba")
             compile_kernels(numerics, super().on_event)
         super().run()
 

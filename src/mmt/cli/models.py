@@ -9,6 +9,7 @@ from mmt.cli.common import Force, json_option, messages, output, summary_table, 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import require_absent
+from mmt.core.kernel_cache import compile_kernels
 from mmt.scene import Texture
 from mmt.session import RecordedSession
 
@@ -46,13 +47,14 @@ def build_model(
     force: Force = False,
 ) -> None:
     """Build a session's model as the live leader does, or one of several, and save it."""
+    if target.suffix.lower() != SUFFIX:
+        raise InputError(f"model {target}: the name of a model file must end in {SUFFIX}")
+    require_absent(target, force=force)
+    compile_kernels(["mmt.cli.reporting"], messages.print)
     from mmt.cli.reporting import scene_of
     from mmt.session.stream import open_recording
     from mmt.texture.online.history import build
 
-    if target.suffix.lower() != SUFFIX:
-        raise InputError(f"model {target}: the name of a model file must end in {SUFFIX}")
-    require_absent(target, force=force)
     recordings = [open_recording(source) for source in sources]
     scene = scene_of(recordings[0], scene_file)
     texture = scene.texture or Texture()

@@ -10,6 +10,8 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Final
 
+from mmt.core.extras import require
+
 KERNELS: Final = Path(__file__).parents[1] / "texture"
 """Folder of the kernels' sources; numba caches compiled code in folders beside them."""
 
@@ -62,7 +64,15 @@ def compile_kernels(modules: Sequence[str], on_start: Callable[[str], None]) -> 
         Names of modules.
     on_start
         Called with a sentence for a person before it begins.
+
+    Raises
+    ------
+    InputError
+        The compiler is not installed.
     """
+    require("numba")
+    if not os.access(KERNELS, os.W_OK):
+        return  # numba caches them elsewhere then, where nothing says whether they are
     if kernels_are_compiled():
         return
     on_start("compiling the numerics, at the first start only (about 10 s)")
