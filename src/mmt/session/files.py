@@ -48,9 +48,10 @@ def read_session(path: str | Path) -> RecordedSession:
     """
     path = Path(path)
     if path.suffix.lower() == ".mcap":
-        from mmt.session.mcap_reader import read_mcap
-
-        return read_mcap(path)
+        session: RecordedSession = importlib.import_module("mmt.session.mcap_reader").read_mcap(
+            path
+        )
+        return session
     from mmt.session.importing.recording import import_recording
 
     return import_recording(path)[0]
