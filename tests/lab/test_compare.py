@@ -53,7 +53,7 @@ def test_every_known_texture_is_judged_with_as_many_seeds_as_asked():
 
 
 def test_an_unknown_texture_or_method_is_refused_in_words():
-    with pytest.raises(InputError, match="texture 'velvet' is not known"):
+    with pytest.raises(InputError, match="surface is 'velvet', allowed are"):
         chosen_textures("velvet")
     for names in (["published"], ["ours", "ours"], ["published", "best"]):
         with pytest.raises(InputError, match="name two or more of published"):

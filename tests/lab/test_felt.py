@@ -173,4 +173,4 @@ def test_the_command_prints_every_method_and_writes_a_report(
 def test_an_unknown_texture_is_named() -> None:
     result = CliRunner().invoke(app, ["lab", "felt", "--textures", "velvet"])
     assert isinstance(result.exception, InputError)
-    assert "texture 'velvet' is not known" in str(result.exception)
+    assert "surface is 'velvet', allowed are" in str(result.exception)

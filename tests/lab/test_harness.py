@@ -109,7 +109,7 @@ def test_an_unknown_experiment_is_explained() -> None:
 def test_textures_are_names_between_commas() -> None:
     assert chosen_textures("wood, glass") == ["wood", "glass"]
     assert len(chosen_textures(None)) > 10
-    with pytest.raises(InputError, match="texture 'velvet' is not known"):
+    with pytest.raises(InputError, match="surface is 'velvet', allowed are"):
         chosen_textures("velvet")
 
 

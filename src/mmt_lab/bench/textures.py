@@ -11,7 +11,7 @@ from mmt.evaluation.levels import root_mean_square
 from mmt.scene import Scene
 from mmt.session.data import RecordedSession
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.surfaces import Surface
+from mmt.testing.simulation.surfaces import KnownSurface
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.autoregression.forms import (
     ar_spectrum,
@@ -39,7 +39,7 @@ def session(surface: str, duration_s: float, seed: int = 1) -> RecordedSession:
 
 
 def exact_samples(
-    surface: Surface,
+    surface: KnownSurface,
     speed_mm_s: FloatArray,
     force_n: FloatArray,
     order: int,
@@ -91,7 +91,7 @@ class Known:
 
     def __init__(
         self,
-        surface: Surface,
+        surface: KnownSurface,
         speed_mm_s: FloatArray,
         force_n: FloatArray,
         heading_rad: FloatArray | None = None,

@@ -12,7 +12,7 @@ from mmt.core.errors import InputError
 from mmt.scene import Hand, Scene
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.recorded_path import LARGEST_SCALE, load_path
-from mmt.testing.simulation.textures import SURFACES
+from mmt.testing.simulation.textures import SURFACES, get_surface
 from mmt.texture.settings import Inputs
 
 FIRST_SEED: Final = 1000
@@ -58,7 +58,7 @@ class Case:
         """What it is counted with."""
         if self.stroke is not None:
             return "recorded strokes"
-        return "isotropic" if SURFACES[self.texture].isotropic else "grained"
+        return "isotropic" if get_surface(self.texture).isotropic else "grained"
 
     @property
     def name(self) -> str:
@@ -68,7 +68,7 @@ class Case:
     @property
     def inputs(self) -> Inputs:
         """What the models of all methods are functions of."""
-        return "isotropic" if SURFACES[self.texture].isotropic else "anisotropic"
+        return "isotropic" if get_surface(self.texture).isotropic else "anisotropic"
 
     def session(self) -> RecordArray:
         """Simulate the session: a hand that takes all headings where they count."""

@@ -16,7 +16,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.evaluation.levels import level_error_db
 from mmt.evaluation.truth import KnownTexture
-from mmt.testing.simulation.textures import SURFACES
+from mmt.testing.simulation.textures import get_surface
 from mmt.texture.completion.uncertainty import (
     CompletionGrid,
     Outlook,
@@ -151,7 +151,7 @@ class _Judge:
     def __init__(
         self, case: Case, blocks: Sequence[RecordArray], settings: ModellingSettings
     ) -> None:
-        surface = SURFACES[case.texture]
+        surface = get_surface(case.texture)
         self._truth = KnownTexture(surface)
         self._grid: CompletionGrid = completion_grid(3 if case.inputs == "anisotropic" else 2)
         inputs = self._grid.inputs

@@ -12,7 +12,7 @@ from mmt.core.errors import InputError
 from mmt.evaluation.grid_errors import GridErrors
 from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.truth import KnownTexture
-from mmt.testing.simulation.textures import SURFACES
+from mmt.testing.simulation.textures import get_surface
 from mmt.texture.online.history import ModelHistory, build, update_blocks
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.metrics import within_jnd
@@ -105,7 +105,7 @@ def judge(case: Case, methods: Sequence[str], blocks: Sequence[RecordArray]) -> 
     blocks
         What `blocks_of` returns.
     """
-    truth = KnownTexture(SURFACES[case.texture])
+    truth = KnownTexture(get_surface(case.texture))
     judged: list[Judged] = []
     times: dict[str, float] = {}
     for number, method in enumerate(methods):

@@ -21,7 +21,7 @@ from mmt.evaluation.report_files import picture
 from mmt.evaluation.texts import number
 from mmt.scene import PROFILES, Network
 from mmt.testing.simulation import RATE_HZ
-from mmt.testing.simulation.textures import SURFACES
+from mmt.testing.simulation.textures import get_surface
 from mmt.texture.online.modeller import ModelUpdate
 from mmt.texture.settings import ModellingSettings
 from mmt_lab.compare.cases import DURATION_S, FIRST_SEED, GRAINED_DURATION_S
@@ -74,7 +74,7 @@ class Case:
     @property
     def duration_s(self) -> float:
         """As long as texture and hand need to come to the stop criterion."""
-        return DURATION_S if SURFACES[self.texture].isotropic else GRAINED_DURATION_S
+        return DURATION_S if get_surface(self.texture).isotropic else GRAINED_DURATION_S
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ def cases(seeds: int, textures: Sequence[str]) -> list[Case]:
 
 def feel(case: Case) -> list[Outcome]:
     """Run one session, let each method lead it, and judge them."""
-    surface = SURFACES[case.texture]
+    surface = get_surface(case.texture)
     ticks = round(case.duration_s * RATE_HZ)
     passage = pass_over(
         surface, Network.model_validate({"profile": case.network}), ticks, case.seed

@@ -17,7 +17,7 @@ from scipy.spatial import Delaunay
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.evaluation.document import Table
-from mmt.testing.simulation.textures import get_surface
+from mmt.testing.simulation.textures import SURFACES
 from mmt.texture.selection import select
 from mmt.texture.selection.leave_one_out import leave_each_out
 from mmt_lab.harness.experiment import Experiment, Seed, Seeds
@@ -200,7 +200,7 @@ def measure_scaling(sizes: Sequence[int] = SIZES) -> list[Scaling]:
 
 def _measure(dimensions: int, count: int) -> Scaling:
     generator = np.random.default_rng([dimensions, count])
-    surface = get_surface("plastic" if dimensions == 2 else "oak")
+    surface = SURFACES["plastic" if dimensions == 2 else "oak"]
     data = simulate_trials(surface, count, count // 10, generator, directed=dimensions == 3).data
     started = time.perf_counter()
     members, _, _ = leave_each_out(data.points)

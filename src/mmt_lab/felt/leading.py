@@ -16,7 +16,7 @@ from mmt.leader.warming import LOOK_FRAMES, load_library
 from mmt.scene import Actuator, Hand, Link, Playout, Rendering, Scene, Simulated, Texture
 from mmt.scene import Session as SessionTable
 from mmt.testing.simulation import PERIOD_NS, RATE_HZ
-from mmt.testing.simulation.vibration import Vibration
+from mmt.testing.simulation.vibration import vibration_of
 from mmt.texture.library.conversion import into_space
 from mmt.texture.library.warm_start import WarmStart
 from mmt.texture.model.inputs import InputSpace
@@ -49,7 +49,7 @@ def at_once(passage: Passage, seed: int) -> Felt:
 
     It is a realisation of its own: as near as anything that renders from a model can come.
     """
-    surface = Vibration(passage.surface, np.random.default_rng([seed, 77]))
+    surface = vibration_of(passage.surface, np.random.default_rng([seed, 77]))
     motion = zip(
         passage.speed_mm_s.tolist(),
         passage.force_n.tolist(),

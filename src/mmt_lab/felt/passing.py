@@ -20,7 +20,7 @@ from mmt.testing.simulation import PERIOD_NS
 from mmt.testing.simulation.follower import SimulatedFollower
 from mmt.testing.simulation.hand import SimulatedHand
 from mmt.testing.simulation.robot import nominal_compliance_mm_n
-from mmt.testing.simulation.surfaces import Surface
+from mmt.testing.simulation.surfaces import KnownSurface
 
 COMMAND_BYTES: Final = 60
 FRAME_BYTES: Final = 80
@@ -45,7 +45,7 @@ class Passage:
         When each frame arrives first, shape (n,); `NEVER_TICK` for one that was lost.
     """
 
-    surface: Surface
+    surface: KnownSurface
     velocity_mm_s: FloatArray
     force_n: FloatArray
     frames: RecordArray
@@ -67,7 +67,7 @@ class Passage:
         return unit
 
 
-def pass_over(surface: Surface, network: Network, ticks: int, seed: int) -> Passage:
+def pass_over(surface: KnownSurface, network: Network, ticks: int, seed: int) -> Passage:
     """Let a hand stroke a surface over a network for `ticks` milliseconds.
 
     The hand strokes in all directions where the texture depends on the heading.

@@ -39,7 +39,11 @@ Seed = Annotated[int, typer.Option(min=0, help="The first seed; the same one rep
 """The first seed of everything random."""
 
 Textures = Annotated[
-    str | None, typer.Option(metavar="NAME,NAME", help="Some of the known textures; all if absent.")
+    str | None,
+    typer.Option(
+        metavar="NAME,FILE",
+        help="Known textures, models (.npz, .xml), folders of models; all known if absent.",
+    ),
 ]
 """Names of known textures between commas; see `chosen_textures`."""
 
@@ -121,22 +125,32 @@ def load(name: str) -> Experiment:
 def chosen_textures(textures: str | None) -> list[str]:
     """Return the names between the commas of ``--textures``, those of all where it is absent.
 
+    A folder stands for the models in it, in the order of their names.
+
     Raises
     ------
     InputError
-        There is no such texture.
+        There is no such texture, or no model in a folder.
     """
-    from mmt.testing.simulation.textures import SURFACES
+    from mmt.testing.simulation.textures import SURFACES, get_surface
 
     if textures is None:
         return list(SURFACES)
-    chosen = [name.strip() for name in textures.split(",")]
-    unknown = [name for name in chosen if name not in SURFACES]
-    if unknown:
-        raise InputError(f"texture {unknown[0]!r} is not known, allowed are {', '.join(SURFACES)}")
+    chosen: list[str] = []
+    for name in (name.strip() for name in textures.split(",")):
+        if Path(name).is_dir():
+            files = [f for f in sorted(Path(name).iterdir()) if f.suffix.lower() in _MODELS]
+            if not files:
+                raise InputError(f"--textures {name}: no model (.npz, .xml) is in this folder")
+            chosen += map(str, files)
+        else:
+            chosen.append(name)
+    for name in chosen:
+        get_surface(name)
     return chosen
 
 
+_MODELS: Final = (".npz", ".xml")
 _LISTED: Final = ("shows", "duration", "group")
 
 

@@ -8,7 +8,7 @@ from typing import Final, Literal
 import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray
-from mmt.testing.simulation.textures import get_surface
+from mmt.testing.simulation.textures import SURFACES
 from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt.texture.selection import ModelPoints, select, select_published
 from mmt.texture.selection.enclosing_simplex import enclose_each
@@ -80,7 +80,7 @@ def run_seed(row: Row, seed: int, recorded: Sequence[FloatArray] = ()) -> list[S
     """
     generator = np.random.default_rng([seed, row.points])
     trials = simulate_trials(
-        get_surface(row.surface),
+        SURFACES[row.surface],
         row.points,
         row.outliers,
         generator,

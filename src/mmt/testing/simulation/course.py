@@ -16,9 +16,9 @@ from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
 from mmt.scene import Simulated
 from mmt.testing.simulation import RATE_HZ
-from mmt.testing.simulation.surfaces import COURSE_VERSION, Surface, surface_from_annotations
+from mmt.testing.simulation.surfaces import COURSE_VERSION, KnownSurface, surface_from_annotations
 from mmt.testing.simulation.textures import get_surface
-from mmt.testing.simulation.vibration import Vibration
+from mmt.testing.simulation.vibration import vibration_of
 
 When = Literal["lifted", "contact", "either"]
 
@@ -80,7 +80,7 @@ class SurfaceCourse:
         There are fewer than two surfaces.
     """
 
-    def __init__(self, surfaces: Sequence[Surface], changes: Sequence[CourseChange]) -> None:
+    def __init__(self, surfaces: Sequence[KnownSurface], changes: Sequence[CourseChange]) -> None:
         if len(surfaces) < 2:
             raise InputError("a course needs at least two different surfaces")
         self.surfaces = tuple(surfaces)
@@ -89,7 +89,7 @@ class SurfaceCourse:
     @classmethod
     def draw(
         cls,
-        surfaces: Sequence[Surface],
+        surfaces: Sequence[KnownSurface],
         *,
         stay_s: float,
         when: When,
@@ -167,14 +167,14 @@ class CourseVibration:
         self._watch = ContactWatch(course.changes)
         self._course = course
         self._each = [
-            Vibration(surface, part)
+            vibration_of(surface, part)
             for surface, part in zip(
                 course.surfaces, generator.spawn(len(course.surfaces)), strict=True
             )
         ]
 
     @property
-    def surface(self) -> Surface:
+    def surface(self) -> KnownSurface:
         """The surface under the tool."""
         return self._course.surfaces[self._watch.surface]
 

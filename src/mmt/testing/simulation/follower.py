@@ -9,7 +9,7 @@ from mmt.scene import Simulated
 from mmt.testing.simulation.course import SurfaceCourse
 from mmt.testing.simulation.instruments import Instruments
 from mmt.testing.simulation.robot import START_MM, SimulatedRobot
-from mmt.testing.simulation.surfaces import Surface
+from mmt.testing.simulation.surfaces import KnownSurface
 from mmt.testing.simulation.textures import get_surface
 
 
@@ -43,7 +43,7 @@ class SimulatedFollower:
         *,
         channels: Sequence[str],
         seed: int,
-        surface: Surface | SurfaceCourse | None = None,
+        surface: KnownSurface | SurfaceCourse | None = None,
     ) -> None:
         self._settings = settings
         self._surface = get_surface(settings.surface) if surface is None else surface

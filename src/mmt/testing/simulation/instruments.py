@@ -14,8 +14,8 @@ from mmt.testing.simulation import PERIOD_NS
 from mmt.testing.simulation.course import CourseVibration, SurfaceCourse
 from mmt.testing.simulation.robot import TipState
 from mmt.testing.simulation.sensors import Encoder, ForceGauge, TiltedAccelerometer
-from mmt.testing.simulation.surfaces import Surface
-from mmt.testing.simulation.vibration import Vibration
+from mmt.testing.simulation.surfaces import KnownSurface
+from mmt.testing.simulation.vibration import VibrationSource, vibration_of
 
 LEAST_SPEED_MM_S: Final = 1.0
 """Below this a heading is not defined; the last one holds."""
@@ -41,7 +41,7 @@ class Instruments:
 
     def __init__(
         self,
-        surface: Surface | SurfaceCourse,
+        surface: KnownSurface | SurfaceCourse,
         channels: Sequence[str],
         seed: int,
         *,
@@ -56,10 +56,10 @@ class Instruments:
         self._with_position = "position" in chosen
         self._with_force = "force" in chosen
         self._with_acceleration = "acceleration" in chosen
-        self._vibration: Vibration | CourseVibration = (
+        self._vibration: VibrationSource | CourseVibration = (
             CourseVibration(surface, texture)
             if isinstance(surface, SurfaceCourse)
-            else Vibration(surface, texture)
+            else vibration_of(surface, texture)
         )
         self._encoder = Encoder(exact=not noise)
         self._gauge = ForceGauge(gauge, exact=not noise)

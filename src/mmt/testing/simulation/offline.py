@@ -18,7 +18,7 @@ from mmt.testing.simulation.hand import SimulatedHand
 from mmt.testing.simulation.instruments import Instruments
 from mmt.testing.simulation.recorded_path import RecordedPath, load_path
 from mmt.testing.simulation.robot import TipState, nominal_compliance_mm_n
-from mmt.testing.simulation.surfaces import Surface
+from mmt.testing.simulation.surfaces import KnownSurface
 from mmt.testing.simulation.textures import get_surface
 
 _BLOCK_TICKS: Final = 1000
@@ -28,7 +28,7 @@ _STILL_MM_S: Final = 4.0
 
 def simulate_session(
     scene: Scene,
-    surface: str | Surface | SurfaceCourse | None = None,
+    surface: str | KnownSurface | SurfaceCourse | None = None,
     duration_s: float | None = None,
     seed: int | None = None,
     *,
@@ -66,12 +66,12 @@ def simulate_session(
     settings = scene.simulated or Simulated()
     seed = scene.session.seed if seed is None else seed
     duration_s = scene.session.duration_s if duration_s is None else duration_s
-    known: Surface | SurfaceCourse
-    if isinstance(surface, Surface | SurfaceCourse):
-        known = surface
-    else:
+    known: KnownSurface | SurfaceCourse
+    if surface is None or isinstance(surface, str):
         course = SurfaceCourse.of(settings, duration_s, seed) if surface is None else None
         known = course or get_surface(surface or settings.surface)
+    else:
+        known = surface
     if not (isfinite(duration_s) and duration_s * RATE_HZ >= 1):
         raise InputError(f"duration_s is {duration_s}, it must be above 0")
     count = round(duration_s * RATE_HZ)
@@ -102,7 +102,7 @@ def _stroked(
 
 
 def _replayed(
-    stroke: RecordedPath, settings: Simulated, surface: Surface | SurfaceCourse, seed: int
+    stroke: RecordedPath, settings: Simulated, surface: KnownSurface | SurfaceCourse, seed: int
 ) -> RecordArray:
     instruments = Instruments(surface, CHANNELS, seed, noise=settings.noise)
     tips = _tips(stroke, settings, surface)
@@ -111,7 +111,7 @@ def _replayed(
 
 
 def _tips(
-    stroke: RecordedPath, settings: Simulated, surface: Surface | SurfaceCourse
+    stroke: RecordedPath, settings: Simulated, surface: KnownSurface | SurfaceCourse
 ) -> list[TipState]:
     """Return the true tip at every tick of a recorded stroke.
 

@@ -15,7 +15,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final, TypeAlias, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +25,9 @@ from mmt.core.errors import InputError
 from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.grain import Grain
 from mmt.testing.simulation.modes import Line, Mode, Resonance, maps_at
+
+if TYPE_CHECKING:
+    from mmt.testing.simulation.model_surface import ModelSurface
 
 HIGH_PASS_POLE: Final = 0.95
 """Pole of the fixed high-pass, a corner of 8 Hz, below the band of texture."""
@@ -38,8 +41,15 @@ GRAINED_VERSION: Final = 2
 COURSE_VERSION: Final = 3
 """Version of those of several surfaces, see `mmt.testing.simulation.course`."""
 
+MODEL_VERSION: Final = 4
+"""Version of those of a texture model, see `mmt.testing.simulation.model_surface`."""
+
 _KINDS: Final[dict[str, type[Resonance] | type[Line]]] = {"resonance": Resonance, "line": Line}
 _POWER_GRID: Final = 4096
+
+
+KnownSurface: TypeAlias = Union["Surface", "ModelSurface"]
+"""A surface whose texture is known exactly, of either kind."""
 
 
 @dataclass(frozen=True)
@@ -176,7 +186,7 @@ class Surface:
         return speed.ravel(), force.ravel(), np.cos(heading).ravel(), np.sin(heading).ravel()
 
 
-def surface_from_annotations(annotations: bytes) -> Surface:
+def surface_from_annotations(annotations: bytes) -> "KnownSurface":
     """Rebuild the surface that a recording's annotations describe.
 
     Raises
@@ -188,12 +198,16 @@ def surface_from_annotations(annotations: bytes) -> Surface:
         truth = json.loads(annotations)
         if truth["version"] == COURSE_VERSION:
             raise InputError("the session goes over several surfaces: mmt lab surfaces")
-        if truth["version"] not in {VERSION, GRAINED_VERSION}:
+        if truth["version"] not in {VERSION, GRAINED_VERSION, MODEL_VERSION}:
             raise InputError(
                 f"annotations: version {truth['version']} of the simulated truth is not known, "
-                f"this program reads {VERSION} and {GRAINED_VERSION}"
+                f"this program reads {VERSION}, {GRAINED_VERSION} and {MODEL_VERSION}"
             )
         parameters = truth["parameters"]
+        if truth["version"] == MODEL_VERSION:
+            from mmt.testing.simulation.model_surface import from_annotations
+
+            return from_annotations(str(truth["surface"]), parameters)
         return Surface(
             name=str(truth["surface"]),
             modes=tuple(_mode(part) for part in parameters["modes"]),

@@ -12,7 +12,7 @@ from typing import Final
 from mmt.core.errors import InputError
 from mmt.testing.simulation.grained_textures import GRAINED, ridges
 from mmt.testing.simulation.modes import Resonance
-from mmt.testing.simulation.surfaces import Surface
+from mmt.testing.simulation.surfaces import KnownSurface, Surface
 
 _PLASTIC = Surface(
     "plastic",
@@ -105,16 +105,19 @@ speed squared; glass: little above the accelerometer's noise. What sets the othe
 apart is said with `GRAINED`."""
 
 
-def get_surface(name: str) -> Surface:
-    """Return the known texture of this name.
+def get_surface(name: str) -> KnownSurface:
+    """Return the known texture of this name, or that of a model's file.
 
     Raises
     ------
     InputError
-        There is none; the message lists those there are.
+        There is none, the message lists those there are; or the file is not usable.
     """
-    try:
+    if name in SURFACES:
         return SURFACES[name]
-    except KeyError:
-        known = ", ".join(SURFACES)
-        raise InputError(f"surface is {name!r}, allowed are {known}") from None
+    if name.lower().endswith((".npz", ".xml")):
+        from mmt.testing.simulation.model_surface import load_surface
+
+        return load_surface(name)
+    known = ", ".join(SURFACES)
+    raise InputError(f"surface is {name!r}, allowed are {known}, and files of models (.npz, .xml)")

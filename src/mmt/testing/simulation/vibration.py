@@ -1,16 +1,35 @@
 """Vibration of a known surface under a hand whose motion and force change, tick by tick."""
 
 from math import cos, exp, pi, sin, sqrt
+from typing import Protocol
 
 import numpy as np
 
 from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.modes import maps_at
 from mmt.testing.simulation.noise import NoiseRows
-from mmt.testing.simulation.surfaces import HIGH_PASS_POLE, Surface
+from mmt.testing.simulation.surfaces import HIGH_PASS_POLE, KnownSurface, Surface
 
 _WIDTH = pi / RATE_HZ
 _ANGLE = 2.0 * pi / RATE_HZ
+
+
+class VibrationSource(Protocol):
+    """Makes the vibration of a surface, tick by tick."""
+
+    def step(
+        self, speed_mm_s: float, force_n: float, heading: tuple[float, float] = (1.0, 0.0)
+    ) -> tuple[float, float]:
+        """Return the acceleration (m/s2) along the normal and along the heading."""
+
+
+def vibration_of(surface: KnownSurface, generator: np.random.Generator) -> VibrationSource:
+    """Return the generator of a surface's vibration."""
+    if isinstance(surface, Surface):
+        return Vibration(surface, generator)
+    from mmt.testing.simulation.model_surface import ModelVibration
+
+    return ModelVibration(surface, generator)
 
 
 class Vibration:
