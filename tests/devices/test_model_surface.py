@@ -128,7 +128,9 @@ def test_it_may_be_one_of_a_course(tmp_path):
     path = tmp_path / "stone.npz"
     path.write_bytes(made().to_bytes())
     simulated = {"surface": "wood", "course": {"surfaces": [str(path)], "stay_s": 2.0}}
-    scene = mmt.Scene.model_validate({"simulated": simulated, "hand": {}, "link": {}, "texture": {}})
+    scene = mmt.Scene.model_validate(
+        {"simulated": simulated, "hand": {}, "link": {}, "texture": {}}
+    )
     frames, truth = mmt.simulate_session(scene, duration_s=6.0)
     assert len(frames) == 6000
     assert [surface.name for surface in course_from_annotations(truth).surfaces] == [
