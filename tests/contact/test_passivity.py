@@ -251,3 +251,99 @@ def test_a_robot_that_seems_to_return_more_than_it_got_is_not_believed() -> None
 def test_bounds_out_of_range_are_named(wrong: dict[str, float]) -> None:
     with pytest.raises(InputError, match=next(iter(wrong))):
         PassivitySettings(**wrong)
+
+
+# --- the accounts, by hand: a reserve of 1 mJ, ticks of 1 ms, no damper
+
+UNDAMPED = PassivitySettings(reserve_j=1e-3, damping_n_s_m=0.0, drift_m=3e-3, tick_s=1e-3)
+
+
+def test_the_bound_of_the_force_and_what_it_withholds() -> None:
+    """Over 0.1 mm at rest, and as much and twice the last travel in motion."""
+    for displayed_n, dissipated_j in ((None, 1e-3 / 3), (1.0, 4e-4)):
+        port = ForcePort(UNDAMPED)
+        assert port.step(5.0, 0.0) == 0.0
+        assert port.step(5.0, 0.0) == 5.0
+        assert port.step(5.0, 1e-4) == pytest.approx(5e-4 / 3e-4)
+        assert (port.in_j, port.out_j) == (0.0, pytest.approx(5e-4))
+        assert port.dissipated_j == 0.0
+        if displayed_n is not None:
+            port.displayed(displayed_n)
+        port.step(5.0, 2e-4)
+        assert port.dissipated_j == pytest.approx(dissipated_j)
+
+
+def test_before_the_second_position_there_is_no_travel_and_no_work() -> None:
+    port = ForcePort(UNDAMPED)
+    port.step(5.0, 0.1)
+    port.step(5.0, 0.2)
+    assert (port.in_j, port.out_j, port.dissipated_j) == (0.0, 0.0, 0.0)
+    port.rest()
+    port.step(5.0, 0.1)
+    port.step(5.0, 0.2)
+    assert (port.in_j, port.out_j, port.dissipated_j) == (0.0, 0.0, 0.0)
+
+
+def test_a_tick_beyond_the_reach_is_written_off_with_all_its_work() -> None:
+    port = ForcePort(UNDAMPED)
+    port.step(5.0, 0.0)
+    port.step(5.0, 0.0)
+    port.step(5.0, 3e-4)
+    assert port.overdrawn_j == port.out_j == pytest.approx(1.5e-3)
+    port.step(5.0, 3e-4)
+    assert port.overdrawn_j == port.out_j == pytest.approx(1.5e-3)
+
+
+def test_a_position_that_is_not_finite_is_the_one_before() -> None:
+    port = ForcePort(UNDAMPED)
+    for position_m in (0.01, 0.01, math.nan, 0.01):
+        port.step(5.0, position_m)
+    assert (port.in_j, port.out_j) == (0.0, 0.0)
+
+
+def test_a_step_is_of_one_tick_unless_more_are_told() -> None:
+    forces_n = []
+    for ticks in ({}, {"ticks": 1}, {"ticks": 2}):
+        port = ForcePort(SETTINGS)
+        port.step(4.0, 0.0)
+        port.step(4.0, 0.0)
+        forces_n.append(port.step(4.0, 5e-5, **ticks))
+    assert forces_n[0] == forces_n[1] != forces_n[2]
+
+
+def test_a_motion_is_held_back_to_what_the_reserve_pays() -> None:
+    port = MotionPort(UNDAMPED)
+    assert port.step(math.nan, 0.0) == 0.0
+    port.measure(2.0)
+    assert port.step(-1e-3, 0.0) == pytest.approx(-0.5e-3)
+    assert port.drift_m == port.largest_drift_m == pytest.approx(0.5e-3)
+
+
+def test_without_a_force_a_motion_is_free_and_costs_nothing() -> None:
+    for force_n in (None, math.nan):
+        port = MotionPort(UNDAMPED)
+        port.step(0.0, 0.0)
+        if force_n is not None:
+            port.measure(force_n)
+        assert port.step(-0.01, 0.0) == -0.01
+        assert port.step(math.nan, 0.0) == -0.01
+        assert (port.in_j, port.out_j) == (0.0, 0.0)
+
+
+def test_the_work_of_a_measured_force_is_over_all_steps_since_the_last_one() -> None:
+    port = MotionPort(UNDAMPED)
+    port.measure(3.0)
+    assert (port.in_j, port.out_j) == (0.0, 0.0)
+    port = MotionPort(UNDAMPED)
+    for wanted_m in (0.0, 1e-3, 2e-3):
+        port.step(wanted_m, 0.0)
+    for _ in range(2):
+        port.measure(-1.0)
+        assert (port.in_j, port.out_j) == (0.0, pytest.approx(2e-3))
+
+
+def test_a_port_may_neither_damp_nor_hold_back() -> None:
+    port = MotionPort(PassivitySettings(damping_n_s_m=0.0, drift_m=0.0))
+    port.step(0.0, 0.0)
+    port.measure(50.0)
+    assert port.step(-1.0, 0.0) == -1.0

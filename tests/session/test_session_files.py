@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 import time
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from session_samples import START_NS, made_frames
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, frame_dtype
+from mmt.core.version import __version__
 from mmt.session import OutputBlock, read_session, write_session
 from mmt.session.info import info
 from mmt.session.mcap_writer import SessionWriter
@@ -357,3 +359,39 @@ def test_the_example_in_the_reference_reads_a_session(tmp_path):
     assert count == "1234"
     said_n = np.array(mean.removesuffix(" N\n").strip("[]").split(), dtype=float)
     np.testing.assert_allclose(said_n, frames["force_n"].mean(axis=0), rtol=1e-4)
+
+
+def test_a_file_says_what_it_is_and_who_wrote_it(tmp_path):
+    path = tmp_path / "run.mcap"
+    before = datetime.now(UTC) - timedelta(milliseconds=1)
+    with path.open("wb") as stream:
+        writer = SessionWriter(stream, ("force",), session_id="a1b2", utc_offset_ns=5_000)
+        writer.write_frames(made_frames(3, ("force",)), 1_000)
+        writer.write_model(b"first", 2_000)
+        writer.write_model(b"second", 3_000)
+        writer.write_annotations(b"truth", 4_000)
+        writer.finish()
+    with path.open("rb") as stream:
+        reader = make_reader(stream)
+        header = reader.get_header()
+        metadata = {m.name: m.metadata for m in reader.iter_metadata()}["mmt.session"]
+        attached = [(a.name, a.media_type, a.log_time) for a in reader.iter_attachments()]
+        topics = {channel.topic for channel in reader.get_summary().channels.values()}
+        encodings = {c.message_encoding for c in reader.get_summary().channels.values()}
+    assert (header.profile, header.library) == ("mmt", f"mmt-haptics {__version__}")
+    created = datetime.fromisoformat(metadata.pop("created_utc"))
+    assert before <= created <= datetime.now(UTC)
+    assert metadata == {
+        "format_version": "2",
+        "rate_hz": "1000",
+        "channels": "force",
+        "utc_offset_ns": "5000",
+        "session_id": "a1b2",
+    }
+    assert attached == [
+        ("model-0001.npz", "application/x-npz", 7_000),
+        ("model-0002.npz", "application/x-npz", 8_000),
+        ("annotations", "application/octet-stream", 9_000),
+    ]
+    assert topics == {"/frames", "/plot"}
+    assert encodings == {"protobuf"}

@@ -8,8 +8,14 @@ from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
 from mmt.texture.segmentation.bottom_up import CELL
-from mmt.texture.segmentation.segmenter import OnlineSegmenter, SegmentationSettings, segment
+from mmt.texture.segmentation.segmenter import (
+    OnlineSegmenter,
+    SegmentationSettings,
+    segment,
+    segmentation_settings,
+)
 from mmt.texture.segmentation.segments import SampleRange, Segment
+from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
 from mmt.texture.signals.dft321 import dft321
 
@@ -357,6 +363,43 @@ def test_a_teleporting_position_ends_a_segment() -> None:
 def test_impossible_settings_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(InputError, match=next(reversed(wrong))):
         SegmentationSettings(**wrong)  # type: ignore[arg-type]
+
+
+def test_samples_at_the_thresholds_count_and_three_cells_are_enough_for_one() -> None:
+    least = SegmentationSettings(shortest_samples=CELL, longest_samples=2 * CELL)
+    block = make_block(np.full(3 * CELL, least.least_speed_mm_s), least.least_force_n)
+    assert ranges(segment(block, least)) == [(CELL, 2 * CELL)]
+    assert ranges(segment(block[: 3 * CELL - 1], least)) == []
+
+
+def test_what_the_settings_must_be_is_said() -> None:
+    with pytest.raises(InputError) as refused:
+        SegmentationSettings(shortest_samples=5, longest_samples=19)
+    assert str(refused.value) == (
+        "longest_samples is 19: it must be at least twice shortest_samples (5) and at least 20"
+    )
+
+
+def test_the_smallest_settings_that_are_possible_are_taken() -> None:
+    SegmentationSettings(shortest_samples=1, longest_samples=2 * CELL)
+    SegmentationSettings(shortest_samples=150, longest_samples=300, least_force_n=1e-9)
+    OnlineSegmenter(overlap_samples=0)
+
+
+def test_the_thresholds_are_those_of_the_modelling() -> None:
+    assert segmentation_settings(ModellingSettings()) == SegmentationSettings()
+    assert SegmentationSettings() == SegmentationSettings(1.0, 0.12, 120, 1000, 10.0, 0.1, False)
+    others = ModellingSettings(
+        straightness_mm=2.0,
+        stationarity=0.2,
+        shortest_samples=130,
+        longest_samples=1100,
+        least_speed_mm_s=11.0,
+        least_force_n=0.2,
+        inputs="anisotropic",
+    )
+    expected = SegmentationSettings(2.0, 0.2, 130, 1100, 11.0, 0.2, True)
+    assert segmentation_settings(others) == expected
 
 
 def test_a_negative_overlap_is_refused() -> None:

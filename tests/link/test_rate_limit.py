@@ -1,0 +1,87 @@
+"""What a message costs, to the nanosecond: 100 us and 50 ns a byte at 1000 records a second."""
+
+from mmt.core.errors import MmtError
+from mmt.link.rate_limit import HANDSHAKE_MESSAGES, HandshakeLimit, RateLimit
+
+SECOND = 1_000_000_000
+FULL = 199_998_000
+"""Bytes of a message that costs 10 s, all that the bucket holds."""
+HALF = 99_998_000
+TOO_LONG = 2 * FULL
+
+
+class Limited:
+    """A limit whose drops and cut-offs are noted."""
+
+    def __init__(self, rate_hz: float = 1000.0) -> None:
+        self.dropped: list[str] = []
+        self.exceeded: list[MmtError] = []
+        self.limit = RateLimit(rate_hz, self.dropped.append, self.exceeded.append)
+
+    def passes(self, *messages: tuple[int, int]) -> list[bool]:
+        """Offer messages of these sizes at these times."""
+        return [self.limit.passes(size, now_ns) for size, now_ns in messages]
+
+
+def test_the_bucket_holds_ten_seconds() -> None:
+    assert Limited().passes((FULL, 0), (0, 0)) == [True, False]
+    assert Limited().passes((FULL + 1, 0), (FULL, 0)) == [False, True]
+    assert Limited().passes((FULL, 7), (0, 7 + 99_999), (0, 7 + 100_000)) == [True, False, True]
+
+
+def test_a_message_and_its_bytes_always_cost_something() -> None:
+    bytes_of_ten_seconds = (10 * SECOND - 1) * 1000  # 1 ps each, and 1 ns for the message
+    fast = Limited(1e9)
+    assert fast.passes((bytes_of_ten_seconds + 1000, 0), (bytes_of_ten_seconds, 0)) == [False, True]
+
+
+def test_the_peer_is_cut_off_after_more_than_two_seconds_of_excess() -> None:
+    peer = Limited()
+    assert peer.limit.shut is False
+    assert peer.passes((TOO_LONG, 5), (TOO_LONG, 5 + 2 * SECOND)) == [False, False]
+    assert peer.limit.shut is False
+    peer.passes((TOO_LONG, 6 + 2 * SECOND), (TOO_LONG, 7 + 2 * SECOND))
+    assert peer.limit.shut is True
+    assert len(peer.exceeded) == 1
+    assert peer.dropped == ["too fast"] * 4
+    peer.limit.open()
+    assert peer.limit.shut is False
+    peer.passes((TOO_LONG, 8 + 2 * SECOND), (TOO_LONG, 8 + 4 * SECOND))
+    assert peer.limit.shut is False
+
+
+def test_the_excess_is_over_once_the_bucket_is_less_than_half_full() -> None:
+    for size, over in ((HALF, False), (HALF - 1, True)):
+        peer = Limited()
+        start = 100 * SECOND
+        peer.passes((TOO_LONG, start), (size, start), (TOO_LONG, start + 2 * SECOND + 1))
+        assert peer.limit.shut is not over
+
+
+def test_a_clock_that_jumps_back_takes_the_bucket_along() -> None:
+    peer = Limited()
+    assert peer.passes((FULL, 9 * SECOND), (0, SECOND), (0, SECOND + 100_000)) == [
+        True,
+        False,
+        True,
+    ]
+    peer = Limited()
+    peer.passes((TOO_LONG, 9 * SECOND), (TOO_LONG, SECOND), (TOO_LONG, 3 * SECOND))
+    assert peer.limit.shut is False
+
+
+def test_the_bound_is_said_in_messages_and_megabytes() -> None:
+    peer = Limited(100.0)
+    peer.passes((TOO_LONG, 0), (TOO_LONG, 3 * SECOND))
+    assert str(peer.exceeded[0]) == "it sent more than 1000 messages, or 2 MB, a second for 2 s"
+
+
+def test_a_stranger_may_send_a_few_messages() -> None:
+    stranger = HandshakeLimit()
+    assert stranger.shut is False
+    for _ in range(HANDSHAKE_MESSAGES):
+        assert stranger.passes(10**9, 0) is True
+        assert stranger.shut is False
+    for _ in range(2):
+        assert stranger.passes(1, 0) is False
+        assert stranger.shut is True
