@@ -285,3 +285,42 @@ async def test_malformed_requests_are_a_line_a_second_without_a_traceback(
                 await one[0].read()
     assert 1 <= len(caplog.messages) < 10
     assert "Traceback" not in caplog.text
+
+
+async def test_a_name_with_an_address_that_the_machine_lacks_is_listened_on_at_the_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    loop = asyncio.get_running_loop()
+    absent = (socket.AF_INET6, socket.SOCK_STREAM, 6, "", ("2001:db8::1", 0, 0, 0))
+    present = (socket.AF_INET, socket.SOCK_STREAM, 6, "", ("127.0.0.1", 0))
+    for found in ([absent, present], [present, absent]):
+
+        async def names(*_: object, found: object = found, **__: object) -> object:
+            return found
+
+        with monkeypatch.context() as patched:
+            patched.setattr(loop, "getaddrinfo", names)
+            async with guarded_leader(monkeypatch) as server:
+                patched.undo()
+                await connects_within(server.port, 5.0)
+
+
+async def test_a_port_that_is_taken_on_one_of_two_addresses_is_an_error(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    loop = asyncio.get_running_loop()
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+
+        async def names(*_: object, **__: object) -> object:
+            return [
+                (socket.AF_INET, socket.SOCK_STREAM, 6, "", (address, port))
+                for address in ("127.0.0.2", "127.0.0.1")
+            ]
+
+        monkeypatch.setattr(loop, "getaddrinfo", names)
+        with pytest.raises(MmtError, match=r"cannot listen on .* \(Address already in use\)"):
+            async with guarded_leader(monkeypatch):
+                pass
+    with socket.create_server(("127.0.0.2", port)):
+        pass  # it was let go

@@ -10,14 +10,15 @@ accepts a hundred in a row and, when descriptors run out, logs as many errors.
 """
 
 import asyncio
+import errno
 import logging
 import socket
 import ssl
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Any, Final
 
 from aiohttp import web
 from aiohttp.typedefs import Handler
@@ -35,6 +36,8 @@ MOST_OF_ADDRESS: Final = 32
 
 _WAITING: Final = 128
 """Connections that the system holds until they are accepted."""
+_NO_SUCH_ADDRESS: Final = {errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT}
+"""A machine without IPv6 may still have a name with such an address, beside one that it has."""
 _SPACING_S: Final = 0.02
 """Time between two of them while there is something to disturb: each costs half a tick."""
 _PAUSE_S: Final = 0.1
@@ -112,14 +115,7 @@ class Acceptor:
         found = await loop.getaddrinfo(
             host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )
-        try:
-            for family, _, _, _, address in dict.fromkeys(found):
-                listening = socket.create_server(address, family=family, backlog=_WAITING)
-                listening.setblocking(False)
-                self._sockets.append(listening)
-        except OSError:
-            await self.stop()
-            raise
+        self._sockets = _listening_sockets((info[0], info[4]) for info in dict.fromkeys(found))
         self._accepting = [
             loop.create_task(self._accept(listening, make, tls)) for listening in self._sockets
         ]
@@ -215,6 +211,33 @@ class Acceptor:
         if times:
             more = f" ({times} since the last such line)" if times > 1 else ""
             LOG.warning("%s%s", sentence, more)
+
+
+def _listening_sockets(addresses: Iterable[tuple[int, Any]]) -> list[socket.socket]:
+    """Return a socket that listens on each address, by family and address, that there is.
+
+    Raises
+    ------
+    OSError
+        One is taken, or may not be had, or there is none of them.
+    """
+    sockets: list[socket.socket] = []
+    problem: OSError | None = None
+    for family, address in addresses:
+        try:
+            listening = socket.create_server(address, family=family, backlog=_WAITING)
+        except OSError as error:
+            problem = error
+            if error.errno not in _NO_SUCH_ADDRESS:
+                break
+        else:
+            listening.setblocking(False)
+            sockets.append(listening)
+    if problem is not None and (not sockets or problem.errno not in _NO_SUCH_ADDRESS):
+        for listening in sockets:
+            listening.close()
+        raise problem
+    return sockets
 
 
 _ACCEPTOR: Final = web.AppKey("acceptor", Acceptor)

@@ -226,12 +226,13 @@ class Connection:
                     f"the leader at {self._url} and this follower do not trust each other "
                     f"({problem}): check certificate, key and authority of [link] on both"
                 )
-            if loop.time() + pause_s > deadline_s:
+            left_s = deadline_s - loop.time()
+            if left_s <= 0.0:
                 raise MmtError(
                     f"no leader answered at {self._url} within {timeout_s:g} s ({problem}): "
                     f"start mmt-leader there, and check {connection_advice(self._url)}"
                 )
-            await asyncio.sleep(pause_s)
+            await asyncio.sleep(min(pause_s, left_s))
 
     async def request(self, event: str, payload: object, timeout_s: float) -> object:
         """Send an event and return the leader's acknowledgement.
