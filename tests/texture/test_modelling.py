@@ -244,6 +244,8 @@ def test_a_history_makes_a_model_when_it_is_asked_for_as_the_live_leader_had_it(
         if made is not None and live is not None:
             assert update.model is made  # as long as it is held
             assert made.to_bytes() == live.to_bytes()
+    at_once = build(blocks, ModellingSettings(), deferred=False)
+    assert at_once.updates[-1].model is at_once.updates[-1].model
     again = pickle.loads(pickle.dumps(history.updates[-1]))
     assert again.model.to_bytes() == history.updates[-1].model.to_bytes()
 

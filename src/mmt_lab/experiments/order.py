@@ -84,7 +84,7 @@ def _quality(recorded: RecordedSession, order: Order, period_s: float, plan: Pla
     blocks = list(update_blocks(recorded.frames, round(period_s * _RATE_HZ)))
     seconds = []
     for _ in range(plan.rounds):
-        history = build(blocks, settings)
+        history = build(blocks, settings, deferred=False)
         seconds.append(sum(sum(update.durations_s.values()) for update in history.updates))
     truth, reason = known_texture(recorded.annotations, settings)
     if truth is None:

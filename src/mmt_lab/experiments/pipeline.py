@@ -103,7 +103,7 @@ class _Run:
 
     def __init__(self, recorded: RecordedSession, settings: ModellingSettings, plan: Plan) -> None:
         blocks = list(update_blocks(recorded.frames, _PERIOD_FRAMES))
-        histories = [build(blocks, settings) for _ in range(plan.rounds)]
+        histories = [build(blocks, settings, deferred=False) for _ in range(plan.rounds)]
         self.history: ModelHistory = histories[0]
         self._spent_s = np.min([np.cumsum(_durations(history)) for history in histories], axis=0)
         truth, reason = known_texture(recorded.annotations, settings)

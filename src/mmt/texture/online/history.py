@@ -211,6 +211,8 @@ def build(
     blocks: Iterable[RecordArray],
     settings: ModellingSettings,
     accept: Callable[[Segment], bool] | None = None,
+    *,
+    deferred: bool = True,
 ) -> ModelHistory:
     """Build a model from blocks of frames, one update each, to the end of the session.
 
@@ -224,8 +226,11 @@ def build(
         How to model.
     accept
         Says which segments may enter the model; None accepts all.
+    deferred
+        Whether models are made when they are asked for, where they can be; False makes each in
+        its update, as the live leader does, so that an update takes as long.
     """
-    modeller = OnlineModeller(settings, accept, deferred=True)
+    modeller = OnlineModeller(settings, accept, deferred=deferred)
     updates: list[ModelUpdate] = []
     finished: tuple[Segment, ...] = ()
     for block in blocks:
