@@ -5,7 +5,7 @@ from typer.testing import CliRunner
 
 from mmt.cli.main import app
 from mmt.session import read_session
-from mmt.testing.simulation.surfaces import surface_from_annotations
+from mmt.testing.simulation.known_surfaces import surface_from_annotations
 
 
 def simulate(*options):

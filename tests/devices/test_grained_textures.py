@@ -12,9 +12,10 @@ from mmt.core.errors import InputError
 from mmt.testing.simulation.grain import Grain
 from mmt.testing.simulation.grained_textures import CANVAS, CORDUROY, GRAINED, RIDGED_PLASTIC
 from mmt.testing.simulation.instruments import Instruments
+from mmt.testing.simulation.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.modes import Line, Resonance
 from mmt.testing.simulation.robot import TipState
-from mmt.testing.simulation.surfaces import Surface, surface_from_annotations
+from mmt.testing.simulation.surfaces import Surface
 from mmt.testing.simulation.textures import SURFACES, get_surface
 from mmt.testing.simulation.vibration import Vibration
 

@@ -11,8 +11,8 @@ from mmt.core.errors import InputError
 from mmt.evaluation.truth import known_texture
 from mmt.exchange.hatt import export_hatt
 from mmt.testing.simulation.course import course_from_annotations
+from mmt.testing.simulation.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.model_surface import ModelSurface, ModelVibration
-from mmt.testing.simulation.surfaces import surface_from_annotations
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture import TextureModel
 from mmt.texture.model.inputs import InputSpace

@@ -14,9 +14,9 @@ from mmt.scene import Scene, Simulated
 from mmt.scene.files import scene_from_tables
 from mmt.testing.simulation.follower import SimulatedFollower
 from mmt.testing.simulation.instruments import Instruments
+from mmt.testing.simulation.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.robot import TipState
-from mmt.testing.simulation.surfaces import surface_from_annotations
 from mmt.testing.simulation.textures import get_surface
 
 

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from mmt.core.errors import InputError
+from mmt.testing.simulation.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.modes import Line, Resonance
-from mmt.testing.simulation.surfaces import HIGH_PASS_POLE, Surface, surface_from_annotations
+from mmt.testing.simulation.surfaces import HIGH_PASS_POLE, Surface
 from mmt.testing.simulation.textures import SURFACES, get_surface
 from mmt.testing.simulation.vibration import Vibration
 

@@ -15,8 +15,8 @@ from mmt.testing.simulation.course import (
     SurfaceCourse,
     course_from_annotations,
 )
+from mmt.testing.simulation.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.surfaces import surface_from_annotations
 from mmt.testing.simulation.textures import get_surface
 
 LINKED = {"link": {}, "recording": {}}

@@ -19,8 +19,8 @@ from mmt.scene.files import scene_from_tables
 from mmt.session.data import RecordedSession
 from mmt.session.files import export_session, write_session
 from mmt.testing.simulation.course import CourseChange, SurfaceCourse
+from mmt.testing.simulation.known_surfaces import surface_from_annotations
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.surfaces import surface_from_annotations
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.texture.surfaces import SurfaceChange

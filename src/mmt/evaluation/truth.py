@@ -23,7 +23,7 @@ from mmt.evaluation.grid_errors import (
 from mmt.evaluation.levels import band_errors_db, bounded_error_db
 from mmt.evaluation.results import PowerMap, Worst
 from mmt.evaluation.worst import Error, explain
-from mmt.testing.simulation.surfaces import KnownSurface, surface_from_annotations
+from mmt.testing.simulation.known_surfaces import KnownSurface, surface_from_annotations
 from mmt.texture.autoregression.forms import ar_spectrum, lsf_to_ar, lsf_to_reflection, output_power
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings

@@ -17,6 +17,8 @@ from mmt.session.data import JsonObject, OutputBlock, RecordedSession
 
 _log = logging.getLogger(__name__)
 
+_READER_OF_MCAP: Final = "mmt.session.mcap_reader:read_mcap"
+
 WRITERS: Final = {
     ".mcap": "mmt.session.mcap_writer:write_mcap",
     ".npz": "mmt.session.export_files:write_npz",
@@ -47,10 +49,9 @@ def read_session(path: str | Path) -> RecordedSession:
     <RecordedSession wood.mcap: 2.0 s, 2000 frames of position, force, acceleration>
     """
     path = Path(path)
+    module, _, function = _READER_OF_MCAP.partition(":")
     if path.suffix.lower() == ".mcap":
-        session: RecordedSession = importlib.import_module("mmt.session.mcap_reader").read_mcap(
-            path
-        )
+        session: RecordedSession = getattr(importlib.import_module(module), function)(path)
         return session
     from mmt.session.importing.recording import import_recording
 

@@ -10,8 +10,8 @@ from mmt.evaluation.grid_errors import GRID_FORCE_N, GRID_SPEED_MM_S
 from mmt.evaluation.levels import root_mean_square
 from mmt.scene import Scene
 from mmt.session.data import RecordedSession
+from mmt.testing.simulation.known_surfaces import KnownSurface
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.surfaces import KnownSurface
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.autoregression.forms import (
     ar_spectrum,

@@ -19,8 +19,8 @@ from mmt.scene import Hand, Network, Simulated
 from mmt.testing.simulation import PERIOD_NS
 from mmt.testing.simulation.follower import SimulatedFollower
 from mmt.testing.simulation.hand import SimulatedHand
+from mmt.testing.simulation.known_surfaces import KnownSurface
 from mmt.testing.simulation.robot import nominal_compliance_mm_n
-from mmt.testing.simulation.surfaces import KnownSurface
 
 COMMAND_BYTES: Final = 60
 FRAME_BYTES: Final = 80

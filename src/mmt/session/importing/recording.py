@@ -65,7 +65,7 @@ def read_columns(path: Path, wanted: Callable[[str], bool]) -> Columns:
     if name is None:
         given = path.suffix or "a name without suffix"
         raise InputError(
-            f"session {path}: {given} cannot be imported; the suffix must be one of "
+            f"session {path}: {given} cannot be read; the suffix must be one of "
             f"{', '.join(READERS)}, or the name that of a folder with a ROS 2 bag"
         )
     module, _, function = name.partition(":")

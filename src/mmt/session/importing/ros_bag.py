@@ -39,6 +39,8 @@ def read_bag(path: Path, wanted: Callable[[str], bool]) -> Columns:
             return _read(origin, reader, wanted)
     except Exception as error:  # damage reaches every part of the library
         said = f"this is not a ROS bag that can be read: {brief(error)}"
+        if path.suffix.lower() == ".mcap":
+            said += "; a session of mmt is one as it is, without import"
         raise InputError(f"{origin}: {said}") from error
 
 

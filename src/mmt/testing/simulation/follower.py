@@ -8,8 +8,8 @@ from mmt.devices.protocols import Vector
 from mmt.scene import Simulated
 from mmt.testing.simulation.course import SurfaceCourse
 from mmt.testing.simulation.instruments import Instruments
+from mmt.testing.simulation.known_surfaces import KnownSurface
 from mmt.testing.simulation.robot import START_MM, SimulatedRobot
-from mmt.testing.simulation.surfaces import KnownSurface
 from mmt.testing.simulation.textures import get_surface
 
 

@@ -12,9 +12,9 @@ from mmt.core.frames import frame_dtype, ordered_channels
 from mmt.devices.protocols import Vector
 from mmt.testing.simulation import PERIOD_NS
 from mmt.testing.simulation.course import CourseVibration, SurfaceCourse
+from mmt.testing.simulation.known_surfaces import KnownSurface
 from mmt.testing.simulation.robot import TipState
 from mmt.testing.simulation.sensors import Encoder, ForceGauge, TiltedAccelerometer
-from mmt.testing.simulation.surfaces import KnownSurface
 from mmt.testing.simulation.vibration import VibrationSource, vibration_of
 
 LEAST_SPEED_MM_S: Final = 1.0

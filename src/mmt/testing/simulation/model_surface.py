@@ -138,7 +138,7 @@ class ModelSurface:
         return _Simplex(corners, transform[:-1].tolist(), transform[-1].tolist())
 
     def annotations(self) -> bytes:
-        """Return the truth as JSON, from which `from_annotations` rebuilds it."""
+        """Return the truth as JSON, from which `from_parameters` rebuilds it."""
         parameters = {
             "tangential_share": self.tangential_share,
             "friction_coefficient": self.friction_coefficient,
@@ -167,7 +167,7 @@ class ModelSurface:
         )
 
 
-def from_annotations(name: str, parameters: Mapping[str, Any]) -> ModelSurface:
+def from_parameters(name: str, parameters: Mapping[str, Any]) -> ModelSurface:
     """Rebuild the surface from what `ModelSurface.annotations` wrote.
 
     Raises

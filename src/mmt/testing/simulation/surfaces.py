@@ -15,7 +15,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Final, TypeAlias, Union
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -25,9 +25,6 @@ from mmt.core.errors import InputError
 from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.grain import Grain
 from mmt.testing.simulation.modes import Line, Mode, Resonance, maps_at
-
-if TYPE_CHECKING:
-    from mmt.testing.simulation.model_surface import ModelSurface
 
 HIGH_PASS_POLE: Final = 0.95
 """Pole of the fixed high-pass, a corner of 8 Hz, below the band of texture."""
@@ -46,10 +43,6 @@ MODEL_VERSION: Final = 4
 
 _KINDS: Final[dict[str, type[Resonance] | type[Line]]] = {"resonance": Resonance, "line": Line}
 _POWER_GRID: Final = 4096
-
-
-KnownSurface: TypeAlias = Union["Surface", "ModelSurface"]
-"""A surface whose texture is known exactly, of either kind."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +143,7 @@ class Surface:
         return total
 
     def annotations(self) -> bytes:
-        """Return the truth as JSON, from which `surface_from_annotations` rebuilds it."""
+        """Return the truth as JSON, which `surface_from_parameters` reads."""
         modes = [
             {"kind": kind, **_without_nothing(asdict(mode))}
             for mode in self.modes
@@ -186,36 +179,20 @@ class Surface:
         return speed.ravel(), force.ravel(), np.cos(heading).ravel(), np.sin(heading).ravel()
 
 
-def surface_from_annotations(annotations: bytes) -> "KnownSurface":
-    """Rebuild the surface that a recording's annotations describe.
+def surface_from_parameters(name: str, parameters: Mapping[str, Any]) -> Surface:
+    """Rebuild a surface from what its annotations hold.
 
     Raises
     ------
-    InputError
-        The bytes hold no truth of a known version.
+    ValueError, KeyError, TypeError
+        The parameters are none of a surface.
     """
-    try:
-        truth = json.loads(annotations)
-        if truth["version"] == COURSE_VERSION:
-            raise InputError("the session goes over several surfaces: mmt lab surfaces")
-        if truth["version"] not in {VERSION, GRAINED_VERSION, MODEL_VERSION}:
-            raise InputError(
-                f"annotations: version {truth['version']} of the simulated truth is not known, "
-                f"this program reads {VERSION}, {GRAINED_VERSION} and {MODEL_VERSION}"
-            )
-        parameters = truth["parameters"]
-        if truth["version"] == MODEL_VERSION:
-            from mmt.testing.simulation.model_surface import from_annotations
-
-            return from_annotations(str(truth["surface"]), parameters)
-        return Surface(
-            name=str(truth["surface"]),
-            modes=tuple(_mode(part) for part in parameters["modes"]),
-            tangential_share=float(parameters["tangential_share"]),
-            friction_coefficient=float(parameters["friction_coefficient"]),
-        )
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"annotations hold no simulated truth: {error!r}") from error
+    return Surface(
+        name=name,
+        modes=tuple(_mode(part) for part in parameters["modes"]),
+        tangential_share=float(parameters["tangential_share"]),
+        friction_coefficient=float(parameters["friction_coefficient"]),
+    )
 
 
 def _mode(part: Mapping[str, object]) -> Mode:

@@ -11,8 +11,9 @@ from typing import Final
 
 from mmt.core.errors import InputError
 from mmt.testing.simulation.grained_textures import GRAINED, ridges
+from mmt.testing.simulation.known_surfaces import KnownSurface
 from mmt.testing.simulation.modes import Resonance
-from mmt.testing.simulation.surfaces import KnownSurface, Surface
+from mmt.testing.simulation.surfaces import Surface
 
 _PLASTIC = Surface(
     "plastic",

@@ -6,9 +6,10 @@ from typing import Protocol
 import numpy as np
 
 from mmt.testing.simulation import RATE_HZ
+from mmt.testing.simulation.known_surfaces import KnownSurface
 from mmt.testing.simulation.modes import maps_at
 from mmt.testing.simulation.noise import NoiseRows
-from mmt.testing.simulation.surfaces import HIGH_PASS_POLE, KnownSurface, Surface
+from mmt.testing.simulation.surfaces import HIGH_PASS_POLE, Surface
 
 _WIDTH = pi / RATE_HZ
 _ANGLE = 2.0 * pi / RATE_HZ

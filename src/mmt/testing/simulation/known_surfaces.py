@@ -1,0 +1,47 @@
+"""Surfaces whose texture is known exactly, of either kind, and their truth in a recording."""
+
+import json
+from typing import TYPE_CHECKING, TypeAlias, Union
+
+from mmt.core.errors import InputError
+from mmt.testing.simulation.surfaces import (
+    COURSE_VERSION,
+    GRAINED_VERSION,
+    MODEL_VERSION,
+    VERSION,
+    Surface,
+    surface_from_parameters,
+)
+
+if TYPE_CHECKING:
+    from mmt.testing.simulation.model_surface import ModelSurface
+
+KnownSurface: TypeAlias = Union[Surface, "ModelSurface"]
+"""A texture of this project's own, or a model's, whose module needs the numerics."""
+
+
+def surface_from_annotations(annotations: bytes) -> KnownSurface:
+    """Rebuild the surface that a recording's annotations describe.
+
+    Raises
+    ------
+    InputError
+        The bytes hold no truth of a known version.
+    """
+    try:
+        truth = json.loads(annotations)
+        version, name, parameters = truth["version"], str(truth["surface"]), truth["parameters"]
+        if version == COURSE_VERSION:
+            raise InputError("the session goes over several surfaces: mmt lab surfaces")
+        if version == MODEL_VERSION:
+            from mmt.testing.simulation.model_surface import from_parameters
+
+            return from_parameters(name, parameters)
+        if version in {VERSION, GRAINED_VERSION}:
+            return surface_from_parameters(name, parameters)
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise InputError(f"annotations hold no simulated truth: {error!r}") from error
+    raise InputError(
+        f"annotations: version {version} of the simulated truth is not known, this program reads "
+        f"{VERSION}, {GRAINED_VERSION} and {MODEL_VERSION}"
+    )
