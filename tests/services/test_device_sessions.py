@@ -37,6 +37,7 @@ async def test_a_scene_of_devices_streams_what_they_measure(tmp_path: Path, driv
 class Slow(Instrument):
     """A device whose connection takes as long as the test wants."""
 
+    asked: ClassVar[threading.Event]
     goes_on: ClassVar[threading.Event]
     made: ClassVar[list[Any]]
 
@@ -45,13 +46,14 @@ class Slow(Instrument):
         self.made.append(self)
 
     def connect(self) -> None:
+        self.asked.set()
         assert self.goes_on.wait(20.0), "the loop that would let it go on stands still"
 
 
 @pytest.fixture
 def slow_scene(tmp_path: Path, drivers: str) -> Scene:
     (tmp_path / "slow_drivers.py").write_text("from test_device_sessions import Slow as Robot\n")
-    Slow.goes_on, Slow.made = threading.Event(), []
+    Slow.asked, Slow.goes_on, Slow.made = threading.Event(), threading.Event(), []
     table = {"robot": "slow_drivers:Robot", "force_sensor": f"{drivers}:Force"}
     table["accelerometer"] = f"{drivers}:Robot"
     return small_scene(tmp_path, devices=table, simulated=None)
@@ -77,7 +79,7 @@ async def test_a_session_that_ends_while_devices_are_connected_closes_them(
     together = Together.of(slow_scene)
     await together.listen()
     following = asyncio.create_task(together.follow())
-    await together.until(lambda: any("follower connected" in said for said in together.said))
+    await together.until(Slow.asked.is_set)
     together.leader.stop()
     assert (await together.end()).problem is None
     Slow.goes_on.set()
