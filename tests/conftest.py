@@ -24,6 +24,7 @@ SLOWEST_FIRST = (
     "test_stability_services.py",
     "test_backfill.py",
     "test_scenes.py",
+    "test_full_disk.py",
     "test_service_namespaces.py",
     "test_player_page.py",
     "test_fuzz_leader.py",

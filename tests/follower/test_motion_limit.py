@@ -49,7 +49,7 @@ rates = st.sampled_from([100.0, 333.0, 1000.0, 5000.0])
     speed=speeds,
     rate_hz=rates,
 )
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 def test_no_command_leaves_the_workspace_or_exceeds_a_limit(
     first: Vector,
     stretches: list[tuple[Vector | None, int]],
@@ -79,7 +79,7 @@ def test_no_command_leaves_the_workspace_or_exceeds_a_limit(
     acceleration=st.floats(2000.0, 1e6),
     speed=st.floats(50.0, 10_000.0),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_each_axis_passes_a_standing_target_once_at_most_and_arrives(
     path: list[Vector], goal: Vector, acceleration: float, speed: float
 ) -> None:
@@ -98,7 +98,7 @@ def test_each_axis_passes_a_standing_target_once_at_most_and_arrives(
 
 
 @given(start=inside, goal=inside, acceleration=accelerations, speed=speeds)
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_from_rest_no_axis_ever_passes_the_target(
     start: Vector, goal: Vector, acceleration: float, speed: float
 ) -> None:

@@ -12,7 +12,7 @@ from link_samples import commands, frames
 from mmt.core.arrays import RecordArray
 from mmt.core.frames import COMMAND_DTYPE
 from mmt.core.pacing import shortest_period_ns
-from mmt.link.reader import BlockReader
+from mmt.link.reader import LARGEST_QUANTITY, LATEST_NS, BlockReader
 
 
 def reader() -> BlockReader:
@@ -249,6 +249,65 @@ def test_the_end_tells_what_was_lost_last() -> None:
     assert huge.rejected == {"implausible count": 1}
 
 
+def test_what_is_read_and_lost_adds_up_over_messages() -> None:
+    into = reader()
+    blocks = [frames(0), frames(2, 3), frames(9), frames(20, 2)]
+    for block in blocks:
+        assert into.read((block.tobytes(),), 0) is not None
+    assert (into.messages, into.records) == (4, 7)
+    assert into.bytes == sum(block.nbytes for block in blocks)
+    assert into.lost == 1 + 4 + 10
+    into.end(25, 0)
+    assert into.lost == 15 + 3
+    assert into.read((frames(20, 2).tobytes(),), 0) is None
+    into.restart()
+    assert into.read((frames(30).tobytes(),), 0) is not None
+    assert (into.records, into.lost) == (8, 18 + 8)
+
+
+def test_after_a_break_the_next_number_and_the_same_again_are_taken() -> None:
+    """The next goes on without a loss; the same is that of another sender, which begins."""
+    for number, lost in ((10, 0), (11, 1), (9, 0)):
+        into = reader()
+        read(into, frames(0, 10))
+        into.restart()
+        assert read(into, frames(number)) == [number]
+        assert into.lost == lost
+
+
+def test_how_many_may_have_been_sent_is_bounded_by_the_time() -> None:
+    into = BlockReader(frames(0).dtype, "frames", shortest_ns=1_000_000)
+    assert into.read((frames(0, 10).tobytes(),), 0) is not None
+    assert into.is_plausible(0, 0)
+    assert into.is_plausible(10, 0)
+    most = next(sent for sent in range(10, 10_000) if not into.is_plausible(sent, 0)) - 1
+    assert 1500 < most <= 2010
+    late = 500_000_000
+    assert into.is_plausible(most + 500, late)
+    assert not into.is_plausible(most + 501, late)
+    into.end(most, 0)
+    assert (into.lost, into.rejected) == (most - 10, {})
+
+
+def test_values_at_the_bounds_are_taken() -> None:
+    into = reader()
+    block = frames(0)
+    block["position_mm"] = block["force_n"] = 0.0
+    block["time_ns"] = 0
+    block["position_mm"][0, 0] = LARGEST_QUANTITY
+    assert read(into, block) == [0]
+    block["sequence"], block["time_ns"] = 1, LATEST_NS
+    assert read(into, block) == []
+    assert into.rejected == {"time out of range": 1}
+
+
+def test_latency_counts_by_the_senders_clock() -> None:
+    into = reader()
+    into.use_clock_offset(7_000_000)
+    into.read((frames(0, time_ns=8_000_000).tobytes(),), 3_000_000)
+    assert into.latency.quantile_ms(0.5) == pytest.approx(2.0, rel=0.01)
+
+
 def test_latency_is_measured_only_where_the_clocks_are_one() -> None:
     into = reader()
     into.read((frames(0, time_ns=1_000_000).tobytes(),), 3_000_000)
@@ -277,4 +336,4 @@ def test_a_flood_is_logged_once_a_second(caplog: pytest.LogCaptureFixture) -> No
             into.read((b"x",), 0)
     assert into.rejected == {"size": 1000}
     assert 1 <= len(caplog.records) <= 5
-    assert "frames rejected: size" in caplog.text
+    assert caplog.records[0].getMessage() == "frames rejected: size (1 times)"
