@@ -452,6 +452,9 @@ def test_a_halt_holds_whatever_the_leader_commands() -> None:
     robot.guard.halt("hold")
     robot.run(200, (50.0, 0.0, 0.0))
     assert set(robot.positions) == {HOME}
+    robot.guard.release()
+    robot.run(5)
+    assert robot.positions[-5:] == [None] * 5  # what was commanded meanwhile is forgotten
     assert robot.guard.summary["halts"] == 1
     assert robot.guard.summary["halted_s"] == pytest.approx(0.2)
     assert robot.guard.summary["silences"] == 0
@@ -494,6 +497,11 @@ def test_halts_are_counted_and_are_no_silence_of_the_leader() -> None:
     summary = robot.guard.summary
     assert (summary["halts"], summary["halted_s"]) == (2, pytest.approx(0.4))
     assert (summary["silences"], summary["silent_s"], robot.said) == (0, 0.0, [])
+    robot.guard.halt("hold")
+    robot.run(5)
+    robot.guard.release()
+    robot.run(7)
+    assert robot.guard.summary["silent_s"] == pytest.approx(0.007)
 
 
 def test_after_a_halt_the_hand_is_followed_at_its_own_speed() -> None:

@@ -1,0 +1,102 @@
+"""Run mutmut on modules, each in a copy of the tree, and print which changes no test noticed."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Final
+
+ROOT: Final = Path(__file__).parents[1]
+LEAST_SHARE: Final = 0.9
+"""Share of the changes that are to be noticed."""
+
+MODULES: Final[dict[str, tuple[str, ...]]] = {
+    "contact/passivity": ("contact/test_passivity.py", "contact/test_energies.py"),
+    "follower/command_guard": ("follower/test_command_guard.py",),
+    "leader/force_ramp": ("leader/test_force_ramp.py", "leader/test_streamed_force.py"),
+    "leader/numbering": ("leader/test_numbering.py",),
+    "leader/playout": ("leader/test_playout.py",),
+    "leader/slew": ("leader/test_slew.py",),
+    "link/rate_limit": ("link/test_rate_limit.py",),
+    "link/reader": ("link/test_link_reading.py",),
+    "session/mcap_writer": (
+        "session/test_session_files.py",
+        "session/test_session_stamps.py",
+        "session/test_session_stock_reader.py",
+    ),
+    "texture/model/texture_model": ("texture/test_model.py", "texture/test_model_options.py"),
+    "texture/segmentation/segmenter": (
+        "texture/test_segmentation.py",
+        "texture/test_segmentation_online.py",
+    ),
+}
+"""Modules of ``mmt`` and the tests that are theirs, in ``tests``."""
+
+_READ_BY_TESTS: Final = ("configs", "docs")
+
+_SETTINGS: Final = """
+[tool.mutmut]
+source_paths = ["src"]
+only_mutate = ["src/mmt/{module}.py"]
+also_copy = {folders}
+pytest_add_cli_args = ["-p", "no:cacheprovider", "-n", "0"]
+pytest_add_cli_args_test_selection = {tests}
+"""
+
+
+def mutmut(directory: Path, *arguments: str) -> str:
+    """Run mutmut in a directory and return what it prints."""
+    command = [sys.executable, "-m", "mutmut", *arguments]
+    done = subprocess.run(  # noqa: S603 - its arguments are made here
+        command,
+        cwd=directory,
+        env={**os.environ, "HYPOTHESIS_PROFILE": "repeatable"},
+        check=False,
+        text=True,
+        capture_output=True,
+        timeout=3600,
+    )
+    if done.returncode:
+        sys.exit(f"mutmut {' '.join(arguments)}: {done.stdout[-3000:]}{done.stderr[-3000:]}")
+    return done.stdout
+
+
+def mutate(module: str, directory: Path) -> tuple[int, int, list[str]]:
+    """Return how many changes of a module there were, how many were noticed, and the others."""
+    for folder in ("src", "tests", *_READ_BY_TESTS):
+        ignored = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / folder, directory / folder, ignore=ignored)
+    tests = [f"tests/{file}" for file in MODULES[module]]
+    folders = json.dumps(_READ_BY_TESTS)
+    settings = _SETTINGS.format(module=module, tests=json.dumps(tests), folders=folders)
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    (directory / "pyproject.toml").write_text(text + settings, encoding="utf-8")
+    mutmut(directory, "run")
+    mutmut(directory, "export-cicd-stats")
+    counts = json.loads((directory / "mutants/mutmut-cicd-stats.json").read_text(encoding="utf-8"))
+    names = [line.split(":")[0].strip() for line in mutmut(directory, "results").splitlines()]
+    missed = [mutmut(directory, "show", name) for name in names if name.startswith("mmt.")]
+    return counts["total"], counts["killed"] + counts["timeout"], missed
+
+
+def main(wanted: list[str]) -> None:
+    """Mutate the wanted modules, all where none is named; exit with 1 where one is below 90 %."""
+    unknown = sorted(set(wanted) - set(MODULES))
+    if unknown:
+        sys.exit(f"scripts/mutate {unknown[0]}: allowed are {', '.join(MODULES)}")
+    enough = True
+    for module in wanted or MODULES:
+        with tempfile.TemporaryDirectory(prefix="mmt-mutate-") as directory:
+            total, noticed, missed = mutate(module, Path(directory))
+        for difference in missed:
+            print(difference)
+        print(f"{module}: {noticed} of {total} changes noticed, {noticed / total:.0%}", flush=True)
+        enough &= noticed >= LEAST_SHARE * total
+    sys.exit(0 if enough else 1)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
