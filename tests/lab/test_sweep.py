@@ -181,7 +181,7 @@ def test_a_scheduler_that_does_not_answer_is_said(session, monkeypatch):
 
 def test_without_distributed_the_extra_is_named(session, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "distributed", None)
-    with pytest.raises(InputError, match=r"mmt-haptics\[dask\]"):
+    with pytest.raises(InputError, match=r"install it with: .*\[dask\]"):
         list(run_on_dask(jobs_of(session), {}, "tcp://127.0.0.1:9"))
 
 
