@@ -24,7 +24,10 @@ def evaluate(
     scene_file: Annotated[
         Path | None, typer.Option("--scene", help="Take \\[texture] from this scene.")
     ] = None,
-    step: Annotated[float, typer.Option(help="Seconds between the rows.")] = 2.5,
+    step: Annotated[
+        float | None,
+        typer.Option(help="Seconds between the rows; 2.5 if absent, more in long recordings."),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Chooses the segments that are held out.")] = 0,
     json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
     report: Annotated[Path | None, typer.Option(help="Write a report there.")] = None,

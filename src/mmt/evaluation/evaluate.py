@@ -7,9 +7,11 @@ recorded vibration is compared with what the model renders in their place. Where
 is known, the leader's model is compared with it over the whole plane as well.
 """
 
+import math
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -28,6 +30,10 @@ from mmt.session.stream import Recording, blocks_of, in_memory
 from mmt.texture.online.history import ModelHistory, build, stream_blocks
 from mmt.texture.settings import Inputs, ModellingSettings
 
+USUAL_STEP_S: Final = 2.5
+MOST_STEPS: Final = 100
+"""Scores of a recording whose step is not given: half the time of a long one went into rows."""
+
 
 class SessionEvaluation(Evaluation):
     """An evaluation that prints as the table of ``mmt evaluate``."""
@@ -44,7 +50,7 @@ def evaluate_session(
     settings: ModellingSettings | None = None,
     *,
     period_s: float | None = None,
-    step_s: float = 2.5,
+    step_s: float | None = None,
     seed: int = 0,
 ) -> Evaluation:
     """Evaluate one session; the same session, settings and seed give the same figures.
@@ -60,7 +66,8 @@ def evaluate_session(
         Time between two updates of the model; None as for `settings`. At any moment the leader
         has the model of its last update: with updates every second, at 2.5 s the one of 2 s.
     step_s
-        Time between two scores.
+        Time between two scores; None takes 2.5 s, and in a recording of over 250 s the
+        multiple of it that gives at most 100 scores.
     seed
         Seeds the choice of held-out segments and the synthesis.
 
@@ -94,7 +101,7 @@ def evaluate_session(
     settings = settings or recorded
     period_s = recorded_period_s if period_s is None else period_s
     for name, value in (("period_s", period_s), ("step_s", step_s)):
-        if not (np.isfinite(value) and value > 0):
+        if value is not None and not (np.isfinite(value) and value > 0):
             raise InputError(f"{name} is {value}: it must be positive and finite")
     period_frames = max(1, round(period_s * settings.rate_hz))
 
@@ -122,6 +129,8 @@ def evaluate_session(
     final_s = duration_s if leader.stop_s is None else leader.stop_s
     model = leader.model(leader.number(final_s))
     worst, errors = scorer.errors(final_s)
+    if step_s is None:
+        step_s = USUAL_STEP_S * max(1, math.ceil(duration_s / (MOST_STEPS * USUAL_STEP_S)))
     steps = np.arange(1, int(duration_s / step_s + 1e-9) + 1) * step_s
     return SessionEvaluation(
         name=session.path.stem or "session",
@@ -163,7 +172,7 @@ def evaluate_surfaces(
     session: Recording,
     scene: Scene | None = None,
     *,
-    step_s: float = 2.5,
+    step_s: float | None = None,
     seed: int = 0,
 ) -> tuple[list[Evaluation], SurfaceParts | None]:
     """Evaluate a session; where its scene tells surfaces apart, the model of each.

@@ -79,6 +79,7 @@ class SimulatedRobot:
         self.friction_coefficient = friction_coefficient
         """With the surface; may change while it runs."""
         self._count = substeps(self._drive, self._law, PERIOD_S)
+        self._step_s = PERIOD_S / self._count
         self._smoothing = -math.expm1(-pole_rad_s * PERIOD_S)
         start = tuple(0.001 * part for part in START_MM)
         self._command = list(start)
@@ -107,7 +108,7 @@ class SimulatedRobot:
     def _substep(self, force: list[float]) -> None:
         """Integrate one sub-step and add its share to the tick's mean force."""
         position, velocity, command = self._position, self._velocity, self._command
-        step_s = PERIOD_S / self._count
+        step_s = self._step_s
         speed = math.hypot(velocity[0], velocity[1])
         position[2], velocity[2], normal = step_normal(
             self._drive, self._law, (position[2], velocity[2]), command[2], step_s

@@ -64,12 +64,14 @@ class ForceGauge:
         """Return the force (N) as the sensor gives it."""
         if self._exact:
             return force_n
-        noise = self._noise.next()
-        x, y, z = (
-            _limited(quantise(force + FORCE_NOISE_N * error, FORCE_RESOLUTION_N), limit)
-            for force, error, limit in zip(force_n, noise, FORCE_RANGE_N, strict=True)
+        x, y, z = force_n
+        a, b, c = self._noise.next()
+        range_x, range_y, range_z = FORCE_RANGE_N
+        return (
+            _reading(x + FORCE_NOISE_N * a, FORCE_RESOLUTION_N, range_x),
+            _reading(y + FORCE_NOISE_N * b, FORCE_RESOLUTION_N, range_y),
+            _reading(z + FORCE_NOISE_N * c, FORCE_RESOLUTION_N, range_z),
         )
-        return x, y, z
 
 
 class TiltedAccelerometer:
@@ -83,7 +85,7 @@ class TiltedAccelerometer:
     """
 
     def __init__(self, generator: np.random.Generator, *, exact: bool) -> None:
-        self._phases = [float(phase) for phase in generator.uniform(0.0, 2.0 * pi, 2)]
+        self._phase_x, self._phase_y = generator.uniform(0.0, 2.0 * pi, 2).tolist()
         self._noise = NoiseRows(generator, 3)
         self._exact = exact
         self._tick = 0
@@ -92,25 +94,28 @@ class TiltedAccelerometer:
         """Return the proper acceleration (m/s2) at the next tick."""
         time_s = self._tick * PERIOD_S
         self._tick += 1
-        lean_x, lean_y = (
-            TILT_RAD * sin(2.0 * pi * time_s / period + phase)
-            for period, phase in zip(_TILT_PERIODS_S, self._phases, strict=True)
-        )
+        turns = 2.0 * pi * time_s
+        lean_x = TILT_RAD * sin(turns / _TILT_PERIODS_S[0] + self._phase_x)
+        lean_y = TILT_RAD * sin(turns / _TILT_PERIODS_S[1] + self._phase_y)
+        upright = cos(lean_x)
         x, y, z = acceleration_m_s2
         x += GRAVITY_M_S2 * sin(lean_x)
-        y += GRAVITY_M_S2 * sin(lean_y) * cos(lean_x)
-        z += GRAVITY_M_S2 * cos(lean_x) * cos(lean_y)
+        y += GRAVITY_M_S2 * sin(lean_y) * upright
+        z += GRAVITY_M_S2 * upright * cos(lean_y)
         if self._exact:
             return x, y, z
-        noise = self._noise.next()
-        x, y, z = (_sampled(a, e) for a, e in zip((x, y, z), noise, strict=True))
-        return x, y, z
+        a, b, c = self._noise.next()
+        step, limit = ACCELERATION_RESOLUTION_M_S2, ACCELERATION_RANGE_M_S2
+        return (
+            _reading(x + ACCELERATION_NOISE_M_S2 * a, step, limit),
+            _reading(y + ACCELERATION_NOISE_M_S2 * b, step, limit),
+            _reading(z + ACCELERATION_NOISE_M_S2 * c, step, limit),
+        )
 
 
-def _sampled(acceleration: float, error: float) -> float:
-    value = quantise(acceleration + ACCELERATION_NOISE_M_S2 * error, ACCELERATION_RESOLUTION_M_S2)
-    return _limited(value, ACCELERATION_RANGE_M_S2)
-
-
-def _limited(value: float, limit: float) -> float:
-    return -limit if value < -limit else min(value, limit)
+def _reading(value: float, resolution: float, limit: float) -> float:
+    """Return the nearest step of a converter, at most its range; inline, for its many calls."""
+    value = floor(value / resolution + 0.5) * resolution
+    if value > limit:
+        return limit
+    return value if value >= -limit else -limit
