@@ -21,7 +21,7 @@ import numpy.typing as npt
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
 from mmt.testing.simulation import RATE_HZ
-from mmt.testing.simulation.surfaces import MODEL_VERSION
+from mmt.testing.simulation.surfaces import MODEL_VERSION, strokes_on
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel
 
@@ -153,18 +153,8 @@ class ModelSurface:
         force_n: npt.ArrayLike,
         heading_rad: npt.ArrayLike | None,
     ) -> FloatArray:
-        if heading_rad is None and not self.isotropic:
-            raise InputError(f"the texture {self.name} depends on the stroke's heading: give one")
-        heading = np.asarray(0.0 if heading_rad is None else heading_rad, np.float64)
-        speed, force, heading = np.broadcast_arrays(
-            np.maximum(np.asarray(speed_mm_s, np.float64), 0.0),
-            np.maximum(np.asarray(force_n, np.float64), 0.0),
-            heading,
-        )
-        x, y = speed * np.cos(heading), speed * np.sin(heading)
-        return self.space.normalise(
-            self.space.from_motion(np.ravel(x), np.ravel(y), np.ravel(force))
-        )
+        speed, force, cosine, sine = strokes_on(self, speed_mm_s, force_n, heading_rad)
+        return self.space.normalise(self.space.from_motion(speed * cosine, speed * sine, force))
 
 
 def from_parameters(name: str, parameters: Mapping[str, Any]) -> ModelSurface:

@@ -15,7 +15,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -101,7 +101,7 @@ class Surface:
         InputError
             The texture depends on the heading, and none is given.
         """
-        speed, force, cosine, sine = self._strokes(speed_mm_s, force_n, heading_rad)
+        speed, force, cosine, sine = strokes_on(self, speed_mm_s, force_n, heading_rad)
         omega = 2.0 * np.pi / RATE_HZ * np.atleast_1d(np.asarray(frequencies_hz, np.float64))
         density = np.zeros((speed.size, omega.size))
         for mode in self.modes:
@@ -161,22 +161,41 @@ class Surface:
         truth = {"surface": self.name, "version": version, "parameters": parameters}
         return json.dumps(truth, separators=(",", ":")).encode()
 
-    def _strokes(
-        self,
-        speed_mm_s: npt.ArrayLike,
-        force_n: npt.ArrayLike,
-        heading_rad: npt.ArrayLike | None,
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return speed, force, cosine and sine of the heading, each of shape (k,)."""
-        if heading_rad is None and not self.isotropic:
-            raise InputError(f"the texture {self.name} depends on the stroke's heading: give one")
-        heading = np.asarray(0.0 if heading_rad is None else heading_rad, np.float64)
-        speed, force, heading = np.broadcast_arrays(
-            np.maximum(np.asarray(speed_mm_s, np.float64), 0.0),
-            np.maximum(np.asarray(force_n, np.float64), 0.0),
-            heading,
-        )
-        return speed.ravel(), force.ravel(), np.cos(heading).ravel(), np.sin(heading).ravel()
+
+def strokes_on(
+    surface: "Named",
+    speed_mm_s: npt.ArrayLike,
+    force_n: npt.ArrayLike,
+    heading_rad: npt.ArrayLike | None,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return speed, force, cosine and sine of the heading, each of shape (k,).
+
+    Raises
+    ------
+    InputError
+        The texture depends on the heading, and none is given.
+    """
+    if heading_rad is None and not surface.isotropic:
+        raise InputError(f"the texture {surface.name} depends on the stroke's heading: give one")
+    heading = np.asarray(0.0 if heading_rad is None else heading_rad, np.float64)
+    speed, force, heading = np.broadcast_arrays(
+        np.maximum(np.asarray(speed_mm_s, np.float64), 0.0),
+        np.maximum(np.asarray(force_n, np.float64), 0.0),
+        heading,
+    )
+    return speed.ravel(), force.ravel(), np.cos(heading).ravel(), np.sin(heading).ravel()
+
+
+class Named(Protocol):
+    """What `strokes_on` asks of a surface."""
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+
+    @property
+    def isotropic(self) -> bool:
+        """Whether the texture is the same in all directions."""
 
 
 def surface_from_parameters(name: str, parameters: Mapping[str, Any]) -> Surface:
