@@ -75,7 +75,7 @@ def compile_kernels(modules: Sequence[str], on_start: Callable[[str], None]) -> 
         return  # numba caches them elsewhere then, where nothing says whether they are
     if kernels_are_compiled():
         return
-    on_start("compiling the numerics, at the first start only (about 10 s)")
+    on_start("compiling the numerics, at the first start only (10 to 20 s)")
     shares = min(os.cpu_count() or 1, _MOST_PROCESSES)
     with ExitStack() as stack:
         processes = []

@@ -110,7 +110,7 @@ class _Line:
 
 
 def _fit(stamps_s: FloatArray) -> _Line | None:
-    """Fit a line to each stretch between pauses; None where one of them follows no clock."""
+    """Fit a line to each stretch between pauses; None where too few rows follow a clock."""
     intervals_s = np.diff(stamps_s)
     window = _WINDOW_ROWS * _batch_rows(intervals_s)
     typical_s = _slope(stamps_s, np.arange(len(stamps_s)), window)
