@@ -9,11 +9,12 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.scene import Hand, Scene
+from mmt.scene import Scene
 from mmt.testing.simulation.offline import simulate_session
 from mmt.testing.simulation.recorded_path import LARGEST_SCALE, load_path
 from mmt.testing.simulation.textures import SURFACES, get_surface
 from mmt.texture.settings import Inputs
+from mmt_lab.harness.experiment import hand_of
 
 FIRST_SEED: Final = 1000
 """Seeds count from here: the ones that anything was tried with are smaller."""
@@ -45,6 +46,8 @@ class Case:
         A recorded stroke in place of the simulated hand, None without.
     motion_scale, force_scale
         Factors on it.
+    hand
+        Kind of the simulated hand.
     """
 
     texture: str
@@ -52,6 +55,7 @@ class Case:
     stroke: Path | None = None
     motion_scale: float = 1.0
     force_scale: float = 1.0
+    hand: str = "strokes"
 
     @property
     def group(self) -> str:
@@ -73,7 +77,7 @@ class Case:
     def session(self) -> RecordArray:
         """Simulate the session: a hand that takes all headings where they count."""
         grained = self.inputs == "anisotropic"
-        scene = Scene(hand=Hand(headings="all" if grained else "opposite"))
+        scene = Scene(hand=hand_of(self.hand, isotropic=not grained))
         frames, _ = simulate_session(
             scene,
             self.texture,
@@ -86,9 +90,9 @@ class Case:
         return frames
 
 
-def simulated_cases(seeds: int, textures: Sequence[str]) -> list[Case]:
-    """Return a session of each texture and each of a number of seeds."""
-    return [Case(name, FIRST_SEED + seed) for name in textures for seed in range(seeds)]
+def simulated_cases(seeds: int, textures: Sequence[str], hand: str = "strokes") -> list[Case]:
+    """Return a session of each texture and each of a number of seeds, by a kind of hand."""
+    return [Case(name, FIRST_SEED + seed, hand=hand) for name in textures for seed in range(seeds)]
 
 
 def recorded_cases(

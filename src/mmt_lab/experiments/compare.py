@@ -36,7 +36,15 @@ from mmt_lab.compare.judging import (
     judge,
 )
 from mmt_lab.compare.summary import STANDARD_ERRORS, Difference, MethodComparison, Row
-from mmt_lab.harness.experiment import Experiment, Seeds, Textures, Workers, chosen_textures
+from mmt_lab.harness.experiment import (
+    Experiment,
+    HandKind,
+    Seeds,
+    Textures,
+    Workers,
+    chosen_textures,
+    hand_of,
+)
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import each
 
@@ -276,6 +284,7 @@ def run(
     ] = "published,ours",
     seeds: Seeds = 10,
     textures: Textures = None,
+    hand: HandKind = "strokes",
     workers: Workers = None,
 ) -> Findings:
     """Compare methods of texture modelling; the first one named is what the others differ from.
@@ -283,13 +292,14 @@ def run(
     Raises
     ------
     InputError
-        A method or texture is not known.
+        A method, texture or kind of hand is not known.
     """
     names = [name.strip() for name in methods.split(",")]
     check_methods(names)
     chosen = chosen_textures(textures)
     recorded, remarks = recorded_cases(strokes or [], chosen)
-    return findings(compare([*simulated_cases(seeds, chosen), *recorded], names, remarks, workers))
+    simulated = simulated_cases(seeds, chosen, hand_of(hand).kind)
+    return findings(compare([*simulated, *recorded], names, remarks, workers))
 
 
 def findings(comparison: MethodComparison) -> Findings:

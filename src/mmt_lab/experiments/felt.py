@@ -37,7 +37,15 @@ from mmt_lab.felt.leading import (
     warm_models,
 )
 from mmt_lab.felt.passing import pass_over
-from mmt_lab.harness.experiment import Experiment, Seeds, Textures, Workers, chosen_textures
+from mmt_lab.harness.experiment import (
+    Experiment,
+    HandKind,
+    Seeds,
+    Textures,
+    Workers,
+    chosen_textures,
+    hand_of,
+)
 from mmt_lab.harness.findings import Findings, median_of_known
 from mmt_lab.harness.processes import each
 
@@ -65,11 +73,12 @@ SPANS_S: Final = ((0.0, 5.0), (5.0, 10.0), (10.0, 1000.0))
 
 @dataclass(frozen=True)
 class Case:
-    """One session: a texture, a network's profile, a seed."""
+    """One session: a texture, a network's profile, a seed, a kind of hand."""
 
     texture: str
     network: str
     seed: int
+    hand: str = "strokes"
 
     @property
     def duration_s(self) -> float:
@@ -112,10 +121,10 @@ class Row:
     offset_ms: float | None
 
 
-def cases(seeds: int, textures: Sequence[str]) -> list[Case]:
-    """Return `seeds` sessions of each texture over each network."""
+def cases(seeds: int, textures: Sequence[str], hand: str = "strokes") -> list[Case]:
+    """Return `seeds` sessions of each texture over each network, by a kind of hand."""
     return [
-        Case(texture, network, FIRST_SEED + seed)
+        Case(texture, network, FIRST_SEED + seed, hand)
         for network in NETWORKS
         for texture in textures
         for seed in range(seeds)
@@ -127,7 +136,11 @@ def feel(case: Case) -> list[Outcome]:
     surface = get_surface(case.texture)
     ticks = round(case.duration_s * RATE_HZ)
     passage = pass_over(
-        surface, Network.model_validate({"profile": case.network}), ticks, case.seed
+        surface,
+        Network.model_validate({"profile": case.network}),
+        ticks,
+        case.seed,
+        hand_of(case.hand, isotropic=surface.isotropic),
     )
     bound = at_once(passage, case.seed)
     reference = Reference(passage, bound.vibration_m_s2)
@@ -301,9 +314,15 @@ def _delay(network: str) -> str:
     return f"{words}, {100 * emulated.loss:g} % lost" if emulated.loss else words
 
 
-def run(seeds: Seeds = 3, textures: Textures = None, workers: Workers = None) -> Findings:
+def run(
+    seeds: Seeds = 3,
+    textures: Textures = None,
+    hand: HandKind = "strokes",
+    workers: Workers = None,
+) -> Findings:
     """Tell what the hand feels over each network, by method."""
-    calls = [(case,) for case in cases(seeds, chosen_textures(textures))]
+    chosen = cases(seeds, chosen_textures(textures), hand_of(hand).kind)
+    calls = [(case,) for case in chosen]
     outcomes = [one for felt in each(feel, calls, workers=workers, what="stroking") for one in felt]
     table = felt_table(outcomes)
     return Findings(

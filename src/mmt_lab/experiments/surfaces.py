@@ -15,7 +15,7 @@ import typer
 from scipy.stats import chi2
 
 from mmt.evaluation.document import Table
-from mmt_lab.harness.experiment import Experiment, Seed, Seeds, Workers
+from mmt_lab.harness.experiment import Experiment, HandKind, Seed, Seeds, Workers, hand_of
 from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.processes import each
 from mmt_lab.surfaces.running import RECORDED, SurfaceResult, run_recorded, run_simulated
@@ -214,6 +214,7 @@ def run(
     ] = None,
     seeds: Seeds = 2,
     seed: Seed = 0,
+    hand: HandKind = "strokes",
     workers: Workers = None,
 ) -> Findings:
     """Tell how soon changes of surface are found, and which model is recalled.
@@ -221,14 +222,14 @@ def run(
     Raises
     ------
     InputError
-        A session has no course over known surfaces.
+        A session has no course over known surfaces, or the kind of hand is not known.
     """
     if sessions:
         results = each(
             run_recorded, [(path,) for path in sessions], workers=workers, what="sessions"
         )
     else:
-        results = run_simulated(seeds, first=seed, workers=workers)
+        results = run_simulated(seeds, first=seed, hand=hand_of(hand).kind, workers=workers)
     evaluation = SurfaceEvaluation(results)
     return Findings(
         TITLE,

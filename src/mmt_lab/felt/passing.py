@@ -67,10 +67,10 @@ class Passage:
         return unit
 
 
-def pass_over(surface: KnownSurface, network: Network, ticks: int, seed: int) -> Passage:
+def pass_over(
+    surface: KnownSurface, network: Network, ticks: int, seed: int, stroking: Hand | None = None
+) -> Passage:
     """Let a hand stroke a surface over a network for `ticks` milliseconds.
-
-    The hand strokes in all directions where the texture depends on the heading.
 
     Parameters
     ----------
@@ -82,10 +82,12 @@ def pass_over(surface: KnownSurface, network: Network, ticks: int, seed: int) ->
         At least 1.
     seed
         Seed of hand, texture, sensors and network.
+    stroking
+        The hand; by default one with the scene's defaults.
     """
     settings = Simulated()
-    headings = Hand(headings="opposite" if surface.isotropic else "all")
-    hand = SimulatedHand(headings, seed, compliance_mm_n=nominal_compliance_mm_n(settings))
+    compliance_mm_n = nominal_compliance_mm_n(settings)
+    hand = SimulatedHand(stroking or Hand(), seed, compliance_mm_n=compliance_mm_n)
     follower = SimulatedFollower(settings, channels=CHANNELS, seed=seed, surface=surface)
     follower.start(0)
     down = MessageImpairments(network, seed, 0)

@@ -25,6 +25,9 @@ from typing import Annotated, Final, Literal
 import typer
 
 from mmt.core.errors import InputError
+from mmt.scene import Hand
+from mmt.scene.files import table_from
+from mmt.scene.simulated_tables import HAND_KINDS
 from mmt_lab import experiments
 from mmt_lab.harness.findings import Findings
 
@@ -46,6 +49,14 @@ Textures = Annotated[
     ),
 ]
 """Names of known textures between commas; see `chosen_textures`."""
+
+HandKind = Annotated[
+    str,
+    typer.Option(
+        metavar="KIND", help=f"The hand: {', '.join(HAND_KINDS)}, or a recorded stroke (.npz)."
+    ),
+]
+"""Kind of the simulated hand, ``kind`` of ``[hand]``; see `hand_of`."""
 
 Workers = Annotated[
     int | None,
@@ -148,6 +159,18 @@ def chosen_textures(textures: str | None) -> list[str]:
     for name in chosen:
         get_surface(name)
     return chosen
+
+
+def hand_of(kind: str, *, isotropic: bool = True) -> Hand:
+    """Return a hand of a kind, which takes all headings where a texture depends on them.
+
+    Raises
+    ------
+    InputError
+        There is no such kind.
+    """
+    headings = "opposite" if isotropic else "all"
+    return table_from(Hand, "hand", {"kind": kind, "headings": headings})
 
 
 _MODELS: Final = (".npz", ".xml")

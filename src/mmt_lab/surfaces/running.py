@@ -11,7 +11,7 @@ import numpy as np
 from mmt.cli.reporting import scene_of
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.scene import Hand, Scene
+from mmt.scene import Scene
 from mmt.session import read_session
 from mmt.testing.simulation.course import SurfaceCourse, course_from_annotations
 from mmt.testing.simulation.offline import simulate_session
@@ -21,6 +21,7 @@ from mmt.texture.settings import Inputs, ModellingSettings, SurfaceSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.surfaces.modeller import LOOK_S
 from mmt.texture.surfaces.tracking import SurfaceTracker
+from mmt_lab.harness.experiment import hand_of
 from mmt_lab.harness.processes import each
 from mmt_lab.surfaces.scoring import Found, SurfaceScore, score
 
@@ -33,11 +34,8 @@ STAY_S: Final = 8.0
 RECORDED: Final = "recorded"
 """The group of sessions that were not simulated here."""
 
-GROUPS: Final[Mapping[str, tuple[Scene, Inputs]]] = {
-    "isotropic": (Scene(), "isotropic"),
-    "grained": (Scene(hand=Hand(headings="all")), "anisotropic"),
-}
-"""Scene and model inputs of the simulated sessions, by the kind of their textures."""
+GROUPS: Final[Mapping[str, Inputs]] = {"isotropic": "isotropic", "grained": "anisotropic"}
+"""Model inputs of the simulated sessions, by the kind of their textures."""
 
 _TOUCH_N: Final = 0.05
 _LEAST_SPEED_MM_S: Final = 10.0
@@ -53,7 +51,9 @@ class SurfaceResult:
     group: str = RECORDED
 
 
-def run_simulated(seeds: int, *, first: int = 0, workers: int | None = None) -> list[SurfaceResult]:
+def run_simulated(
+    seeds: int, *, first: int = 0, hand: str = "strokes", workers: int | None = None
+) -> list[SurfaceResult]:
     """Simulate and score sessions over 2 to 6 surfaces in random order.
 
     Two groups of sessions: over textures that are the same in all directions, and, with a hand
@@ -66,10 +66,17 @@ def run_simulated(seeds: int, *, first: int = 0, workers: int | None = None) -> 
         Sessions for each number of surfaces in each group.
     first
         The first seed.
+    hand
+        Kind of the hand.
     workers
         Local processes; see `mmt_lab.harness.processes.each`.
     """
-    calls = [(g, c, s) for g in GROUPS for s in range(first, first + seeds) for c in COUNTS]
+    calls = [
+        (group, count, seed, hand)
+        for group in GROUPS
+        for seed in range(first, first + seeds)
+        for count in COUNTS
+    ]
     return each(_simulated, calls, workers=workers, what="sessions over several surfaces")
 
 
@@ -112,7 +119,7 @@ def draw_surfaces(group: str, count: int, seed: int) -> list[Surface]:
     return [SURFACES[name] for name in chosen]
 
 
-def _simulated(group: str, count: int, seed: int) -> SurfaceResult:
+def _simulated(group: str, count: int, seed: int, hand: str) -> SurfaceResult:
     number = 100 * count + seed
     course = SurfaceCourse.draw(
         draw_surfaces(group, count, seed),
@@ -121,10 +128,10 @@ def _simulated(group: str, count: int, seed: int) -> SurfaceResult:
         duration_s=DURATION_S,
         seed=number,
     )
-    scene, inputs = GROUPS[group]
+    scene = Scene(hand=hand_of(hand, isotropic=group == "isotropic"))
     frames, _ = simulate_session(scene, course, DURATION_S, number)
     name = f"{group}, {count} surfaces, seed {seed}"
-    result = run_session(name, course, frames, ModellingSettings(inputs=inputs))
+    result = run_session(name, course, frames, ModellingSettings(inputs=GROUPS[group]))
     return replace(result, group=group)
 
 

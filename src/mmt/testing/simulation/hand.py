@@ -1,6 +1,6 @@
 """A hand that holds the leader's interface and strokes a surface."""
 
-from collections.abc import Iterator
+from itertools import chain
 from math import cos, exp, pi, sin, sqrt
 from typing import Final
 
@@ -9,13 +9,15 @@ import numpy as np
 from mmt.devices.protocols import InterfaceState, Vector
 from mmt.scene import Hand, Simulated
 from mmt.testing.simulation import PERIOD_S, RATE_HZ
+from mmt.testing.simulation.motions import in_phases, motion
 from mmt.testing.simulation.noise import NoiseRows
 from mmt.testing.simulation.robot import START_MM, nominal_compliance_mm_n
-from mmt.testing.simulation.strokes import Phase, StrokePlanner
+from mmt.testing.simulation.strokes import Phase
 
 LEAST_FORCE_N: Final = 0.01
 """Below this the hand does not press."""
 
+_APPROACH: Final = (Phase(1, 300, 0.0, 0.0, START_MM[2]), Phase(300, 20, 0.0, 0.0))
 _DRIFT_SHARE: Final = 0.02
 _DRIFT_TIME_S: Final = 0.3
 _TREMOR_SHARE: Final = 0.012
@@ -53,10 +55,10 @@ class Unsteadiness:
 class SimulatedHand:
     """A seeded operator who explores the surface; implements `LeaderInterface`.
 
-    The hand intends a speed and a normal force. To press, it commands a depth below the
-    surface from the compliance that it expects between its handle and the surface. Where
-    force is fed back (`write`), it corrects that expectation over half a second, as a
-    person does who feels too much or too little.
+    The hand intends a speed and a normal force (`mmt.testing.simulation.motions`). To press, it
+    commands a depth below the surface from the compliance that it expects between its handle
+    and the surface. Where force is fed back (`write`), it corrects that expectation over half a
+    second, as a person does who feels too much or too little.
 
     The course depends on the seed and the feedback alone, not on how ticks are grouped.
     Cost: about 3 us a tick.
@@ -64,17 +66,21 @@ class SimulatedHand:
     Parameters
     ----------
     settings
-        The range of speeds and forces, and the share of time at rest.
+        The kind of hand, and its range of speeds and forces.
     seed
         The scene's seed.
     compliance_mm_n
         Expected depth of the command for each newton; by default that of the default
         `[simulated]` follower, see `nominal_compliance_mm_n`.
+
+    Raises
+    ------
+    InputError
+        The file of a recorded stroke is not usable.
     """
 
     def __init__(self, settings: Hand, seed: int, *, compliance_mm_n: float | None = None) -> None:
         plan, noise = np.random.SeedSequence([seed, 1]).spawn(2)
-        self._planner = StrokePlanner(settings, np.random.default_rng(plan))
         self._noise = NoiseRows(np.random.default_rng(noise), 6)
         self._compliance = (
             nominal_compliance_mm_n(Simulated()) if compliance_mm_n is None else compliance_mm_n
@@ -87,10 +93,10 @@ class SimulatedHand:
         self._velocity: Vector = (0.0, 0.0, 0.0)
         self._force = 0.0
         self._heading = 0.0
-        self._phase = Phase(1, 300, 0.0, 0.0, START_MM[2])
-        self._tick = 0
-        self._from = (0.0, 0.0, START_MM[2])
-        self._following: Iterator[Phase] = iter((Phase(300, 20, 0.0, 0.0),))
+        self._intents = chain(
+            in_phases(_APPROACH, START_MM[2]),
+            motion(settings, np.random.default_rng(plan), lambda: (self._x, self._y)),
+        )
 
     def connect(self) -> None:
         """Do nothing: there is no device."""
@@ -118,12 +124,14 @@ class SimulatedHand:
 
     def _advance(self) -> None:
         noise = self._noise.next()
-        speed, force, clearance = self._intended()
+        speed, force, clearance, heading, turn_rad_mm = next(self._intents)
+        if heading is not None:
+            self._heading = heading
         speed *= self._speed_factor.step(noise[:3])
         force *= max(self._force_factor.step(noise[3:]), 0.0)
         if self._felt_n is not None and force > LEAST_FORCE_N:
             self._correct(force, self._felt_n)
-        self._heading += self._phase.turn_rad_mm * speed * PERIOD_S
+        self._heading += turn_rad_mm * speed * PERIOD_S
         u, v = speed * cos(self._heading), speed * sin(self._heading)
         z = clearance - self._compliance * self._scale * force
         self._velocity = (u, v, (z - self._z) * RATE_HZ)
@@ -131,33 +139,6 @@ class SimulatedHand:
         self._y += v * PERIOD_S
         self._z = z
         self._force = force
-
-    def _intended(self) -> tuple[float, float, float]:
-        """Return speed, force and clearance at the next tick of the current phase."""
-        phase = self._phase
-        self._tick += 1
-        if self._tick > phase.ramp_ticks + phase.hold_ticks:
-            self._from = (phase.speed_mm_s, phase.force_n, phase.clearance_mm)
-            phase = self._phase = self._next_phase()
-            self._tick = 1
-            if phase.heading_rad is not None:
-                self._heading = phase.heading_rad
-        if self._tick >= phase.ramp_ticks:
-            return phase.speed_mm_s, phase.force_n, phase.clearance_mm
-        share = 0.5 - 0.5 * cos(pi * self._tick / phase.ramp_ticks)
-        speed, force, clearance = self._from
-        return (
-            speed + share * (phase.speed_mm_s - speed),
-            force + share * (phase.force_n - force),
-            clearance + share * (phase.clearance_mm - clearance),
-        )
-
-    def _next_phase(self) -> Phase:
-        phase = next(self._following, None)
-        if phase is None:
-            self._following = self._planner.stroke(self._x, self._y)
-            phase = next(self._following)
-        return phase
 
     def _correct(self, intended_n: float, felt_n: float) -> None:
         error = (intended_n - felt_n) / max(intended_n, 0.3)

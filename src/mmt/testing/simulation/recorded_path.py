@@ -1,6 +1,6 @@
 """Recorded human motion and force as the stroke of a simulated session."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -61,16 +61,20 @@ class RecordedPath:
         The turns are where the tip is slowest within the last and the first quarter, so
         that neither position, speed nor force jumps there, and velocity hardly.
         """
-        length = len(self.force_n)
-        if count <= length:
+        if count <= len(self.force_n):
             return self._taken(np.arange(count))
+        return self._taken(np.fromiter(self.endless(), np.int64, count))
+
+    def endless(self) -> Iterator[int]:
+        """Yield the numbers of the samples from the first on, as `looped` orders them."""
         step_mm = np.hypot(*np.diff(self.position_mm[:, :2], axis=0).T)
-        quarter = max(1, length // 4)
+        quarter = max(1, len(self.force_n) // 4)
         first = int(np.argmin(step_mm[:quarter]))
-        last = length - quarter + int(np.argmin(step_mm[-quarter:]))
-        place = np.arange(count)
-        beyond = np.abs((place - last) % (2 * (last - first)) - (last - first))
-        return self._taken(np.where(place <= last, place, first + beyond))
+        last = len(self.force_n) - quarter + int(np.argmin(step_mm[-quarter:]))
+        yield from range(last)
+        while True:
+            yield from range(last, first, -1)
+            yield from range(first, last)
 
     def _taken(self, index: IntArray) -> "RecordedPath":
         return RecordedPath(self.position_mm[index], self.force_n[index], self.name)

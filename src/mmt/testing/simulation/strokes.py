@@ -58,6 +58,55 @@ class _Steady:
     hold_s: float
 
 
+class Aim:
+    """Chooses the heading of each stroke, so that it ends within reach.
+
+    Parameters
+    ----------
+    settings
+        How headings are chosen.
+    generator
+        Source of every random number.
+    """
+
+    def __init__(self, settings: Hand, generator: np.random.Generator) -> None:
+        self._opposite = settings.headings == "opposite"
+        self._random = generator
+        self._heading = float(generator.uniform(0.0, 2.0 * math.pi))
+        self._waiting: deque[float] = deque(maxlen=_TRIES)
+
+    def __call__(self, x_mm: float, y_mm: float, length_mm: float) -> float:
+        """Return the heading (rad) of a stroke of this length from here."""
+        return (self._turned if self._opposite else self._anywhere)(x_mm, y_mm, length_mm)
+
+    def _between(self, low: float, high: float) -> float:
+        return low + (high - low) * float(self._random.random())
+
+    def _turned(self, x_mm: float, y_mm: float, length_mm: float) -> float:
+        """Turn round, more or less; where that leaves the workspace, turn to its centre."""
+        wish = self._heading + math.pi + self._between(-0.35, 0.35)
+        if self._random.random() < 0.15:
+            wish = self._between(0.0, 2.0 * math.pi)
+        if not _within_reach(x_mm, y_mm, length_mm, wish):
+            wish = math.atan2(-y_mm, -x_mm) + self._between(-0.2, 0.2)
+        self._heading = wish
+        return wish
+
+    def _anywhere(self, x_mm: float, y_mm: float, length_mm: float) -> float:
+        """Take the next heading of a sequence over all of them that the workspace has room for.
+
+        Those that it has no room for now wait for a stroke that starts elsewhere.
+        """
+        for _ in range(_TRIES - len(self._waiting)):
+            self._heading = (self._heading + 2.0 * math.pi * _GOLDEN) % (2.0 * math.pi)
+            self._waiting.append(self._heading)
+        for heading in self._waiting:
+            if _within_reach(x_mm, y_mm, length_mm, heading):
+                self._waiting.remove(heading)
+                return heading
+        return math.atan2(-y_mm, -x_mm) + self._between(-0.2, 0.2)
+
+
 class StrokePlanner:
     """An endless, seeded supply of phases.
 
@@ -74,10 +123,9 @@ class StrokePlanner:
         self._random = generator
         self._drawn = 0
         self._shift = (generator.random(), generator.random())
-        self._heading = float(generator.uniform(0.0, 2.0 * math.pi))
+        self._aim = Aim(settings, generator)
         self._rest_due_s = 0.0
         self._until_lift = self._next_lift()
-        self._waiting: deque[float] = deque(maxlen=_TRIES)
 
     def stroke(self, x_mm: float, y_mm: float) -> Iterator[Phase]:
         """Yield the phases of the next stroke, which starts here and at rest.
@@ -137,8 +185,7 @@ class StrokePlanner:
 
     def _moves(self, stretches: list[_Steady], x_mm: float, y_mm: float) -> Iterator[Phase]:
         length_mm = _length_mm(stretches)
-        aim = self._aim if self._settings.headings == "opposite" else self._aim_anywhere
-        heading: float | None = aim(x_mm, y_mm, length_mm)
+        heading: float | None = self._aim(x_mm, y_mm, length_mm)
         # A wrist's stroke bows by a fraction of a millimetre.
         turn = self._between(-0.04, 0.04) / length_mm
         before = _Steady(0.0, 0.0, 0.0)
@@ -159,30 +206,6 @@ class StrokePlanner:
         yield Phase(_ticks(stop_s), 1, 0.0, before.force, turn_rad_mm=turn)
         share = self._settings.rest_share
         self._rest_due_s += (moving_s + stop_s) * share / (1.0 - share)
-
-    def _aim(self, x_mm: float, y_mm: float, length_mm: float) -> float:
-        """Turn round, more or less; where that leaves the workspace, turn to its centre."""
-        wish = self._heading + math.pi + self._between(-0.35, 0.35)
-        if self._random.random() < 0.15:
-            wish = self._between(0.0, 2.0 * math.pi)
-        if not _within_reach(x_mm, y_mm, length_mm, wish):
-            wish = math.atan2(-y_mm, -x_mm) + self._between(-0.2, 0.2)
-        self._heading = wish
-        return wish
-
-    def _aim_anywhere(self, x_mm: float, y_mm: float, length_mm: float) -> float:
-        """Take the next heading of a sequence over all of them that the workspace has room for.
-
-        Those that it has no room for now wait for a stroke that starts elsewhere.
-        """
-        for _ in range(_TRIES - len(self._waiting)):
-            self._heading = (self._heading + 2.0 * math.pi * _GOLDEN) % (2.0 * math.pi)
-            self._waiting.append(self._heading)
-        for heading in self._waiting:
-            if _within_reach(x_mm, y_mm, length_mm, heading):
-                self._waiting.remove(heading)
-                return heading
-        return math.atan2(-y_mm, -x_mm) + self._between(-0.2, 0.2)
 
 
 def _within_reach(x_mm: float, y_mm: float, length_mm: float, heading_rad: float) -> bool:
