@@ -66,7 +66,7 @@ def test_models_are_pooled_and_the_published_algorithm_can_be_asked(
     assert result.exit_code == 0, result.output
     assert "a model has no segments" in result.output
     assert json.loads((tmp_path / "m.json").read_text())["compression"] >= 2.0
-    published = run(*trials, "--published", "--json", tmp_path / "p.json")
+    published = run(*trials, "--method", "published", "--json", tmp_path / "p.json")
     assert published.exit_code == 0, published.output
     assert "spectral error" in published.output
 

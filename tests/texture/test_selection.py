@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.interpolate import LinearNDInterpolator
+from scipy.interpolate import LinearNDInterpolator, RBFInterpolator
 from scipy.signal import lfilter
 from selection_samples import ORDER, sampled_texture, true_lsf
 
@@ -14,7 +14,7 @@ from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt.texture.selection import ModelPoints, SelectionSettings, select, select_published
 from mmt.texture.selection.condensed import condense
 from mmt.texture.selection.damped_tones import loudest_tone_energy, modes
-from mmt.texture.selection.leave_one_out import retrained
+from mmt.texture.selection.leave_one_out import DelaunayNeighbours, retrained
 from mmt.texture.selection.outliers import find_outliers, least_points
 from mmt.texture.selection.points import band, log_density_of
 from mmt.texture.selection.published import valid_filter
@@ -32,10 +32,17 @@ def space():
 
 
 @pytest.mark.parametrize("dimensions", [2, 3])
-def test_the_published_decisions_are_those_of_rebuilding_for_every_point(dimensions):
+@pytest.mark.parametrize(
+    ("interpolator", "rebuilt"),
+    [(None, RBFInterpolator), (DelaunayNeighbours, LinearNDInterpolator)],
+    ids=["networks", "triangulation"],
+)
+def test_the_published_decisions_are_those_of_training_for_every_point(
+    dimensions, interpolator, rebuilt
+):
     data, _ = sampled_texture(70, dimensions, knocks=7, seed=3)
-    fast = select_published(data)
-    slow = select_published(data, interpolator=retrained(LinearNDInterpolator))
+    fast = select_published(data, interpolator=interpolator)
+    slow = select_published(data, interpolator=retrained(rebuilt))
     np.testing.assert_array_equal(fast.outlier, slow.outlier)
     np.testing.assert_array_equal(fast.kept, slow.kept)
     np.testing.assert_allclose(fast.error, slow.error, rtol=1e-6)
@@ -59,6 +66,34 @@ def test_sparse_places_are_tolerated_more_by_the_published_threshold():
     dense = result.threshold[:60]
     sparse = result.threshold[60:]
     assert np.nanmean(dense) < 0.25 < np.nanmean(sparse)
+
+
+def test_inputs_of_another_scale_select_the_same_as_published(plane):
+    data, _ = plane
+    scaled = replace(data, points=data.points * [300.0, 3.0] - [150.0, 0.0])
+    first, other = select_published(data), select_published(scaled)
+    np.testing.assert_array_equal(first.kept, other.kept)
+    np.testing.assert_array_equal(first.outlier, other.outlier)
+
+
+def test_points_at_one_place_are_left_out_of_the_published_network_one_by_one(plane):
+    data, _ = plane
+    numbers = np.append(np.arange(len(data)), [20, 20])
+    twice = data.subset(numbers)
+    result = select_published(twice)
+    expected = select_published(twice, interpolator=retrained(_nearest_mean))
+    assert np.isfinite(result.error[20])
+    np.testing.assert_allclose(result.error[[20, -2, -1]], expected.error[[20, -2, -1]], atol=1e-9)
+
+
+def _nearest_mean(points, values):
+    """Return a model that gives the mean of the values at the query's nearest place."""
+
+    def at(queries):
+        distance = np.linalg.norm(points[:, None] - queries[None], axis=2)
+        return np.array([values[column == column.min()].mean(axis=0) for column in distance.T])
+
+    return at
 
 
 def test_the_published_result_depends_on_the_order_and_ours_does_not(space):

@@ -1,5 +1,6 @@
 """``mmt model select``: which samples of trials or models are needed, and which are wrong."""
 
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,6 +15,13 @@ from mmt.scene import Texture
 if TYPE_CHECKING:
     from mmt.evaluation.pooling import Pool
     from mmt.texture.selection import Selection
+
+
+class Method(StrEnum):
+    """How samples are selected."""
+
+    OURS = "ours"
+    PUBLISHED = "published"
 
 
 def select_samples(
@@ -36,9 +44,9 @@ def select_samples(
     largest: Annotated[
         int | None, typer.Option(min=1, help="Keep no more samples, but for the hull's corners.")
     ] = None,
-    published: Annotated[
-        bool, typer.Option("--published", help="Take the published algorithm instead.")
-    ] = False,
+    method: Annotated[
+        Method, typer.Option(help="Ours, or paper C's algorithm with its thresholds.")
+    ] = Method.OURS,
     json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
     force: Force = False,
 ) -> None:
@@ -52,7 +60,7 @@ def select_samples(
     from mmt.texture.selection import SelectionSettings, select
 
     pool = _pool(sources, scene_file)
-    if published:
+    if method is Method.PUBLISHED:
         result = _published(pool)
     else:
         result = select(pool.data, SelectionSettings(limit=limit, tau=tau, largest=largest))

@@ -15,6 +15,10 @@ Where the paper leaves a choice, or contradicts itself:
   then meets exactly, so that nothing would ever be added; the text trains without, as here.
 - The error compares spectra of signals, whose scatter alone (0.66 between two realisations)
   exceeds both thresholds. Here it compares the exact amplitude spectra of the filters.
+- Inputs are normalised from 0 to 1 (section IV.B), here by their range over the points.
+- The model is the radial basis function network of the authors' earlier work, of all frequencies
+  and the variance (section IV); its radial function is that of
+  `mmt.texture.interpolation.radial_basis.network.PUBLISHED`.
 """
 
 from dataclasses import dataclass
@@ -100,7 +104,7 @@ def select_published(
     *,
     tau_1: float = TAU_1,
     tau_2: float = TAU_2,
-    interpolator: Interpolator = DelaunayNeighbours,
+    interpolator: Interpolator | None = None,
 ) -> PublishedSelection:
     """Run algorithm 1 in the order in which the points stand.
 
@@ -111,7 +115,8 @@ def select_published(
     tau_1, tau_2
         Thresholds on the relative spectral error.
     interpolator
-        Interpolation model that is trained.
+        Interpolation model that is trained on points in the unit box; None for the networks of
+        the paper.
 
     Raises
     ------
@@ -120,20 +125,31 @@ def select_published(
 
     Notes
     -----
-    With `DelaunayNeighbours` O(n log n) for the first stage and O(n kept) for the second;
-    with `retrained` interpolators n trainings each.
+    With networks O(n^3) for the first stage and O(n kept^2) for the second; with
+    `DelaunayNeighbours` O(n log n) and O(n kept), with `retrained` interpolators n trainings each.
     """
+    if interpolator is None:
+        from mmt.texture.selection.networks import NetworkNeighbours
+
+        interpolator = NetworkNeighbours  # imported here: the leader needs `spectral_error` alone
     if not (tau_1 > 0 and tau_2 > 0):
         raise InputError(f"tau_1 is {tau_1} and tau_2 {tau_2}: both must be positive")
     n = len(data)
     truth = amplitude_of(data.lsf, data.variance)
     values = np.column_stack([data.lsf, data.variance])
+    points = _unit_box(data.points)
     minimal = np.zeros(n, dtype=np.bool_)
-    minimal[hull_of(data.points)] = True
-    error, threshold = _edit(data.points, values, truth, minimal, tau_1, interpolator)
+    minimal[hull_of(points)] = True
+    error, threshold = _edit(points, values, truth, minimal, tau_1, interpolator)
     outlier = error > threshold  # false where not tested
-    kept = _condense(data.points, values, truth, minimal, ~outlier, tau_2, interpolator)
+    kept = _condense(points, values, truth, minimal, ~outlier, tau_2, interpolator)
     return PublishedSelection(minimal, outlier, kept, error, threshold)
+
+
+def _unit_box(points: FloatArray) -> FloatArray:
+    """Return points (n, d) with every input from 0 to 1; an input that is constant is 0."""
+    extent = np.ptp(points, axis=0)
+    return np.asarray((points - points.min(axis=0)) / np.where(extent > 0.0, extent, 1.0))
 
 
 def _edit(

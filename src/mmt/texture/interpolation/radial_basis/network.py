@@ -77,6 +77,11 @@ class RadialBasisSettings:
         return max(self.function.least_degree, 0) if self.degree is None else self.degree
 
 
+PUBLISHED: Final = RadialBasisSettings("thin_plate_spline", 1)
+"""For the networks of the papers, which give the form, a radial function at every sample and a
+polynomial, and name neither: the smoothest in a plane, with no shape parameter to choose."""
+
+
 @dataclass(frozen=True)
 class RadialBasisNetwork:
     """A function from the unit box to m outputs.
