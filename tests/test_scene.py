@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -6,6 +7,8 @@ import pytest
 from mmt.core.errors import InputError
 from mmt.scene import PART_TABLES, Scene
 from mmt.scene.files import environment_overrides, load_scene, scene_from_tables
+from mmt.scene.texture_table import TEXTURE_TABLE
+from mmt.texture.settings import Inputs, ModellingSettings
 
 CONFIGS = sorted((Path(__file__).parents[1] / "configs").glob("*.toml"))
 SIMULATED: dict[str, Any] = {"link": {}, "simulated": {}, "hand": {}, "recording": {}}
@@ -47,6 +50,14 @@ def test_a_part_runs_in_the_services_that_its_values_ask_for() -> None:
         (
             {**SIMULATED, "texture": {"criterion": "uncertainty"}},
             ['criterion is "uncertainty"', 'set level to "gaussian_process"'],
+        ),
+        (
+            {**SIMULATED, "texture": {"method": "published", "interpolator": "nearest"}},
+            ['method is "published" and interpolator "nearest"', '"delaunay"; leave interpolator'],
+        ),
+        (
+            {**SIMULATED, "texture": {"method": "published", "selection": {}}},
+            ["mmt model select --method published", "leave the table out"],
         ),
         ({**SIMULATED, "texture": {"stop_share": 0.5}}, ["stop_share is 0.5", "start_share 0.75"]),
         ({**SIMULATED, "texture": {"start_share": 1.0}}, ["texture.start_share"]),
@@ -234,6 +245,23 @@ def test_a_resolved_scene_of_each_method_is_read_again(method: str) -> None:
     scene = scene_from_tables(tables)
     assert scene_from_tables(scene.dump()) == scene
     assert ("position" in scene.channels()) == (method == "model")
+
+
+@pytest.mark.parametrize(
+    ("inputs", "interpolator"), [("isotropic", "delaunay"), ("anisotropic", "network")]
+)
+def test_one_key_models_as_published(inputs: Inputs, interpolator: str) -> None:
+    texture = {"method": "published", "inputs": inputs}
+    made = scene_from_tables({**SIMULATED, "texture": texture}, origin="test").texture
+    assert made is not None
+    assert (made.interpolate, made.interpolator) == ("variance", interpolator)
+    again = scene_from_tables(
+        {**SIMULATED, "texture": TEXTURE_TABLE.dump_python(made, mode="json")}, origin="test"
+    )
+    assert again.texture == made
+    other: Inputs = "anisotropic" if inputs == "isotropic" else "isotropic"
+    settings = replace(made.settings(1000.0), inputs=other)
+    assert settings == ModellingSettings(method="published", inputs=other)
 
 
 def test_a_variable_that_is_wrong_is_named_and_not_the_file(

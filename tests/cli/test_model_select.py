@@ -71,6 +71,18 @@ def test_models_are_pooled_and_the_published_algorithm_can_be_asked(
     assert "spectral error" in published.output
 
 
+def test_a_scene_that_models_as_published_selects_as_published(trials: list[Path], tmp_path: Path):
+    scene = tmp_path / "published.toml"
+    scene.write_text('[link]\n[simulated]\n[hand]\n[texture]\nmethod = "published"\n')
+    by_scene = run(*trials, "--scene", scene, "--json", tmp_path / "scene.json")
+    asked = run(*trials, "--method", "published", "--json", tmp_path / "asked.json")
+    assert (by_scene.exit_code, asked.exit_code) == (0, 0), by_scene.output
+    first, other = (json.loads((tmp_path / f).read_text()) for f in ("scene.json", "asked.json"))
+    assert first["samples"] == other["samples"]
+    ours = run(*trials, "--scene", scene, "--method", "ours")
+    assert "its spectral error" not in ours.output
+
+
 def test_a_model_whose_heading_counts_is_drawn_in_two_planes(tmp_path: Path):
     from mmt.evaluation.figures import selection_plane
     from mmt.evaluation.pooling import pool_models

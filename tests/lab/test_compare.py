@@ -122,7 +122,7 @@ def test_a_report_holds_the_figures_and_the_settings(tmp_path):
     assert "gaussian_process" in page.read_text()
     data = json.loads((tmp_path / "summary.json").read_text())
     assert len(data["sessions"]) == 6
-    assert METHODS["published"]["interpolate"] == "variance"
+    assert METHODS["published"]["method"] == "published"
 
 
 def test_the_command_compares_on_named_textures(tmp_path):

@@ -62,7 +62,7 @@ def grown(space, interpolator: str) -> TextureModel:
 
 
 @pytest.mark.parametrize("interpolate", ["variance", "power", "amplitude"])
-@pytest.mark.parametrize("interpolator", ["delaunay", "nearest", "rbf"])
+@pytest.mark.parametrize("interpolator", ["delaunay", "nearest", "rbf", "network"])
 @pytest.mark.parametrize("space", [ISOTROPIC, ANISOTROPIC], ids=lambda space: space.name)
 def test_a_loaded_model_is_the_saved_one_to_the_bit(space, interpolator, interpolate) -> None:
     samples = make_samples(space, 40)

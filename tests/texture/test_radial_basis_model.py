@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.interpolate import RBFInterpolator
 
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power, reflection_to_lsf
 from mmt.texture.field.trend import without_trend
@@ -95,6 +96,40 @@ def test_a_hand_at_rest_or_without_force_feels_nothing(space, interpolate):
     without_force[:, -1] = 0.0
     for inputs in (at_rest, without_force):
         assert (model.at(*inputs.T)[1] == 0.0).all()
+
+
+@SPACES
+@pytest.mark.parametrize("interpolate", ["power", "variance"])
+def test_the_published_network_is_that_of_scipy_where_it_is_a_filter(space, interpolate):
+    texture = make_samples(anywhere(60, space), space, order=2)
+    model = TextureModel(texture, interpolator="network", interpolate=interpolate)
+    level = getattr(texture, interpolate)
+    whole = RBFInterpolator(texture.points, np.column_stack([level, texture.lsf]), degree=1)
+    inputs = anywhere(400, space, 2)
+    expected = whole(space.normalise(inputs))
+    lsf, variance = model.at(*inputs.T)
+    levels = (
+        variance if interpolate == "variance" else output_power(variance, lsf_to_reflection(lsf))
+    )
+    inside = ((expected >= whole.d.min(axis=0)) & (expected <= whole.d.max(axis=0))).all(axis=1)
+    inside &= (np.diff(expected[:, 1:], axis=1) > 0.03).ravel()
+    speed, force = np.hypot(*inputs[:, :-1].T) if space.directed else inputs[:, 0], inputs[:, -1]
+    inside &= (speed > texture.speed_mm_s.min()) & (force > texture.force_n.min())
+    assert inside.sum() > 50
+    np.testing.assert_allclose(lsf[inside], expected[inside, 1:], rtol=1e-9)
+    np.testing.assert_allclose(levels[inside], expected[inside, 0], rtol=1e-6)
+
+
+@SPACES
+def test_the_published_network_grows_as_it_is_solved_at_once(space):
+    samples = make_samples(anywhere(60, space), space)
+    grown = TextureModel(chosen(samples, slice(0, 50)), interpolator="network")
+    grown = TextureModel(samples, interpolator="network", previous=grown)
+    inputs = anywhere(200, space, 3).T
+    for one, other in zip(
+        grown.at(*inputs), TextureModel(samples, interpolator="network").at(*inputs), strict=True
+    ):
+        np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-9)
 
 
 @SPACES

@@ -45,8 +45,8 @@ def select_samples(
         int | None, typer.Option(min=1, help="Keep no more samples, but for the hull's corners.")
     ] = None,
     method: Annotated[
-        Method, typer.Option(help="Ours, or paper C's algorithm with its thresholds.")
-    ] = Method.OURS,
+        Method | None, typer.Option(help="Ours, or paper C's algorithm; else as the scene models.")
+    ] = None,
     json_file: Annotated[Path | None, json_option("Write the figures.")] = None,
     force: Force = False,
 ) -> None:
@@ -60,7 +60,7 @@ def select_samples(
     from mmt.texture.selection import SelectionSettings, select
 
     pool = _pool(sources, scene_file)
-    if method is Method.PUBLISHED:
+    if (method or pool.settings.method) == "published":
         result = _published(pool)
     else:
         result = select(pool.data, SelectionSettings(limit=limit, tau=tau, largest=largest))

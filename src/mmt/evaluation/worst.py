@@ -83,7 +83,7 @@ def explain(
     elif boundary >= _MUCH:
         limit = "beyond the samples"
         beyond = f"boundary points weigh {boundary:.0%} here"
-        if model.interpolator == "rbf":
+        if model.interpolator in {"rbf", "network"}:
             beyond = "the network goes beyond its samples here"
         reason = f"{beyond}; {place} is {far}"
     elif there.much_of(error, shape=shape):

@@ -5,14 +5,17 @@ A key of a scene's ``[texture]`` is one field here, with its default, its bounds
 ``docs/reference/scene.md``.
 """
 
-from dataclasses import dataclass
-from typing import Annotated, Final, Literal, NamedTuple
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from types import MappingProxyType
+from typing import Annotated, Any, Final, Literal, NamedTuple
 
 from annotated_types import Ge, Gt, Le, Lt
 
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.interpolation.registry import check_name
 
+Method = Literal["custom", "published"]
 Axis = Literal["x", "y", "z"]
 VibrationAxis = Literal["x", "y", "z", "dft321"]
 Interpolated = Literal["variance", "power", "amplitude"]
@@ -41,6 +44,23 @@ DISTANCES: Final[dict[Inputs, Distances]] = {
 }
 """Defaults for each kind of inputs; how they are derived is in
 `mmt.texture.completion.distance`."""
+
+_AS_PUBLISHED: Final = {
+    "interpolate": "variance",
+    "level": "interpolated",
+    "shape": "measured",
+    "criterion": "distance",
+}
+
+PUBLISHED: Final[Mapping[Inputs, Mapping[str, Any]]] = MappingProxyType(
+    {
+        "isotropic": {**_AS_PUBLISHED, "interpolator": "delaunay"},
+        "anisotropic": {**_AS_PUBLISHED, "interpolator": "network"},
+    }
+)
+"""The keys that the method ``"published"`` sets: of paper A over speed and force, of paper B
+(Abdulali and Jeon, Data-driven rendering of anisotropic haptic textures) over velocity and
+force."""
 
 Distance = Annotated[float, Gt(0)] | Literal["auto"]
 """A completion distance, or that of `DISTANCES` for the inputs."""
@@ -114,6 +134,9 @@ class TextureSettings:
         is read.
     """
 
+    method: Method = "custom"
+    """How a texture is modelled: by the keys below, or as published."""
+
     axis: VibrationAxis = "z"
     """The acceleration that is modelled: one axis, or all three joined by DFT321."""
 
@@ -181,6 +204,8 @@ class TextureSettings:
     """A model for each of several surfaces; None for a single model."""
 
     def __post_init__(self) -> None:
+        if self.method == "published":
+            self._set_published()
         if self.order != "auto" and not 1 <= self.order <= LARGEST_ORDER:
             raise ValueError(f"order is {self.order}, allowed are 'auto' and 1 to {LARGEST_ORDER}")
         start, stop = self.distances
@@ -207,6 +232,23 @@ class TextureSettings:
         if self.longest_samples < 2 * self.shortest_samples:
             raise ValueError("longest_samples must be at least twice shortest_samples")
         check_name(self.interpolator)
+
+    def _set_published(self) -> None:
+        """Set the keys that the published method has, where nothing else was set."""
+        if self.selection is not None:
+            raise ValueError(
+                'method is "published" and there is a table selection: what is published selects '
+                "from whole trials, by `mmt model select --method published`; leave the table out"
+            )
+        usual = {field.name: field.default for field in fields(self)}
+        for key, value in PUBLISHED[self.inputs].items():
+            allowed = {usual[key], *(of[key] for of in PUBLISHED.values())}
+            if getattr(self, key) not in allowed:
+                raise ValueError(
+                    f'method is "published" and {key} "{getattr(self, key)}": as published it is '
+                    f'"{value}"; leave {key} out, or set method to "custom"'
+                )
+            object.__setattr__(self, key, value)
 
     @property
     def distances(self) -> Distances:

@@ -20,14 +20,15 @@ from mmt_lab.compare.cases import Case
 
 METHODS: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
     {
-        "published": {"interpolate": "variance"},
+        "published": {"method": "published"},
         "power": {"interpolate": "power"},
         "level": {"level": "gaussian_process"},
         "ours": {"level": "gaussian_process", "shape": "smoothed"},
     }
 )
-"""Keys of ``[texture]`` that differ from the defaults, by the method's name. Paper A interpolates
-the excitation's variance; ``power`` is what is rendered by default."""
+"""Keys of ``[texture]`` that differ from the defaults, by the method's name. Published are paper
+A's triangulation over speed and force, and paper B's network where the heading counts; ``power``
+is what is rendered by default."""
 
 MOMENTS: Final = ("3 s", "start", "stop", "18 s")
 """When methods are compared. The criteria are those of the first method named: its samples, not

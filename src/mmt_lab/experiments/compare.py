@@ -68,7 +68,8 @@ DEFINITIONS: Final = {
     "spread": "median, and 10th to 90th percentile, over the sessions",
     "difference": "mean over sessions of a method less the first, with its standard error; better "
     f"or worse where it exceeds {STANDARD_ERRORS:g} of them",
-    "published": "as paper A interpolates: the excitation's variance, linearly",
+    "published": '[texture] method = "published": the excitation\'s variance, linearly in the '
+    "triangles of paper A; on textures with a grain by the radial basis network of paper B",
     "power": "the vibration's power, linearly, with the same spectra: the default of a scene",
     "level": '[texture] level = "gaussian_process"',
     "ours": 'the same, and shape = "smoothed"',

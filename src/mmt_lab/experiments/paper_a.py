@@ -47,7 +47,7 @@ PUBLISHED: Final = {
 }
 """Table I of the paper: sums of distances after 2.5, 5, ... 17.5 s."""
 
-SETTINGS: Final = ModellingSettings(interpolate="variance")
+SETTINGS: Final = ModellingSettings(method="published")
 
 
 def run(seed: Seed = 1) -> Findings:

@@ -20,8 +20,12 @@ INTERPOLATORS: Final[dict[str, str]] = {
     "delaunay": "mmt.texture.interpolation.delaunay:build",
     "nearest": "mmt.texture.interpolation.nearest:build",
     "rbf": "mmt.texture.interpolation.radial_basis.interpolator:build",
+    "network": "mmt.texture.interpolation.radial_basis.interpolator:build_published",
 }
 """Name -> ``module:builder`` of the interpolators that are known without an entry point."""
+
+WITHOUT_TREND: Final = frozenset({"network"})
+"""Those of the level itself; others have an anisotropic level over a power law."""
 
 
 def offered() -> "dict[str, EntryPoint]":

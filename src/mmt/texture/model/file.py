@@ -194,7 +194,8 @@ def _fitted(content: _Arrays, version: int, *, directed: bool) -> FittedParamete
     trend = NO_TREND
     if directed:
         trend = Trend(*content["trend_exponents"].astype(np.float64).tolist())
-        trend.check()
+        if trend != NO_TREND:
+            trend.check()
     state = {name: array for name, array in content.items() if name not in _OWN}
     level = _numbers(content, "level_hyperparameters") if version >= FORMAT_VERSION else None
     return FittedParameters(trend, state, level)

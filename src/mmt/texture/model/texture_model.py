@@ -23,7 +23,7 @@ from mmt.texture.field.level_table import TABLE, TABLE_SIZES
 from mmt.texture.field.trend import NO_TREND, fit_trend, without_trend
 from mmt.texture.interpolation.delaunay import Triangulation, triangulate
 from mmt.texture.interpolation.interpolator import Interpolant
-from mmt.texture.interpolation.registry import load
+from mmt.texture.interpolation.registry import WITHOUT_TREND, load
 from mmt.texture.interpolation.vertices import vertex_table
 from mmt.texture.model.file import FittedParameters, ModelContents, pack, unpack
 from mmt.texture.model.inputs import InputSpace
@@ -117,7 +117,7 @@ class TextureModel:
             "amplitude": np.sqrt(self.samples.power),
         }[interpolate]
         self.trend = NO_TREND
-        if self.space.directed:
+        if self.space.directed and interpolator not in WITHOUT_TREND:
             is_amplitude = interpolate == "amplitude"
             self.trend = (
                 fitted.trend

@@ -10,6 +10,8 @@ and a floor in its place is a cliff at which the network rings.
 
 Kernel, degree and smoothing of either network are chosen by leave-one-out error, anew whenever
 the number of samples has doubled or halved, which adds O(n^2) to each sample's cost.
+
+`build_published` builds the single network of paper B from the same parts.
 """
 
 from dataclasses import dataclass, field
@@ -23,7 +25,11 @@ from mmt.texture.interpolation.interpolator import Interpolant, State
 from mmt.texture.interpolation.radial_basis.choice import choose_settings
 from mmt.texture.interpolation.radial_basis.evaluation import Bounds, evaluate_networks, least_gap
 from mmt.texture.interpolation.radial_basis.functions import monomials
-from mmt.texture.interpolation.radial_basis.network import RadialBasisNetwork, RadialBasisSettings
+from mmt.texture.interpolation.radial_basis.network import (
+    PUBLISHED,
+    RadialBasisNetwork,
+    RadialBasisSettings,
+)
 from mmt.texture.interpolation.radial_basis.online import RadialBasisSystem
 from mmt.texture.interpolation.vertices import Vertices
 
@@ -106,11 +112,47 @@ def build(
     settings of level and filters in `state` they are not chosen, which is most of what solving
     anew costs.
     """
-    count = vertices.samples
-    points, values = vertices.points[:count], vertices.values[:count]
     is_silent = vertices.values[:, 0] == 0.0
-    is_silent[:count] = False
+    is_silent[: vertices.samples] = False
     silent = vertices.points[is_silent]
+    networks = None if state is None else networks_from(state)
+    return _build(vertices, silent, previous, networks, falls=len(silent) > 0)
+
+
+def build_published(
+    vertices: Vertices, previous: Interpolant | None, state: State | None
+) -> RadialBasisInterpolant:
+    """Build the network of paper B: level and LSF alike, through the samples and nothing else.
+
+    Two networks of the same settings over the same samples are one. What its equation leaves open
+    is as in `build`: outputs are made a valid filter, and the level falls to zero at rest. Costs as
+    `build`, without a choice of settings.
+    """
+    networks = Networks(PUBLISHED, PUBLISHED) if state is None else networks_from(state)
+    return _build(vertices, vertices.points[:0], previous, networks, falls=True)
+
+
+def _build(
+    vertices: Vertices,
+    silent: FloatArray,
+    previous: Interpolant | None,
+    networks: Networks | None,
+    *,
+    falls: bool,
+) -> RadialBasisInterpolant:
+    """Let the systems of `previous` go on, or solve them anew.
+
+    Parameters
+    ----------
+    silent
+        Where the level is zero, shape (k, d).
+    networks
+        Settings; None chooses them.
+    falls
+        Whether the level's bound falls to zero from the slowest and the lightest sample on.
+    """
+    points = vertices.points[: vertices.samples]
+    values = vertices.values[: vertices.samples]
     growth = previous.growth if isinstance(previous, RadialBasisInterpolant) else None
     if (
         growth is None
@@ -118,8 +160,7 @@ def build(
         or not np.array_equal(growth.silent, silent)
         or not growth.follow(points, values)
     ):
-        networks = None if state is None else networks_from(state)
-        growth = _Growth(points, values, silent, networks)
+        growth = _Growth(points, values, silent, networks, falls=falls)
     return growth.interpolant(points, values)
 
 
@@ -132,8 +173,11 @@ class _Growth:
         values: FloatArray,
         silent: FloatArray,
         networks: Networks | None,
+        *,
+        falls: bool,
     ) -> None:
         self.silent = silent
+        self._falls = falls
         largest = float(values[:, 0].max())
         self._unit = 2.0 ** float(np.floor(np.log2(largest))) if largest > 0.0 else 1.0
         self._chosen_at = len(points)
@@ -190,8 +234,8 @@ class _Growth:
             filters.settings.epsilon**2,
             least_gap(values[:, 1:]),
             self._unit,
-            slowest if len(self.silent) else 0.0,
-            lightest if len(self.silent) else 0.0,
+            slowest if self._falls else 0.0,
+            lightest if self._falls else 0.0,
         )
         limits = values.min(axis=0), values.max(axis=0)
         limits[1][0] *= LEVEL_ROOM
