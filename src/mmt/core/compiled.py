@@ -11,7 +11,12 @@ from mmt.core.kernel_cache import drop_stale_kernels
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
-_OPTIONS: Final[dict[str, Any]] = {"cache": True, "nogil": True, "error_model": "numpy"}
+_OPTIONS: Final[dict[str, Any]] = {
+    "cache": True,
+    "nogil": True,
+    "error_model": "numpy",
+    "no_cfunc_wrapper": True,  # none is called from C
+}
 
 _collected: dict[Any, list[str]] | None = None
 """The kernels that `compile_share` is to compile, with their signatures; None everywhere else."""

@@ -131,7 +131,9 @@ def _continue(
     excitation = math.sqrt(level / variances[order]) if variances[order] > 0.0 else 0.0
     amplitude = math.sqrt(variances[0])
     peak = math.ldexp(peak, -exponent)
-    steepest = max(_largest(np.diff(scaled)), _STEEPEST * peak)
+    steepest = _STEEPEST * peak
+    for i in range(1, count):  # np.diff takes the compiler two seconds
+        steepest = max(steepest, abs(scaled[i] - scaled[i - 1]))
     last = scaled[-1]
     for i in range(len(output)):
         value = amplitude * lattice_step(
