@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from scipy.signal import lfilter, welch
+from scipy.signal import lfilter, periodogram, welch
 
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import reflection_to_ar
@@ -45,6 +45,20 @@ def test_the_amplitude_spectrum_is_that_of_an_established_package(samples, npers
     frequencies_hz, amplitude = amplitude_spectrum(x, 1000.0, nperseg)
     np.testing.assert_allclose(frequencies_hz, expected_hz, rtol=1e-14)
     np.testing.assert_allclose(amplitude, np.sqrt(density), rtol=1e-12)
+
+
+@pytest.mark.parametrize("samples", [64, 301])
+def test_raw_amplitudes_are_those_of_a_periodogram(samples):
+    signal = np.random.default_rng(samples).standard_normal(samples)
+    frequencies_hz, amplitude = amplitude_spectrum(signal, 1000.0, None)
+    at_hz, density = periodogram(signal, 1000.0, detrend=False)
+    np.testing.assert_allclose(frequencies_hz, at_hz)
+    np.testing.assert_allclose(amplitude, np.sqrt(density), rtol=1e-10, atol=1e-15)
+
+
+def test_raw_amplitudes_of_signals_of_different_length_are_not_compared():
+    with pytest.raises(InputError, match="one shape is needed"):
+        gfc_of_signals(np.ones(100), np.ones(90), None)
 
 
 def test_many_amplitude_spectra_are_those_of_each():

@@ -29,6 +29,7 @@ from mmt.session.data import missing_frames
 from mmt.session.stream import Recording, blocks_of, in_memory
 from mmt.texture.online.history import ModelHistory, build, stream_blocks
 from mmt.texture.settings import Inputs, ModellingSettings
+from mmt.texture.signals.amplitude_spectra import Spectra
 
 USUAL_STEP_S: Final = 2.5
 MOST_STEPS: Final = 100
@@ -52,6 +53,7 @@ def evaluate_session(
     period_s: float | None = None,
     step_s: float | None = None,
     seed: int = 0,
+    spectra: Spectra = Spectra.WELCH,
 ) -> Evaluation:
     """Evaluate one session; the same session, settings and seed give the same figures.
 
@@ -70,6 +72,9 @@ def evaluate_session(
         multiple of it that gives at most 100 scores.
     seed
         Seeds the choice of held-out segments and the synthesis.
+    spectra
+        What the GFC of held-out segments compares: Welch's spectra, or raw Fourier amplitudes,
+        of which two realisations of one process score 0.79 on average.
 
     Returns
     -------
@@ -123,6 +128,7 @@ def evaluate_session(
         truth=truth,
         settings=settings,
         seed=seed,
+        spectra=spectra,
     )
 
     duration_s = (seen.highest + 1 - seen.first) / settings.rate_hz

@@ -15,7 +15,11 @@ from mmt.core.arrays import FloatArray
 from mmt.evaluation.levels import level_error_db
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.segmentation.segments import Segment
-from mmt.texture.signals.amplitude_spectra import amplitude_spectra, amplitude_spectrum
+from mmt.texture.signals.amplitude_spectra import (
+    Spectra,
+    amplitude_spectra,
+    amplitude_spectrum,
+)
 from mmt.texture.signals.metrics import gfc_of_rows
 from mmt.texture.synthesis.synthesizer import Synthesizer
 
@@ -32,7 +36,7 @@ class Approximation:
     """What a model renders in place of one held-out segment.
 
     ``gfc`` and ``gfc_ceiling`` are means over realisations, ``power_error_db`` compares the
-    model's exact power with the segment's mean square, ``amplitude`` (f,) is the mean Welch
+    model's exact power with the segment's mean square, ``amplitude`` (f,) is the mean
     amplitude spectrum of what was synthesized.
     """
 
@@ -72,12 +76,16 @@ class HeldOutRecording:
         The recorded segment.
     rate_hz
         Its sampling rate.
+    spectra
+        What the GFC compares.
     """
 
-    def __init__(self, segment: Segment, rate_hz: float) -> None:
+    def __init__(self, segment: Segment, rate_hz: float, spectra: Spectra = Spectra.WELCH) -> None:
         self.segment = segment
         self._rate_hz = rate_hz
-        self._window = min(WELCH_SAMPLES, len(segment.vibration_m_s2))
+        self._window: int | None = None
+        if spectra is Spectra.WELCH:
+            self._window = min(WELCH_SAMPLES, len(segment.vibration_m_s2))
         self.power = float(np.mean(np.square(segment.vibration_m_s2)))
         self.frequencies_hz, self.amplitude = amplitude_spectrum(
             segment.vibration_m_s2, rate_hz, self._window

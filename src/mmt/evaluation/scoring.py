@@ -17,6 +17,7 @@ from mmt.texture.model.inputs import InputSpace
 from mmt.texture.online.history import ModelHistory
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import Inputs, ModellingSettings
+from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt.texture.signals.metrics import within_jnd
 
 MODEL_NAMES: Final[dict[Inputs, str]] = {
@@ -45,6 +46,8 @@ class Scorer:
         Settings of the leader's modelling.
     seed
         Seed of the synthesis.
+    spectra
+        What the GFC of held-out segments compares.
     """
 
     def __init__(
@@ -57,11 +60,14 @@ class Scorer:
         truth: KnownTexture | None,
         settings: ModellingSettings,
         seed: int,
+        spectra: Spectra,
     ) -> None:
         self._leader = leader
         self._rebuilt = rebuilt
         self._other = other
-        self._recordings = [HeldOutRecording(segment, settings.rate_hz) for segment in held_out]
+        self._recordings = [
+            HeldOutRecording(segment, settings.rate_hz, spectra) for segment in held_out
+        ]
         self._truth = truth
         self._space = InputSpace(settings.inputs)
         self._rate_hz = settings.rate_hz

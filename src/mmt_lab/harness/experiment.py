@@ -28,6 +28,7 @@ from mmt.core.errors import InputError
 from mmt.scene import Hand
 from mmt.scene.files import table_from
 from mmt.scene.simulated_tables import HAND_KINDS
+from mmt.texture.signals.amplitude_spectra import Spectra
 from mmt_lab import experiments
 from mmt_lab.harness.findings import Findings
 
@@ -63,6 +64,12 @@ Workers = Annotated[
     typer.Option(min=1, help="Local processes; as many as there are processors if absent."),
 ]
 """Number of local processes; see `mmt_lab.harness.processes.each`."""
+
+SpectraOption = Annotated[
+    Spectra,
+    typer.Option("--spectra", help="What the GFC compares: Welch's spectra or raw Fourier ones."),
+]
+"""How the amplitude spectra of a GFC are made."""
 
 Duration = Annotated[float, typer.Option(help="Seconds of each measurement.")]
 """Length of a measurement in real time."""

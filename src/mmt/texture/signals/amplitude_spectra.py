@@ -1,7 +1,9 @@
-"""Welch's amplitude spectra of signals, and their expectation for a known density.
+"""Amplitude spectra of signals, Welch's or raw ones, and their expectation for a known density.
 
 Numpy alone; offline use.
 """
+
+from enum import StrEnum
 
 import numpy as np
 import numpy.typing as npt
@@ -10,8 +12,15 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 
 
+class Spectra(StrEnum):
+    """How an amplitude spectrum is made: Welch's estimate, or raw Fourier amplitudes."""
+
+    WELCH = "welch"
+    FOURIER = "fourier"
+
+
 def amplitude_spectrum(
-    x: FloatArray, rate_hz: float, nperseg: int = 64
+    x: FloatArray, rate_hz: float, nperseg: int | None = 64
 ) -> tuple[FloatArray, FloatArray]:
     """Return Welch's amplitude spectrum: the square root of the averaged one-sided density.
 
@@ -26,7 +35,8 @@ def amplitude_spectrum(
     rate_hz
         Samples a second.
     nperseg
-        Window length, at least 2.
+        Window length, at least 2. None gives the raw Fourier amplitudes of the whole signal,
+        without a window, on the same scale.
 
     Returns
     -------
@@ -44,7 +54,7 @@ def amplitude_spectrum(
 
 
 def amplitude_spectra(
-    x: FloatArray, rate_hz: float, nperseg: int = 64
+    x: FloatArray, rate_hz: float, nperseg: int | None = 64
 ) -> tuple[FloatArray, FloatArray]:
     """Return the `amplitude_spectrum` of many signals at once.
 
@@ -66,6 +76,8 @@ def amplitude_spectra(
         As `amplitude_spectrum`.
     """
     signals = np.asarray(x, dtype=np.float64)
+    raw = nperseg is None
+    nperseg = signals.shape[-1] if nperseg is None else nperseg
     if nperseg < 2 or signals.ndim != 2 or signals.shape[-1] < nperseg:
         raise InputError(
             f"signals of shape {signals.shape} with windows of {nperseg}: windows of at least 2"
@@ -74,7 +86,8 @@ def amplitude_spectra(
     if not np.isfinite(signals).all():
         raise InputError("a signal has a sample that is not finite")
     signals, exponents = scaled_rows(signals)
-    window = 0.5 - 0.5 * np.cos(2.0 * np.pi / nperseg * np.arange(nperseg))
+    turns = np.arange(nperseg) / nperseg
+    window = np.ones(nperseg) if raw else 0.5 - 0.5 * np.cos(2.0 * np.pi * turns)
     pieces = np.lib.stride_tricks.sliding_window_view(signals, nperseg, axis=-1)
     transformed = np.fft.rfft(pieces[:, :: (nperseg + 1) // 2] * window, axis=-1)
     density = np.mean(transformed.real**2 + transformed.imag**2, axis=1)

@@ -2,9 +2,9 @@
 
 A score of amplitude spectra means nothing without the way the spectra were made: raw Fourier
 amplitudes of two realisations of one process score a GFC of only pi/4 on average. Here an
-amplitude spectrum is always Welch's (`mmt.texture.signals.amplitude_spectra`), and `gfc_ceiling`
-gives what a perfect model would score. GFC ignores the level: state `power_error_db` beside it.
-Numpy alone; offline use.
+amplitude spectrum is Welch's (`mmt.texture.signals.amplitude_spectra`) unless raw ones are asked
+for, and `gfc_ceiling` gives what a perfect model would score. GFC ignores the level: state
+`power_error_db` beside it. Numpy alone; offline use.
 """
 
 import math
@@ -76,13 +76,15 @@ def gfc_of_psd(psd_a: FloatArray, psd_b: FloatArray) -> float:
     return gfc(np.sqrt(first), np.sqrt(second))
 
 
-def gfc_of_signals(x: FloatArray, y: FloatArray, nperseg: int = 64) -> float:
+def gfc_of_signals(x: FloatArray, y: FloatArray, nperseg: int | None = 64) -> float:
     """Return the GFC of the Welch amplitude spectra of two signals of the same rate.
 
     Parameters
     ----------
     x, y : (n,), (k,)
         Each at least `nperseg` long.
+    nperseg
+        Window length; None compares raw Fourier amplitudes, of signals of one length.
 
     Raises
     ------
@@ -99,7 +101,7 @@ def gfc_ceiling(
     pairs: int,
     generator: np.random.Generator,
     *,
-    nperseg: int = 64,
+    nperseg: int | None = 64,
 ) -> float:
     """Return the mean GFC of two realisations of one model, which a perfect model would score.
 
