@@ -54,9 +54,12 @@ def at_once(passage: Passage, seed: int) -> Felt:
         passage.speed_mm_s.tolist(),
         passage.force_n.tolist(),
         passage.heading.tolist(),
+        np.cumsum(passage.velocity_mm_s / RATE_HZ, axis=0).tolist(),
         strict=True,
     )
-    values = [surface.step(speed, force, (u, v))[0] for speed, force, (u, v) in motion]
+    values = [
+        surface.step(speed, force, (u, v), (x, y))[0] for speed, force, (u, v), (x, y) in motion
+    ]
     return Felt(np.array(values), 0.0)
 
 

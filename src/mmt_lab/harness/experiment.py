@@ -46,7 +46,7 @@ Textures = Annotated[
     str | None,
     typer.Option(
         metavar="NAME,FILE",
-        help="Known textures, models (.npz, .xml), folders of models; all known if absent.",
+        help="Known textures, models (.npz, .xml), folders of models, drawn; all known if absent.",
     ),
 ]
 """Names of known textures between commas; see `chosen_textures`."""
@@ -143,7 +143,8 @@ def load(name: str) -> Experiment:
 def chosen_textures(textures: str | None) -> list[str]:
     """Return the names between the commas of ``--textures``, those of all where it is absent.
 
-    A folder stands for the models in it, in the order of their names.
+    A folder stands for the models in it, in the order of their names; ``drawn`` and ``final``
+    stand for the first `DRAWN` textures of these.
 
     Raises
     ------
@@ -161,6 +162,8 @@ def chosen_textures(textures: str | None) -> list[str]:
             if not files:
                 raise InputError(f"--textures {name}: no model (.npz, .xml) is in this folder")
             chosen += map(str, files)
+        elif name in {"drawn", "final"}:
+            chosen += [f"{name}-{number}" for number in range(DRAWN)]
         else:
             chosen.append(name)
     for name in chosen:
@@ -179,6 +182,9 @@ def hand_of(kind: str, *, isotropic: bool = True) -> Hand:
     headings = "opposite" if isotropic else "all"
     return table_from(Hand, "hand", {"kind": kind, "headings": headings})
 
+
+DRAWN: Final = 20
+"""Number of textures that ``drawn`` and ``final`` stand for."""
 
 _MODELS: Final = (".npz", ".xml")
 _LISTED: Final = ("shows", "duration", "group")

@@ -180,10 +180,15 @@ class CourseVibration:
         return self._course.surfaces[self._watch.surface]
 
     def step(
-        self, speed_mm_s: float, force_n: float, heading: tuple[float, float] = (1.0, 0.0)
+        self,
+        speed_mm_s: float,
+        force_n: float,
+        heading: tuple[float, float] = (1.0, 0.0),
+        position_mm: tuple[float, float] = (0.0, 0.0),
     ) -> tuple[float, float]:
         """Return the acceleration along the normal and the heading; see `Vibration.step`."""
-        return self._each[self._watch.step(force_n)].step(speed_mm_s, force_n, heading)
+        vibration = self._each[self._watch.step(force_n)]
+        return vibration.step(speed_mm_s, force_n, heading, position_mm)
 
 
 def course_from_annotations(annotations: bytes) -> SurfaceCourse:

@@ -101,6 +101,8 @@ class Instruments:
         speed = math.hypot(u, v)
         if speed > LEAST_SPEED_MM_S:
             self._heading = (u / speed, v / speed)
-        normal, along = self._vibration.step(speed, tip.force_n[2], self._heading)
+        normal, along = self._vibration.step(
+            speed, tip.force_n[2], self._heading, tip.position_mm[:2]
+        )
         x, y, z = tip.acceleration_m_s2
         return x + along * self._heading[0], y + along * self._heading[1], z + normal

@@ -4,7 +4,9 @@ import json
 from typing import TYPE_CHECKING, TypeAlias, Union
 
 from mmt.core.errors import InputError
+from mmt.testing.simulation.altered_surface import AlteredSurface, from_altered_parameters
 from mmt.testing.simulation.surfaces import (
+    ALTERED_VERSION,
     COURSE_VERSION,
     GRAINED_VERSION,
     MODEL_VERSION,
@@ -16,8 +18,8 @@ from mmt.testing.simulation.surfaces import (
 if TYPE_CHECKING:
     from mmt.testing.simulation.model_surface import ModelSurface
 
-KnownSurface: TypeAlias = Union[Surface, "ModelSurface"]
-"""A texture of this project's own, or a model's, whose module needs the numerics."""
+KnownSurface: TypeAlias = Union[Surface, AlteredSurface, "ModelSurface"]
+"""A texture of this project's own, altered or not, or a model's, which needs the numerics."""
 
 
 def surface_from_annotations(annotations: bytes) -> KnownSurface:
@@ -37,11 +39,16 @@ def surface_from_annotations(annotations: bytes) -> KnownSurface:
             from mmt.testing.simulation.model_surface import from_parameters
 
             return from_parameters(name, parameters)
+        if version == ALTERED_VERSION:
+            base = surface_from_annotations(json.dumps(parameters["base"]).encode())
+            if isinstance(base, AlteredSurface):
+                raise InputError("annotations hold an altered surface of an altered one")
+            return from_altered_parameters(name, base, parameters)
         if version in {VERSION, GRAINED_VERSION}:
             return surface_from_parameters(name, parameters)
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError(f"annotations hold no simulated truth: {error!r}") from error
     raise InputError(
         f"annotations: version {version} of the simulated truth is not known, this program reads "
-        f"{VERSION}, {GRAINED_VERSION} and {MODEL_VERSION}"
+        f"{VERSION}, {GRAINED_VERSION}, {MODEL_VERSION} and {ALTERED_VERSION}"
     )

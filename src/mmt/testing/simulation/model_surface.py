@@ -231,7 +231,11 @@ class ModelVibration:
             self._advance()
 
     def step(
-        self, speed_mm_s: float, force_n: float, heading: tuple[float, float] = (1.0, 0.0)
+        self,
+        speed_mm_s: float,
+        force_n: float,
+        heading: tuple[float, float] = (1.0, 0.0),
+        position_mm: tuple[float, float] = (0.0, 0.0),  # noqa: ARG002 - homogeneous
     ) -> tuple[float, float]:
         """Return the acceleration (m/s2) along the normal and along the heading."""
         outputs = self._advance()

@@ -13,7 +13,7 @@ is none.
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Final, Protocol
 
@@ -40,6 +40,9 @@ COURSE_VERSION: Final = 3
 
 MODEL_VERSION: Final = 4
 """Version of those of a texture model, see `mmt.testing.simulation.model_surface`."""
+
+ALTERED_VERSION: Final = 5
+"""Version of those of an altered surface, see `mmt.testing.simulation.altered_surface`."""
 
 _KINDS: Final[dict[str, type[Resonance] | type[Line]]] = {"resonance": Resonance, "line": Line}
 _POWER_GRID: Final = 4096
@@ -122,25 +125,9 @@ class Surface:
     ) -> FloatArray:
         """Return the exact power of the vibration along the normal, shape (k,), (m/s2)^2.
 
-        Parameters and errors are those of `spectrum`. That is integrated by the midpoint rule
-        over its period, whose error falls exponentially with the number of points: below
-        1e-12 for the narrowest line here.
+        Parameters and errors are those of `spectrum`.
         """
-        strokes = np.broadcast_arrays(
-            np.atleast_1d(speed_mm_s),
-            np.atleast_1d(force_n),
-            np.nan if heading_rad is None else heading_rad,
-        )
-        speed, force, heading = (np.ravel(values) for values in strokes)
-        width = 0.5 * RATE_HZ / _POWER_GRID
-        frequencies = (np.arange(_POWER_GRID) + 0.5) * width
-        total = np.empty(speed.size)
-        for start in range(0, speed.size, 64):
-            part = slice(start, start + 64)
-            towards = None if heading_rad is None else heading[part]
-            density = self.spectrum(speed[part], force[part], frequencies, towards)
-            total[part] = density.sum(axis=1) * width
-        return total
+        return integrated_power(self.spectrum, speed_mm_s, force_n, heading_rad)
 
     def annotations(self) -> bytes:
         """Return the truth as JSON, which `surface_from_parameters` reads."""
@@ -160,6 +147,34 @@ class Surface:
         version = VERSION if self.isotropic else GRAINED_VERSION
         truth = {"surface": self.name, "version": version, "parameters": parameters}
         return json.dumps(truth, separators=(",", ":")).encode()
+
+
+def integrated_power(
+    spectrum: Callable[..., FloatArray],
+    speed_mm_s: npt.ArrayLike,
+    force_n: npt.ArrayLike,
+    heading_rad: npt.ArrayLike | None,
+) -> FloatArray:
+    """Return the integral (k,) of a `Surface.spectrum`, with its parameters.
+
+    The midpoint rule is taken over the period of the spectrum, where its error falls
+    exponentially with the number of points: below 1e-12 for the narrowest line here.
+    """
+    strokes = np.broadcast_arrays(
+        np.atleast_1d(speed_mm_s),
+        np.atleast_1d(force_n),
+        np.nan if heading_rad is None else heading_rad,
+    )
+    speed, force, heading = (np.ravel(values) for values in strokes)
+    width = 0.5 * RATE_HZ / _POWER_GRID
+    frequencies = (np.arange(_POWER_GRID) + 0.5) * width
+    total = np.empty(speed.size)
+    for start in range(0, speed.size, 64):
+        part = slice(start, start + 64)
+        towards = None if heading_rad is None else heading[part]
+        density = spectrum(speed[part], force[part], frequencies, towards)
+        total[part] = density.sum(axis=1) * width
+    return total
 
 
 def strokes_on(

@@ -5,9 +5,11 @@ power rising about as speed^0.8..1.4 and force^0.4..1), not fitted to any record
 Powers hold at 100 mm/s and 1 N.
 """
 
+import re
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
+from zlib import crc32
 
 from mmt.core.errors import InputError
 from mmt.testing.simulation.grained_textures import GRAINED, ridges
@@ -106,8 +108,18 @@ speed squared; glass: little above the accelerometer's noise. What sets the othe
 apart is said with `GRAINED`."""
 
 
+_DRAWN: Final = re.compile(r"(drawn|final)-(\d{1,6})", re.ASCII)
+
+
 def get_surface(name: str) -> KnownSurface:
-    """Return the known texture of this name, or that of a model's file.
+    """Return the known texture of this name.
+
+    Parameters
+    ----------
+    name
+        One of `SURFACES`; a model's file; ``drawn-N``, a texture drawn for development, or
+        ``final-N``, see `mmt.testing.simulation.drawn_textures`; or one of these followed by
+        ``+patches`` or ``+bursts``, see `mmt.testing.simulation.altered_surface.alter`.
 
     Raises
     ------
@@ -116,9 +128,20 @@ def get_surface(name: str) -> KnownSurface:
     """
     if name in SURFACES:
         return SURFACES[name]
+    if drawn := _DRAWN.fullmatch(name):
+        from mmt.testing.simulation.drawn_textures import FINAL, draw_texture
+
+        return draw_texture(name, int(drawn[2]) + FINAL * (drawn[1] == "final"))
     if name.lower().endswith((".npz", ".xml")):
         from mmt.testing.simulation.model_surface import load_surface
 
         return load_surface(name)
-    known = ", ".join(SURFACES)
-    raise InputError(f"surface is {name!r}, allowed are {known}, and files of models (.npz, .xml)")
+    base, altered, alteration = name.rpartition("+")
+    if altered:
+        from mmt.testing.simulation.altered_surface import alter
+
+        return alter(get_surface(base), alteration, crc32(name.encode()))
+    raise InputError(
+        f"surface is {name!r}, allowed are {', '.join(SURFACES)}, drawn-N and final-N (N up to "
+        "999999), and files of models (.npz, .xml), each with +patches or +bursts behind it or not"
+    )

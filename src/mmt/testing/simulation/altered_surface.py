@@ -1,0 +1,184 @@
+"""A known surface that is made rough over speed and force, uneven over place, or bursty.
+
+The truth stays exact: a gain that depends on speed and force multiplies the spectrum; patches and
+bursts leave the mean power as it is, and bursts widen the spectrum by that of their gain.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from math import exp, pi
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError
+from mmt.testing.simulation import RATE_HZ
+from mmt.testing.simulation.alterations import LAGS, Bursts, Level, Patches
+from mmt.testing.simulation.surfaces import ALTERED_VERSION, Surface, integrated_power, strokes_on
+
+if TYPE_CHECKING:
+    from mmt.testing.simulation.model_surface import ModelSurface
+
+
+@dataclass(frozen=True)
+class AlteredSurface:
+    """A known surface and what is done to its vibration; offers what `Surface` does.
+
+    Parameters
+    ----------
+    name
+        What it is called in reports.
+    base
+        The surface that is altered.
+    low_pass_hz
+        Corner of a low-pass of first order.
+    level, patches, bursts
+        Gains on what comes out of it.
+    """
+
+    name: str
+    base: "Surface | ModelSurface"
+    low_pass_hz: float | None = None
+    level: Level | None = None
+    patches: Patches | None = None
+    bursts: Bursts | None = None
+
+    @property
+    def isotropic(self) -> bool:
+        """Whether the texture is the same in all directions."""
+        return self.base.isotropic
+
+    @property
+    def tangential_share(self) -> float:
+        """As of `Surface`."""
+        return self.base.tangential_share
+
+    @property
+    def friction_coefficient(self) -> float:
+        """As of `Surface`."""
+        return self.base.friction_coefficient
+
+    @property
+    def pole(self) -> float:
+        """Pole of the low-pass; 0 lets everything pass."""
+        return 0.0 if self.low_pass_hz is None else exp(-2.0 * pi * self.low_pass_hz / RATE_HZ)
+
+    def spectrum(
+        self,
+        speed_mm_s: npt.ArrayLike,
+        force_n: npt.ArrayLike,
+        frequencies_hz: npt.ArrayLike,
+        heading_rad: npt.ArrayLike | None = None,
+    ) -> FloatArray:
+        """Return the exact spectrum along the normal, (k, f); see `Surface.spectrum`.
+
+        That of patches is the mean over the reach of a hand.
+        """
+        frequencies = np.atleast_1d(np.asarray(frequencies_hz, np.float64))
+        if self.bursts is None:
+            return self._steady(speed_mm_s, force_n, frequencies, heading_rad)
+        grid = np.linspace(0.0, 0.5 * RATE_HZ, LAGS + 1)
+        strokes = np.broadcast_arrays(
+            np.atleast_1d(speed_mm_s), force_n, np.nan if heading_rad is None else heading_rad
+        )
+        speed, force, heading = (np.ravel(values) for values in strokes)
+        density = np.empty((speed.size, frequencies.size))
+        for start in range(0, speed.size, 64):
+            part = slice(start, start + 64)
+            towards = None if heading_rad is None else heading[part]
+            steady = self._steady(speed[part], force[part], grid, towards)
+            density[part] = self.bursts.widened(steady, frequencies)
+        return density
+
+    def power(
+        self,
+        speed_mm_s: npt.ArrayLike,
+        force_n: npt.ArrayLike,
+        heading_rad: npt.ArrayLike | None = None,
+    ) -> FloatArray:
+        """Return the exact power along the normal, (k,), (m/s2)^2; see `Surface.power`."""
+        return integrated_power(self._steady, speed_mm_s, force_n, heading_rad)
+
+    def _steady(
+        self,
+        speed_mm_s: npt.ArrayLike,
+        force_n: npt.ArrayLike,
+        frequencies_hz: FloatArray,
+        heading_rad: npt.ArrayLike | None = None,
+    ) -> FloatArray:
+        """Return the spectrum (k, f) without bursts."""
+        density = self.base.spectrum(speed_mm_s, force_n, frequencies_hz, heading_rad)
+        cosine, pole = np.cos(2.0 * pi / RATE_HZ * frequencies_hz), self.pole
+        density *= (1.0 - pole) ** 2 / (1.0 + pole * pole - 2.0 * pole * cosine)
+        if self.level is not None:
+            speed, force, _, _ = strokes_on(self, speed_mm_s, force_n, heading_rad)
+            density *= 10.0 ** (self.level.level_db(speed, force) / 10.0)[:, None]
+        return density
+
+    def annotations(self) -> bytes:
+        """Return the truth as JSON, from which `from_altered_parameters` rebuilds it."""
+        done = {key: getattr(self, key) for key in _PARTS}
+        parameters = {
+            "base": json.loads(self.base.annotations()),
+            "low_pass_hz": self.low_pass_hz,
+            **{key: asdict(part) for key, part in done.items() if part is not None},
+        }
+        truth = {"surface": self.name, "version": ALTERED_VERSION, "parameters": parameters}
+        return json.dumps(truth, separators=(",", ":")).encode()
+
+
+_PARTS: Final = {"level": Level, "patches": Patches, "bursts": Bursts}
+
+
+def from_altered_parameters(
+    name: str, base: "Surface | ModelSurface", parameters: Mapping[str, Any]
+) -> AlteredSurface:
+    """Rebuild the surface on its base from what `AlteredSurface.annotations` wrote.
+
+    Raises
+    ------
+    ValueError, KeyError, TypeError
+        The parameters are none of an altered surface.
+    """
+    parts = {key: kind(**parameters[key]) for key, kind in _PARTS.items() if key in parameters}
+    return AlteredSurface(name, base, parameters["low_pass_hz"], **parts)
+
+
+def alter(
+    surface: "Surface | ModelSurface | AlteredSurface", alteration: str, seed: int
+) -> AlteredSurface:
+    """Return a surface with ``patches`` or ``bursts``, in place of those that it has.
+
+    Parameters
+    ----------
+    surface
+        The surface.
+    alteration
+        ``patches`` or ``bursts``; ``patches-4`` has a standard deviation of 4 dB (3 by default),
+        ``bursts-8`` a kurtosis of 8 (6 by default).
+    seed
+        Says where the patches lie.
+
+    Raises
+    ------
+    InputError
+        There is no such alteration, or its number is out of range.
+    """
+    kind, _, number = alteration.partition("-")
+    name = f"{surface.name}+{alteration}"
+    if not isinstance(surface, AlteredSurface):
+        surface = AlteredSurface(name, surface)
+    try:
+        if kind == "patches" and 0.0 < (deviation := float(number or 3.0)) <= 20.0:
+            return replace(surface, name=name, patches=Patches(deviation, seed))
+        if kind == "bursts" and 3.0 < (kurtosis := float(number or 6.0)) <= 30.0:
+            return replace(surface, name=name, bursts=Bursts(kurtosis))
+    except ValueError:
+        pass
+    raise InputError(
+        f"surface {name}: +{alteration} is not known, allowed are +patches and +patches-DB (dB, "
+        "above 0 to 20), +bursts and +bursts-KURTOSIS (above 3 to 30)"
+    )
