@@ -59,9 +59,9 @@ def test_the_truth_comes_back_from_its_annotations() -> None:
     assert len(drawn(duration_s=86_400.0).annotations()) < 65_536
 
 
-def test_one_surface_is_no_course_and_a_course_is_not_one_surface() -> None:
-    with pytest.raises(InputError, match="two"):
-        SurfaceCourse(THREE[:1], [])
+def test_no_surface_is_no_course_and_a_course_is_not_one_surface() -> None:
+    with pytest.raises(InputError, match="needs a surface"):
+        SurfaceCourse([], [])
     with pytest.raises(InputError, match="single surface"):
         course_from_annotations(THREE[0].annotations())
     with pytest.raises(InputError, match="mmt lab surfaces"):

@@ -137,7 +137,10 @@ def test_tables_and_targets_say_what_was_met() -> None:
 
 @pytest.mark.parametrize("count", [2, 3, 4, 5, 6])
 def test_half_of_the_surfaces_of_a_grained_session_have_a_grain(count: int) -> None:
-    drawn = {group: draw_surfaces(group, count, 3) for group in ("isotropic", "grained")}
+    drawn = {
+        group: [get_surface(name) for name in draw_surfaces(group, count, 3)]
+        for group in ("isotropic", "grained")
+    }
     assert [len({surface.name for surface in each}) for each in drawn.values()] == [count] * 2
     assert all(surface.isotropic for surface in drawn["isotropic"])
     grained = sum(not surface.isotropic for surface in drawn["grained"])
@@ -159,6 +162,22 @@ def test_both_groups_are_simulated_and_told_apart(monkeypatch: pytest.MonkeyPatc
     ]
     assert len(surface_tables(evaluation)) == 4
     assert len(targets(evaluation)) == 6
+
+
+def test_sessions_are_drawn_from_the_textures_that_are_named(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(running, "DURATION_S", 0.6)
+    named = ("drawn-0", "wood", "oak", "plastic+patches")
+    results = run_simulated(1, textures=named, hand="quick", workers=1)
+    for result in results:
+        drawn = draw_surfaces(result.group, len(result.surfaces), 0, named)
+        assert result.surfaces == tuple(drawn)
+        assert set(drawn) <= set(named)
+    assert {result.group for result in results} == {"isotropic", "grained"}
+    alone = run_simulated(1, textures=["wood+bursts"], workers=1)
+    assert [result.surfaces for result in alone] == [("wood+bursts",)]
+    assert alone[0].score.stays == ()
 
 
 def test_the_bound_of_a_rate_is_that_of_a_poisson_count() -> None:

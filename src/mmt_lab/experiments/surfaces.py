@@ -15,10 +15,19 @@ import typer
 from scipy.stats import chi2
 
 from mmt.evaluation.document import Table
-from mmt_lab.harness.experiment import Experiment, HandKind, Seed, Seeds, Workers, hand_of
+from mmt_lab.harness.experiment import (
+    Experiment,
+    HandKind,
+    Seed,
+    Seeds,
+    Textures,
+    Workers,
+    chosen_textures,
+    hand_of,
+)
 from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.processes import each
-from mmt_lab.surfaces.running import RECORDED, SurfaceResult, run_recorded, run_simulated
+from mmt_lab.surfaces.running import RECORDED, STAY_S, SurfaceResult, run_recorded, run_simulated
 from mmt_lab.surfaces.scoring import Stay
 
 TITLE: Final = "More than one surface"
@@ -42,6 +51,7 @@ DEFINITIONS: Final = {
     "recalls": "how often a known model was chosen, also of a surface that was new at first",
     "wrong_recalls": "share of the recalls that chose the model of another surface",
     "doubled": "stays on a known surface at whose end the tracker had made a second model of it",
+    "models_too_many": "models that were made beside the first one of each surface",
     "false_alarms": "changes that were found while the tool stayed; in stroked_s of stroking. A "
     "change counts for the stay that most of the samples are of from which it was found, or for "
     "the next where vibration of that one was received and the surface in use was right before",
@@ -115,22 +125,26 @@ def _choices(evaluation: SurfaceEvaluation, group: str) -> Table:
             str(row["recalls"]),
             str(row["wrong_recalls"]),
             str(row["doubled"]),
+            str(row["models_too_many"]),
             str(row["false_alarms"]),
             f"{row['stroked_s'] / 60.0:.0f}",
         ]
         for row in evaluation.rows_of(group)
     ]
     columns = ["surfaces", "recalled after (s)", "recalls", "wrong", "doubled"]
-    columns += ["false alarms", "stroked (min)"]
+    columns += ["models too many", "false alarms", "stroked (min)"]
     return Table(columns, rows, caption=f"{CAPTIONS[group]}: recalls and false alarms.")
 
 
 def remarks(evaluation: SurfaceEvaluation) -> list[str]:
-    """Return for each group how many false alarms an hour are still possible."""
+    """Return the figures of each group in a sentence."""
     rows = [evaluation.rows_of(group)[-1] for group in evaluation.groups]
     return [
         f"{row['group']}: {row['false_alarms_per_hour']:.1f} false alarms an hour of stroking, "
-        f"up to {row['false_alarms_per_hour_most']:.1f} possible"
+        f"up to {row['false_alarms_per_hour_most']:.1f} possible; {row['wrong_recalls']} of "
+        f"{row['recalls']} recalls wrong; {row['models_too_many']} models too many in "
+        f"{row['stays']} stays; {row['missed']} missed"
+        + ("" if row["delay_s"] is None else f", the others found after {row['delay_s']:.2f} s")
         for row in rows
         if row["false_alarms_per_hour_most"] is not None
     ]
@@ -179,6 +193,7 @@ def _figures(name: str, group: Sequence[SurfaceResult]) -> dict[str, Any]:
         "wrong_recall_share": wrong / recalls if recalls else None,
         "wrong": _count(stays, "wrong"),
         "doubled": _count(stays, "doubled"),
+        "models_too_many": sum(each.models_too_many for each in scores),
         "false_alarms": false,
         "false_alarms_per_hour": 3600.0 * false / stroked_s if stroked_s else 0.0,
         "false_alarms_per_hour_most": _most(false, stroked_s / 3600.0),
@@ -214,7 +229,9 @@ def run(
     ] = None,
     seeds: Seeds = 2,
     seed: Seed = 0,
+    textures: Textures = None,
     hand: HandKind = "strokes",
+    stay: Annotated[float, typer.Option(min=1, help="Mean seconds on a surface.")] = STAY_S,
     workers: Workers = None,
 ) -> Findings:
     """Tell how soon changes of surface are found, and which model is recalled.
@@ -222,14 +239,22 @@ def run(
     Raises
     ------
     InputError
-        A session has no course over known surfaces, or the kind of hand is not known.
+        A session has no course over known surfaces, or a texture or the kind of hand is not
+        known.
     """
     if sessions:
         results = each(
             run_recorded, [(path,) for path in sessions], workers=workers, what="sessions"
         )
     else:
-        results = run_simulated(seeds, first=seed, hand=hand_of(hand).kind, workers=workers)
+        results = run_simulated(
+            seeds,
+            first=seed,
+            textures=chosen_textures(textures),
+            hand=hand_of(hand).kind,
+            stay_s=stay,
+            workers=workers,
+        )
     evaluation = SurfaceEvaluation(results)
     return Findings(
         TITLE,

@@ -1,7 +1,7 @@
 """Run the tracker over sessions on several known surfaces."""
 
 import random
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -15,8 +15,7 @@ from mmt.scene import Scene
 from mmt.session import read_session
 from mmt.testing.simulation.course import SurfaceCourse, course_from_annotations
 from mmt.testing.simulation.offline import simulate_session
-from mmt.testing.simulation.surfaces import Surface
-from mmt.testing.simulation.textures import SURFACES
+from mmt.testing.simulation.textures import SURFACES, get_surface
 from mmt.texture.settings import Inputs, ModellingSettings, SurfaceSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.surfaces.modeller import LOOK_S
@@ -52,13 +51,19 @@ class SurfaceResult:
 
 
 def run_simulated(
-    seeds: int, *, first: int = 0, hand: str = "strokes", workers: int | None = None
+    seeds: int,
+    *,
+    first: int = 0,
+    textures: Sequence[str] = tuple(SURFACES),
+    hand: str = "strokes",
+    stay_s: float = STAY_S,
+    workers: int | None = None,
 ) -> list[SurfaceResult]:
     """Simulate and score sessions over 2 to 6 surfaces in random order.
 
     Two groups of sessions: over textures that are the same in all directions, and, with a hand
     that strokes along all headings, over some that depend on the heading. Half of the changes
-    fall on a lift-off, half happen within contact.
+    fall on a lift-off, half happen within contact. On a single texture the tool stays.
 
     Parameters
     ----------
@@ -66,16 +71,21 @@ def run_simulated(
         Sessions for each number of surfaces in each group.
     first
         The first seed.
+    textures
+        Names from which those of each session are drawn.
     hand
         Kind of the hand.
+    stay_s
+        Mean stay on a surface; a session has some eleven.
     workers
         Local processes; see `mmt_lab.harness.processes.each`.
     """
     calls = [
-        (group, count, seed, hand)
+        (group, chosen, seed, hand, stay_s)
         for group in GROUPS
         for seed in range(first, first + seeds)
-        for count in COUNTS
+        for count in (COUNTS if len(textures) > 1 else (1,))
+        if (chosen := draw_surfaces(group, count, seed, textures))
     ]
     return each(_simulated, calls, workers=workers, what="sessions over several surfaces")
 
@@ -102,35 +112,47 @@ def run_recorded(path: Path) -> SurfaceResult:
         raise InputError(f"{path}: {error}") from error
 
 
-def draw_surfaces(group: str, count: int, seed: int) -> list[Surface]:
-    """Draw `count` known textures; of a grained session half, two at least, have a grain."""
+def draw_surfaces(
+    group: str, count: int, seed: int, textures: Sequence[str] = tuple(SURFACES)
+) -> list[str]:
+    """Draw `count` of the textures, or none where there are too few of a group's kind.
+
+    Of a grained session half, two at least, have a grain, as far as there are so many.
+    """
     random_order = random.Random(f"{count} {seed}")  # noqa: S311 - no secret
     plain, grained = (
-        [name for name, surface in SURFACES.items() if surface.isotropic == wanted]
+        [name for name in textures if get_surface(name).isotropic == wanted]
         for wanted in (True, False)
     )
-    if group == "isotropic":
-        chosen = random_order.sample(plain, count)
-    else:
-        with_grain = max(2, (count + 1) // 2)
-        chosen = random_order.sample(grained, with_grain)
-        chosen += random_order.sample(plain, count - with_grain)
+    with_grain = 0
+    if group == "grained":
+        with_grain = min(len(grained), count, max(2, (count + 1) // 2))
+        if not with_grain:
+            return []
+    if count - with_grain > len(plain):
+        return []
+    chosen = random_order.sample(grained, with_grain)
+    chosen += random_order.sample(plain, count - with_grain)
+    if with_grain:
         random_order.shuffle(chosen)
-    return [SURFACES[name] for name in chosen]
+    return chosen
 
 
-def _simulated(group: str, count: int, seed: int, hand: str) -> SurfaceResult:
-    number = 100 * count + seed
+def _simulated(
+    group: str, textures: Sequence[str], seed: int, hand: str, stay_s: float
+) -> SurfaceResult:
+    number = 100 * len(textures) + seed
+    duration_s = DURATION_S * stay_s / STAY_S
     course = SurfaceCourse.draw(
-        draw_surfaces(group, count, seed),
-        stay_s=STAY_S,
+        [get_surface(name) for name in textures],
+        stay_s=stay_s,
         when="either",
-        duration_s=DURATION_S,
+        duration_s=duration_s,
         seed=number,
     )
     scene = Scene(hand=hand_of(hand, isotropic=group == "isotropic"))
-    frames, _ = simulate_session(scene, course, DURATION_S, number)
-    name = f"{group}, {count} surfaces, seed {seed}"
+    frames, _ = simulate_session(scene, course, duration_s, number)
+    name = f"{group}, {len(textures)} surfaces, seed {seed}"
     result = run_session(name, course, frames, ModellingSettings(inputs=GROUPS[group]))
     return replace(result, group=group)
 

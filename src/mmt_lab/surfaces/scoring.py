@@ -50,6 +50,7 @@ class SurfaceScore:
 
     ``too_short``: stays with less than `LEAST_STROKED_S` of stroking. ``recalls``: how often a
     known model was chosen, ``wrong_recalls``: how often that of another surface.
+    ``models_too_many``: models beside the first one of each surface.
     """
 
     surfaces: int
@@ -59,6 +60,7 @@ class SurfaceScore:
     recalls: int
     wrong_recalls: int
     false_alarms: int
+    models_too_many: int
 
 
 def score(
@@ -126,6 +128,7 @@ def score(
         recalls=recalls,
         wrong_recalls=wrong,
         false_alarms=false,
+        models_too_many=len(belief.labels) - len(set(belief.labels.values())),
     )
 
 

@@ -71,19 +71,19 @@ class SurfaceCourse:
     Parameters
     ----------
     surfaces
-        At least two. The tool begins on the first and never goes to the one it is on.
+        The tool begins on the first and never goes to the one it is on.
     changes
         In the order of their frames.
 
     Raises
     ------
     InputError
-        There are fewer than two surfaces.
+        There is no surface.
     """
 
     def __init__(self, surfaces: Sequence[KnownSurface], changes: Sequence[CourseChange]) -> None:
-        if len(surfaces) < 2:
-            raise InputError("a course needs at least two different surfaces")
+        if not surfaces:
+            raise InputError("a course needs a surface")
         self.surfaces = tuple(surfaces)
         self.changes = tuple(changes)
 
@@ -101,12 +101,11 @@ class SurfaceCourse:
         random = np.random.default_rng([seed, 3])
         changes: list[CourseChange] = []
         at_s, here = 0.0, 0
-        while len(changes) < _LARGEST_COURSE:
+        while len(surfaces) > 1 and len(changes) < _LARGEST_COURSE:
             at_s += stay_s * float(random.uniform(0.5, 1.5))
             if at_s >= duration_s:
                 break
-            others = [n for n in range(len(surfaces)) if n != here]
-            here = int(random.choice(others)) if others else 0
+            here = int(random.choice([n for n in range(len(surfaces)) if n != here]))
             in_contact = bool(random.random() < 0.5) if when == "either" else when == "contact"
             changes.append(CourseChange(round(at_s * RATE_HZ), here, in_contact))
         return cls(surfaces, changes)
