@@ -42,15 +42,32 @@ def simulated_knock(generator: np.random.Generator) -> FloatArray:
 
 
 def add_knock(segment: FloatArray, knock: FloatArray, generator: np.random.Generator) -> FloatArray:
-    """Return a segment (n,) with a knock that begins within its first 70 %.
+    """Return a segment (n,) with what of a knock falls into it; see `placed_knock`."""
+    start, placed = placed_knock(segment, knock, generator)
+    struck = segment.copy()
+    struck[start : start + len(placed)] += placed[: len(segment) - start]
+    return struck
 
-    ``A + N sigma_a / sigma_n sqrt(0.4)`` with both deviations taken over the segment.
+
+def placed_knock(
+    segment: FloatArray, knock: FloatArray, generator: np.random.Generator
+) -> tuple[int, FloatArray]:
+    """Place a knock within the first 70 % of a segment (n,), and scale it.
+
+    ``N sigma_a / sigma_n sqrt(0.4)`` with both deviations taken over the segment.
+
+    Returns
+    -------
+    start
+        Where in the segment it begins.
+    placed : (SAMPLES,)
+        The knock, which may ring beyond the segment's end.
     """
     start = int(generator.integers(0, max(1, int(_LATEST * len(segment)))))
-    noise = np.zeros(len(segment))
+    inside = np.zeros(len(segment))
     part = knock[: len(segment) - start]
-    noise[start : start + len(part)] = part
-    return np.asarray(segment + noise * (segment.std() / noise.std() * np.sqrt(SHARE)))
+    inside[start : start + len(part)] = part
+    return start, np.asarray(knock * (segment.std() / inside.std() * np.sqrt(SHARE)))
 
 
 def read_knocks(paths: Sequence[Path]) -> list[FloatArray]:
