@@ -116,41 +116,18 @@ def test_smoothed_shapes_have_vertices_inside_where_the_level_needs_none(
     lsf = smoothed_shapes(samples, inside=inside) if shape == "smoothed" else samples.lsf
     expected = vertex_table(model.points, samples.power, lsf, inside=inside).table
     np.testing.assert_array_equal(model.vertices, expected)
-    made = {"kernel_parameters", "level_process"} & model.__dict__.keys()
+    made = {"kernel_parameters", "level_field"} & model.__dict__.keys()
     assert bool(made) == (level == "gaussian_process")
     again = TextureModel.from_bytes(model.to_bytes())
     assert (again.level, again.shape, again.rate_hz) == (level, shape, 800.0)
 
 
-def test_the_level_of_a_process_is_fitted_once_and_grows(monkeypatch: pytest.MonkeyPatch) -> None:
-    given: list[tuple[object, object]] = []
-    process = texture_model_process()
-
-    def noted(samples: TextureSamples, before: Any, hyperparameters: Any) -> Any:
-        given.append((before, hyperparameters))
-        return process(samples, before, hyperparameters)
-
-    monkeypatch.setattr("mmt.texture.field.level_process.level_process", noted)
-    first = TextureModel(drawn(15), level="gaussian_process")
-    TextureModel(drawn(16), level="gaussian_process", previous=first)
-    TextureModel(drawn(15), level="gaussian_process", fitted=first.fitted)
-    made = first.level_process
-    assert made is not None
-    assert given == [(None, None), (made, None), (None, made.hyperparameters)]
-
-
-def texture_model_process() -> Any:
-    from mmt.texture.field.level_process import level_process
-
-    return level_process
-
-
-def test_the_level_in_db_is_that_of_the_process_at_the_inputs() -> None:
+def test_the_level_in_db_is_that_of_the_field_at_the_inputs() -> None:
     model = TextureModel(drawn(15))
-    assert model.level_process is not None
+    assert model.level_field is not None
     found = model.level_db([50.0, 120.0], [1.0, 2.0])
     points = np.array([[50.0 / 300.0, 1.0 / 3.0], [120.0 / 300.0, 2.0 / 3.0]])
-    np.testing.assert_allclose(found, model.level_process.level_db(points), rtol=1e-12)
+    np.testing.assert_allclose(found, model.level_field.level_db(points), rtol=1e-12)
 
 
 def test_without_power_there_is_no_level_in_db() -> None:

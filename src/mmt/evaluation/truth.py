@@ -2,7 +2,9 @@
 
 Both sides are exact: the texture gives its own spectrum and the model that of its
 interpolated filter, so that no score here carries the scatter of a realisation. What the
-sensors add and what the modelling's 10 Hz high-pass takes away count as errors of the model.
+sensors add counts as an error of the model. Levels are compared from 8 Hz up: below, the
+modelling's 10 Hz high-pass, which keeps the hand's own motion out, leaves too little to tell a
+level by.
 """
 
 from collections.abc import Mapping
@@ -32,6 +34,9 @@ from mmt.texture.signals.metrics import gfc_of_rows
 
 DENSITY_HZ: Final[FloatArray] = np.arange(501.0)
 """Where spectra are computed; lines are at least 3 Hz wide."""
+
+LOWEST_HZ: Final = 8
+"""Where the level begins; the high-pass leaves 0.29 of a power there."""
 
 _FINE: Final = slice(10, None, 2)  # of DENSITY_HZ: 10 to 500 Hz in steps of 2 Hz
 _BINS: Final = slice(1, None)  # of Welch's estimate: 15.6 to 500 Hz
@@ -165,12 +170,10 @@ class KnownTexture:
     def _truth_at(self, strokes: Strokes) -> _Spectra:
         """Return the spectra and powers of the truth.
 
-        The power is the trapezoidal sum of the spectrum from 0 to 500 Hz in steps of 1 Hz.
-        The spectrum being even and periodic, the error falls exponentially with a line's
-        width over the step: 2e-4 for the narrowest lines, of 3 Hz.
+        The power is the trapezoidal sum of the spectrum from 8 to 500 Hz in steps of 1 Hz.
         """
         density = self.spectrum(strokes, DENSITY_HZ)
-        power = density.sum(axis=1) - 0.5 * (density[:, 0] + density[:, -1])
+        power = _sum(density) - _sum(density[:, : LOWEST_HZ + 1])
         return _Spectra(density[:, _FINE], expected_amplitude(density)[:, _BINS], power)
 
 
@@ -197,8 +200,14 @@ def _spectra_of(model: TextureModel, strokes: Strokes) -> _Spectra:
     lsf, variance = model.at(*strokes.inputs(model.space).T)
     # By the coefficients: several times faster than by LSF.
     density = ar_spectrum(lsf_to_ar(lsf), variance, DENSITY_HZ, model.rate_hz)
-    power = output_power(variance, lsf_to_reflection(lsf))
+    power = output_power(variance, lsf_to_reflection(lsf))  # however narrow its lines are
+    power = power - np.minimum(_sum(density[:, : LOWEST_HZ + 1]), 0.999 * power)
     return _Spectra(density[:, _FINE], expected_amplitude(density)[:, _BINS], power)
+
+
+def _sum(density: FloatArray) -> FloatArray:
+    """Return the trapezoidal sum of densities (k, f) at every Hz, (k,)."""
+    return np.asarray(density.sum(axis=1) - 0.5 * (density[:, 0] + density[:, -1]))
 
 
 def _errors(own: _Spectra, truth: _Spectra) -> GridErrors:

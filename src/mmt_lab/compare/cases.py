@@ -19,8 +19,7 @@ from mmt_lab.harness.experiment import hand_of
 FIRST_SEED: Final = 1000
 """Seeds count from here: the ones that anything was tried with are smaller."""
 
-DURATION_S: Final = 18.0
-GRAINED_DURATION_S: Final = 30.0
+DURATION_S: Final = 30.0
 """A hand that takes all headings meets the stop criterion of three inputs after 20 to 27 s."""
 
 FASTEST_MM_S: Final = 200.0
@@ -81,7 +80,7 @@ class Case:
         frames, _ = simulate_session(
             scene,
             self.texture,
-            GRAINED_DURATION_S if grained else DURATION_S,
+            DURATION_S,
             self.seed,
             path=self.stroke,
             motion_scale=self.motion_scale,

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from mmt.core.arrays import FloatArray, RecordArray
-from mmt.evaluation.levels import level_error_db
+from mmt.evaluation.grid_errors import Strokes
 from mmt.evaluation.truth import KnownTexture
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.completion.uncertainty import (
@@ -151,12 +151,12 @@ class _Judge:
     def __init__(
         self, case: Case, blocks: Sequence[RecordArray], settings: ModellingSettings
     ) -> None:
-        surface = get_surface(case.texture)
-        self._truth = KnownTexture(surface)
+        self._truth = KnownTexture(get_surface(case.texture))
         self._grid: CompletionGrid = completion_grid(3 if case.inputs == "anisotropic" else 2)
         inputs = self._grid.inputs
+        heading = np.arctan2(inputs[:, 1], inputs[:, 0]) if inputs.shape[1] == 3 else 0.0
         speed = np.hypot(*inputs[:, :-1].T) if inputs.shape[1] == 3 else inputs[:, 0]
-        self._power = surface.power(speed, inputs[:, -1], self._grid.nodes.heading)
+        self._strokes = Strokes(speed, inputs[:, -1], np.broadcast_to(heading, speed.shape))
         self._weights, self._seconds = _motion(blocks, self._grid, settings)
 
     def calibration(self, history: ModelHistory) -> tuple[list[Update], FloatArray, FloatArray]:
@@ -165,7 +165,7 @@ class _Judge:
         squares, counts = np.zeros(len(DEVIATIONS_DB) - 1), np.zeros(len(DEVIATIONS_DB) - 1)
         for number, update in enumerate(history.updates):
             model = update.model
-            if model is None or model.level_process is None:
+            if model is None or model.level_field is None:
                 continue
             weights = self._weights[number]
             said, error_db = self._look(model, weights)
@@ -193,7 +193,7 @@ class _Judge:
             return nothing
         number = history.number(time_s)
         model = history.model(number)
-        if model is None or model.level_process is None:
+        if model is None or model.level_field is None:
             return nothing
         weights = self._weights[number]
         said, error_db = self._look(model, weights)
@@ -213,11 +213,11 @@ class _Judge:
         )
 
     def _look(self, model: TextureModel, weights: FloatArray) -> tuple[Outlook, FloatArray]:
-        """Return what a model with a process says of the grid's nodes, and its errors there."""
-        process = model.level_process
-        assert process is not None  # noqa: S101 - the caller has looked
-        error_db = level_error_db(model, self._grid.inputs, self._power)
-        return outlook(process, self._grid, weights), error_db
+        """Return what a model with a field says of the grid's nodes, and its errors there."""
+        field = model.level_field
+        assert field is not None  # noqa: S101 - the caller has looked
+        error_db = self._truth.compare_at(model, self._strokes).power_error_db
+        return outlook(field, self._grid, weights), error_db
 
 
 def _motion(

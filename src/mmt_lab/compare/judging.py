@@ -30,7 +30,7 @@ METHODS: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
 A's triangulation over speed and force, and paper B's network where the heading counts; ``power``
 is what is rendered by default."""
 
-MOMENTS: Final = ("3 s", "start", "stop", "18 s")
+MOMENTS: Final = ("3 s", "start", "stop", "30 s")
 """When methods are compared. The criteria are those of the first method named: its samples, not
 the method, meet them."""
 
@@ -138,7 +138,7 @@ def judge(case: Case, methods: Sequence[str], blocks: Sequence[RecordArray]) -> 
 
 def _moments(history: ModelHistory) -> dict[str, float]:
     """Return the session times of the moments that a session came to."""
-    times = {"3 s": 3.0, "start": history.start_s, "stop": history.stop_s, "18 s": 18.0}
+    times = {"3 s": 3.0, "start": history.start_s, "stop": history.stop_s, "30 s": 30.0}
     end_s = history.updates[-1].time_s
     return {name: at for name, at in times.items() if at is not None and at <= end_s}
 

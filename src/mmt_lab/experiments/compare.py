@@ -55,7 +55,7 @@ GOAL: Final = 0.9
 
 DEFINITIONS: Final = {
     "within_jnd": "share of the grid of the evaluation whose level is within one JND, 1.36 dB, of "
-    "the known texture's",
+    "the known texture's, from 8 Hz up",
     "power_error_db": "root mean square of that level's error, dB",
     "gfc": "goodness of fit between expected Welch amplitude spectra, mean over the grid",
     "log_spectral_db": "log-spectral distance over 10 to 500 Hz, mean over the grid, dB",
@@ -63,7 +63,7 @@ DEFINITIONS: Final = {
     "power, dB; the bands have edges at "
     + ", ".join(f"{edge:.0f}" for edge in BAND_EDGES_HZ)
     + " Hz",
-    "moments": "3 s and 18 s of session time; the start and the stop criterion as the session's "
+    "moments": "3 s and 30 s of session time; the start and the stop criterion as the session's "
     "samples meet them. Sessions that do not come to a moment are not counted at it",
     "spread": "median, and 10th to 90th percentile, over the sessions",
     "difference": "mean over sessions of a method less the first, with its standard error; better "

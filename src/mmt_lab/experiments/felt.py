@@ -24,7 +24,7 @@ from mmt.testing.simulation import RATE_HZ
 from mmt.testing.simulation.textures import get_surface
 from mmt.texture.online.modeller import ModelUpdate
 from mmt.texture.settings import ModellingSettings
-from mmt_lab.compare.cases import DURATION_S, FIRST_SEED, GRAINED_DURATION_S
+from mmt_lab.compare.cases import DURATION_S, FIRST_SEED
 from mmt_lab.compare.judging import METHODS as METHODS_OF_MODELLING
 from mmt_lab.felt.judging import HOP, LEAST_RMS_M_S2, WINDOW, Course, Reference
 from mmt_lab.felt.leading import (
@@ -80,11 +80,6 @@ class Case:
     seed: int
     hand: str = "strokes"
 
-    @property
-    def duration_s(self) -> float:
-        """As long as texture and hand need to come to the stop criterion."""
-        return DURATION_S if get_surface(self.texture).isotropic else GRAINED_DURATION_S
-
 
 @dataclass(frozen=True)
 class Outcome:
@@ -134,7 +129,7 @@ def cases(seeds: int, textures: Sequence[str], hand: str = "strokes") -> list[Ca
 def feel(case: Case) -> list[Outcome]:
     """Run one session, let each method lead it, and judge them."""
     surface = get_surface(case.texture)
-    ticks = round(case.duration_s * RATE_HZ)
+    ticks = round(DURATION_S * RATE_HZ)
     passage = pass_over(
         surface,
         Network.model_validate({"profile": case.network}),

@@ -1,6 +1,6 @@
 """Completion by uncertainty: the expected share of an operator's strokes rendered within one JND.
 
-The posterior of the level (`mmt.texture.field.level_process`) gives the probability that the level
+The posterior of the level (`mmt.texture.field.posterior`) gives the probability that the level
 at a stroke is within one just noticeable difference of the truth. The value of the criterion is the
 mean of that probability over a grid of strokes, weighted by an estimate of where this operator
 strokes (`StrokingDensity`). It is the expectation of a share that `mmt lab compare` measures.
@@ -8,13 +8,13 @@ strokes (`StrokingDensity`). It is the expectation of a share that `mmt lab comp
 It leaves out errors of the spectrum's shape, which have no posterior here, and what the stream does
 not contain, such as vibration far below the corner of the high-pass.
 
-*Level.* A normal error of standard deviation sd is within one JND with the probability
-``erf(JND / (sd sqrt(2)))``.
+*Level.* The posterior is a mixture of normal distributions, one for each setting of its
+hyperparameters. The probability is the mixture's within one JND of its mean.
 
-*One step ahead.* A segment at stroke c whose power scatters with variance r reduces the variance at
-every x by ``cov(x, c)^2 / (var(c) + r)``, whatever it measures (a rank-one update; Rasmussen and
-Williams 2006, eq. 2.26). This gives the gain in the expected share for every c at once, in O(g^2)
-for g nodes.
+*One step ahead.* A second of stroking at c whose power scatters with variance r reduces the
+variance at every x by ``cov(x, c)^2 / (var(c) + r)``, whatever it measures (a rank-one update;
+Rasmussen and Williams 2006, eq. 2.26). This gives the gain in the expected share for every c at
+once, in O(g^2) for g nodes, by the likeliest setting.
 
 *Strokes.* The grid spans 40 to 260 mm/s and 0.4 to 2.6 N, the range that evaluations compare:
 strokes beyond are rare or hardly vibrate. The next stroke is taken to come from a Dirichlet process
@@ -31,13 +31,12 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from scipy.special import erf
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.texture.completion.criterion import Progress, Thresholds
 from mmt.texture.completion.distance import DIVISIONS, cells_of
-from mmt.texture.field.level_covariance import Features, nodes
-from mmt.texture.field.level_process import DB, LevelProcess
+from mmt.texture.field.covariance import Coordinates, grid_nodes, warped
+from mmt.texture.field.posterior import DB, LevelField, right_probability
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings
@@ -62,24 +61,24 @@ class CompletionGrid:
 
     Attributes
     ----------
-    axes
-        Logarithms of normalised speeds and forces, and headings.
+    speed, force, heading
+        Axes: normalised speeds and forces, and headings.
     points
-        The nodes, normalised, shape (g, d), in the order of `level_covariance.nodes`.
+        The nodes, normalised, shape (g, d), in the order of `covariance.grid_nodes`.
     """
 
     def __init__(self, space: InputSpace) -> None:
         headings, speeds, forces = _DIRECTED_SHAPE if space.directed else _PLANAR_SHAPE
         turn = np.linspace(0.0, 2.0 * np.pi, headings, endpoint=False) + np.pi / headings
         self.space = space
-        self.axes = Features(
-            np.log(np.linspace(*SPEEDS_MM_S, speeds) / space.maximum_speed_mm_s),
-            np.log(np.linspace(*FORCES_N, forces) / space.maximum_force_n),
-            turn if space.directed else 0.0 * turn,
+        self.speed = np.linspace(*SPEEDS_MM_S, speeds) / space.maximum_speed_mm_s
+        self.force = np.linspace(*FORCES_N, forces) / space.maximum_force_n
+        self.heading = turn if space.directed else 0.0 * turn
+        around, speed, force = (
+            axis.ravel()
+            for axis in np.meshgrid(self.heading, self.speed, self.force, indexing="ij")
         )
-        self.nodes = at = nodes(self.axes)
-        speed, force = np.exp(at.speed), np.exp(at.force)
-        columns = [speed * np.cos(at.heading), speed * np.sin(at.heading), force]
+        columns = [speed * np.cos(around), speed * np.sin(around), force]
         self.points: FloatArray = np.column_stack(columns if space.directed else [speed, force])
 
     def __len__(self) -> int:
@@ -148,13 +147,14 @@ class StrokingDensity:
         chosen = np.flatnonzero(stroking)[::_STEP]
         if not len(chosen):
             return
-        space, axes = self._grid.space, self._grid.axes
+        space, grid = self._grid.space, self._grid
+        speeds, forces = np.log(grid.speed), np.log(grid.force)
         speed = np.log(block.speed_mm_s[chosen] / space.maximum_speed_mm_s)
         force = np.log(block.normal_force_n[chosen] / space.maximum_force_n)
         velocity = block.velocity_mm_s[chosen]
-        turn = np.subtract.outer(axes.heading, np.arctan2(velocity[:, 1], velocity[:, 0]))
-        across = _near(axes.speed, np.clip(speed, axes.speed[0], axes.speed[-1]), _WIDTHS[0])
-        along = _near(axes.force, np.clip(force, axes.force[0], axes.force[-1]), _WIDTHS[1])
+        turn = np.subtract.outer(grid.heading, np.arctan2(velocity[:, 1], velocity[:, 0]))
+        across = _near(speeds, np.clip(speed, speeds[0], speeds[-1]), _WIDTHS[0])
+        along = _near(forces, np.clip(force, forces[0], forces[-1]), _WIDTHS[1])
         around = _shares(2.0 * np.sin(0.5 * turn), _WIDTHS[2])  # one heading: it alone
         self._seconds += self._moment_s * np.einsum("hk,sk,fk->hsf", around, across, along).ravel()
 
@@ -185,12 +185,6 @@ _LEAST: Final = 1e-12
 """Variances in nepers^2 count as no smaller: 4e-6 dB."""
 
 
-def right_probability(deviation_db: FloatArray) -> FloatArray:
-    """Return the probability that a normal error of each standard deviation is within one JND."""
-    least = DB * np.sqrt(_LEAST)
-    return np.asarray(erf(JND_DB / (np.sqrt(2.0) * np.maximum(deviation_db, least))))
-
-
 @dataclass(frozen=True, eq=False)
 class Outlook:
     """Expected accuracy at every node of a grid, arrays of shape (g,).
@@ -202,7 +196,7 @@ class Outlook:
     right
         Probability that it is within one JND.
     gain
-        Increase of the weighted share by a further segment at that node.
+        Increase of the weighted share by a further second of stroking at that node.
     """
 
     deviation_db: FloatArray
@@ -214,15 +208,17 @@ class Outlook:
         return float(np.clip(self.right @ weights, 0.0, 1.0))
 
 
-def outlook(process: LevelProcess, grid: CompletionGrid, weights: FloatArray) -> Outlook:
+def outlook(field: LevelField, grid: CompletionGrid, weights: FloatArray) -> Outlook:
     """Return the `Outlook` of a posterior over a grid whose nodes have weights (g,)."""
-    covariance = process.covariance_on_grid(grid.axes)
+    axes = Coordinates(warped(grid.speed), warped(grid.force), grid.heading)
+    covariance = field.covariance_on_grid(axes)
     variance = np.maximum(np.einsum("ii->i", covariance), _LEAST)
-    gained = np.square(covariance) / (variance + process.segment_variance)[:, None]
-    after = right_probability(DB * np.sqrt(np.maximum(variance - gained, _LEAST)))
-    deviation_db = DB * np.sqrt(variance)
-    right = right_probability(deviation_db)
-    return Outlook(deviation_db, right, np.asarray(after @ weights - right @ weights))
+    gained = np.square(covariance) / (variance + field.second_variance)[:, None]
+    nepers = JND_DB / DB
+    after = right_probability(nepers, np.maximum(variance - gained, _LEAST))
+    gain = after @ weights - right_probability(nepers, variance) @ weights
+    found = field.predict(grid_nodes(axes))
+    return Outlook(DB * found.deviation, found.within(nepers), np.asarray(gain))
 
 
 class UncertaintyCriterion(Thresholds):
@@ -249,12 +245,12 @@ class UncertaintyCriterion(Thresholds):
 
     def update(self, model: TextureModel | None, time_s: float) -> None:
         """Evaluate the model at a session time (s); the share is 0 without a model or any power."""
-        process = None if model is None else model.level_process
-        if process is None:
+        field = None if model is None else model.level_field
+        if field is None:
             self.progress = self._nothing
             return
         weights = self.density.weights
-        found = outlook(process, self.grid, weights)
+        found = outlook(field, self.grid, weights)
         self.progress = Progress(
             scale=self.scale,
             value=found.share(weights),

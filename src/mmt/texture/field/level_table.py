@@ -6,13 +6,15 @@ the grid the level falls to zero linearly, as in `mmt.texture.field.trend`. A re
 logarithms and an exponential, and an arctangent more where the heading counts.
 """
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.compiled import kernel
-from mmt.texture.field.level_covariance import SLOWEST, Features
+
+SLOWEST: Final = 0.01
+"""Least speed and force of the table, as a share of the largest."""
 
 PLANAR_SHAPE: Final = (1, 41, 41)
 """Headings, speeds and forces of a table without headings."""
@@ -30,11 +32,19 @@ _PER_LOGARITHM: Final = -1.0 / np.log(SLOWEST)
 _PER_RADIAN: Final = 0.5 / np.pi
 
 
-def table_grid(*, directed: bool) -> Features:
-    """Return the logarithms of speeds and forces and the headings of the table's axes."""
+class TableGrid(NamedTuple):
+    """Axes of the table: logarithms of speeds and of forces, and headings."""
+
+    speed: FloatArray
+    force: FloatArray
+    heading: FloatArray
+
+
+def table_grid(*, directed: bool) -> TableGrid:
+    """Return the table's axes."""
     headings, speeds, forces = DIRECTED_SHAPE if directed else PLANAR_SHAPE
     lowest = np.log(SLOWEST)
-    return Features(
+    return TableGrid(
         np.linspace(lowest, 0.0, speeds),
         np.linspace(lowest, 0.0, forces),
         np.linspace(0.0, 2.0 * np.pi, headings, endpoint=False),

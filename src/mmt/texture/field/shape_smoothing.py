@@ -29,7 +29,6 @@ from scipy.linalg import eigh
 from scipy.spatial import cKDTree
 
 from mmt.core.arrays import FloatArray, IntArray
-from mmt.texture.field.level_covariance import matern
 from mmt.texture.interpolation.boundary import boundary
 from mmt.texture.model.samples import TextureSamples
 
@@ -107,9 +106,9 @@ def smoothed_shapes(samples: TextureSamples, *, inside: bool = False) -> FloatAr
 def _covariance(a: FloatArray, b: FloatArray, scales: tuple[float, float]) -> FloatArray:
     """Return the prior covariance (k, l) of points, in units of the departure's variance."""
     total = _FREE * (1.0 + (a - 0.5) @ (b - 0.5).T)
-    force = matern(np.abs(np.subtract.outer(a[:, -1], b[:, -1])), scales[1])[0]
+    force = _matern(np.abs(np.subtract.outer(a[:, -1], b[:, -1])), scales[1])
     if a.shape[1] == 2:
-        along = matern(np.abs(np.subtract.outer(a[:, 0], b[:, 0])), scales[0])[0]
+        along = _matern(np.abs(np.subtract.outer(a[:, 0], b[:, 0])), scales[0])
         return np.asarray(total + along * force)
     speeds = np.hypot(a[:, 0], a[:, 1]) - 0.5, np.hypot(b[:, 0], b[:, 1]) - 0.5
     total += _FREE * np.multiply.outer(*speeds)
@@ -119,7 +118,7 @@ def _covariance(a: FloatArray, b: FloatArray, scales: tuple[float, float]) -> Fl
         )
         for side in (1.0, -1.0)
     )
-    along = matern(away, scales[0])[0] + _RETURN * matern(back, scales[0])[0]
+    along = _matern(away, scales[0]) + _RETURN * _matern(back, scales[0])
     return np.asarray(total + along * force)
 
 
@@ -196,3 +195,9 @@ def _kept_apart(result: FloatArray, fitted: FloatArray) -> FloatArray:
 
 def _gaps(lsf: FloatArray) -> FloatArray:
     return np.asarray(np.diff(lsf, prepend=0.0, append=np.pi, axis=1).min(axis=1))
+
+
+def _matern(distance: FloatArray, length: float) -> FloatArray:
+    """Return the Matern covariance of smoothness 5/2."""
+    r = (np.sqrt(5.0) / length) * distance
+    return np.asarray((1.0 + r + r * r / 3.0) * np.exp(-r))

@@ -9,15 +9,16 @@ import numpy as np
 from mmt.core.archives import load_arrays
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
+from mmt.texture.field.cells import FieldCells
 from mmt.texture.field.trend import NO_TREND, Trend
 from mmt.texture.interpolation.interpolator import State
 from mmt.texture.model.inputs import CHANNELS, InputSpace
 from mmt.texture.model.samples import TextureSamples
 
-FORMAT_VERSION: Final = 5
-"""Version of a file in which level or shape are estimates of their own. Version 4, whose level has
-hyperparameters of another prior, is read too, version 2, without what was fitted, and version 1,
-whose models are isotropic and by Delaunay."""
+FORMAT_VERSION: Final = 6
+"""Version of a file in which level or shape are estimates of their own. Versions 4 and 5, without
+the blocks of the level, are read too, version 2, without what was fitted, and version 1, whose
+models are isotropic and by Delaunay."""
 
 INTERPOLATED_VERSION: Final = 3
 """Version of a file in which both are interpolated, as earlier programs render it."""
@@ -28,6 +29,7 @@ _OWN: Final = frozenset(
         *("interpolator", "level", "shape", "effective_samples", "segment_samples"),
         *("maximum_speed_mm_s", "maximum_force_n", "noise_power"),
         *("trend_exponents", "level_hyperparameters"),
+        *("field_cells", "field_sums", "field_place_mm"),
         *(channel for channels in CHANNELS.values() for channel in channels),
     )
 )
@@ -50,14 +52,10 @@ class FittedParameters:
         The power law over which its level is interpolated, `NO_TREND` for an isotropic one.
     interpolator_state
         What the interpolator stores of itself, by the arrays' names in a model file.
-    level_hyperparameters
-        Logarithms of those of `mmt.texture.field.level_process.LevelProcess`; None where the
-        level is interpolated.
     """
 
     trend: Trend
     interpolator_state: State
-    level_hyperparameters: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +69,7 @@ class ModelContents:
     shape: str
     rate_hz: float
     fitted: FittedParameters | None
+    field: FieldCells | None = None
 
 
 def pack(contents: ModelContents) -> bytes:
@@ -90,6 +89,7 @@ def pack(contents: ModelContents) -> bytes:
         "interpolator": np.str_(contents.interpolator),
         **_level_arrays(contents),
         **_fitted_arrays(contents.fitted, directed=space.directed),
+        **_field_arrays(contents.field),
     }
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)
@@ -133,7 +133,8 @@ def unpack(data: bytes) -> ModelContents:
             str(content["level"]) if estimated else "interpolated",
             str(content["shape"]) if estimated else "measured",
             float(content["rate_hz"]),
-            _fitted(content, version, directed=space.directed) if version > 2 else None,
+            _fitted(content, directed=space.directed) if version > 2 else None,
+            _field(content, directed=space.directed),
         )
     except KeyError as error:
         raise InputError(f"the array {error} is missing") from error
@@ -157,6 +158,7 @@ def _numbers(content: _Arrays, name: str) -> FloatArray | None:
 
 def _written_version(contents: ModelContents) -> int:
     plain = contents.level == "interpolated" and contents.shape == "measured"
+    plain &= contents.field is None
     return INTERPOLATED_VERSION if plain else FORMAT_VERSION
 
 
@@ -185,17 +187,38 @@ def _fitted_arrays(fitted: FittedParameters | None, *, directed: bool) -> _Array
         message = f"an interpolator's state has the names of the model's own arrays: {taken}"
         raise ValueError(message)
     arrays.update(fitted.interpolator_state)
-    if fitted.level_hyperparameters is not None:
-        arrays["level_hyperparameters"] = fitted.level_hyperparameters
     return arrays
 
 
-def _fitted(content: _Arrays, version: int, *, directed: bool) -> FittedParameters:
+def _field_arrays(field: FieldCells | None) -> _Arrays:
+    if field is None:
+        return {}
+    return {
+        "field_cells": field.keys.astype(np.int16),
+        "field_sums": field.sums,
+        "field_place_mm": np.float64(field.place_mm),
+    }
+
+
+def _field(content: _Arrays, *, directed: bool) -> FieldCells | None:
+    if "field_cells" not in content:
+        return None
+    keys, sums = content["field_cells"].astype(np.int64), content["field_sums"].astype(np.float64)
+    if keys.ndim != 2 or keys.shape[1] != 5 or sums.shape != (len(keys), 4) or not len(keys):
+        raise InputError(
+            f"field_cells has shape {keys.shape} and field_sums {sums.shape}: "
+            "(r, 5) and (r, 4) needed"
+        )
+    field = FieldCells(directed, keys, sums, float(content["field_place_mm"]))
+    field.check()
+    return field
+
+
+def _fitted(content: _Arrays, *, directed: bool) -> FittedParameters:
     trend = NO_TREND
     if directed:
         trend = Trend(*content["trend_exponents"].astype(np.float64).tolist())
         if trend != NO_TREND:
             trend.check()
     state = {name: array for name, array in content.items() if name not in _OWN}
-    level = _numbers(content, "level_hyperparameters") if version >= FORMAT_VERSION else None
-    return FittedParameters(trend, state, level)
+    return FittedParameters(trend, state)

@@ -42,7 +42,8 @@ from mmt.texture.model.samples import TextureSamples
 from mmt.texture.settings import Interpolated, Level, Shape
 
 if TYPE_CHECKING:
-    from mmt.texture.field.level_process import LevelProcess
+    from mmt.texture.field.cells import FieldCells
+    from mmt.texture.field.posterior import LevelField
 
 __all__ = ["LEVELS", "TextureModel", "TextureSamples", "load_model"]
 
@@ -62,10 +63,12 @@ class TextureModel:
         How: a name known to `mmt.texture.interpolation.registry`.
     level
         What the level follows: ``"interpolated"`` as said above, or ``"gaussian_process"``, the
-        posterior mean of `mmt.texture.field.level_process`, for which `interpolate` is ``"power"``.
+        posterior mean of `mmt.texture.field.posterior`, for which `interpolate` is ``"power"``.
     shape
         Whether the spectra are those of the samples, ``"measured"``, or ``"smoothed"`` over all of
         them by `mmt.texture.field.shape_smoothing`.
+    field
+        Blocks by which the level is estimated; None for the samples alone.
     rate_hz
         Sampling rate of the filters.
     previous
@@ -88,6 +91,7 @@ class TextureModel:
         interpolator: str = "delaunay",
         level: Level = "interpolated",
         shape: Shape = "measured",
+        field: "FieldCells | None" = None,
         rate_hz: float = 1000.0,
         previous: "TextureModel | None" = None,
         fitted: FittedParameters | None = None,
@@ -136,8 +140,8 @@ class TextureModel:
             previous.interpolant if previous is not None and grown else None,
             fitted.interpolator_state if fitted else None,
         )
-        self._hyperparameters = fitted.level_hyperparameters if fitted else None
-        self._process_before = None if previous is None else previous._made_process
+        self.field = field if field is None or len(field) else None
+        """What the level is estimated from, beside the samples."""
         if level == "gaussian_process":
             _ = self.kernel_parameters  # made now, where modelling has the time
 
@@ -154,15 +158,13 @@ class TextureModel:
     @property
     def fitted(self) -> FittedParameters:
         """The parameters that were fitted to the samples."""
-        process = self.level_process if self.level == "gaussian_process" else None
-        hyperparameters = None if process is None else process.hyperparameters
-        return FittedParameters(self.trend, self.interpolant.state(), hyperparameters)
+        return FittedParameters(self.trend, self.interpolant.state())
 
     @cached_property
     def kernel_parameters(self) -> FloatArray:
         """What kernels need beside the interpolant; see `mmt.texture.model.kernel_parameters`."""
-        process = self.level_process if self.level == "gaussian_process" else None
-        table = np.zeros((0, 0, 0)) if process is None else process.table()
+        field = self.level_field if self.level == "gaussian_process" else None
+        table = np.zeros((0, 0, 0)) if field is None else field.table
         parameters = np.empty(TABLE + table.size)
         parameters[TABLE_SIZES:TABLE], parameters[TABLE:] = table.shape, table.ravel()
         parameters[LEVEL_KIND] = LEVELS[self.interpolate]
@@ -173,21 +175,21 @@ class TextureModel:
         return parameters
 
     @cached_property
-    def level_process(self) -> "LevelProcess | None":
-        """The level with its uncertainty, whatever is rendered; None where no sample has power.
+    def level_field(self) -> "LevelField | None":
+        """The level with its uncertainty, whatever is rendered; None where nothing has power.
 
-        A sample whose length is not known counts as
-        `mmt.texture.autoregression.effective_sample_size.UNKNOWN`.
+        By the blocks of `field`, or without them by the samples.
         """
-        from mmt.texture.field.level_process import level_process
+        from mmt.texture.field.posterior import LevelField, field_of_samples
 
-        before, self._process_before = self._process_before, None
-        return level_process(self.samples, before, self._hyperparameters)
+        if self.field is None:
+            return field_of_samples(self.samples)
+        return LevelField(self.field, noise_power=self.samples.noise_power)
 
     def level_db(self, *inputs: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return mean and standard deviation of the level in dB, each of shape (k,).
 
-        They are those of `level_process`, 0 dB being 1 (m/s2)^2, which every model has: with a
+        They are those of `level_field`, 0 dB being 1 (m/s2)^2, which every model has: with a
         level of ``"gaussian_process"`` the mean is what is rendered; an ``"interpolated"`` one
         goes through the samples, scatter and all, and may be off this mean by the deviation.
 
@@ -202,9 +204,9 @@ class TextureModel:
             There are not d inputs, or no sample has any power.
         """
         points = self.space.normalise(self.space.stack(*inputs))
-        if self.level_process is None:
+        if self.level_field is None:
             raise InputError("no sample of the model has any power: its level has no logarithm")
-        return self.level_process.level_db(points)
+        return self.level_field.level_db(points)
 
     def _lsf(self, *, inside: bool) -> FloatArray:
         """Return the frequencies at the samples, and around them where they are smoothed."""
@@ -213,12 +215,6 @@ class TextureModel:
         from mmt.texture.field.shape_smoothing import smoothed_shapes
 
         return smoothed_shapes(self.samples, inside=inside)
-
-    @property
-    def _made_process(self) -> "LevelProcess | None":
-        """The process where it has been made, from which that of the next model grows."""
-        made = self.__dict__.get("level_process")
-        return self._process_before if made is None else made
 
     @property
     def _alike(self) -> tuple[object, ...]:
@@ -308,6 +304,7 @@ class TextureModel:
                 self.shape,
                 self.rate_hz,
                 self.fitted,
+                self.field,
             )
         )
 
@@ -337,6 +334,7 @@ class TextureModel:
             interpolator=contents.interpolator,
             level=cast(Level, contents.level),
             shape=cast(Shape, contents.shape),
+            field=contents.field,
             rate_hz=contents.rate_hz,
             fitted=contents.fitted,
         )

@@ -11,10 +11,12 @@ from mmt.texture.interpolation.registry import load
 from mmt.texture.model.fits import Fit, samples_of, unpacked
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.online.gathering import Gathering
 from mmt.texture.online.work import Made, ModelSource, SegmentRange, Stopwatch, Work
 from mmt.texture.settings import ModellingSettings
 
 if TYPE_CHECKING:
+    from mmt.texture.field.cells import FieldCells
     from mmt.texture.selection.online import OnlineSelection
 
 _INDEPENDENT: Final = ("delaunay", "nearest")
@@ -40,6 +42,7 @@ class BuildingStage:
         self._settings = settings
         self._space = InputSpace(settings.inputs)
         self._selection = _selection(settings)
+        self._gathering = Gathering(settings) if _gathers(settings) else None
         self._chosen: Sequence[Fit] = ()
         self._outliers = self._redundant = 0
         plain = settings.level == "interpolated" and settings.criterion == "distance"
@@ -86,9 +89,11 @@ class BuildingStage:
     def build(self, work: Work) -> None:
         """Build the model anew, where it changes, and set it."""
         clock = Stopwatch(work.durations_s)
-        if self._changes(work):
+        felt = self._gathering is not None and self._gathering.add(work)
+        if self._changes(work) or (felt and self._chosen):
             packed = tuple([fit.packed for fit in self._chosen])
-            deferred = _Deferred(packed, work.noise_power, self._settings)
+            cells = None if self._gathering is None else self._gathering.cells()
+            deferred = _Deferred(packed, work.noise_power, self._settings, cells)
             self._source = deferred if self._deferred else Made(deferred.made(self.model))
         work.chosen, work.outliers, work.redundant = self._chosen, self._outliers, self._redundant
         if self._source is not None:
@@ -105,9 +110,14 @@ class _Deferred:
     """The model of some fits, made anew for whoever asks while nobody else holds it."""
 
     def __init__(
-        self, packed: tuple[bytes, ...], noise_power: float, settings: ModellingSettings
+        self,
+        packed: tuple[bytes, ...],
+        noise_power: float,
+        settings: ModellingSettings,
+        cells: "FieldCells | None",
     ) -> None:
         self._packed, self._noise_power, self._settings = packed, noise_power, settings
+        self._cells = cells
         self._held: weakref.ref[TextureModel] | None = None
 
     def __call__(self) -> TextureModel | None:
@@ -118,7 +128,7 @@ class _Deferred:
         return held
 
     def __reduce__(self) -> tuple[object, ...]:
-        return type(self), (self._packed, self._noise_power, self._settings)
+        return type(self), (self._packed, self._noise_power, self._settings, self._cells)
 
     def made(self, previous: TextureModel | None = None) -> TextureModel | None:
         """Return a new model, grown from an earlier one; None without fits."""
@@ -132,9 +142,15 @@ class _Deferred:
             interpolator=settings.interpolator,
             level=settings.level,
             shape=settings.shape,
+            field=self._cells,
             previous=previous,
             rate_hz=settings.rate_hz,
         )
+
+
+def _gathers(settings: ModellingSettings) -> bool:
+    """Say whether blocks tell the level; beside a selection its samples do, without outliers."""
+    return settings.level == "gaussian_process" and settings.selection is None
 
 
 def _selection(settings: ModellingSettings) -> "OnlineSelection | None":

@@ -74,7 +74,9 @@ class SegmentingStage:
         yield None
         clock.resume()
         change = self._segmenter.update(aligned)
-        added = [s for s in change.added if self._accept is None or self._accept(s)]
+        accept = self._accept
+        added = [s for s in change.added if accept is None or accept(s)]
+        held_out = [s for s in change.added if accept is not None and not accept(s)]
         if self._low_band is not None:
             added = [self._low_band.restored(s) for s in added]
         clock.lap("segment")
@@ -85,5 +87,6 @@ class SegmentingStage:
             added=added,
             removed=[(s.start, s.stop) for s in change.removed],
             noise_power=self._noise.power,
+            held_out=[(s.start, s.stop) for s in held_out],
             durations_s=clock.laps,
         )

@@ -106,6 +106,8 @@ class Work:
         Filtered frames, for the completion criterion.
     added, removed
         Segments that are new, and the ranges of those that no longer hold.
+    held_out
+        Ranges of new segments that may not enter the model.
     noise_power
         Noise power of the sensor, in (m/s2)^2.
     forget_from
@@ -134,6 +136,7 @@ class Work:
     removed: list[SegmentRange]
     noise_power: float
     forget_from: int | None = None
+    held_out: list[SegmentRange] = field(default_factory=list)
     durations_s: dict[str, float] = field(default_factory=dict)
     fits: tuple[Fit, ...] = ()
     order: int | None = None
@@ -165,6 +168,7 @@ class Work:
         self.removed = earlier.removed + self.removed
         self.removed_count += earlier.removed_count
         self.observed = earlier.observed + self.observed
+        self.held_out = earlier.held_out + self.held_out
 
 
 class Stopwatch:

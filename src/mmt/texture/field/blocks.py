@@ -1,0 +1,112 @@
+"""Cutting a stream of aligned samples into blocks of a twentieth of a second in contact.
+
+A block is kept if the tool strokes all the time, and pressed before it too: the knock of a
+touchdown is not the texture's. Where speed or force changes within it by more than a factor of
+two it is left out: its power is that of no one stroke.
+"""
+
+from collections.abc import Iterable
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from mmt.core.arrays import BoolArray, FloatArray, IntArray
+from mmt.texture.model.inputs import InputSpace
+from mmt.texture.settings import Axis
+from mmt.texture.signals.aligned import AlignedBlock
+
+BLOCK_S: Final = 0.05
+_LARGEST_CHANGE: Final = 2.0
+
+
+class Blocks(NamedTuple):
+    """n blocks: first sample (n,), points (n, d), powers (n,), positions in the plane (n, 2)."""
+
+    start: IntArray
+    points: FloatArray
+    power: FloatArray
+    position_mm: FloatArray
+
+    def kept(self, chosen: BoolArray) -> "Blocks":
+        """Return some of the blocks."""
+        start, points, power, position_mm = self
+        return Blocks(start[chosen], points[chosen], power[chosen], position_mm[chosen])
+
+    def joined(self, other: "Blocks") -> "Blocks":
+        """Return these blocks, and others after them."""
+        return Blocks(
+            np.concatenate([self.start, other.start]),
+            np.concatenate([self.points, other.points]),
+            np.concatenate([self.power, other.power]),
+            np.concatenate([self.position_mm, other.position_mm]),
+        )
+
+
+class BlockCutter:
+    """Cut a stream into blocks, part by part; how it comes in parts changes no block.
+
+    Parameters
+    ----------
+    space
+        Input space of the model.
+    least_speed_mm_s, least_force_n
+        Slower or lighter samples belong to no block.
+    rate_hz
+        Sampling rate of the stream.
+    normal
+        The surface's normal axis.
+    """
+
+    def __init__(
+        self,
+        space: InputSpace,
+        least_speed_mm_s: float,
+        least_force_n: float,
+        rate_hz: float,
+        normal: Axis = "z",
+    ) -> None:
+        self._space = space
+        self._plane = ["xyz".index(axis) for axis in "xyz" if axis != normal]
+        self._least_speed_mm_s, self._least_force_n = least_speed_mm_s, least_force_n
+        self.length = max(1, round(BLOCK_S * rate_hz))
+        self._rest = AlignedBlock.empty()
+        self._pressed_until = -1
+
+    def cut(self, parts: Iterable[AlignedBlock]) -> Blocks:
+        """Add the next parts of the stream, and return the blocks that they complete."""
+        parts = [part for part in (self._rest, *parts) if len(part)]
+        if not parts:
+            return self._blocks(AlignedBlock.empty())
+        joined = AlignedBlock.concatenate(parts)
+        open_from = joined.index[-1] + 1 - (joined.index[-1] + 1) % self.length
+        whole = int(np.searchsorted(joined.index, open_from))
+        self._rest = joined[whole:]
+        return self._blocks(joined[:whole])
+
+    def _blocks(self, part: AlignedBlock) -> Blocks:
+        length = self.length
+        starts = np.flatnonzero(part.index % length == 0)
+        starts = starts[starts + length <= len(part)]
+        starts = starts[part.index[starts + length - 1] - part.index[starts] == length - 1]
+        rows = starts[:, None] + np.arange(length)
+        first = part.index[starts]
+        speed, force = part.speed_mm_s[rows], part.normal_force_n[rows]
+        pressed = (force >= 0.5 * self._least_force_n).all(axis=1)
+        before = np.concatenate([[self._pressed_until], np.where(pressed, first + length, -1)])
+        used = pressed & (before[:-1] == first) & part.valid[rows].all(axis=1)
+        if len(before) > 1:
+            self._pressed_until = int(before[-1])
+        for values, least in ((speed, self._least_speed_mm_s), (force, self._least_force_n)):
+            low, high = values.min(axis=1), values.max(axis=1)
+            used &= (low >= least) & (high <= _LARGEST_CHANGE * low)
+        power = np.square(part.vibration_m_s2[rows]).sum(axis=2).mean(axis=1)
+        used &= np.isfinite(power)
+        velocity = part.velocity_mm_s[rows].mean(axis=1)
+        mean = (
+            (*velocity.T, force.mean(axis=1))
+            if self._space.directed
+            else (speed.mean(axis=1), force.mean(axis=1))
+        )
+        points = self._space.normalise(self._space.stack(*mean))
+        plane = part.position_mm[rows].mean(axis=1)[:, self._plane]
+        return Blocks(first, points, power, plane).kept(used)

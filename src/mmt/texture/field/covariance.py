@@ -1,0 +1,220 @@
+"""Prior covariance of a texture's log power over speed, force and heading.
+
+Coordinates are warped, ``u = 1.5 ln(speed + 0.15)`` of the normalised speed and ``v`` likewise of
+the force: about logarithms for most strokes, and about linear near rest, where textures have
+little left to lose. The log power is linear in them plus a departure:
+
+- ``c + a u + b v``: c all but free, a and b normal.
+- a Gaussian process over u and v, with the product of two Matern covariances of smoothness 3/2
+  (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, eq. 4.17).
+- where the heading counts, two more departures, each a Matern covariance over the chord between
+  headings times such covariances over u and v: one the same for a stroke and its return, as
+  ridges are, and one that is not, as a nap is.
+
+Every term is a product over the axes, so that matrices over cells and grids, which have few
+coordinates on each axis, take few exponentials.
+
+The hyperparameters are not searched for. `settings` spreads a fixed number of them evenly over
+their prior, and the posterior is the mixture of all, each with the weight of its evidence
+(`mmt.texture.field.posterior`). The prior's figures are in `HYPERPRIOR`.
+"""
+
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+import numpy as np
+from scipy.special import ndtri
+
+from mmt.core.arrays import FloatArray
+
+
+class LogNormal(NamedTuple):
+    """Median, and standard deviation of the logarithm."""
+
+    median: float
+    spread: float
+
+
+HYPERPRIOR: Final = {
+    "departure": LogNormal(0.6, 0.8),
+    "speed_scale": LogNormal(0.6, 0.7),
+    "force_scale": LogNormal(0.8, 0.7),
+    "turned": LogNormal(0.5, 0.7),
+    "turned_width": LogNormal(0.7, 0.5),
+    "headed": LogNormal(0.15, 0.7),
+    "headed_width": LogNormal(1.2, 0.5),
+}
+"""Prior of each hyperparameter: standard deviations of the departures in nepers of power, lengths
+in u and v, widths as chords on the unit circle.
+
+The first three are rounded from what 50 HaTT models, fitted one by one, call for (medians 0.71,
+0.57 and 0.78, spreads 0.9 to 1.1); the other four are broad guesses."""
+
+SLOPES: Final = ((1.5, 0.7), (0.5, 0.5))
+"""Mean and standard deviation of a and b: of the same models 1.5 and 0.51 in the mean, spread 0.5
+and 0.3."""
+
+_FREE: Final = 16.0  # variance of c about the blocks' mean
+_PER_COORDINATE: Final = 1.5
+_NEAR_REST: Final = 0.15
+_PLANAR: Final = 3
+_HEADED_LENGTHS: Final = 3.0
+"""Lengths of the departures with heading over those without: grain acts alike at all speeds."""
+
+
+class Coordinates(NamedTuple):
+    """Warped speed and force, and heading (rad; zeros in the plane) of k strokes, each (k,)."""
+
+    u: FloatArray
+    v: FloatArray
+    heading: FloatArray
+
+    @property
+    def law(self) -> FloatArray:
+        """The prior mean of the log power, but for its constant, shape (k,)."""
+        return SLOPES[0][0] * self.u + SLOPES[1][0] * self.v
+
+
+def warped(normalised: FloatArray) -> FloatArray:
+    """Return the coordinate of a normalised speed or force."""
+    return np.asarray(_PER_COORDINATE * np.log(normalised + _NEAR_REST))
+
+
+def coordinates(points: FloatArray) -> Coordinates:
+    """Return the coordinates of normalised points, (k, 2) or (k, 3)."""
+    if points.shape[1] == 2:
+        speed, heading = points[:, 0], np.zeros(len(points))
+    else:
+        speed = np.hypot(points[:, 0], points[:, 1])
+        heading = np.arctan2(points[:, 1], points[:, 0])
+    return Coordinates(warped(speed), warped(points[:, -1]), heading)
+
+
+def grid_nodes(axes: Coordinates) -> Coordinates:
+    """Return every node of a grid, (g,) each: headings outermost, forces innermost."""
+    heading, u, v = np.meshgrid(axes.heading, axes.u, axes.v, indexing="ij")
+    return Coordinates(u.ravel(), v.ravel(), heading.ravel())
+
+
+def settings(count: int, *, directed: bool) -> FloatArray:
+    """Return hyperparameters spread evenly over their prior, (count, 3) or (count, 7).
+
+    Quantiles at the points of the additive recurrence that generalises the golden ratio
+    (Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
+    """
+    priors = list(HYPERPRIOR.values())[: None if directed else _PLANAR]
+    base = 1.5
+    for _ in range(32):  # the root of x^(d + 1) = x + 1
+        base = (1.0 + base) ** (1.0 / (len(priors) + 1.0))
+    steps = base ** -np.arange(1.0, len(priors) + 1.0)
+    shares = (0.5 + np.outer(np.arange(1, count + 1), steps)) % 1.0
+    medians, spreads = np.array(priors).T
+    return np.asarray(medians * np.exp(spreads * ndtri(0.002 + 0.996 * shares)))
+
+
+def medians(*, directed: bool) -> FloatArray:
+    """Return the medians of the hyperparameters, (3,) or (7,)."""
+    every = np.array([prior.median for prior in HYPERPRIOR.values()])
+    return every if directed else every[:_PLANAR]
+
+
+def matern(distance: FloatArray, length: float) -> FloatArray:
+    """Return the Matern covariance of smoothness 3/2."""
+    r = (np.sqrt(3.0) / length) * distance
+    return np.asarray((1.0 + r) * np.exp(-r))
+
+
+class Between:
+    """What covariances between two sets of strokes are computed from, whatever the setting.
+
+    Parameters
+    ----------
+    a, b
+        Coordinates of k and of l strokes.
+    directed
+        Whether the heading counts.
+    """
+
+    def __init__(self, a: Coordinates, b: Coordinates, *, directed: bool) -> None:
+        self._linear = _FREE + SLOPES[0][1] ** 2 * np.multiply.outer(a.u, b.u)
+        self._linear += SLOPES[1][1] ** 2 * np.multiply.outer(a.v, b.v)
+        self._u = _Axis(np.abs, a.u, b.u)
+        self._v = _Axis(np.abs, a.v, b.v)
+        self._directed = directed
+        if directed:
+            self._line = _Axis(_line_chord, a.heading, b.heading)
+            self._heading = _Axis(_chord, a.heading, b.heading)
+
+    def covariance(self, setting: FloatArray) -> FloatArray:
+        """Return the prior covariance (k, l) under one row of `settings`."""
+        plane = self._u.matern(setting[1]) * self._v.matern(setting[2])
+        total = self._linear + setting[0] ** 2 * plane
+        if self._directed:
+            around = setting[3] ** 2 * self._line.matern(setting[4])
+            around += setting[5] ** 2 * self._heading.matern(setting[6])
+            around *= self._u.matern(_HEADED_LENGTHS * setting[1])
+            around *= self._v.matern(_HEADED_LENGTHS * setting[2])
+            total += around
+        return np.asarray(total)
+
+
+def variance(at: Coordinates, setting: FloatArray) -> FloatArray:
+    """Return the prior variance at k strokes, (k,)."""
+    total = _FREE + (SLOPES[0][1] * at.u) ** 2 + (SLOPES[1][1] * at.v) ** 2 + setting[0] ** 2
+    if len(setting) > _PLANAR:
+        total = total + setting[3] ** 2 + setting[5] ** 2
+    return np.asarray(total)
+
+
+def mean_on_grid(
+    axes: Coordinates, at: Coordinates, weights: FloatArray, setting: FloatArray
+) -> FloatArray:
+    """Return ``sum_i weights_i covariance(node, stroke_i)``, (headings, speeds, forces).
+
+    By the product of the axes' covariances: O(n) exponentials for a node of an axis, not of the
+    grid. One heading where the heading does not count.
+    """
+
+    def plane(lengths: float) -> tuple[FloatArray, FloatArray]:
+        return (
+            matern(np.abs(np.subtract.outer(axes.u, at.u)), lengths * setting[1]),
+            matern(np.abs(np.subtract.outer(axes.v, at.v)), lengths * setting[2]),
+        )
+
+    u, v = plane(1.0)
+    total = setting[0] ** 2 * ((u * weights) @ v.T) + _FREE * weights.sum()
+    total += SLOPES[0][1] ** 2 * (weights @ at.u) * axes.u[:, None]
+    total += SLOPES[1][1] ** 2 * (weights @ at.v) * axes.v
+    if len(setting) == _PLANAR:
+        return np.asarray(total[np.newaxis])
+    angle = np.subtract.outer(axes.heading, at.heading)
+    around = setting[3] ** 2 * matern(_line_chord(angle), setting[4])
+    around += setting[5] ** 2 * matern(_chord(angle), setting[6])
+    u, v = plane(_HEADED_LENGTHS)
+    both = (u[:, None, :] * v[None, :, :]).reshape(-1, len(weights))
+    turning = (around * weights) @ both.T
+    return np.asarray(total + turning.reshape(len(axes.heading), *total.shape))
+
+
+class _Axis:
+    """Distances between two sets along one axis; few values are different from each other."""
+
+    def __init__(
+        self, distance: Callable[[FloatArray], FloatArray], a: FloatArray, b: FloatArray
+    ) -> None:
+        own_a, self._a = np.unique(a, return_inverse=True)
+        own_b, self._b = np.unique(b, return_inverse=True)
+        self._distance = distance(np.subtract.outer(own_a, own_b))
+
+    def matern(self, length: float) -> FloatArray:
+        return matern(self._distance, length)[self._a[:, None], self._b]
+
+
+def _line_chord(angle: FloatArray) -> FloatArray:
+    """Return the chord between headings of which opposite ones are the same."""
+    return np.asarray(np.abs(np.sin(angle)))
+
+
+def _chord(angle: FloatArray) -> FloatArray:
+    """Return the chord between headings on the unit circle."""
+    return np.asarray(2.0 * np.abs(np.sin(0.5 * angle)))

@@ -1,0 +1,267 @@
+"""What is known of a texture's level over speed, force and heading, and how well.
+
+A Gaussian process on the log power of blocks (`mmt.texture.field.cells`; Rasmussen and Williams,
+Gaussian Processes for Machine Learning, 2006, sections 2.2 and 5.2), whose prior is in
+`mmt.texture.field.covariance`. All blocks of a cell of strokes count as one observation: the
+logarithm of their mean power. Its error has a part that falls with the number of blocks, and one
+that falls only with the number of places where they were made
+(`mmt.texture.field.scatter`): what places have in common is a second process over the surface,
+which is told apart from the dependence on the stroke, and integrated out.
+
+The posterior is a mixture over `SETTINGS` hyperparameters, each weighted by its evidence, so that
+what is not known of a texture's smoothness counts in the standard deviation.
+
+Cost: O(s c^3 / 3) for s settings and c cells that were touched, of which there are at most 440, or
+780 with headings, however long the session is.
+"""
+
+from functools import cached_property
+from typing import Final, NamedTuple
+
+import numpy as np
+from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.special import erf
+
+from mmt.core.arrays import FloatArray
+from mmt.texture.autoregression.effective_sample_size import UNKNOWN
+from mmt.texture.field.blocks import BLOCK_S
+from mmt.texture.field.cells import FieldCells
+from mmt.texture.field.covariance import (
+    Between,
+    Coordinates,
+    coordinates,
+    grid_nodes,
+    mean_on_grid,
+    medians,
+    settings,
+    variance,
+    warped,
+)
+from mmt.texture.field.level_table import table_grid
+from mmt.texture.field.scatter import NUGGET, PATCH_MM, Scatter, scatter
+from mmt.texture.model.samples import TextureSamples
+
+DB: Final = 10.0 / np.log(10.0)
+"""Decibel in a neper of power."""
+
+SETTINGS: Final = 16
+"""Hyperparameters in the mixture."""
+
+_NEGLIGIBLE: Final = 1e-3  # weight of a setting that is left out
+_LEAST_EXPONENT: Final = 0.2
+_RISE: Final = 6.0  # nepers above the loudest cell, at most
+_LEAST: Final = -690.0  # nepers, above what underflows
+_LEAST_SHARE: Final = 0.1  # of a power that is the texture's, however much is noise
+_LEAST_VARIANCE: Final = 1e-12
+
+
+class Prediction(NamedTuple):
+    """The posterior at k strokes under s settings: weights (s,), means and variances (s, k)."""
+
+    weights: FloatArray
+    means: FloatArray
+    variances: FloatArray
+
+    @property
+    def mean(self) -> FloatArray:
+        """Mean of the log power, nepers, (k,)."""
+        return np.asarray(self.weights @ self.means)
+
+    @property
+    def deviation(self) -> FloatArray:
+        """Standard deviation of the log power, nepers, (k,)."""
+        second = self.weights @ (self.variances + np.square(self.means - self.mean))
+        return np.asarray(np.sqrt(np.maximum(second, _LEAST_VARIANCE)))
+
+    def within(self, nepers: float) -> FloatArray:
+        """Return the probability (k,) that the mean is right within so many nepers."""
+        each = right_probability(nepers, self.variances, self.means - self.mean)
+        return np.asarray(np.clip(self.weights @ each, 0.0, 1.0))
+
+
+def right_probability(
+    nepers: float, variances: FloatArray, off: FloatArray | float = 0.0
+) -> FloatArray:
+    """Return the probability that normal errors are within so many nepers, any shape.
+
+    Parameters
+    ----------
+    nepers
+        Above zero.
+    variances, off
+        Of the errors, in nepers^2, positive, and their means.
+    """
+    width = np.sqrt(2.0 * variances)
+    return np.asarray(0.5 * (erf((nepers - off) / width) + erf((nepers + off) / width)))
+
+
+class _Member(NamedTuple):
+    """One setting of the mixture: its weight, the Cholesky factor of its cells, their weights."""
+
+    weight: float
+    setting: FloatArray
+    factor: FloatArray
+    cell_weights: FloatArray
+
+
+class LevelField:
+    """The posterior of the level's logarithm; immutable.
+
+    Parameters
+    ----------
+    cells
+        At least one block.
+    noise_power
+        Noise power of the sensor, which is subtracted from every power.
+    """
+
+    def __init__(self, cells: FieldCells, *, noise_power: float = 0.0) -> None:
+        self.cells = cells
+        self.directed = cells.directed
+        self._at = at = cells.centres
+        self.scatter: Scatter = scatter(cells)
+        errors = self._errors()
+        total = np.log(cells.mean_power) + 0.5 * np.diagonal(errors) - at.law
+        share = self._shares(total, errors, noise_power)
+        observed = total + np.log(share)
+        self._loudest = float((observed + at.law).max())
+        self._middle = float(np.average(observed, weights=cells.counts))
+        errors /= np.multiply.outer(share, share)
+        self._members = self._mixture(observed - self._middle, errors)
+
+    def predict(self, at: Coordinates) -> Prediction:
+        """Return the posterior at k strokes: of the level itself, not of what would be measured."""
+        between = Between(at, self._at, directed=self.directed)
+        means, variances = [], []
+        for member in self._members:
+            prior = between.covariance(member.setting)
+            explained = _solve(member.factor, prior.T)
+            means.append(prior @ member.cell_weights + self._middle + at.law)
+            variances.append(
+                variance(at, member.setting) - np.einsum("ij,ij->j", explained, explained)
+            )
+        weights = np.array([member.weight for member in self._members])
+        return Prediction(weights, np.array(means), np.maximum(variances, _LEAST_VARIANCE))
+
+    def level_db(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return mean and standard deviation of the level, each (k,), in dB; 0 dB is 1 (m/s2)^2.
+
+        Parameters
+        ----------
+        points
+            Normalised, shape (k, 2) or (k, 3).
+        """
+        found = self.predict(coordinates(points))
+        return DB * found.mean, DB * found.deviation
+
+    def covariance_on_grid(self, axes: Coordinates) -> FloatArray:
+        """Return the posterior covariance among a grid's nodes, (g, g), nepers^2.
+
+        That of the setting with the largest weight; the nodes are in the order of
+        `covariance.grid_nodes`.
+        """
+        likeliest = max(self._members, key=lambda member: member.weight)
+        nodes = grid_nodes(axes)
+        prior = Between(self._at, nodes, directed=self.directed).covariance(likeliest.setting)
+        explained = _solve(likeliest.factor, prior)
+        within = Between(nodes, nodes, directed=self.directed).covariance(likeliest.setting)
+        return np.asarray(within - explained.T @ explained)
+
+    @property
+    def second_variance(self) -> float:
+        """Variance, nepers^2, of the mean level of a further second of stroking in one place."""
+        return self.scatter.block * BLOCK_S + self.scatter.place
+
+    @cached_property
+    def table(self) -> FloatArray:
+        """The mean, in nepers, on the grid of `mmt.texture.field.level_table`.
+
+        Shape (headings, speeds, forces). Below the slowest and the lightest cell it falls
+        towards zero at least as speed^0.2 and force^0.2, whatever the blocks say.
+        """
+        grid = table_grid(directed=self.directed)
+        axes = Coordinates(warped(np.exp(grid.speed)), warped(np.exp(grid.force)), grid.heading)
+        total = sum(
+            member.weight * mean_on_grid(axes, self._at, member.cell_weights, member.setting)
+            for member in self._members
+        )
+        law = Coordinates(axes.u[:, None], axes.v[None, :], axes.heading).law
+        levels = np.asarray(total + self._middle + law)
+        _fall(np.moveaxis(levels, 1, 0), axes.u, grid.speed, float(self._at.u.min()))
+        _fall(np.moveaxis(levels, 2, 0), axes.v, grid.force, float(self._at.v.min()))
+        return np.clip(levels, _LEAST, self._loudest + _RISE)
+
+    def _errors(self) -> FloatArray:
+        """Return the covariance of the cells' relative errors about their levels, (c, c)."""
+        cells = self.cells
+        places, place_of_row = cells.places_mm
+        shares = np.zeros((len(cells.counts), len(places)))
+        np.add.at(shares, (cells.cell_of_row, place_of_row), cells.sums[:, 0])
+        shares /= cells.counts[:, None]
+        apart = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
+        errors = shares @ (self.scatter.place * np.exp(-apart / PATCH_MM)) @ shares.T
+        errors[np.diag_indices_from(errors)] += self.scatter.block / cells.counts
+        return np.asarray(errors)
+
+    def _shares(self, total: FloatArray, errors: FloatArray, noise_power: float) -> FloatArray:
+        """Return the share of each cell's power that is the texture's, (c,).
+
+        Of the power as it is smoothed over all cells: by each cell's own, those that are loud by
+        chance would count for more.
+        """
+        if noise_power <= 0.0:
+            return np.ones(len(total))
+        middle = np.average(total, weights=self.cells.counts)
+        between = Between(self._at, self._at, directed=self.directed)
+        prior = between.covariance(medians(directed=self.directed))
+        factor = cholesky(prior + errors, lower=True, check_finite=False)
+        smoothed = prior @ cho_solve((factor, True), total - middle) + middle + self._at.law
+        return np.asarray(np.maximum(1.0 - noise_power * np.exp(-smoothed), _LEAST_SHARE))
+
+    def _mixture(self, rest: FloatArray, errors: FloatArray) -> list[_Member]:
+        between = Between(self._at, self._at, directed=self.directed)
+        members, evidence = [], []
+        for setting in settings(SETTINGS, directed=self.directed):
+            factor = cholesky(between.covariance(setting) + errors, lower=True, check_finite=False)
+            whitened = _solve(factor, rest)
+            members.append(_Member(0.0, setting, factor, cho_solve((factor, True), rest)))
+            evidence.append(-0.5 * whitened @ whitened - np.log(np.diagonal(factor)).sum())
+        weights = np.exp(np.array(evidence) - max(evidence))
+        weights[weights < _NEGLIGIBLE * weights.max()] = 0.0
+        weights /= weights.sum()
+        return [
+            member._replace(weight=float(weight))
+            for member, weight in zip(members, weights, strict=True)
+            if weight > 0.0
+        ]
+
+
+def field_of_samples(samples: TextureSamples) -> LevelField | None:
+    """Return the field of a model's segments, None where none has any power.
+
+    For models of which nothing else is known: a segment counts as so many blocks as its power's
+    effective sample size is worth.
+    """
+    known = samples.power > 0.0
+    if not known.any():
+        return None
+    effective = samples.effective
+    if effective is None:
+        effective = np.full(len(samples), UNKNOWN)
+    blocks = np.maximum(0.5 * NUGGET * effective, 0.1)  # a power scatters by 2 / effective
+    cells = FieldCells.of_segments(
+        samples.points[known], samples.power[known], blocks[known], NUGGET
+    )
+    return LevelField(cells, noise_power=samples.noise_power)
+
+
+def _fall(levels: FloatArray, axis: FloatArray, logarithms: FloatArray, lowest: float) -> None:
+    """Let levels (nodes, ...) fall below the lowest cell of an axis, towards its zero."""
+    first = int(np.searchsorted(axis, lowest))
+    step = _LEAST_EXPONENT * (logarithms[1] - logarithms[0])
+    for node in range(min(first, len(axis) - 1) - 1, -1, -1):
+        np.minimum(levels[node], levels[node + 1] - step, out=levels[node])
+
+
+def _solve(factor: FloatArray, right: FloatArray) -> FloatArray:
+    return np.asarray(solve_triangular(factor, right, lower=True, check_finite=False))

@@ -1,0 +1,82 @@
+"""Independent samples that the power of a segment is worth: known answers."""
+
+import itertools
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.signal import freqz, lfilter
+
+from mmt.texture.autoregression.effective_sample_size import (
+    LEAST,
+    effective_samples,
+    log_power_scatter,
+)
+from mmt.texture.autoregression.forms import reflection_to_lsf
+from mmt.texture.model.fits import fit_segments
+from mmt.texture.settings import ModellingSettings
+
+
+def test_white_noise_is_worth_all_its_samples_and_a_first_order_filter_what_bartlett_says():
+    filters = np.array([[1e-12], [-0.6], [0.9]])
+    found = effective_samples(reflection_to_lsf(filters), np.array([200, 400, 1000]))
+    share = (1 - filters[:, 0] ** 2) / (1 + filters[:, 0] ** 2)
+    np.testing.assert_allclose(found, share * [200, 400, 1000], rtol=1e-6)
+
+
+def test_a_line_that_nothing_resolves_is_worth_the_least_and_no_samples_give_none():
+    assert effective_samples(np.array([[1.0, 1.0 + 1e-9]]), np.array([150])) == LEAST
+    assert effective_samples(np.empty((0, 4)), np.empty(0)).shape == (0,)
+
+
+def test_the_power_of_segments_scatters_as_their_effective_length_says():
+    random, reflection = np.random.default_rng(3), np.array([-0.8])
+    noise = random.standard_normal((4000, 600))
+    x = np.zeros(4000)
+    kept = []
+    for tick in range(600):
+        x = 0.8 * x + noise[:, tick]
+        if tick >= 300:
+            kept.append(x)
+    logarithm = np.log(np.mean(np.square(kept), axis=0) * (1 - 0.64))
+    effective = effective_samples(reflection_to_lsf(reflection[None]), np.array([300]))
+    mean, variance = log_power_scatter(effective)
+    assert np.mean(logarithm) == pytest.approx(mean[0], abs=4 * np.sqrt(variance[0] / 4000))
+    assert np.var(logarithm) == pytest.approx(variance[0], rel=0.1)
+
+
+def test_two_independent_samples_scatter_as_an_exponential_number():
+    mean, variance = log_power_scatter(np.array([2.0]))
+    assert mean[0] == pytest.approx(-np.euler_gamma)
+    assert variance[0] == pytest.approx(np.pi**2 / 6)
+
+
+def test_segments_of_narrow_lines_are_worth_what_their_spectrum_says_whatever_the_order():
+    count, random = 300, np.random.default_rng(7)
+    modes = [(40.0, 7.0, 2.5), (80.0, 11.0, 1.0), (120.0, 15.0, 0.4), (150.0, 180.0, 0.5)]
+    filters = [  # of each mode's frequency and width in Hz
+        np.poly([np.exp(np.pi * (-width + 2j * sign * hz) / 1000.0) for sign in (1, -1)]).real
+        for hz, width, _ in modes
+    ]
+    bins = np.linspace(0.0, np.pi, 4097)
+    responses = [np.abs(freqz([1.0], taps, bins)[1]) ** 2 for taps in filters]
+    gains = [power / r.mean() for r, (_, _, power) in zip(responses, modes, strict=True)]
+    density = sum(gain * response for gain, response in zip(gains, responses, strict=True))
+    exact = count * density.mean() ** 2 / np.mean(density**2)
+    segments = []
+    for number in range(60):
+        parts = [
+            np.sqrt(gain) * lfilter([1.0], taps, random.normal(size=1000 + count))
+            for gain, taps in zip(gains, filters, strict=True)
+        ]
+        start = 1000 * number
+        span = SimpleNamespace(start=start, stop=start + count, vibration_m_s2=sum(parts)[1000:])
+        segments.append(span)
+    for order in (4, 12):
+        fits = fit_segments(segments, order, itertools.count(), ModellingSettings())
+        assert {fit.count for fit in fits} == {count}
+        alone = np.array([fit.effective for fit in fits])
+        counts = np.full(60, float(count))
+        assert np.log(alone.mean() / exact) == pytest.approx(0.0, abs=0.25)
+        rough = effective_samples(np.array([fit.lsf for fit in fits]), counts)
+        assert np.log(rough.mean() / exact) > 0.35

@@ -1,0 +1,385 @@
+"""The field of a texture's level: against formulas written out, its own prior, and extremes."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mmt.core.errors import InputError
+from mmt.texture.autoregression.forms import lsf_to_reflection, output_power, reflection_to_lsf
+from mmt.texture.field import cells as field_cells
+from mmt.texture.field import covariance
+from mmt.texture.field.cells import FieldCells
+from mmt.texture.field.posterior import DB, LevelField, right_probability
+from mmt.texture.field.scatter import NUGGET, PATCH_MM, SILL, scatter
+from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
+from mmt.texture.model.samples import TextureSamples
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.signals.metrics import JND_DB
+from mmt.texture.synthesis.synthesizer import Synthesizer
+
+DIRECTED = pytest.mark.parametrize("directed", [False, True])
+
+
+def scattered(count, directed=False, seed=0):
+    random = np.random.default_rng(seed)
+    speed, force = random.uniform(0.07, 0.95, count), random.uniform(0.07, 0.95, count)
+    if not directed:
+        return np.column_stack([speed, force])
+    heading = random.uniform(-np.pi, np.pi, count)
+    return np.column_stack([speed * np.cos(heading), speed * np.sin(heading), force])
+
+
+def law(points):
+    """A power law, in nepers."""
+    speed = np.hypot(*points[:, :-1].T) if points.shape[1] == 3 else points[:, 0]
+    return 1.4 * np.log(speed) + 0.5 * np.log(points[:, -1]) + 0.7
+
+
+def measured(points, seed=0, level=law):
+    """Powers of blocks with the usual scatter."""
+    degrees = 2.0 / NUGGET
+    random = np.random.default_rng(seed)
+    return np.exp(level(points)) * random.chisquare(degrees, len(points)) / degrees
+
+
+def nowhere(count):
+    return np.zeros((count, 2))
+
+
+def anywhere(count, seed=0):
+    return np.random.default_rng(seed).uniform(0.0, 100.0, (count, 2))
+
+
+def samples_of(points, power, effective):
+    space = ANISOTROPIC if points.shape[1] == 3 else ISOTROPIC
+    count = len(points)
+    lsf = np.tile(reflection_to_lsf(np.array([-0.5, 0.3])), (count, 1))
+    return TextureSamples(points * space.scale, lsf, 0.5 * power, power, space, effective)
+
+
+def model_of(points, power, effective=80.0):
+    samples = samples_of(points, power, np.full(len(points), effective))
+    return TextureModel(samples, level="gaussian_process")
+
+
+def covariance_written_out(a, b, h):
+    """The prior between two strokes, one number at a time."""
+
+    def matern(distance, length):
+        r = math.sqrt(3) * abs(distance) / length
+        return (1 + r) * math.exp(-r)
+
+    (ua, va, ta), (ub, vb, tb) = a, b
+    total = 16.0 + 0.7**2 * ua * ub + 0.5**2 * va * vb
+    total += h[0] ** 2 * matern(ua - ub, h[1]) * matern(va - vb, h[2])
+    if len(h) == 7:
+        chord = math.dist((math.cos(ta), math.sin(ta)), (math.cos(tb), math.sin(tb)))
+        around = h[3] ** 2 * matern(math.sin(ta - tb), h[4]) + h[5] ** 2 * matern(chord, h[6])
+        total += around * matern(ua - ub, 3 * h[1]) * matern(va - vb, 3 * h[2])
+    return total
+
+
+@DIRECTED
+def test_mean_and_deviation_are_those_of_the_formulas_written_out(directed):
+    points, position = scattered(40, directed), anywhere(40)
+    power, asked = measured(points), scattered(5, directed, seed=9)
+    cells = FieldCells.of(points, power, position)
+    field = LevelField(cells)
+    spread = scatter(cells)
+    known = list(zip(*cells.centres, strict=True))
+    wanted = list(zip(*covariance.coordinates(asked), strict=True))
+    counts, means = cells.counts, cells.mean_power
+    places, place_of_row = cells.places_mm
+    errors = np.zeros((len(known), len(known)))
+    for row, (cell, place) in enumerate(zip(cells.cell_of_row, place_of_row, strict=True)):
+        for other, (cell2, place2) in enumerate(zip(cells.cell_of_row, place_of_row, strict=True)):
+            share = cells.sums[row, 0] / counts[cell] * cells.sums[other, 0] / counts[cell2]
+            apart = math.dist(places[place], places[place2])
+            errors[cell, cell2] += share * spread.place * math.exp(-apart / PATCH_MM)
+    errors += np.diag(spread.block / counts)
+    prior_mean = np.array([1.5 * u + 0.5 * v for u, v, _ in known])
+    y = np.log(means) + 0.5 * np.diag(errors) - prior_mean
+    middle = np.average(y, weights=counts)
+    evidence, each_mean, each_variance = [], [], []
+    for h in covariance.settings(16, directed=directed):
+
+        def matrix(a, b, h=h):
+            return np.array([[covariance_written_out(p, q, h) for q in b] for p in a])
+
+        total = matrix(known, known) + errors
+        inverse = np.linalg.inv(total)
+        evidence.append(
+            -0.5 * (y - middle) @ inverse @ (y - middle) - 0.5 * np.linalg.slogdet(total)[1]
+        )
+        between = matrix(wanted, known)
+        each_mean.append(between @ inverse @ (y - middle))
+        each_variance.append(np.diag(matrix(wanted, wanted) - between @ inverse @ between.T))
+    weights = np.exp(np.array(evidence) - max(evidence))
+    weights /= weights.sum()
+    mean = weights @ each_mean
+    variance = weights @ (np.array(each_variance) + np.square(each_mean - mean))
+    mean = mean + middle + [1.5 * u + 0.5 * v for u, v, _ in wanted]
+    found = field.level_db(asked)
+    np.testing.assert_allclose(found[0], DB * mean, atol=0.02)  # negligible settings are left out
+    np.testing.assert_allclose(found[1], DB * np.sqrt(variance), rtol=0.02)
+
+
+@DIRECTED
+def test_a_field_drawn_from_the_prior_is_recovered_and_its_error_is_as_large_as_stated(directed):
+    squares, expected, right = [], [], []
+    every = covariance.settings(16, directed=directed)
+    for seed in range(24):
+        random = np.random.default_rng(seed)
+        points, asked = scattered(300, directed, seed), scattered(60, directed, seed + 1000)
+        at = covariance.coordinates(np.vstack([points, asked]))
+        prior = covariance.Between(at, at, directed=directed).covariance(every[seed % len(every)])
+        root = np.linalg.cholesky(prior + 1e-9 * np.eye(len(prior)))
+        drawn = root @ random.standard_normal(len(prior)) + at.law
+        power = measured(points, seed, level=lambda _, drawn=drawn: drawn[:300])
+        field = LevelField(FieldCells.of(points, power, anywhere(300, seed)))
+        found = field.predict(covariance.coordinates(asked))
+        error = found.mean - drawn[300:]
+        squares.append(np.mean(np.square(error / found.deviation)))
+        expected.append(found.within(JND_DB / DB).mean())
+        right.append(np.mean(np.abs(error) <= JND_DB / DB))
+    assert 0.7 < np.sqrt(np.mean(squares)) < 1.3
+    assert np.mean(expected) == pytest.approx(np.mean(right), abs=0.06)
+    assert np.mean(right) > (0.4 if directed else 0.65)
+
+
+def patchy(count, sill, seed, width_mm=20.0):
+    """Blocks of a surface whose patches differ, their level, and where they were made."""
+    random = np.random.default_rng(seed)
+    points, position = scattered(count, seed=seed), anywhere(count, seed)
+    patch = random.normal(0.0, math.sqrt(sill), (6, 6))
+    steps = (position // width_mm).astype(int)
+    power = measured(points, seed) * np.exp(patch[steps[:, 0], steps[:, 1]])
+    return points, power, position
+
+
+def test_a_homogeneous_surface_has_no_patches_and_a_patchy_one_has_them():
+    spread = [
+        np.mean([scatter(FieldCells.of(*patchy(800, sill, seed))) for seed in range(8)], axis=0)
+        for sill in (0.0, 0.5)
+    ]
+    assert np.log1p(spread[0][1]) < 3 * SILL + 0.02
+    assert 0.25 < np.log1p(spread[1][1]) < 0.75
+    for block, _ in spread:
+        assert np.log1p(block) == pytest.approx(NUGGET, rel=0.5)
+
+
+def test_an_unknown_surface_is_taken_for_a_usual_one_until_it_tells():
+    one = FieldCells.of(scattered(1), np.ones(1), nowhere(1))
+    assert np.log1p(scatter(one)) == pytest.approx([NUGGET, SILL])
+
+
+def test_patches_make_the_level_unsure_and_it_is_as_wrong_as_stated():
+    squares, deviations = [], []
+    asked = scattered(80, seed=77)
+    for seed in range(24):
+        field = LevelField(FieldCells.of(*patchy(600, 0.5, seed)))
+        mean, deviation = field.level_db(asked)
+        error = mean - DB * (law(asked) + 0.25)  # half the sill: the mean power of all patches
+        squares.append(np.mean(np.square(error / deviation)))
+        deviations.append(deviation.mean())
+    assert 0.6 < np.sqrt(np.mean(squares)) < 1.4
+    even = LevelField(FieldCells.of(*patchy(600, 0.0, 1))).level_db(asked)[1].mean()
+    assert np.mean(deviations) > 1.5 * even
+
+
+@DIRECTED
+def test_a_power_law_is_found_within_the_plane(directed):
+    points = scattered(600, directed)
+    field = LevelField(FieldCells.of(points, measured(points), anywhere(600)))
+    asked = scattered(200, directed, seed=5)
+    mean, deviation = field.level_db(asked)
+    error = mean - DB * law(asked)
+    assert np.sqrt(np.mean(error**2)) < 0.8
+    assert np.mean(np.abs(error) < 2 * deviation) > 0.85
+
+
+def test_more_blocks_make_it_surer_and_one_is_enough():
+    points = scattered(400)
+    deviations = [
+        LevelField(
+            FieldCells.of(points[:count], measured(points[:count]), nowhere(count))
+        ).level_db(np.array([[0.4, 0.4]]))[1][0]
+        for count in (1, 20, 400)
+    ]
+    assert deviations[0] > deviations[1] > deviations[2] > 0.0
+
+
+def test_how_blocks_come_changes_no_sum():
+    points, power, position = patchy(500, 0.5, 3)
+    whole = FieldCells.of(points, power, position)
+    parts = FieldCells.empty(directed=False)
+    for start in range(0, 500, 70):
+        part = slice(start, start + 70)
+        parts = parts.joined(FieldCells.of(points[part], power[part], position[part]))
+    np.testing.assert_array_equal(parts.keys, whole.keys)
+    np.testing.assert_allclose(parts.sums, whole.sums, rtol=1e-12)
+
+
+def test_where_there_are_too_many_places_they_are_made_larger(monkeypatch):
+    monkeypatch.setattr(field_cells, "LARGEST", 1000)
+    points, power, position = patchy(2000, 0.0, 3)
+    cells = FieldCells.of(points, power, position - 50.0)
+    assert cells.place_mm > field_cells.PLACE_MM
+    assert cells.sums[:, 0].sum() == 2000
+    assert (cells.places_mm[0] < 100.0).all()
+    fine = FieldCells.of(points[:10], power[:10], position[:10])
+    assert fine.joined(cells).sums[:, 0].sum() == 2010
+    assert fine.joined(cells).place_mm == cells.place_mm
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("sums", np.nan), ("sums", 0.0), ("keys", -5), ("place_mm", 0.0), ("place_mm", np.inf)],
+)
+def test_sums_that_no_blocks_have_are_refused(name, value):
+    cells = FieldCells.of(scattered(3), np.ones(3), nowhere(3))
+    spoilt = value if name == "place_mm" else np.full_like(getattr(cells, name), value)
+    with pytest.raises(InputError, match="field's blocks"):
+        replace(cells, **{name: spoilt}).check()
+
+
+def test_one_jnd_of_deviation_leaves_what_one_standard_deviation_holds():
+    found = right_probability(JND_DB, np.square([JND_DB, 0.5 * JND_DB, 1e-9, 1e9]))
+    np.testing.assert_allclose(found[:2], [0.682689, 0.954500], atol=1e-6)
+    assert found[2] == 1.0
+    assert 0.0 <= found[3] < 1e-8
+    assert right_probability(1.0, np.array([1e-12]), 2.0)[0] == 0.0
+
+
+@DIRECTED
+def test_settings_spread_evenly_over_the_prior(directed):
+    found = np.log(covariance.settings(256, directed=directed))
+    priors = list(covariance.HYPERPRIOR.values())[: found.shape[1]]
+    for column, prior in zip(found.T, priors, strict=True):
+        assert np.median(column) == pytest.approx(math.log(prior.median), abs=0.06)
+        assert np.std(column) == pytest.approx(prior.spread, rel=0.05)
+    assert np.abs(np.corrcoef(found.T) - np.eye(found.shape[1])).max() < 0.15
+
+
+@DIRECTED
+def test_the_table_is_the_mean_and_the_model_renders_it(directed):
+    points = scattered(40, directed)
+    model = model_of(points, measured(points))
+    asked = scattered(300, directed, seed=2)
+    inputs = (asked * model.space.scale).T
+    lsf, variance = model.at(*inputs)
+    rendered = output_power(variance, lsf_to_reflection(lsf))
+    mean, _ = model.level_db(*inputs)
+    inside = np.hypot(*asked[:, :-1].T) > 0.15 if directed else asked[:, 0] > 0.15
+    inside &= asked[:, -1] > 0.15  # below the slowest cell the table falls
+    error_db = 10 * np.log10(rendered) - mean
+    assert np.abs(error_db[inside]).max() < 0.6  # the table is interpolated linearly
+    assert np.sqrt(np.mean(np.square(error_db[inside]))) < 0.2
+
+
+@DIRECTED
+def test_nothing_is_felt_at_rest_or_without_force_and_little_beside_it(directed):
+    points = scattered(20, directed)
+    model = model_of(points, measured(points))
+    rest, light = ([0.0, 0.0, 1.0], [100.0, 50.0, 0.0]) if directed else ([0.0, 1.0], [100.0, 0.0])
+    assert model.at(*rest)[1][0] == 0.0
+    assert model.at(*light)[1][0] == 0.0
+    way = np.array([[v, 0.0, 1.0] if directed else [v, 1.0] for v in np.geomspace(0.1, 20.0, 60)])
+    assert (np.diff(model.at(*way.T)[1]) > 0.0).all()
+
+
+def test_the_synthesizer_renders_the_level_of_the_field():
+    points = scattered(30)
+    model = model_of(points, measured(points))
+    count = 40_000
+    rendered = Synthesizer(model, seed=2).render(np.full(count, 120.0), np.full(count, 1.4))
+    mean, _ = model.level_db(120.0, 1.4)
+    assert 10 * np.log10(np.mean(rendered[500:] ** 2)) == pytest.approx(mean[0], abs=0.3)
+
+
+def test_headings_meet_where_the_turn_is_full():
+    points = scattered(40, directed=True)
+    _, variance = model_of(points, measured(points)).at([-100.0, -100.0], [1e-9, -1e-9], [1.0, 1.0])
+    assert variance[0] == pytest.approx(variance[1], rel=1e-6)
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    directed=st.booleans(),
+    repeated=st.booleans(),
+    collinear=st.booleans(),
+    count=st.integers(1, 12),
+    exponent=st.floats(-250.0, 250.0),
+    spread=st.floats(0.0, 40.0),
+    effective=st.floats(2.0, 5000.0),
+    blocks=st.booleans(),
+    seed=st.integers(0, 2**16),
+)
+def test_whatever_is_felt_the_level_is_finite_and_not_negative(
+    directed, repeated, collinear, count, exponent, spread, effective, blocks, seed
+):
+    points = scattered(count, directed, seed)
+    if collinear:
+        points[:, 0] = points[:, -1]
+    if repeated:
+        points[:] = points[0]
+    random = np.random.default_rng(seed)
+    power = 10.0 ** (exponent + spread * random.uniform(-1.0, 1.0, count))
+    power[random.random(count) < 0.2] = 0.0
+    felt = FieldCells.of(points, power, random.normal(0.0, 1e6, (count, 2))) if blocks else None
+    samples = samples_of(points, power, np.full(count, effective))
+    model = TextureModel(samples, level="gaussian_process", field=felt)
+    asked = np.vstack([scattered(50, directed, seed + 1), np.zeros((1, points.shape[1]))])
+    _, variance = model.at(*(asked * model.space.scale).T)
+    assert (variance >= 0.0).all()
+    assert np.isfinite(variance).all()
+    if power.any() or blocks:
+        mean, deviation = model.level_db(*(asked[:-1] * model.space.scale).T)
+        assert np.isfinite(mean).all()
+        assert (deviation >= 0.0).all()
+    else:
+        assert not variance.any()
+        with pytest.raises(InputError, match="no sample of the model has any power"):
+            model.level_db(*(asked[0] * model.space.scale))
+
+
+@DIRECTED
+def test_a_saved_model_has_the_same_level_when_it_is_loaded(directed, tmp_path: Path):
+    points = scattered(60, directed)
+    samples = samples_of(points[:20], measured(points)[:20], np.full(20, 80.0))
+    for felt in (None, FieldCells.of(points, measured(points), anywhere(60))):
+        model = TextureModel(samples, level="gaussian_process", field=felt)
+        model.save(tmp_path / "model.npz")
+        loaded = TextureModel.load(tmp_path / "model.npz")
+        assert loaded.level == "gaussian_process"
+        np.testing.assert_array_equal(loaded.kernel_parameters, model.kernel_parameters)
+        assert (loaded.field is None) == (felt is None)
+
+
+def test_a_file_whose_blocks_are_spoilt_is_refused_in_words(tmp_path: Path):
+    points = scattered(10)
+    model = model_of(points, measured(points))
+    felt = FieldCells.of(points, measured(points), nowhere(10))
+    TextureModel(model.samples, level="gaussian_process", field=felt).save(tmp_path / "a.npz")
+    content = dict(np.load(tmp_path / "a.npz"))
+    for name, value in (
+        ("field_sums", content["field_sums"][:2]),
+        ("field_cells", content["field_cells"][:, :3]),
+        ("field_sums", np.full_like(content["field_sums"], np.nan)),
+    ):
+        np.savez(tmp_path / "b.npz", **{**content, name: value})
+        with pytest.raises(InputError, match="field"):
+            TextureModel.load(tmp_path / "b.npz")
+
+
+def test_a_level_of_its_own_and_an_interpolated_amplitude_exclude_each_other():
+    samples = samples_of(scattered(5), np.ones(5), np.full(5, 80.0))
+    with pytest.raises(InputError, match="needs interpolate"):
+        TextureModel(samples, level="gaussian_process", interpolate="amplitude")
+    with pytest.raises(InputError, match="level is 'guessed'"):
+        TextureModel(samples, level="guessed")  # type: ignore[arg-type]
