@@ -9,8 +9,15 @@ import pytest
 from mmt.core.errors import InputError
 from mmt.testing.simulation.textures import get_surface
 from mmt_lab.experiments import selection
-from mmt_lab.selection import running
-from mmt_lab.selection.knocks import SAMPLES, add_knock, read_knocks, simulated_knock
+from mmt_lab.selection import running, sessions
+from mmt_lab.selection.knocks import (
+    SAMPLES,
+    add_knock,
+    read_knocks,
+    read_taps,
+    simulated_knock,
+)
+from mmt_lab.selection.sessions import session_trials
 from mmt_lab.selection.trials import Strokes, simulate_trials, vibrate
 
 IMPACTS = Path(__file__).parents[2] / "../shared/data/impact_noise/machete_1.csv"
@@ -143,3 +150,74 @@ def test_noise_without_a_knock_is_refused(tmp_path):
 @pytest.mark.skipif(not IMPACTS.exists(), reason="the recorded impacts are not on this machine")
 def test_recorded_impacts_are_found():
     assert len(read_knocks([IMPACTS])) >= 8
+
+
+def write_taps(path: Path, taps: np.ndarray) -> None:
+    rows = [
+        "<tap><tapSpeed>50</tapSpeed><tapAccel>"
+        + "".join(f"<value>{value:.9f}</value>" for value in tap)
+        + "</tapAccel></tap>"
+        for tap in taps
+    ]
+    path.write_text(f"<tapSet><numTap>{len(taps)}</numTap>{''.join(rows)}</tapSet>")
+
+
+def test_taps_are_brought_to_the_rate_of_the_session_without_folding(tmp_path):
+    time_s = np.arange(100) / 10_000.0
+    slow = np.hanning(100) * np.sin(2 * np.pi * 200.0 * time_s)
+    fast = np.hanning(100) * np.sin(2 * np.pi * 2300.0 * time_s)
+    write_taps(tmp_path / "Taps_Felt.xml", np.array([slow, fast]))
+    kept, lost = read_taps(tmp_path / "Taps_Felt.xml")
+    assert kept.shape == (SAMPLES,)
+    assert (kept**2).sum() / 1000.0 == pytest.approx((slow**2).sum() / 10_000.0, rel=0.05)
+    assert (lost**2).sum() < 1e-3 * (kept**2).sum()
+
+
+@pytest.mark.parametrize("content", ["<a/>", "no xml", "<tapSet><tapAccel/></tapSet>"])
+def test_a_file_without_taps_is_refused_with_its_name(tmp_path, content):
+    (tmp_path / "Taps_Felt.xml").write_text(content)
+    with pytest.raises(InputError, match=r"taps .*Taps_Felt\.xml: "):
+        read_taps(tmp_path / "Taps_Felt.xml")
+
+
+def test_any_texture_is_segmented_and_knocked_on_with_its_own_taps(tmp_path):
+    lone = np.zeros((1, 100))
+    lone[0, 20:25] = 1.0
+    write_taps(tmp_path / "Taps_wood.xml", lone)
+    write_taps(tmp_path / "Taps_other.xml", np.random.default_rng(1).standard_normal((3, 100)))
+    trials = session_trials("wood", "quick", 1, np.random.default_rng(2), tmp_path)
+    assert trials.knocked.sum() == round(0.1 * len(trials.knocked)) >= 5
+    tap = read_taps(tmp_path / "Taps_wood.xml")[0]
+    for hit, heard, without in zip(
+        trials.knocked, trials.data.segments, trials.without.segments, strict=True
+    ):
+        added = heard - without
+        assert hit == added.any()
+        if hit:
+            assert added.var() == pytest.approx(0.4 * without.var(), rel=0.1)
+            assert np.correlate(added, tap, "full").max() > 0.8 * np.linalg.norm(
+                added
+            ) * np.linalg.norm(tap)
+    with pytest.raises(InputError, match="no Taps_MATERIAL"):
+        session_trials("wood", "quick", 1, np.random.default_rng(2), tmp_path / "none")
+
+
+def test_a_hand_without_steady_strokes_is_named(monkeypatch):
+    monkeypatch.setattr(sessions, "DURATION_S", 2.0)
+    with pytest.raises(InputError, match=r"the hand taps makes \d steady strokes in 3 sessions"):
+        session_trials("wood", "taps", 1, np.random.default_rng(2))
+
+
+def test_textures_take_the_place_of_table_ii():
+    found = selection.run(textures="drawn-0,wood+bursts", hand="quick", seeds=1, workers=1)
+    names = [row[0] for row in found.tables[0].rows]
+    methods = len(running.METHODS)
+    assert names == methods * ["drawn-0"] + methods * ["wood+bursts"] + methods * ["all"]
+    assert {target.what.partition(":")[0] for target in found.targets} == {"all"}
+    for mean in found.data["overall"]:
+        assert 0.0 <= mean["false_alarms_without"] <= 1.0
+        assert np.isfinite(mean["power_error_db"])
+    with pytest.raises(InputError, match="--taps and --hand are for --textures"):
+        selection.run(hand="quick")
+    with pytest.raises(InputError, match="KNOCKS are of Table II"):
+        selection.run(knocks=[Path("a.csv")], textures="wood")

@@ -5,26 +5,30 @@ it removed and kept, and the model of what it kept, are compared with the truth.
 leaving every point out once is measured for growing numbers of points.
 """
 
-import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final
 
 import numpy as np
 import typer
-from scipy.spatial import Delaunay
 
-from mmt.core.arrays import FloatArray, IntArray
+from mmt.core.errors import InputError
 from mmt.evaluation.document import Table
-from mmt.testing.simulation.textures import SURFACES
-from mmt.texture.selection import select
-from mmt.texture.selection.leave_one_out import leave_each_out
-from mmt_lab.harness.experiment import Experiment, Seed, Seeds
+from mmt_lab.harness.experiment import (
+    Experiment,
+    HandKind,
+    Seed,
+    Seeds,
+    Textures,
+    Workers,
+    chosen_textures,
+    hand_of,
+)
 from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.selection.knocks import read_knocks
-from mmt_lab.selection.running import METHODS, ROWS, SelectionResult, run_rows
-from mmt_lab.selection.trials import simulate_trials
+from mmt_lab.selection.running import METHODS, ROWS, SelectionResult, run_rows, run_textures
+from mmt_lab.selection.scaling import Scaling, measure_scaling
 
 TITLE: Final = "Sample selection"
 
@@ -48,6 +52,7 @@ PAPER: Final = {
 DEFINITIONS: Final = {
     "detected": "share of the planted knocks that the first stage removed",
     "false_alarms": "share of the other points that it removed",
+    "false_alarms_without": "share of the points that it removes of the same trials without knocks",
     "compression": "points before over points kept",
     "gfc_change": "GFC (Welch, 64 samples, against the known truth at 200 strokes that no model "
     "has seen) of the kept points' model less that of all points' model, knocks included",
@@ -60,6 +65,7 @@ DEFINITIONS: Final = {
 _FIGURES: Final = (
     "detected",
     "false_alarms",
+    "false_alarms_without",
     "compression",
     "gfc",
     "gfc_change",
@@ -70,55 +76,39 @@ _FIGURES: Final = (
 )
 
 
-SIZES: Final = (100, 200, 461, 1000, 2000)
-_REBUILT: Final = 12  # triangulations that stand for all
-
-
-@dataclass(frozen=True)
-class Scaling:
-    """Seconds for n points: every one left out by its star, by rebuilding, and the selection.
-
-    ``same`` counts the simplices that both ways agree on, of ``compared``.
-    """
-
-    dimensions: int
-    points: int
-    star_s: float
-    rebuilt_s: float
-    select_s: float
-    same: int
-    compared: int
-
-
 @dataclass(frozen=True)
 class SelectionEvaluation:
-    """Every result, and how the cost grows."""
+    """Every result, and how the cost grows; of Table II, or of textures that were named."""
 
     results: Sequence[SelectionResult]
-    scaling: Sequence[Scaling]
+    scaling: Sequence[Scaling] = ()
+    of_textures: bool = False
+
+    def name(self, mean: Mapping[str, Any]) -> str:
+        """Return what a row of means is called."""
+        return str(mean["row"]) if self.of_textures else f"{mean['row']} ({mean['surface']})"
+
+    def overall(self) -> list[dict[str, Any]]:
+        """Return the mean figures of each method over all results."""
+        return [
+            {"row": "all", "surface": "all", **_means(self.results, method)} for method in METHODS
+        ]
 
     def means(self) -> list[dict[str, Any]]:
         """Return the mean figures of each row and method, over the seeds."""
         rows = []
         for row in dict.fromkeys(result.row for result in self.results):
             for method in METHODS:
-                mine = [r for r in self.results if r.row == row and r.method == method]
-                means = {n: float(np.mean([getattr(r, n) for r in mine])) for n in _FIGURES}
-                rows.append(
-                    {
-                        "row": row,
-                        "surface": mine[0].surface,
-                        "method": method,
-                        "seeds": len(mine),
-                        **means,
-                    }
-                )
+                mine = [result for result in self.results if result.row == row]
+                named = {"row": row, "surface": mine[0].surface}
+                rows.append({**named, **_means(mine, method)})
         return rows
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything for a program."""
         return {
             "means": self.means(),
+            "overall": self.overall(),
             "paper": {
                 name: dict(zip(("detected", "compression", "gfc_change"), values, strict=True))
                 for name, values in PAPER.items()
@@ -131,24 +121,27 @@ class SelectionEvaluation:
 
 
 def selection_tables(evaluation: SelectionEvaluation) -> list[Table]:
-    """Return Table II again, and the growth of the cost."""
+    """Return Table II again, or a row for each texture, and the growth of the cost."""
     sizes = {row.name: f"{row.points}/{row.outliers}" for row in ROWS}
+    overall = evaluation.overall() if evaluation.of_textures else []
     rows = [
         [
-            f"{mean['row']} ({mean['surface']})",
+            evaluation.name(mean),
             sizes.get(mean["row"], ""),
             mean["method"],
             f"{mean['detected']:.3f}",
             f"{mean['false_alarms']:.3f}",
+            f"{mean['false_alarms_without']:.3f}",
             f"{mean['compression']:.2f}",
             f"{mean['gfc_change']:+.4f}",
             f"{mean['power_change_db']:+.2f}",
             f"{mean['same_when_shuffled']:.0%}",
             f"{mean['seconds']:.2f}",
         ]
-        for mean in evaluation.means()
+        for mean in [*evaluation.means(), *overall]
     ]
-    columns = ["texture", "points/ knocks", "method", "detected", "false alarms", "compression"]
+    columns = ["texture", "points/ knocks", "method", "detected", "false alarms"]
+    columns += ["without knocks", "compression"]
     columns += ["GFC change", "power change (dB)", "same shuffled", "time (s)"]
     tables = [Table(columns, rows, caption="Means over the seeds.")]
     if evaluation.scaling:
@@ -173,13 +166,22 @@ def _scaling_table(scaling: Sequence[Scaling]) -> Table:
     return Table([*columns, "selection (s)"], rows, caption="Every point left out once.")
 
 
+def remarks(evaluation: SelectionEvaluation) -> list[str]:
+    """Return a sentence on each method over all results."""
+    return [
+        f"{mean['method']}: {mean['detected']:.2f} of the knocks found; {mean['false_alarms']:.3f} "
+        f"of the other points removed, {mean['false_alarms_without']:.3f} without any knock"
+        for mean in evaluation.overall()
+    ]
+
+
 def targets(evaluation: SelectionEvaluation) -> tuple[Target, ...]:
-    """Return what our method is to reach on each row, beside what it reached."""
+    """Return what our method is to reach on each row, or on all textures, and what it reached."""
     found = []
-    for mean in evaluation.means():
+    for mean in evaluation.overall() if evaluation.of_textures else evaluation.means():
         if mean["method"] != "ours":
             continue
-        name = f"{mean['row']} ({mean['surface']})"
+        name = evaluation.name(mean)
         found += [
             Target(f"{name}: detected", mean["detected"], "at least", TARGETS["detected"]),
             Target(
@@ -193,66 +195,59 @@ def targets(evaluation: SelectionEvaluation) -> tuple[Target, ...]:
     return tuple(found)
 
 
-def measure_scaling(sizes: Sequence[int] = SIZES) -> list[Scaling]:
-    """Measure both ways for each size in two and three dimensions."""
-    return [_measure(d, n) for d in (2, 3) for n in sizes]
-
-
-def _measure(dimensions: int, count: int) -> Scaling:
-    generator = np.random.default_rng([dimensions, count])
-    surface = SURFACES["plastic" if dimensions == 2 else "oak"]
-    data = simulate_trials(surface, count, count // 10, generator, directed=dimensions == 3).data
-    started = time.perf_counter()
-    members, _, _ = leave_each_out(data.points)
-    star_s = time.perf_counter() - started
-    chosen = generator.choice(count, _REBUILT, replace=False)
-    started = time.perf_counter()
-    rebuilt = [_rebuilt(data.points, index) for index in chosen.tolist()]
-    rebuilt_s = (time.perf_counter() - started) * count / _REBUILT
-    started = time.perf_counter()
-    select(data)
-    select_s = time.perf_counter() - started
-    same = sum(_agree(a, b) for a, b in zip(members[chosen], rebuilt, strict=True))
-    return Scaling(dimensions, count, star_s, rebuilt_s, select_s, same, _REBUILT)
-
-
-def _rebuilt(points: FloatArray, index: int) -> IntArray | None:
-    others = np.delete(np.arange(len(points)), index)
-    triangulation = Delaunay(points[others])
-    found = int(triangulation.find_simplex(points[index]))
-    return None if found < 0 else others[triangulation.simplices[found]]
-
-
-def _agree(members: IntArray, rebuilt: IntArray | None) -> bool:
-    if rebuilt is None:
-        return bool(members[0] < 0)
-    return set(members.tolist()) == set(rebuilt.tolist())
-
-
 def run(
     knocks: Annotated[
         list[Path] | None,
         typer.Argument(metavar="[KNOCKS]...", help="Recordings of knocks on a table (.csv)."),
     ] = None,
+    textures: Textures = None,
+    hand: HandKind = "strokes",
+    taps: Annotated[
+        Path | None, typer.Option(help="Folder of the Penn toolkit's taps, taken as knocks.")
+    ] = None,
     seeds: Seeds = 20,
     seed: Seed = 0,
+    workers: Workers = None,
 ) -> Findings:
-    """Compare sample selection as published with ours.
+    """Compare sample selection as published with ours, on Table II or on textures named.
 
     Raises
     ------
     InputError
-        A recording of knocks cannot be used.
+        A recording of knocks, a texture or the kind of hand cannot be used, or options do not go
+        together.
     """
+    numbers = range(seed, seed + seeds)
+    if textures is not None:
+        if knocks:
+            raise InputError(
+                "KNOCKS are of Table II, which --textures replaces: take --taps, or none"
+            )
+        chosen = chosen_textures(textures)
+        results = run_textures(numbers, chosen, hand_of(hand).kind, taps, workers)
+        return _findings(SelectionEvaluation(results, of_textures=True), "")
+    if taps is not None or hand != "strokes":
+        raise InputError(
+            "--taps and --hand are for --textures: the trials of Table II have no hand"
+        )
     recorded = read_knocks(knocks or [])
-    evaluation = SelectionEvaluation(
-        run_rows(range(seed, seed + seeds), recorded), measure_scaling()
-    )
     half = f"{len(recorded)} recorded knocks; half of the planted ones are of these."
+    evaluation = SelectionEvaluation(run_rows(numbers, recorded), measure_scaling())
+    return _findings(evaluation, half if recorded else "")
+
+
+def _means(results: Sequence[SelectionResult], method: str) -> dict[str, Any]:
+    mine = [result for result in results if result.method == method]
+    means = {name: float(np.mean([getattr(one, name) for one in mine])) for name in _FIGURES}
+    return {"method": method, "seeds": len(mine), **means}
+
+
+def _findings(evaluation: SelectionEvaluation, summary: str) -> Findings:
     return Findings(
         TITLE,
-        half if recorded else "",
+        summary,
         tables=selection_tables(evaluation),
+        sentences=remarks(evaluation),
         targets=targets(evaluation),
         definitions=DEFINITIONS,
         data=evaluation.as_dict(),

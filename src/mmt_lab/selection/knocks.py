@@ -8,6 +8,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
+from mmt.core.xml_files import parse_xml
 
 RATE_HZ: Final = 1000.0
 SAMPLES: Final = 400
@@ -23,6 +24,7 @@ _AXES: Final = (
 _STANDS_OUT: Final = 30.0  # smoothed energy over its median
 _APART: Final = 400  # samples of rest between two knocks
 _LEAD: Final = 10
+_TAP_STEP: Final = 10  # samples at 10 kHz
 
 
 def simulated_knock(generator: np.random.Generator) -> FloatArray:
@@ -39,6 +41,13 @@ def simulated_knock(generator: np.random.Generator) -> FloatArray:
         tone = np.sin(2.0 * np.pi * frequency * time_s + phase)
         knock += generator.normal() * np.exp(-time_s / decay_s) * tone
     return knock
+
+
+def usual_knock(generator: np.random.Generator, recorded: Sequence[FloatArray] = ()) -> FloatArray:
+    """Return a simulated knock, or one of those recorded in half of the cases."""
+    if len(recorded) and generator.random() < 0.5:
+        return recorded[int(generator.integers(len(recorded)))]
+    return simulated_knock(generator)
 
 
 def add_knock(segment: FloatArray, knock: FloatArray, generator: np.random.Generator) -> FloatArray:
@@ -91,9 +100,33 @@ def read_knocks(paths: Sequence[Path]) -> list[FloatArray]:
     return knocks
 
 
-def _resampled(path: Path) -> FloatArray:
-    from scipy.signal import butter, sosfilt
+def read_taps(path: Path) -> list[FloatArray]:
+    """Return the taps on a material of the Penn toolkit, each of shape (SAMPLES,).
 
+    A file ``Taps_MATERIAL.xml`` holds accelerations of 10 ms at 10 kHz (``tap/tapAccel/value``),
+    which are brought to 1 kHz and high-passed at 10 Hz.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read or holds no taps.
+    """
+    from scipy.signal import resample_poly
+
+    try:
+        root = parse_xml(path.read_bytes())
+        rows = [[float(v.text or "") for v in tap.iter("value")] for tap in root.iter("tapAccel")]
+    except (OSError, InputError, ValueError) as error:
+        raise InputError(f"taps {path}: no taps of the Penn toolkit: {error}") from error
+    if not rows or not all(1 < len(row) < _TAP_STEP * (SAMPLES - _LEAD) for row in rows):
+        raise InputError(f"taps {path}: needs tap/tapAccel with values at 10 kHz")
+    taps = np.zeros((len(rows), _TAP_STEP * SAMPLES))
+    for tap, row in zip(taps, rows, strict=True):
+        tap[_TAP_STEP * _LEAD :][: len(row)] = row
+    return list(_high_passed(resample_poly(taps, 1, _TAP_STEP, axis=1)))
+
+
+def _resampled(path: Path) -> FloatArray:
     try:
         table = np.genfromtxt(path, delimiter=",", names=True)
     except (OSError, ValueError, StopIteration) as error:
@@ -115,6 +148,12 @@ def _resampled(path: Path) -> FloatArray:
     grid = np.arange(time_s[0], time_s[-1], 1.0 / RATE_HZ)
     loudest = values[int(np.argmax(values.std(axis=1)))]
     signal = np.interp(grid, time_s, loudest - np.median(loudest))
+    return _high_passed(signal)
+
+
+def _high_passed(signal: FloatArray) -> FloatArray:
+    from scipy.signal import butter, sosfilt
+
     sections = butter(2, 10.0, "highpass", fs=RATE_HZ, output="sos")
     return np.asarray(sosfilt(sections, signal))
 

@@ -3,7 +3,9 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final, Literal
+from zlib import crc32
 
 import numpy as np
 
@@ -15,12 +17,14 @@ from mmt.texture.selection.enclosing_simplex import enclose_each
 from mmt.texture.signals.amplitude_spectra import expected_amplitude
 from mmt.texture.signals.metrics import gfc_of_rows
 from mmt_lab.harness.processes import each
-from mmt_lab.selection.trials import Trials, points_of, simulate_trials
+from mmt_lab.selection.sessions import session_trials
+from mmt_lab.selection.trials import NOISE_M_S2, Trials, points_of, simulate_trials
 
 Method = Literal["published", "ours", "ours, model's data"]
 METHODS: Final[tuple[Method, ...]] = ("published", "ours", "ours, model's data")
 
 _PROBES: Final = 200
+_FLOOR: Final = NOISE_M_S2**2  # a texture may be silent somewhere, which no sensor hears
 _DENSITY_HZ: Final = np.arange(501.0)
 _BINS: Final = slice(1, None)  # of Welch's estimate: 15.6 to 500 Hz
 
@@ -48,7 +52,8 @@ ROWS: Final = (
 class SelectionResult:
     """One method on one seed of one row.
 
-    Changes of GFC and of the power error (dB rms) are against the model of all points.
+    ``false_alarms_without`` is the share removed from the same trials without any knock. Changes
+    of GFC and of the power error (dB rms) are against the model of all points.
     """
 
     row: str
@@ -57,6 +62,7 @@ class SelectionResult:
     seed: int
     detected: float
     false_alarms: float
+    false_alarms_without: float
     compression: float
     gfc: float
     gfc_change: float
@@ -87,9 +93,28 @@ def run_seed(row: Row, seed: int, recorded: Sequence[FloatArray] = ()) -> list[S
         directed=row.directed,
         recorded=recorded,
     )
+    return _judged(trials, row.name, row.surface, seed, generator)
+
+
+def run_texture(
+    texture: str, seed: int, hand: str = "strokes", taps: Path | None = None
+) -> list[SelectionResult]:
+    """Simulate the sessions of one seed on any texture, and select from them by every method.
+
+    Parameters and errors are those of `session_trials`.
+    """
+    generator = np.random.default_rng([seed, crc32(texture.encode())])
+    trials = session_trials(texture, hand, seed, generator, taps)
+    return _judged(trials, trials.surface.name, texture, seed, generator)
+
+
+def _judged(
+    trials: Trials, row: str, surface: str, seed: int, generator: np.random.Generator
+) -> list[SelectionResult]:
     probes = _Probes(trials, generator)
-    order = generator.permutation(row.points)
-    everything = probes.score(np.ones(row.points, dtype=np.bool_))
+    count = len(trials.data)
+    order = generator.permutation(count)
+    everything = probes.score(np.ones(count, dtype=np.bool_))
     results = []
     for method in METHODS:
         started = time.perf_counter()
@@ -99,13 +124,14 @@ def run_seed(row: Row, seed: int, recorded: Sequence[FloatArray] = ()) -> list[S
         score = probes.score(kept)
         results.append(
             SelectionResult(
-                row=row.name,
-                surface=row.surface,
+                row=row,
+                surface=surface,
                 method=method,
                 seed=seed,
                 detected=float(outlier[trials.knocked].mean()),
                 false_alarms=float(outlier[~trials.knocked].mean()),
-                compression=row.points / int(kept.sum()),
+                false_alarms_without=float(_run(method, trials.without)[0].mean()),
+                compression=count / int(kept.sum()),
                 gfc=score[0],
                 gfc_change=score[0] - everything[0],
                 power_error_db=score[1],
@@ -171,8 +197,22 @@ class _Probes:
         variance = np.einsum("qc,qc->q", weights, self._data.variance[members])
         density = lsf_spectrum(lsf, variance, _DENSITY_HZ, 1000.0)
         gfc = gfc_of_rows(expected_amplitude(density)[:, _BINS], self._amplitude)
-        error_db = 10.0 * np.log10(density.sum(axis=1) / self._power)
+        modelled = np.maximum(density.sum(axis=1), _FLOOR)
+        error_db = 10.0 * np.log10(modelled / np.maximum(self._power, _FLOOR))
         return float(gfc.mean()), float(np.sqrt(np.mean(error_db**2)))
+
+
+def run_textures(
+    seeds: Sequence[int],
+    textures: Sequence[str],
+    hand: str = "strokes",
+    taps: Path | None = None,
+    workers: int | None = None,
+) -> list[SelectionResult]:
+    """Run textures on each seed in local processes; see `run_texture`."""
+    calls = [(texture, seed, hand, taps) for texture in textures for seed in seeds]
+    found = each(run_texture, calls, workers=workers, what="sample selection")
+    return [one for results in found for one in results]
 
 
 def run_rows(

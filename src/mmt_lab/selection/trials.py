@@ -5,7 +5,7 @@ half an hour. Here all strokes of all trials run side by side, tick by tick, thr
 resonators; what a stroke lacks are the corners between strokes, which segmentation cuts off.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -13,13 +13,14 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray
 from mmt.testing.simulation import RATE_HZ
+from mmt.testing.simulation.known_surfaces import KnownSurface
 from mmt.testing.simulation.modes import maps_at
 from mmt.testing.simulation.surfaces import HIGH_PASS_POLE, Surface
 from mmt.texture.autoregression.burg import burg_batch
 from mmt.texture.autoregression.forms import reflection_to_lsf
 from mmt.texture.selection import ModelPoints
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
-from mmt_lab.selection.knocks import add_knock, simulated_knock
+from mmt_lab.selection.knocks import add_knock, usual_knock
 
 ORDER: Final = 12
 NOISE_M_S2: Final = 0.03
@@ -53,8 +54,10 @@ class Trials:
     ----------
     data
         The points.
+    without
+        The same, none of them knocked on.
     knocked
-        Which hold a knock, shape (n,).
+        Which of `data` hold a knock, shape (n,).
     surface
         The truth.
     directed
@@ -62,8 +65,9 @@ class Trials:
     """
 
     data: ModelPoints
+    without: ModelPoints
     knocked: BoolArray
-    surface: Surface
+    surface: KnownSurface
     directed: bool
 
 
@@ -94,24 +98,35 @@ def simulate_trials(
     strokes = _strokes(count, generator, directed=directed)
     vibration = vibrate(surface, strokes, generator)
     vibration += NOISE_M_S2 * generator.standard_normal(vibration.shape)
-    knocked = np.zeros(count, dtype=np.bool_)
-    knocked[generator.choice(count, knocks, replace=False)] = True
     segments, places = [], np.empty((count, 2))
     for index in range(count):
         part = slice(_WARM_UP, _WARM_UP + int(strokes.length[index]))
-        segment = vibration[part, index].copy()
-        if knocked[index]:
-            if len(recorded) and generator.random() < 0.5:
-                knock = recorded[int(generator.integers(len(recorded)))]
-            else:
-                knock = simulated_knock(generator)
-            segment = add_knock(segment, knock, generator)
-        segments.append(segment)
+        segments.append(vibration[part, index].copy())
         places[index] = strokes.speed_mm_s[part, index].mean(), strokes.force_n[part, index].mean()
-    fits = burg_batch(segments, ORDER)
     points = points_of(places[:, 0], places[:, 1], strokes.heading_rad, directed=directed)
-    data = ModelPoints(points, reflection_to_lsf(fits.reflection), fits.variances[:, -1], segments)
-    return Trials(data, knocked, surface, directed)
+    knocked = np.zeros(count, dtype=np.bool_)
+    knocked[generator.choice(count, knocks, replace=False)] = True
+    with_knocks = plant(segments, knocked, lambda: usual_knock(generator, recorded), generator)
+    return Trials(fitted(points, with_knocks), fitted(points, segments), knocked, surface, directed)
+
+
+def plant(
+    segments: Sequence[FloatArray],
+    knocked: BoolArray,
+    knock: Callable[[], FloatArray],
+    generator: np.random.Generator,
+) -> list[FloatArray]:
+    """Return segments of which those that are knocked on (n,) have a knock of their own."""
+    return [
+        add_knock(segment, knock(), generator) if hit else segment
+        for segment, hit in zip(segments, knocked.tolist(), strict=True)
+    ]
+
+
+def fitted(points: FloatArray, segments: Sequence[FloatArray]) -> ModelPoints:
+    """Return segments at normalised points (n, d), fitted at order `ORDER`."""
+    fits = burg_batch(segments, ORDER)
+    return ModelPoints(points, reflection_to_lsf(fits.reflection), fits.variances[:, -1], segments)
 
 
 def points_of(

@@ -1,0 +1,90 @@
+"""Trials of any texture: whole sessions of a hand, segmented as the leader does, with knocks."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.errors import InputError
+from mmt.scene import Scene
+from mmt.testing.simulation.offline import simulate_session
+from mmt.testing.simulation.textures import get_surface
+from mmt.texture.model.inputs import InputSpace
+from mmt.texture.segmentation.segmenter import segment, segmentation_settings
+from mmt.texture.settings import ModellingSettings
+from mmt.texture.signals.filtering import StreamFilter
+from mmt_lab.harness.experiment import hand_of
+from mmt_lab.selection.knocks import read_taps, usual_knock
+from mmt_lab.selection.trials import Trials, fitted, plant
+
+SESSIONS: Final = 3
+DURATION_S: Final = 18.0
+
+_SHARE: Final = 0.1  # of the segments, which are knocked on
+_FEWEST: Final = 12
+
+
+def session_trials(
+    texture: str, hand: str, seed: int, generator: np.random.Generator, taps: Path | None = None
+) -> Trials:
+    """Return the fitted segments of three sessions of 18 s, a tenth of them with a knock.
+
+    Parameters
+    ----------
+    texture, hand
+        Name of a known texture, and kind of the hand.
+    seed
+        Of the sessions.
+    generator
+        Source of the knocks.
+    taps
+        Folder of the Penn toolkit's taps, from which all knocks are then taken: those on the
+        texture's own material where it is a model of that toolkit, else any.
+
+    Raises
+    ------
+    InputError
+        The hand makes too few steady strokes, or there are no taps.
+    """
+    surface = get_surface(texture)
+    scene = Scene(hand=hand_of(hand, isotropic=surface.isotropic))
+    settings = ModellingSettings(inputs="isotropic" if surface.isotropic else "anisotropic")
+    segments = []
+    for number in range(SESSIONS):
+        frames, _ = simulate_session(scene, surface, DURATION_S, SESSIONS * seed + number)
+        stream = StreamFilter(settings.normal, settings.axis, settings.rate_hz)
+        segments += segment(stream.process(frames), segmentation_settings(settings))
+    if len(segments) < _FEWEST:
+        raise InputError(
+            f"{texture}: the hand {hand} makes {len(segments)} steady strokes in {SESSIONS} "
+            f"sessions, {_FEWEST} are needed; take another kind of hand"
+        )
+    space = InputSpace(settings.inputs)
+    points = space.normalise(np.array([part.inputs(space) for part in segments]))
+    vibration = [part.vibration_m_s2 for part in segments]
+    knocked = np.zeros(len(segments), dtype=np.bool_)
+    knocked[generator.choice(len(segments), round(_SHARE * len(segments)), replace=False)] = True
+    with_knocks = plant(vibration, knocked, _knocks(texture, taps, generator), generator)
+    return Trials(
+        fitted(points, with_knocks),
+        fitted(points, vibration),
+        knocked,
+        surface,
+        directed=not surface.isotropic,
+    )
+
+
+def _knocks(
+    texture: str, taps: Path | None, generator: np.random.Generator
+) -> Callable[[], FloatArray]:
+    if taps is None:
+        return lambda: usual_knock(generator)
+    material = Path(texture.partition("+")[0]).stem.removeprefix("Models_")
+    own = taps / f"Taps_{material}.xml"
+    files = [own] if own.exists() else sorted(taps.glob("Taps_*.xml"))
+    if not files:
+        raise InputError(f"--taps {taps}: no Taps_MATERIAL.xml is in this folder")
+    found = [tap for file in files for tap in read_taps(file)]
+    return lambda: found[int(generator.integers(len(found)))]
