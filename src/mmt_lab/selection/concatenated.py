@@ -20,7 +20,7 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.segmentation.segmenter import segment, segmentation_settings
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.selection import ModelPoints
-from mmt.texture.settings import ModellingSettings
+from mmt.texture.settings import Inputs, ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt_lab.selection.knocks import placed_knock, simulated_knock
 from mmt_lab.selection.running import Row
@@ -55,17 +55,19 @@ class DataSet:
     trials: int
 
 
-def settings_of(row: Row) -> ModellingSettings:
-    """Return how a texture is modelled: by the network of the authors' earlier work.
+def network_settings(inputs: Inputs) -> ModellingSettings:
+    """Return the settings of the network of papers B and C, over velocity or speed, and force.
 
     The papers name no order of the filters; here it is that of all trials of the laboratory.
     """
     return ModellingSettings(
-        inputs="anisotropic" if row.directed else "isotropic",
-        interpolate="variance",
-        interpolator="network",
-        order=ORDER,
+        inputs=inputs, interpolate="variance", interpolator="network", order=ORDER
     )
+
+
+def settings_of(row: Row) -> ModellingSettings:
+    """Return how a texture of paper C is modelled."""
+    return network_settings("anisotropic" if row.directed else "isotropic")
 
 
 def stroke(row: Row, duration_s: float, seed: int) -> RecordArray:

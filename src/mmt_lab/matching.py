@@ -1,0 +1,144 @@
+"""A matching test by spectra: samples stroked anew, and what models render under the stroke."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, get_args
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray, RecordArray
+from mmt.evaluation.pooling import pool_sessions
+from mmt.scene import Hand, Scene
+from mmt.session import RecordedSession
+from mmt.testing.simulation.offline import simulate_session
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.segmentation.segmenter import segment, segmentation_settings
+from mmt.texture.selection.published import spectral_error
+from mmt.texture.settings import Inputs
+from mmt.texture.signals.amplitude_spectra import Spectra, amplitude_spectrum
+from mmt.texture.signals.filtering import StreamFilter
+from mmt.texture.signals.metrics import gfc_of_rows, power_error_db
+from mmt.texture.synthesis.synthesizer import Synthesizer
+from mmt_lab.selection.concatenated import network_settings
+
+RECORDED_S: Final = 30.0
+"""Of each texture for its model; a hand that takes all headings needs as much."""
+
+STROKED_S: Final = 10.0
+"""Of each sample in the matching test."""
+
+RENEWAL_SAMPLES: Final = 10
+"""Samples between two estimates of the filter: 100 Hz, as in section 3.1 of paper B."""
+
+_WELCH_SAMPLES: Final = 64
+_HEADINGS: Final = Scene(hand=Hand(headings="all"))
+
+
+@dataclass(frozen=True)
+class Virtual:
+    """A texture as a model, with that of its speed alone, and the size of the recording."""
+
+    name: str
+    model: TextureModel
+    of_speed: TextureModel
+    recorded_bytes: int
+
+    @property
+    def numbers(self) -> int:
+        """How many numbers equation 1 has: centres, weights, and a polynomial of degree 1."""
+        points, outputs = len(self.model.samples), self.model.order + 1
+        inputs = self.model.dimensions
+        return points * (inputs + outputs) + (inputs + 1) * outputs
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """A real sample stroked anew.
+
+    ``velocity_mm_s`` (n, 2), ``speed_mm_s`` (n,), ``force_n`` (n,) and ``vibration_m_s2`` (n,) are
+    the whole stroke's, ``segments`` the parts that are compared.
+    """
+
+    name: str
+    velocity_mm_s: FloatArray
+    speed_mm_s: FloatArray
+    force_n: FloatArray
+    vibration_m_s2: FloatArray
+    segments: tuple[slice, ...]
+
+    def rendered(self, model: TextureModel, seed: int) -> FloatArray:
+        """Return what a model renders (n,) under the same stroke."""
+        inputs = [self.speed_mm_s] if not model.space.directed else [*self.velocity_mm_s.T]
+        synthesizer = Synthesizer(
+            model, seed=seed, renewal_samples=RENEWAL_SAMPLES, limit_m_s2=np.inf
+        )
+        return synthesizer.render(*map(np.ascontiguousarray, inputs), self.force_n)
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A real sample and a virtual texture: mean spectral error and GFC, median power error."""
+
+    error: float
+    gfc: float
+    power_db: float
+
+
+def _stroke(texture: str, duration_s: float, seed: int) -> RecordArray:
+    return simulate_session(_HEADINGS, texture, duration_s, seed)[0]
+
+
+def virtual_texture(texture: str, seed: int) -> Virtual:
+    """Record a texture, and build its models of all segments."""
+    frames = _stroke(texture, RECORDED_S, seed)
+    session = RecordedSession(frames, path=Path(texture))
+    models: dict[Inputs, TextureModel] = {}
+    for inputs in get_args(Inputs):
+        pool = pool_sessions([session], network_settings(inputs))
+        models[inputs] = pool.model(np.ones(len(pool.data), dtype=np.bool_))
+    return Virtual(texture, models["anisotropic"], models["isotropic"], frames.nbytes)
+
+
+def real_sample(texture: str, seed: int) -> Sample:
+    """Stroke a texture anew."""
+    settings = network_settings("anisotropic")
+    stream = StreamFilter(normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz)
+    block = stream.process(_stroke(texture, STROKED_S, seed))
+    first = int(block.index[0])
+    return Sample(
+        texture,
+        block.velocity_mm_s,
+        block.speed_mm_s,
+        block.normal_force_n,
+        block.vibration_m_s2[:, 0],
+        tuple(
+            slice(part.start - first, part.stop - first)
+            for part in segment(block, segmentation_settings(settings))
+        ),
+    )
+
+
+def compare_pair(sample: Sample, model: TextureModel, seed: int, spectra: Spectra) -> Pair:
+    """Compare what a model renders under the stroke with what was recorded."""
+    return _compared(sample.rendered(model, seed), sample.vibration_m_s2, sample, spectra)
+
+
+def two_renderings(sample: Sample, model: TextureModel, seed: int, spectra: Spectra) -> Pair:
+    """Compare two renderings of one model: what is left where the model is the texture."""
+    first, other = (sample.rendered(model, seed + number) for number in (0, 1))
+    return _compared(first, other, sample, spectra)
+
+
+def _compared(rendered: FloatArray, recorded: FloatArray, sample: Sample, spectra: Spectra) -> Pair:
+    errors, scores, powers_db = [], [], []
+    nperseg = _WELCH_SAMPLES if spectra is Spectra.WELCH else None
+    for part in sample.segments:
+        own, truth = (
+            amplitude_spectrum(signal[part], 1000.0, nperseg)[1] for signal in (rendered, recorded)
+        )
+        errors.append(float(spectral_error(own, truth)))
+        scores.append(float(gfc_of_rows(own, truth)))
+        power, true_power = (float(np.mean(signal[part] ** 2)) for signal in (rendered, recorded))
+        powers_db.append(power_error_db(power, true_power))
+    median_db = float(np.median(np.abs(powers_db)))  # some strokes are silent in the model
+    return Pair(float(np.mean(errors)), float(np.mean(scores)), median_db)
