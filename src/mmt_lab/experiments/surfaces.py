@@ -7,6 +7,7 @@ heading. Recorded sessions with a known course are scored likewise.
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -14,7 +15,9 @@ import numpy as np
 import typer
 from scipy.stats import chi2
 
+from mmt.core.errors import InputError
 from mmt.evaluation.document import Table
+from mmt.evaluation.levels import BAND_EDGES_HZ
 from mmt_lab.harness.experiment import (
     Experiment,
     HandKind,
@@ -29,6 +32,7 @@ from mmt_lab.harness.findings import Findings, Target
 from mmt_lab.harness.processes import each
 from mmt_lab.surfaces.running import RECORDED, STAY_S, SurfaceResult, run_recorded, run_simulated
 from mmt_lab.surfaces.scoring import Stay
+from mmt_lab.surfaces.slides import SLIDES, run_slides, scatter_db
 
 TITLE: Final = "More than one surface"
 
@@ -38,6 +42,7 @@ CAPTIONS: Final = {
     "isotropic": "Textures that are the same in all directions",
     "grained": "Some of the textures depend on the heading, on which the hand keeps changing",
     RECORDED: "Recorded sessions",
+    SLIDES: "Recorded slides over real materials",
 }
 
 DEFINITIONS: Final = {
@@ -136,6 +141,15 @@ def _choices(evaluation: SurfaceEvaluation, group: str) -> Table:
     return Table(columns, rows, caption=f"{CAPTIONS[group]}: recalls and false alarms.")
 
 
+def scatter_table(folder: Path) -> Table:
+    """Return how much recorded slides differ, a column for each band."""
+    edges = [f"{edge:.0f}" for edge in BAND_EDGES_HZ]
+    columns = ["dB", *(f"{low}-{high} Hz" for low, high in pairwise(edges))]
+    within, between = ([f"{value:.2f}" for value in row] for row in scatter_db(folder))
+    rows = [["from slide to slide", *within], ["between materials", *between]]
+    return Table(columns, rows, caption="Levels of whole slides: standard deviations.")
+
+
 def remarks(evaluation: SurfaceEvaluation) -> list[str]:
     """Return the figures of each group in a sentence."""
     rows = [evaluation.rows_of(group)[-1] for group in evaluation.groups]
@@ -232,6 +246,9 @@ def run(
     textures: Textures = None,
     hand: HandKind = "strokes",
     stay: Annotated[float, typer.Option(min=1, help="Mean seconds on a surface.")] = STAY_S,
+    slides: Annotated[
+        Path | None, typer.Option(help="Folder of recorded slides over real materials.")
+    ] = None,
     workers: Workers = None,
 ) -> Findings:
     """Tell how soon changes of surface are found, and which model is recalled.
@@ -239,10 +256,16 @@ def run(
     Raises
     ------
     InputError
-        A session has no course over known surfaces, or a texture or the kind of hand is not
-        known.
+        A session has no course over known surfaces, a texture or the kind of hand is not known,
+        or a slide cannot be read.
     """
-    if sessions:
+    tables: list[Table] = []
+    if slides is not None:
+        if sessions or textures is not None:
+            raise InputError("--slides takes the place of SESSION and --textures: name one of them")
+        tables.append(scatter_table(slides))
+        results = run_slides(slides, seeds, first=seed, workers=workers)
+    elif sessions:
         results = each(
             run_recorded, [(path,) for path in sessions], workers=workers, what="sessions"
         )
@@ -258,7 +281,7 @@ def run(
     evaluation = SurfaceEvaluation(results)
     return Findings(
         TITLE,
-        tables=surface_tables(evaluation),
+        tables=[*surface_tables(evaluation), *tables],
         sentences=remarks(evaluation),
         targets=targets(evaluation),
         definitions=DEFINITIONS,

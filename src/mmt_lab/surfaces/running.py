@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from mmt.cli.reporting import scene_of
-from mmt.core.arrays import RecordArray
+from mmt.core.arrays import IntArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.scene import Scene
 from mmt.session import read_session
@@ -173,6 +173,23 @@ def run_session(
     """
     if not len(frames) or int(frames["sequence"][-1]) != len(frames) - 1:
         raise InputError(f"{name}: a session over several surfaces is scored from whole frames")
+    truth = course.along(frames["force_n"][:, 2].astype(np.float64))
+    names = [surface.name for surface in course.surfaces]
+    return follow(name, names, truth, frames, modelling, settings)
+
+
+def follow(
+    name: str,
+    surfaces: Sequence[str],
+    truth: IntArray,
+    frames: RecordArray,
+    modelling: ModellingSettings | None = None,
+    settings: SurfaceSettings | None = None,
+) -> SurfaceResult:
+    """Follow frames (n,) with all channels, and score what was found.
+
+    ``truth`` (n,) is the place in ``surfaces`` of that under the tool in each frame.
+    """
     modelling = modelling or ModellingSettings()
     tracker = SurfaceTracker(modelling, settings or SurfaceSettings())
     found = []
@@ -186,6 +203,6 @@ def run_session(
     stroking[aligned.index[steady]] = True
     return SurfaceResult(
         name=name,
-        surfaces=tuple(surface.name for surface in course.surfaces),
-        score=score(course.along(force_n), stroking, force_n > _TOUCH_N, found),
+        surfaces=tuple(surfaces),
+        score=score(truth, stroking, force_n > _TOUCH_N, found),
     )
