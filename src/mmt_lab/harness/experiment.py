@@ -144,7 +144,7 @@ def chosen_textures(textures: str | None) -> list[str]:
     """Return the names between the commas of ``--textures``, those of all where it is absent.
 
     A folder stands for the models in it, in the order of their names; ``drawn`` and ``final``
-    stand for the first `DRAWN` textures of these.
+    stand for the first `DRAWN` textures of these. What follows a + is done to all of them.
 
     Raises
     ------
@@ -157,13 +157,14 @@ def chosen_textures(textures: str | None) -> list[str]:
         return list(SURFACES)
     chosen: list[str] = []
     for name in (name.strip() for name in textures.split(",")):
-        if Path(name).is_dir():
-            files = [f for f in sorted(Path(name).iterdir()) if f.suffix.lower() in _MODELS]
+        whole, plus, altered = (name, "", "") if Path(name).exists() else name.partition("+")
+        if Path(whole).is_dir():
+            files = [f for f in sorted(Path(whole).iterdir()) if f.suffix.lower() in _MODELS]
             if not files:
                 raise InputError(f"--textures {name}: no model (.npz, .xml) is in this folder")
-            chosen += map(str, files)
-        elif name in {"drawn", "final"}:
-            chosen += [f"{name}-{number}" for number in range(DRAWN)]
+            chosen += [f"{file}{plus}{altered}" for file in files]
+        elif whole in {"drawn", "final"}:
+            chosen += [f"{whole}-{number}{plus}{altered}" for number in range(DRAWN)]
         else:
             chosen.append(name)
     for name in chosen:

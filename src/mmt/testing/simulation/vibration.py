@@ -126,7 +126,7 @@ class Vibration:
 class AlteredVibration:
     """A generator whose vibration is that of an altered surface.
 
-    Cost: that of the surface altered, and some 8 us a tick for a level, 1 us for patches or bursts.
+    Cost: that of the surface altered, and some 5 us a tick for a level, 1 us for patches or bursts.
     """
 
     def __init__(
