@@ -247,7 +247,7 @@ DEFINITIONS: Final = {
     "a moment",
     "streaming": "the stream through the playout buffer, without a model",
     "published": "paper A: streamed until the start criterion, then rendered; the excitation's "
-    "variance interpolated",
+    "variance interpolated, on textures with a grain by paper B's network",
     "ours": 'the same with [texture] level = "gaussian_process" and shape = "smoothed"',
     "warm": 'as ours with [rendering] before = "warm": until the start criterion rendered from '
     "the shipped model that fits best; that of the texture itself is left out",

@@ -44,6 +44,9 @@ LEVEL_ROOM: Final = 2.0
 """Largest level over the samples' largest: the level goes on rising beyond the fastest and
 strongest of them, and an extrapolation gone wild is held."""
 
+LEAST_REACH: Final = 0.01
+"""Normalised speed and force from which on the level falls to zero, whatever the samples."""
+
 _LARGEST_LEVEL: Final = 2.0**10  # in units of the first samples' largest
 
 _STATE: Final = ("network_kernel", "network_degree", "network_epsilon", "network_smoothing")
@@ -228,7 +231,7 @@ class _Growth:
         """Return both networks as they are, with the bounds of these samples."""
         level, filters = self._level.network(), self._filters.network()
         speed = points[:, 0] if points.shape[1] == 2 else np.hypot(points[:, 0], points[:, 1])
-        slowest, lightest = float(speed.min()), float(points[:, -1].min())
+        slowest, lightest = (max(float(x.min()), LEAST_REACH) for x in (speed, points[:, -1]))
         bounds = Bounds(
             level.settings.epsilon**2,
             filters.settings.epsilon**2,
