@@ -7,9 +7,10 @@ import pytest
 from spectrum import arburg
 
 from mmt.texture.autoregression.burg import ReflectionFit, burg
+from mmt.texture.field.scatter import Scatter
 from mmt.texture.model.texture_model import TextureModel
 from mmt_lab.stability.cases import Case, run_case
-from mmt_lab.stability.families import anisotropic, ar, lsf, model, networks
+from mmt_lab.stability.families import anisotropic, ar, field, lsf, model, networks
 from mmt_lab.stability.families.ar import exact_burg, exact_residual
 
 
@@ -101,6 +102,15 @@ def test_frequencies_that_come_back_elsewhere_do_not_hold(monkeypatch: pytest.Mo
     back = lsf.reflection_to_lsf
     monkeypatch.setattr(lsf, "reflection_to_lsf", lambda k: back(k) + 1e-12)
     assert not case_of(lsf.cases(filters=3), "gaps of 1e-06").run().held
+
+
+def test_fields_of_any_blocks_hold() -> None:
+    assert those_that_do_not_hold("field", field.cases(many=5000)) == []
+
+
+def test_a_field_that_is_too_sure_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mmt.texture.field.posterior.scatter", lambda _: Scatter(1e-6, 1e-6))
+    assert not case_of(field.cases(), "bursts").run().held
 
 
 def test_models_of_any_samples_hold() -> None:

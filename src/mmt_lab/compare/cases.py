@@ -90,8 +90,15 @@ class Case:
 
 
 def simulated_cases(seeds: int, textures: Sequence[str], hand: str = "strokes") -> list[Case]:
-    """Return a session of each texture and each of a number of seeds, by a kind of hand."""
-    return [Case(name, FIRST_SEED + seed, hand=hand) for name in textures for seed in range(seeds)]
+    """Return a session of each texture and each of a number of seeds, by a kind of hand.
+
+    No two sessions have the same seed: the hand would stroke in the same way.
+    """
+    return [
+        Case(name, FIRST_SEED + number * seeds + seed, hand=hand)
+        for number, name in enumerate(textures)
+        for seed in range(seeds)
+    ]
 
 
 def recorded_cases(

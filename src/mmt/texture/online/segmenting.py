@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator
 
 from mmt.core.arrays import RecordArray
 from mmt.texture.online.work import Stopwatch, UpdateSteps, Work
-from mmt.texture.segmentation.low_band import LowBand
 from mmt.texture.segmentation.segmenter import OnlineSegmenter, segmentation_settings
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
@@ -37,8 +36,6 @@ class SegmentingStage:
             segmentation_settings(settings), overlap_samples=settings.overlap_samples
         )
         self._noise = NoiseFloor()
-        by_process = settings.level != "interpolated"
-        self._low_band = LowBand(settings.rate_hz) if by_process else None
         self.first_sequence: int | None = None
         """Number of the first frame, None before it."""
         self.time_s = 0.0
@@ -68,8 +65,6 @@ class SegmentingStage:
             self.time_s = elapsed / self._rate_hz
         aligned = self._filter.process(frames)
         self._noise.update(aligned)
-        if self._low_band is not None:
-            self._low_band.update(aligned)
         clock.lap("filter")
         yield None
         clock.resume()
@@ -77,8 +72,6 @@ class SegmentingStage:
         accept = self._accept
         added = [s for s in change.added if accept is None or accept(s)]
         held_out = [s for s in change.added if accept is not None and not accept(s)]
-        if self._low_band is not None:
-            added = [self._low_band.restored(s) for s in added]
         clock.lap("segment")
         yield Work(
             modeller=modeller,

@@ -11,7 +11,6 @@ from typing import Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray
 from mmt.texture.signals.aligned import AlignedBlock
 
 WINDOW: Final = 50
@@ -36,7 +35,7 @@ class NoiseFloor:
 
     def update(self, block: AlignedBlock) -> None:
         """Add a block of the stream."""
-        self._powers.extend(still_powers(block, np.square(block.vibration_m_s2).sum(axis=1)))
+        self._powers.extend(_still_powers(block))
 
     @property
     def power(self) -> float:
@@ -46,26 +45,15 @@ class NoiseFloor:
         return float(np.percentile(self._powers, _QUARTILE))
 
 
-def still_powers(block: AlignedBlock, squares: FloatArray, *, at_rest: bool = True) -> list[float]:
-    """Return the means of windows of a block in which the tool is in the air or at rest.
-
-    Parameters
-    ----------
-    block
-        Aligned samples of the stream.
-    squares
-        Values to average, one for each sample of the block, shape (n,).
-    at_rest
-        Whether windows at rest on the surface count.
-    """
+def _still_powers(block: AlignedBlock) -> list[float]:
+    """Return the powers of windows of a block in which the tool is in the air or at rest."""
     count = len(block) // WINDOW
     if not count:
         return []
     part = block[: count * WINDOW]
-    power = squares[: count * WINDOW].reshape(count, WINDOW).mean(axis=1)
+    power = np.square(part.vibration_m_s2).sum(axis=1).reshape(count, WINDOW).mean(axis=1)
     still = part.normal_force_n.reshape(count, WINDOW).max(axis=1) < _IN_AIR_N
-    if at_rest:
-        still |= part.speed_mm_s.reshape(count, WINDOW).max(axis=1) < _AT_REST_MM_S
+    still |= part.speed_mm_s.reshape(count, WINDOW).max(axis=1) < _AT_REST_MM_S
     still &= part.valid.reshape(count, WINDOW).all(axis=1) & np.isfinite(power)
     found: list[float] = power[still].tolist()
     return found

@@ -1,0 +1,203 @@
+"""The field of a level: very many blocks, repeated ones, one alone, and any powers."""
+
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.texture.field.cells import LARGEST, FieldCells
+from mmt.texture.field.covariance import coordinates
+from mmt.texture.field.posterior import LevelField
+from mmt_lab.stability.cases import Case, Family, Outcome
+
+MANY: Final = 100_000
+
+_ASKED: Final = 200
+_SCATTER: Final = 0.4  # nepers, of a block's power
+
+
+def cases(*, many: int = MANY) -> list[Case]:
+    """Return the family's cases, the largest of so many blocks."""
+    return [
+        *(
+            Case(
+                f"{many} blocks, {'velocity and force' if directed else 'speed and force'}",
+                f"at most {LARGEST} rows, an update linear in new blocks, error as large as stated",
+                partial(_many, many, directed),
+            )
+            for directed in (False, True)
+        ),
+        Case("one block", "finite, unsure of everything else", _one),
+        Case("one stroke repeated", "sure there, unsure far away", _repeated),
+        Case("strokes along one line", "finite, unsure beside it", _line),
+        Case("powers all 0", "finite level and deviation", partial(_any_power, 0.0, 0.0)),
+        Case(
+            "powers of 0 and 1e-300 to 1e300",
+            "finite level and deviation",
+            partial(_any_power, -300.0, 300.0),
+        ),
+        Case("places up to 1e12 mm apart", "finite, as sure as at near ones", _far_places),
+        Case("patches of 3 dB", "stated deviation 0.7 to 1.7 times the error", _patches),
+        Case("bursts of kurtosis 8", "stated deviation 0.7 to 1.7 times the error", _bursts),
+    ]
+
+
+def _points(count: int, directed: bool, seed: int) -> FloatArray:
+    random = np.random.default_rng(seed)
+    speed, force = random.uniform(0.05, 1.0, (2, count))
+    if not directed:
+        return np.column_stack([speed, force])
+    heading = random.uniform(-np.pi, np.pi, count)
+    return np.column_stack([speed * np.cos(heading), speed * np.sin(heading), force])
+
+
+def _law(points: FloatArray) -> FloatArray:
+    at = coordinates(points)
+    return np.asarray(1.2 * at.u + 0.6 * at.v)
+
+
+def _felt(count: int, directed: bool = False, seed: int = 1) -> FieldCells:
+    random = np.random.default_rng(seed)
+    points = _points(count, directed, seed)
+    scatter = _SCATTER * random.standard_normal(count) - 0.5 * _SCATTER**2
+    place = random.uniform(0.0, 120.0, (count, 2))
+    return FieldCells.of(points, np.exp(_law(points) + scatter), place)
+
+
+def _many(many: int, directed: bool) -> Outcome:
+    cells = _felt(many, directed)
+    started = time.thread_time()
+    cells = cells.joined(_felt(20, directed, seed=2))
+    joining_ms = 1e3 * (time.thread_time() - started)
+    started = time.thread_time()
+    field = LevelField(cells)
+    table = field.table
+    solving_ms = 1e3 * (time.thread_time() - started)
+    asked = _points(_ASKED, directed, 3)
+    mean, deviation = field.level_db(asked)
+    error = mean - _decibel(_law(asked))
+    rms = float(np.sqrt(np.mean(np.square(error))))
+    return Outcome(
+        f"{len(cells)} rows, 20 more blocks {joining_ms:.1f} ms, posterior and table "
+        f"{solving_ms:.0f} ms, error {rms:.2f} dB, stated {deviation.mean():.2f} dB",
+        held=bool(
+            len(cells) <= LARGEST
+            and np.isfinite(table).all()
+            and rms < 0.5
+            and rms < 2.0 * deviation.mean()
+        ),
+        figures={"rows": len(cells), "solving_ms": solving_ms, "error_db": rms},
+    )
+
+
+def _one() -> Outcome:
+    field = LevelField(_felt(1))
+    mean, deviation = field.level_db(_points(_ASKED, False, 3))
+    return Outcome(
+        f"deviation {deviation.min():.1f} to {deviation.max():.1f} dB",
+        held=bool(np.isfinite(mean).all() and deviation.min() > 1.0),
+        figures={"deviation_db": float(deviation.min())},
+    )
+
+
+def _repeated() -> Outcome:
+    points = np.tile([[0.4, 0.5]], (10_000, 1))
+    place = np.random.default_rng(5).uniform(0.0, 100.0, (len(points), 2))
+    field = LevelField(FieldCells.of(points, np.full(len(points), 2.0), place))
+    mean, deviation = field.level_db(np.array([[0.4, 0.5], [0.05, 0.05], [1.0, 1.0]]))
+    off = abs(float(mean[0]) - float(_decibel(np.log(np.array([2.0])))[0]))
+    return Outcome(
+        f"there off by {off:.2f} dB, {deviation[0]:.2f} dB stated; "
+        f"far {deviation[1:].min():.1f} dB",
+        held=bool(off < 0.5 and deviation[0] < 1.5 < deviation[1:].min()),
+        figures={"off_db": off},
+    )
+
+
+def _line() -> Outcome:
+    share = np.random.default_rng(9).uniform(0.1, 0.9, (2000, 1))
+    points = share * np.ones(2)
+    field = LevelField(FieldCells.of(points, np.exp(_law(points)), np.zeros((len(points), 2))))
+    on, beside = (
+        field.level_db(np.array(asked))[1].mean()
+        for asked in ([[0.3, 0.3], [0.6, 0.6]], [[0.8, 0.1], [0.1, 0.8]])
+    )
+    return Outcome(
+        f"{on:.2f} dB on it, {beside:.1f} dB beside it", held=bool(on < 1.0 and beside > 2.0 * on)
+    )
+
+
+def _any_power(lowest: float, highest: float) -> Outcome:
+    exponents = np.random.default_rng(6).uniform(lowest, highest, 500)
+    power = 10.0**exponents if highest > lowest else np.zeros(500)
+    power[::7] = 0.0
+    points = _points(len(power), False, 6)
+    field = LevelField(FieldCells.of(points, power, np.zeros((len(power), 2))))
+    found = np.concatenate([*field.level_db(points), field.table.ravel()])
+    finite = bool(np.isfinite(found).all())
+    return Outcome("all finite" if finite else "not finite", held=finite)
+
+
+def _far_places() -> Outcome:
+    points = _points(2000, False, 7)
+    power = np.exp(_law(points))
+    random = np.random.default_rng(7)
+    deviations = [
+        LevelField(
+            FieldCells.of(points, power, random.uniform(-reach, reach, (len(points), 2)))
+        ).level_db(points)[1]
+        for reach in (100.0, 1e12)
+    ]
+    ratio = float(deviations[1].mean() / deviations[0].mean())
+    return Outcome(
+        f"deviations {ratio:.2f} times those of near places",
+        held=bool(np.isfinite(deviations[1]).all() and 0.3 < ratio < 3.0),
+        figures={"ratio": ratio},
+    )
+
+
+def _patches() -> Outcome:
+    def gains(random: np.random.Generator, place: FloatArray) -> FloatArray:
+        patch = (place // 20.0).astype(int)
+        level = 0.69 * random.standard_normal((6, 6)) - 0.5 * 0.69**2
+        return np.asarray(np.exp(level[patch[:, 0], patch[:, 1]]))
+
+    return _calibrated(gains)
+
+
+def _bursts() -> Outcome:
+    spread = float(np.sqrt(np.log(8.0 / 3.0)))
+
+    def gains(random: np.random.Generator, place: FloatArray) -> FloatArray:
+        level = spread * random.standard_normal((len(place), 2)) - 0.5 * spread**2
+        return np.asarray(np.exp(level).mean(axis=1))
+
+    return _calibrated(gains)
+
+
+def _calibrated(gains: Callable[[np.random.Generator, FloatArray], FloatArray]) -> Outcome:
+    squares = []
+    asked = _points(_ASKED, False, 8)
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        points, place = _points(400, False, seed), random.uniform(0.0, 120.0, (400, 2))
+        power = np.exp(_law(points)) * random.chisquare(13.0, 400) / 13.0
+        field = LevelField(FieldCells.of(points, power * gains(random, place), place))
+        mean, deviation = field.level_db(asked)
+        squares.append(np.mean(np.square((mean - _decibel(_law(asked))) / deviation)))
+    standardised = float(np.sqrt(np.mean(squares)))
+    return Outcome(
+        f"error {standardised:.2f} stated deviations",
+        held=0.6 < standardised < 1.4,
+        figures={"standardised": standardised},
+    )
+
+
+def _decibel(nepers: FloatArray) -> FloatArray:
+    return np.asarray(10.0 / np.log(10.0) * nepers)
+
+
+FAMILY: Final = Family("The field of a level", cases)
