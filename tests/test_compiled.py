@@ -1,53 +1,71 @@
 import json
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from mmt.core.compiled import kernel
-from mmt.core.kernel_cache import (
-    KERNELS,
-    compile_kernels,
+from mmt.core.compiled import (
+    are_cached,
+    collect_kernels,
+    compile_collected,
     drop_stale_kernels,
-    kernels_are_compiled,
+    kernel,
 )
+from mmt.core.kernel_cache import compile_kernels
 
-SMALL_SCENE = """
+SAVED_MODEL = """
 [rendering]
 model = "oak"
 [hand]
 [actuator]
 """
 
+MODELLING = """
+[link]
+[simulated]
+[hand]
+[playout]
+[actuator]
+[texture]
+[rendering]
+"""
+
 FIRST_START = """
 import json, sys
 from pathlib import Path
+from numba.core.dispatcher import Dispatcher
 from mmt.core.kernel_cache import compile_kernels
 from mmt.leader.part import Session
-from mmt.leader.parts import build_parts, numerics_of
+from mmt.leader.parts import build_parts, first_numerics_of, numerics_of
 from mmt.scene.files import load_scene
 
-scene, told, compiled = load_scene(Path(sys.argv[1])), [], []
-compile_kernels(numerics_of(scene), told.append)
-compile_kernels(numerics_of(scene), told.append)
-
-from numba.core.dispatcher import Dispatcher
-whole = Dispatcher.compile
+whole, compiled = Dispatcher.compile, []
 
 def compile_noted(self, signature):
     entry = whole(self, signature)
-    if self.py_func.__module__.startswith("mmt") and not self.stats.cache_hits:
+    if not self.stats.cache_hits:
         compiled.append(self.py_func.__qualname__)
     return entry
 
 Dispatcher.compile = compile_noted
+scene, told = load_scene(Path(sys.argv[1])), []
+compilation = compile_kernels(numerics_of(scene), told.append, first_numerics_of(scene))
+if compilation is not None:
+    compilation.finish()
 build_parts(Session(scene))
 print(json.dumps([told, compiled]))
 """
-"""Compile what a scene needs, then load its parts and tell what had to be compiled all the same."""
+"""Have what a scene needs compiled, load its parts, and tell what was compiled in this process."""
+
+DOUBLED = """
+from mmt.core.compiled import kernel
+
+@kernel("f8(f8)")
+def doubled(x):
+    return 2.0 * x
+"""
 
 
 def test_a_kernel_needs_a_signature() -> None:
@@ -68,41 +86,55 @@ def test_kernels_are_dropped_when_any_source_of_their_folder_changes(tmp_path: P
     assert not compiled.exists()
 
 
-def test_what_was_imported_is_compiled() -> None:
-    import mmt.texture.interpolation.delaunay  # noqa: F401
-
-    assert kernels_are_compiled()
-
-
-def test_a_scene_finds_all_its_kernels_compiled_by_processes_beside_each_other(
-    tmp_path: Path,
+def test_kernels_that_are_collected_are_compiled_when_they_are_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In a copy of the package, so that no kernel is cached beside its source."""
-    shutil.copytree(KERNELS.parent, tmp_path / "mmt", ignore=shutil.ignore_patterns("*.nb[ci]"))
-    (tmp_path / "scene.toml").write_text(SMALL_SCENE)
-    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
-    run = [sys.executable, "-c", FIRST_START, tmp_path / "scene.toml"]
-    ended = subprocess.run(
-        run, check=True, capture_output=True, text=True, cwd=tmp_path, env=environment, timeout=150
-    )
-    told, compiled = json.loads(ended.stdout)
-    assert told == ["compiling the numerics, at the first start only (10 to 20 s)"]
+    (tmp_path / "doubled_numerics.py").write_text(DOUBLED)
+    monkeypatch.syspath_prepend(tmp_path)
+    kernels = collect_kernels(["doubled_numerics"])
+    (doubled,) = kernels
+    assert not are_cached(kernels)
+    compile_collected(kernels, ["another_module"])
+    assert not doubled.signatures
+    compile_collected(kernels, ["doubled_numerics"])
+    assert are_cached(kernels)
+    assert doubled(3.0) == 6.0
+    assert collect_kernels(["doubled_numerics"]) == {}
+
+
+@pytest.mark.parametrize("scene", [SAVED_MODEL, MODELLING], ids=["saved model", "modelling"])
+def test_a_scene_finds_its_kernels_compiled_by_processes_beside_each_other(
+    tmp_path: Path, scene: str
+) -> None:
+    (tmp_path / "scene.toml").write_text(scene)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    runs = [
+        subprocess.run(
+            [sys.executable, "-c", FIRST_START, tmp_path / "scene.toml"],
+            check=True,
+            capture_output=True,
+            text=True,
+            env=environment,
+            timeout=150,
+        )
+        for _ in range(2)
+    ]
+    (told, compiled), (told_again, compiled_again) = (json.loads(run.stdout) for run in runs)
+    assert len(told) == 1
+    assert told[0].startswith("compiling the numerics, at the first start only")
     assert compiled == []
-    assert list((tmp_path / "mmt").rglob("*.nbi"))
+    assert (told_again, compiled_again) == ([], [])
 
 
-def test_where_nothing_can_be_written_beside_the_sources_nothing_is_compiled_beforehand(
-    monkeypatch: pytest.MonkeyPatch,
+def test_kernels_are_compiled_in_the_program_where_the_processes_fail(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """numba caches elsewhere then, and every start would compile, for all that is known here."""
-    monkeypatch.setattr("mmt.core.kernel_cache.kernels_are_compiled", lambda: False)
-    monkeypatch.setattr("mmt.core.kernel_cache._PROGRAM", "raise SystemExit")
+    (tmp_path / "failing_numerics.py").write_text(DOUBLED)
+    monkeypatch.syspath_prepend(tmp_path)  # where the processes do not look
     told: list[str] = []
-    compile_kernels([], told.append)
+    compile_kernels(["failing_numerics"], told.append)
     assert len(told) == 1
-    monkeypatch.setattr(os, "access", lambda *_: False)
-    compile_kernels([], told.append)
-    assert len(told) == 1
+    assert sys.modules["failing_numerics"].doubled(3.0) == 6.0
 
 
 def test_a_report_imports_no_kernels_of_the_selection_which_it_does_not_show() -> None:

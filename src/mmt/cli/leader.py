@@ -23,9 +23,9 @@ from mmt.cli.service import (
 )
 from mmt.core.errors import InputError
 from mmt.core.extras import require
-from mmt.core.kernel_cache import compile_kernels
+from mmt.core.kernel_cache import Compilation, compile_kernels
 from mmt.core.logs import Logs
-from mmt.leader.parts import numerics_of
+from mmt.leader.parts import first_numerics_of, numerics_of
 from mmt.leader.summary import LeaderStatus
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
@@ -98,18 +98,30 @@ class LeaderRun(ServiceRun["Leader"]):
     def __init__(self, scene: Scene, options: ServiceOptions, report: Path | None) -> None:
         super().__init__("leader", scene, options)
         self._report = report
+        self._compilation: Compilation | None = None
 
     def run(self) -> None:
-        """Compile the numerics at the first start, then run the leader; see `ServiceRun.run`."""
+        """Compile the numerics at the first start, and run the leader; see `ServiceRun.run`."""
         if numerics := numerics_of(self.scene):
-            compile_kernels(numerics, super().on_event)
-        super().run()
+            self._compilation = compile_kernels(
+                numerics, super().on_event, first_numerics_of(self.scene)
+            )
+        try:
+            super().run()
+        finally:
+            if self._compilation is not None:
+                self._compilation.stop()
 
     def build(self, logs: Logs) -> "Leader":
         """Return the leader."""
         from mmt.leader.service import Leader
 
-        service = Leader(self.scene, on_status=self.on_status, on_event=self.on_event)
+        service = Leader(
+            self.scene,
+            on_status=self.on_status,
+            on_event=self.on_event,
+            compilation=self._compilation,
+        )
         logs.session_id = service.log.session_id
         return service
 

@@ -1,15 +1,22 @@
 """The decorator that compiles numerical kernels, caches them and releases the interpreter lock."""
 
-import gc
+import hashlib
 import importlib
-from collections.abc import Callable, Sequence
+import sys
+from collections.abc import Callable, Collection, Sequence
+from contextlib import suppress
+from pathlib import Path
 from typing import Any, Final, TypeVar, cast
 
 import numba
 
-from mmt.core.kernel_cache import drop_stale_kernels
-
 Function = TypeVar("Function", bound=Callable[..., object])
+
+Kernels = dict[Any, list[str]]
+"""Kernels that are not compiled yet, with their signatures."""
+
+KERNELS: Final = Path(__file__).parents[1] / "texture"
+"""Folder of the kernels' sources; numba caches compiled code in folders beside them."""
 
 _OPTIONS: Final[dict[str, Any]] = {
     "cache": True,
@@ -18,8 +25,31 @@ _OPTIONS: Final[dict[str, Any]] = {
     "no_cfunc_wrapper": True,  # none is called from C
 }
 
-_collected: dict[Any, list[str]] | None = None
-"""The kernels that `compile_share` is to compile, with their signatures; None everywhere else."""
+_collected: Kernels | None = None
+"""Where `collect_kernels` collects what it imports; None everywhere else."""
+
+
+def drop_stale_kernels(sources: str | Path = KERNELS) -> bool:
+    """Delete the compiled kernels of a folder if any of its sources has changed since.
+
+    numba renews a cached kernel when its own file changes, not when a kernel that it has
+    inlined from another file does. Returns whether anything was stale.
+    """
+    sources = Path(sources)
+    cache = sources / "__pycache__"
+    digest = hashlib.sha256()
+    for source in sorted(sources.rglob("*.py")):
+        digest.update(str(source.relative_to(sources)).encode() + source.read_bytes())
+    stamp = cache / "kernels.sha256"
+    with suppress(OSError):
+        if stamp.exists() and stamp.read_text() == digest.hexdigest():
+            return False
+        for compiled in sources.rglob("__pycache__/*.nb[ci]"):
+            compiled.unlink(missing_ok=True)
+        cache.mkdir(exist_ok=True)
+        stamp.write_text(digest.hexdigest())
+    return True
+
 
 drop_stale_kernels()
 
@@ -51,35 +81,50 @@ def kernel(*signatures: str) -> Callable[[Function], Function]:
     return decorate
 
 
-def compile_share(modules: Sequence[str], share: int, shares: int) -> None:
-    """Compile the kernels that modules import into the cache, beside other processes.
+def collect_kernels(modules: Sequence[str]) -> Kernels:
+    """Import modules, and return their kernels; these are not compiled yet.
 
-    Every process compiles all that it does not find in the cache, each beginning elsewhere, so
-    that none waits for another. It is for a process of its own: its kernels are not callable as
-    others are.
+    Kernels of modules that had been imported before are compiled, and not among them.
+    """
+    global _collected  # noqa: PLW0603 - read by the decorator in each module that is imported
+    _collected = found = Kernels()
+    try:
+        for module in modules:
+            importlib.import_module(module)
+    finally:
+        _collected = None
+    return found
+
+
+def are_cached(kernels: Kernels) -> bool:
+    """Return whether all of these kernels are in the cache on disk."""
+    return all(map(_is_cached, kernels))
+
+
+def _is_cached(each: Any) -> bool:
+    function, (major, minor, *_) = each.py_func, sys.version_info
+    line = function.__code__.co_firstlineno
+    index = f"*.{function.__qualname__}-{line}.py{major}{minor}*.nbi"
+    return any(Path(each.stats.cache_path).glob(index))
+
+
+def compile_collected(kernels: Kernels, modules: Collection[str] | None = None) -> None:
+    """Compile kernels, or load them from the cache; those that are compiled are left out.
 
     Parameters
     ----------
+    kernels
+        What `collect_kernels` returned.
     modules
-        Names of modules, imported here.
-    share, shares
-        The number of this process, from 0, and how many there are.
+        Only the kernels of these modules, and what they call; None all.
     """
-    global _collected  # noqa: PLW0603 - read by the decorator in each module that is imported
-    _collected = {}
-    gc.disable()  # compiling makes much that lives on; the process is short
-    for module in modules:
-        importlib.import_module(module)
-    order = list(_collected)
-    if share % 2:
-        order.reverse()  # two meet in the middle
-    first = share // 2 * 2 * len(order) // shares
-    for each in [*order[first:], *order[:first]]:
-        _compile_with_callees(each, _collected)
+    for each in kernels:
+        if modules is None or each.py_func.__module__ in modules:
+            _compile_with_callees(each, kernels)
 
 
-def _compile_with_callees(each: Any, signatures: dict[Any, list[str]]) -> None:
-    if each.signatures:
+def _compile_with_callees(each: Any, signatures: Kernels) -> None:
+    if each.signatures or each not in signatures:
         return
     function = each.py_func
     for name in function.__code__.co_names:

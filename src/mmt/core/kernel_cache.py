@@ -1,91 +1,163 @@
-"""The cache of compiled kernels on disk; nothing is compiled in this process."""
+"""The kernels of a program, compiled in processes beside it where the cache lacks them."""
 
-import hashlib
+import gc
 import json
 import os
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
-from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from mmt.core.extras import require
+from mmt.core.extras import requiring
+from mmt.core.process import release_compiler, step_back
 
-KERNELS: Final = Path(__file__).parents[1] / "texture"
-"""Folder of the kernels' sources; numba caches compiled code in folders beside them."""
+if TYPE_CHECKING:
+    from mmt.core.compiled import Kernels
 
 _MOST_PROCESSES: Final = 4
 """Each begins with imports and the compiler's own: more of them are hardly quicker."""
 
 _PROGRAM: Final = """
 import json, sys
-from mmt.core.compiled import compile_share
+from mmt.core.kernel_cache import compile_share
 compile_share(*json.loads(sys.argv[1]))
 """
 
 
-def drop_stale_kernels(sources: str | Path = KERNELS) -> bool:
-    """Delete the compiled kernels of a folder if any of its sources has changed since.
+class Compilation:
+    """Processes that compile kernels beside this program, which does not need them yet.
 
-    numba renews a cached kernel when its own file changes, not when a kernel that it has
-    inlined from another file does. Returns whether anything was stale.
+    Parameters
+    ----------
+    kernels
+        As of `mmt.core.compiled.collect_kernels`.
+    processes
+        Of `compile_share`, in the order of their shares.
     """
-    sources = Path(sources)
-    cache = sources / "__pycache__"
-    digest = hashlib.sha256()
-    for source in sorted(sources.rglob("*.py")):
-        digest.update(str(source.relative_to(sources)).encode() + source.read_bytes())
-    stamp = cache / "kernels.sha256"
-    with suppress(OSError):
-        if stamp.exists() and stamp.read_text() == digest.hexdigest():
-            return False
-        for compiled in sources.rglob("__pycache__/*.nb[ci]"):
-            compiled.unlink(missing_ok=True)
-        cache.mkdir(exist_ok=True)
-        stamp.write_text(digest.hexdigest())
-    return True
+
+    def __init__(self, kernels: "Kernels", processes: Sequence[subprocess.Popen[bytes]]) -> None:
+        self._kernels = kernels
+        self._processes = processes
+        self._stopped = False
+
+    def finish(self) -> None:
+        """Wait for the processes and load the kernels; for a thread, it holds the lock little."""
+        from mmt.core.compiled import compile_collected
+
+        for process in self._processes:
+            with process:
+                process.wait()
+        if not self._stopped:
+            compile_collected(self._kernels)  # after a process that failed it compiles them
+            release_compiler()
+
+    def wait_for_first(self) -> None:
+        """Wait until the first process has compiled what is needed at once."""
+        output = self._processes[0].stdout
+        assert output is not None  # noqa: S101 - it was asked for
+        output.readline()
+
+    def stop(self) -> None:
+        """End the processes, where what they compile is not needed any more."""
+        self._stopped = True
+        for process in self._processes:
+            with process:
+                process.kill()
 
 
-def kernels_are_compiled() -> bool:
-    """Return whether the kernels of the present sources are cached."""
-    return not drop_stale_kernels() and any(KERNELS.rglob("__pycache__/*.nbi"))
+def compile_kernels(
+    modules: Sequence[str], on_start: Callable[[str], None], first: Sequence[str] | None = None
+) -> Compilation | None:
+    """Import modules and compile their kernels, in a process for each processor.
 
-
-def compile_kernels(modules: Sequence[str], on_start: Callable[[str], None]) -> None:
-    """Compile the kernels that modules import, in a process for each processor; wait for them.
-
-    Nothing happens where kernels are cached. What is not compiled here, because another module
-    imports it later or a process failed, is compiled when it is imported.
+    What is in the cache is loaded. Kernels of modules that are imported later are compiled when
+    they are.
 
     Parameters
     ----------
     modules
         Names of modules.
     on_start
-        Called with a sentence for a person before it begins.
+        Called with a sentence for a person if there is anything to compile.
+    first
+        Names of modules of kernels: these, and what they call, are compiled when this function
+        returns; the others are compiled beside the program that goes on. None waits for all.
+
+    Returns
+    -------
+    Compilation | None
+        What compiles the others; None where all are compiled.
 
     Raises
     ------
     InputError
-        The compiler is not installed.
+        A package that the numerics need is not installed.
     """
-    require("numba")
-    if not os.access(KERNELS, os.W_OK):
-        return  # numba caches them elsewhere then, where nothing says whether they are
-    if kernels_are_compiled():
-        return
-    on_start("compiling the numerics, at the first start only (10 to 20 s)")
+    with requiring():
+        from mmt.core.compiled import are_cached, collect_kernels, compile_collected
+
+        kernels = collect_kernels(modules)
+    if are_cached(kernels):
+        compile_collected(kernels)
+        return None
+    lasts = "5 to 15 s" if first is None else "2 to 5 s; modelling begins 10 to 20 s later"
+    on_start(f"compiling the numerics, at the first start only ({lasts})")
+    compilation = Compilation(kernels, _start_processes(modules, first))
+    try:
+        if first is not None:
+            compilation.wait_for_first()
+            compile_collected(kernels, first)
+            return compilation
+        compilation.finish()
+    except BaseException:
+        compilation.stop()
+        raise
+    return None
+
+
+def _start_processes(
+    modules: Sequence[str], first: Sequence[str] | None
+) -> list[subprocess.Popen[bytes]]:
     shares = min(os.cpu_count() or 1, _MOST_PROCESSES)
-    with ExitStack() as stack:
-        processes = []
-        for share in range(shares):
-            command = [sys.executable, "-c", _PROGRAM, json.dumps([list(modules), share, shares])]
-            process = subprocess.Popen(  # noqa: S603 - this interpreter, and names of modules
-                command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-            )
-            stack.enter_context(process)
-            stack.callback(process.kill)
-            processes.append(process)
-        for process in processes:
-            process.wait()
+    if first is not None:
+        shares = max(shares - 1, 1)  # a processor is left to the ticks
+    return [
+        subprocess.Popen(  # noqa: S603 - this interpreter, and names of modules
+            [sys.executable, "-c", _PROGRAM, json.dumps([modules, first, share, shares])],
+            stdout=subprocess.PIPE if share == 0 else subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,  # Ctrl-C is for the program, which stops them
+        )
+        for share in range(shares)
+    ]
+
+
+def compile_share(
+    modules: Sequence[str], first: Sequence[str] | None, share: int, shares: int
+) -> None:
+    """Compile kernels into the cache, in a process of its own beside others.
+
+    Every process compiles all that it does not find in the cache, each beginning elsewhere, so
+    that none waits for another.
+
+    Parameters
+    ----------
+    modules, first
+        As of `compile_kernels`. Process 0 prints a line when the first are compiled.
+    share, shares
+        The number of this process, from 0, and how many there are.
+    """
+    from mmt.core.compiled import collect_kernels, compile_collected
+
+    kernels = collect_kernels(modules)
+    gc.disable()  # compiling makes much that lives on; the process is short
+    if share == 0 and first is not None:
+        compile_collected(kernels, first)
+        print(flush=True)
+    if first is not None:
+        step_back()
+    order = list(kernels)
+    if share % 2:
+        order.reverse()  # two meet in the middle
+    start = share // 2 * 2 * len(order) // shares
+    compile_collected({each: kernels[each] for each in [*order[start:], *order[:start]]})

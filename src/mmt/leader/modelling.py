@@ -14,6 +14,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.arrays import RecordArray
+from mmt.core.kernel_cache import Compilation
 from mmt.leader.completing import CompletingTask
 from mmt.leader.fitting import FittingTask
 from mmt.leader.part import Part, Session, Tick
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
     from mmt.texture.model.texture_model import TextureModel
 
 _POLL_S: Final = 0.005
+_LONGEST_COMPILATION_S: Final = 120.0
+"""At a first start frames of this time may wait for the compiler too."""
 _LAST_UPDATES_S: Final = 1.0
 
 
@@ -48,6 +51,9 @@ class Modelling(Part):
         worked on it.
     keep_frames
         How many frames the follower can send again: this many more may wait.
+    compilation
+        Compiles the kernels; modelling begins when it is done, with all frames that wait. None
+        where they are compiled.
     """
 
     def __init__(
@@ -56,12 +62,17 @@ class Modelling(Part):
         period_s: float,
         on_update: Callable[[ModelUpdate, float], None],
         keep_frames: int = 0,
+        compilation: Compilation | None = None,
     ) -> None:
         self._session: Session | None = None
         self._last_ns = 0
         self._factory = ModellerFactory(settings, period_s)
         self._on_update = on_update
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="modelling")
+        self._compilation, self._compiled = compilation, None
+        if compilation is not None:  # what the tasks hand to the worker is done behind it
+            self._compiled = self._worker.submit(compilation.finish)
+            keep_frames += round(_LONGEST_COMPILATION_S * settings.rate_hz)
         self._activity = Activity()
         self._behind_segmenting, self._behind_fitting = InFlight(), InFlight()
         frames = self._factory.frames_at_once
@@ -84,6 +95,7 @@ class Modelling(Part):
             scene.texture.update_period_s,
             lambda update, seconds: session.find("completing").update(update, seconds),
             keep_frames=scene.keep_frames(),
+            compilation=session.compilation,
         )
         made._session = session
         return made
@@ -165,7 +177,14 @@ class Modelling(Part):
         self.finished = self.frozen = False
 
     async def finish(self, timeout_s: float = _LAST_UPDATES_S) -> None:
-        """Wait until whole periods that wait are modelled, for at most this long."""
+        """Wait until whole periods that wait are modelled, for at most this long.
+
+        At the first start also until the numerics are compiled, which may last longer.
+        """
+        if self._compiled is not None and not self._compiled.done():
+            timeout_s += _LONGEST_COMPILATION_S
+            if self._session is not None:
+                self._session.journal.say("the rest is modelled once the numerics are compiled")
         with suppress(TimeoutError):
             async with asyncio.timeout(timeout_s):
                 while self.working or self._behind_segmenting or self._frames_due:
@@ -173,7 +192,8 @@ class Modelling(Part):
 
     def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
         """Return what the event loop is to run, by name."""
-        return {
+        compiling = {"compiling": self._begin()} if self._compiled is not None else {}
+        return compiling | {
             "segmenting": self.segmenting.run(),
             "fitting": self.fitting.run(),
             "synthesizing": self.synthesizing.run(),
@@ -182,6 +202,8 @@ class Modelling(Part):
 
     def close(self) -> None:
         """End the worker, after the step that it is at."""
+        if self._compilation is not None:
+            self._compilation.stop()
         self._worker.shutdown(cancel_futures=True)
 
     def tick(self, tick: Tick) -> None:
@@ -239,6 +261,14 @@ class Modelling(Part):
     def models(self) -> "dict[int, TextureModel]":
         """Return the model of each surface by number; none where they are not told apart."""
         return {} if isinstance(self._modeller, OnlineModeller) else self._modeller.models()
+
+    async def _begin(self) -> None:
+        """Say when modelling begins, where its kernels had to be compiled."""
+        assert self._compiled is not None  # noqa: S101 - see tasks
+        await asyncio.wrap_future(self._compiled)
+        if self._session is not None:
+            waiting = self.segmenting.figures.queue_now
+            self._session.journal.event(f"modelling begins with {waiting} frames that have waited")
 
     @property
     def _frames_due(self) -> bool:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.ending import Ending
 from mmt.core.errors import MmtError
+from mmt.core.kernel_cache import Compilation
 from mmt.core.ticking import Ticker
 from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.run_log import Journal, RunLog
@@ -247,6 +248,8 @@ class Session:
         Called with a sentence that a person wants to know.
     time_s
         Gives the session time.
+    compilation
+        Compiles the kernels that modelling and its models need, None where they are compiled.
     """
 
     def __init__(
@@ -254,6 +257,7 @@ class Session:
         scene: Scene,
         say: Callable[[str], None] | None = None,
         time_s: Callable[[], float] | None = None,
+        compilation: Compilation | None = None,
     ) -> None:
         self.scene: Final = scene
         self.rate_hz = float(scene.session.rate_hz)
@@ -262,6 +266,7 @@ class Session:
         self.ending = Ending("completed")
         self.parts = Parts(scene)
         self.time_s = time_s or (lambda: 0.0)
+        self.compilation: Final = compilation
         self.journal = Journal(self.parts, say or (lambda _: None), self.time_s)
         self.remote: Remote | None = None
         """The follower, None where the scene has no link."""

@@ -23,6 +23,8 @@ class PartEntry(NamedTuple):
     """Names of the tasks that it runs beside the ticks."""
     numerics: tuple[str, ...] = ()
     """Modules with compiled kernels that it imports when it is built."""
+    needs_model: bool = False
+    """Whether no tick calls their kernels before there is a model."""
 
 
 PARTS: Final[dict[str, PartEntry]] = {
@@ -48,6 +50,7 @@ PARTS: Final[dict[str, PartEntry]] = {
         lambda scene: scene.texture is not None,
         ("segmenting", "fitting", "synthesizing", "completing"),
         ("mmt.leader.modelling",),
+        needs_model=True,
     ),
     "warming": PartEntry(
         "mmt.leader.warming:WarmingPart",
@@ -59,6 +62,7 @@ PARTS: Final[dict[str, PartEntry]] = {
         "mmt.leader.synthesizing:SynthesizingPart",
         lambda scene: scene.rendering is not None,
         numerics=("mmt.texture.synthesis.synthesizer",),
+        needs_model=True,
     ),
     "vibration": PartEntry(
         "mmt.leader.vibration:VibrationPart", lambda scene: scene.actuator is not None
@@ -82,16 +86,27 @@ def numerics_of(scene: Scene) -> list[str]:
     """Return the names of the modules with compiled kernels that a scene's leader imports."""
     if not scene.numerics:
         return []
-    texture, rendering = scene.texture, scene.rendering
-    saved = rendering is not None and (rendering.model is not None or rendering.before == "warm")
-    names = {"rbf"} if saved else set()  # as in the models that are shipped
-    if texture is not None:
-        names.add(texture.interpolator)
+    names = {"rbf"} if _has_saved_model(scene) else set()  # as in the models that are shipped
+    if scene.texture is not None:
+        names.add(scene.texture.interpolator)
     entries = [entry for entry in PARTS.values() if entry.wanted(scene)]
     return [
         *(name for entry in entries for name in entry.numerics),
         *(INTERPOLATORS[name].partition(":")[0] for name in names if name in INTERPOLATORS),
     ]
+
+
+def first_numerics_of(scene: Scene) -> list[str] | None:
+    """Return the modules whose kernels the ticks call before there is a model, None all."""
+    if scene.texture is None or _has_saved_model(scene):
+        return None
+    entries = [entry for entry in PARTS.values() if entry.wanted(scene) and not entry.needs_model]
+    return [name for entry in entries for name in entry.numerics]
+
+
+def _has_saved_model(scene: Scene) -> bool:
+    table = scene.rendering
+    return table is not None and (table.model is not None or table.before == "warm")
 
 
 def build_parts(session: Session, names: Collection[str] | None = None) -> Parts:

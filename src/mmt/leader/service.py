@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from mmt.core import logs
 from mmt.core.errors import MmtError
+from mmt.core.kernel_cache import Compilation
 from mmt.core.process import prefer_even_ticks
 from mmt.core.ticking import Ticker
 from mmt.leader.part import Parts, Session, Tick
@@ -35,6 +36,8 @@ class Leader:
         Called five times a second with the live status.
     on_event
         Called with a sentence whenever something happens that a person wants to know.
+    compilation
+        Compiles the kernels of the modelling, which waits for it; None where they are compiled.
 
     Raises
     ------
@@ -53,10 +56,11 @@ class Leader:
         *,
         on_status: Callable[[LeaderStatus], None] | None = None,
         on_event: Callable[[str], None] | None = None,
+        compilation: Compilation | None = None,
     ) -> None:
         self.scene = scene
         self._on_status = on_status or (lambda _: None)
-        self.session = Session(scene, on_event, lambda: self.time_s)
+        self.session = Session(scene, on_event, lambda: self.time_s, compilation)
         self.log = self.session.log
         self.ending = self.session.ending
         self.ticks = 0
