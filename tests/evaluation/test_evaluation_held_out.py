@@ -1,14 +1,22 @@
 """Segments held out: which, and how a model that is right scores on them."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mmt.core.errors import InputError
+from mmt.evaluation.evaluate import evaluate_session
 from mmt.evaluation.held_out import HELD_OUT, HeldOutRecording, choose_held_out, outside
+from mmt.scene import Scene
+from mmt.session import RecordedSession
+from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.autoregression.forms import burg, reflection_to_lsf
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 from mmt.texture.segmentation.segments import Segment
+from mmt.texture.signals.amplitude_spectra import Spectra
 
 
 def segment(start: int, stop: int, vibration: np.ndarray | None = None) -> Segment:
@@ -74,6 +82,22 @@ def test_a_right_model_scores_its_ceiling():
     result = recording.approximate(model, seed=0)
     assert result.gfc == pytest.approx(result.gfc_ceiling, abs=0.02)
     assert 0.96 < result.gfc_ceiling < 1.0
+
+
+def test_raw_amplitudes_of_a_right_model_score_a_quarter_of_pi():
+    vibration = np.random.default_rng(5).standard_normal(400)
+    recording = HeldOutRecording(segment(0, 400, vibration), 1000.0, Spectra.FOURIER)
+    result = recording.approximate(even_model(vibration, 8), seed=0)
+    assert len(recording.frequencies_hz) == 201
+    assert result.gfc == pytest.approx(np.pi / 4, abs=0.03)
+    assert result.gfc_ceiling == pytest.approx(np.pi / 4, abs=0.03)
+
+
+def test_spectra_that_there_are_not_are_refused():
+    frames, _ = simulate_session(Scene(), "plastic", 1.0, 1)
+    session = RecordedSession(frames, path=Path("one"))
+    with pytest.raises(InputError, match="spectra is 'raw', allowed are welch, fourier"):
+        evaluate_session(session, spectra="raw")
 
 
 def test_a_wrong_shape_scores_less_and_a_wrong_level_does_not():

@@ -53,7 +53,7 @@ def evaluate_session(
     period_s: float | None = None,
     step_s: float | None = None,
     seed: int = 0,
-    spectra: Spectra = Spectra.WELCH,
+    spectra: str = Spectra.WELCH,
 ) -> Evaluation:
     """Evaluate one session; the same session, settings and seed give the same figures.
 
@@ -73,8 +73,8 @@ def evaluate_session(
     seed
         Seeds the choice of held-out segments and the synthesis.
     spectra
-        What the GFC of held-out segments compares: Welch's spectra, or raw Fourier amplitudes,
-        of which two realisations of one process score 0.79 on average.
+        What the GFC of held-out segments compares: ``"welch"`` spectra, or raw ``"fourier"``
+        amplitudes, of which two realisations of one process score 0.79 on average.
 
     Returns
     -------
@@ -86,7 +86,8 @@ def evaluate_session(
     Raises
     ------
     InputError
-        The session has no frames, or lacks a channel; a period or step is not positive.
+        The session has no frames, or lacks a channel; a period or step is not positive; there
+        are no such spectra.
 
     Notes
     -----
@@ -108,6 +109,8 @@ def evaluate_session(
     for name, value in (("period_s", period_s), ("step_s", step_s)):
         if value is not None and not (np.isfinite(value) and value > 0):
             raise InputError(f"{name} is {value}: it must be positive and finite")
+    if spectra not in list(Spectra):
+        raise InputError(f"spectra is {spectra!r}, allowed are {', '.join(Spectra)}")
     period_frames = max(1, round(period_s * settings.rate_hz))
 
     def blocks() -> Iterator[RecordArray]:
@@ -128,7 +131,7 @@ def evaluate_session(
         truth=truth,
         settings=settings,
         seed=seed,
-        spectra=spectra,
+        spectra=Spectra(spectra),
     )
 
     duration_s = (seen.highest + 1 - seen.first) / settings.rate_hz

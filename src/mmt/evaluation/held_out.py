@@ -84,7 +84,7 @@ class HeldOutRecording:
         self.segment = segment
         self._rate_hz = rate_hz
         self._window: int | None = None
-        if spectra is Spectra.WELCH:
+        if spectra == Spectra.WELCH:
             self._window = min(WELCH_SAMPLES, len(segment.vibration_m_s2))
         self.power = float(np.mean(np.square(segment.vibration_m_s2)))
         self.frequencies_hz, self.amplitude = amplitude_spectrum(
