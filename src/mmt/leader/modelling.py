@@ -70,7 +70,7 @@ class Modelling(Part):
         self._on_update = on_update
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="modelling")
         self._compilation, self._compiled = compilation, None
-        if compilation is not None:  # what the tasks hand to the worker is done behind it
+        if compilation is not None:
             self._compiled = self._worker.submit(compilation.finish)
             keep_frames += round(_LONGEST_COMPILATION_S * settings.rate_hz)
         self._activity = Activity()
@@ -192,9 +192,8 @@ class Modelling(Part):
 
     def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
         """Return what the event loop is to run, by name."""
-        compiling = {"compiling": self._begin()} if self._compiled is not None else {}
-        return compiling | {
-            "segmenting": self.segmenting.run(),
+        return {
+            "segmenting": self._segment(),
             "fitting": self.fitting.run(),
             "synthesizing": self.synthesizing.run(),
             "completing": self.completing.run(),
@@ -262,13 +261,15 @@ class Modelling(Part):
         """Return the model of each surface by number; none where they are not told apart."""
         return {} if isinstance(self._modeller, OnlineModeller) else self._modeller.models()
 
-    async def _begin(self) -> None:
-        """Say when modelling begins, where its kernels had to be compiled."""
-        assert self._compiled is not None  # noqa: S101 - see tasks
-        await asyncio.wrap_future(self._compiled)
-        if self._session is not None:
+    async def _segment(self) -> None:
+        """Begin when the kernels are compiled; all other tasks wait for this one's work."""
+        if self._compiled is not None:
+            await asyncio.wrap_future(self._compiled)
             waiting = self.segmenting.figures.queue_now
-            self._session.journal.event(f"modelling begins with {waiting} frames that have waited")
+            if self._session is not None:
+                sentence = f"modelling begins with {waiting} frames that have waited"
+                self._session.journal.event(sentence)
+        await self.segmenting.run()
 
     @property
     def _frames_due(self) -> bool:
