@@ -135,7 +135,7 @@ def test_headings_are_unit_vectors_even_at_rest(far: Passage) -> None:
 
 
 def test_outcomes_are_gathered_by_network_and_method(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Case, "duration_s", 3.0)
+    monkeypatch.setattr("mmt_lab.experiments.felt.DURATION_S", 3.0)
     found: list[Outcome] = [
         one for network in ("lan", "wan") for one in feel(Case("fabric", network, 5))
     ]
@@ -149,7 +149,7 @@ def test_outcomes_are_gathered_by_network_and_method(monkeypatch: pytest.MonkeyP
 def test_the_command_prints_every_method_and_writes_a_report(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(Case, "duration_s", 2.0)
+    monkeypatch.setattr("mmt_lab.experiments.felt.DURATION_S", 2.0)
     outcomes = feel(Case("fabric", "wan", 5))
     monkeypatch.setattr(felt, "each", lambda *_, **__: [outcomes])
     arguments = ["lab", "felt", "--textures", "fabric", "--seeds", "1"]
