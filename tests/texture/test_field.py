@@ -80,7 +80,7 @@ def covariance_written_out(a, b, h):
     if len(h) == 7:
         chord = math.dist((math.cos(ta), math.sin(ta)), (math.cos(tb), math.sin(tb)))
         around = h[3] ** 2 * matern(math.sin(ta - tb), h[4]) + h[5] ** 2 * matern(chord, h[6])
-        total += around * matern(ua - ub, 3 * h[1]) * matern(va - vb, 3 * h[2])
+        total += around * matern(ua - ub, 8 * h[1]) * matern(va - vb, 8 * h[2])
     return total
 
 
@@ -278,7 +278,7 @@ def test_the_table_is_the_mean_and_the_model_renders_it(directed):
     inside = np.hypot(*asked[:, :-1].T) > 0.15 if directed else asked[:, 0] > 0.15
     inside &= asked[:, -1] > 0.15  # below the slowest cell the table falls
     error_db = 10 * np.log10(rendered) - mean
-    assert np.abs(error_db[inside]).max() < 0.6  # the table is interpolated linearly
+    assert np.abs(error_db[inside]).max() < 0.8  # the table is interpolated linearly
     assert np.sqrt(np.mean(np.square(error_db[inside]))) < 0.2
 
 

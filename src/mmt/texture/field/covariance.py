@@ -58,7 +58,7 @@ _FREE: Final = 16.0  # variance of c about the blocks' mean
 _PER_COORDINATE: Final = 1.5
 _NEAR_REST: Final = 0.15
 _PLANAR: Final = 3
-_HEADED_LENGTHS: Final = 3.0
+_HEADED_LENGTHS: Final = 8.0
 """Lengths of the departures with heading over those without: grain acts alike at all speeds."""
 
 
