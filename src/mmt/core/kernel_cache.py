@@ -100,7 +100,7 @@ def compile_kernels(
     if are_cached(kernels):
         compile_collected(kernels)
         return None
-    lasts = "5 to 15 s" if first is None else "2 to 5 s; modelling begins 10 to 20 s later"
+    lasts = "5 to 15 s" if first is None else "2 to 5 s; modelling begins some 10 s later"
     on_start(f"compiling the numerics, at the first start only ({lasts})")
     compilation = Compilation(kernels, _start_processes(modules, first))
     try:
@@ -149,13 +149,14 @@ def compile_share(
     """
     from mmt.core.compiled import collect_kernels, compile_collected
 
-    kernels = collect_kernels(modules)
     gc.disable()  # compiling makes much that lives on; the process is short
+    kernels = collect_kernels(first or [])
     if share == 0 and first is not None:
         compile_collected(kernels, first)
         print(flush=True)
     if first is not None:
         step_back()
+    kernels |= collect_kernels(modules)
     order = list(kernels)
     if share % 2:
         order.reverse()  # two meet in the middle
