@@ -74,7 +74,7 @@ def test_a_choice_of_another_form_is_explained(choices, words):
 @pytest.mark.parametrize(
     ("choice", "words"),
     [
-        ("texture.ordr=8", "texture.ordr: no such key, allowed are axis"),
+        ("texture.ordr=8", "texture.ordr: no such key, allowed are method, axis"),
         ("texture.order=x", "texture.order: .*'auto'"),
         ("texture.order=99", "order is 99"),
         ("texture.stationarity=-1", "texture.stationarity: .*greater than 0"),

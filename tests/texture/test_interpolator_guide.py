@@ -64,10 +64,10 @@ def test_the_pages_interpolator_is_a_name_in_a_scene() -> None:
 
 
 def test_a_name_that_is_not_registered_is_refused_with_those_that_are() -> None:
-    with pytest.raises(InputError, match="allowed are delaunay, nearest, rbf"):
+    with pytest.raises(InputError, match="allowed are delaunay, nearest, network, rbf"):
         TextureModel(samples_of("oak"), interpolator="spline")
     tables = {"link": {}, "simulated": {}, "hand": {}, "texture": {"interpolator": "spline"}}
-    with pytest.raises(InputError, match="'spline', allowed are delaunay, nearest, rbf"):
+    with pytest.raises(InputError, match="'spline', allowed are delaunay, nearest, network, rbf"):
         scene_from_tables(tables)
 
 
