@@ -221,6 +221,18 @@ def test_an_interruption_while_the_program_is_loaded_leaves_no_traceback(
     assert service.stdout == ""
 
 
+def test_an_interruption_while_the_interpreter_closes_changes_no_exit_code(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "sitecustomize.py").write_text(
+        "import atexit, os, signal\natexit.register(os.kill, os.getpid(), signal.SIGINT)\n"
+    )
+    path = f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}"
+    with Service("main", "--help", cwd=tmp_path, PYTHONPATH=path) as service:
+        assert service.end() == 0
+    assert service.stderr == ""
+
+
 def test_a_second_leader_does_not_touch_the_recording_of_the_first(tmp_path: Path) -> None:
     with session(tmp_path, "stream-only", **RECORDED) as (leader, follower):
         leader.wait_for(lambda: streamed_s(leader) > 0.3)

@@ -25,7 +25,10 @@ def start(name: str) -> None:
     usual = signal.signal(signal.SIGINT, _leave)
     module = importlib.import_module(f"mmt.cli.{name}")
     signal.signal(signal.SIGINT, usual)
-    module.run()
+    try:
+        module.run()
+    finally:  # a late Ctrl-C would kill the interpreter as it closes, and with it the exit code
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def mmt() -> None:
