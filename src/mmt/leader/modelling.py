@@ -52,8 +52,7 @@ class Modelling(Part):
     keep_frames
         How many frames the follower can send again: this many more may wait.
     compilation
-        Compiles the kernels; modelling begins when it is done, with all frames that wait. None
-        where they are compiled.
+        Compiles the kernels, and frames wait for it; None where they are compiled.
     """
 
     def __init__(
@@ -179,12 +178,14 @@ class Modelling(Part):
     async def finish(self, timeout_s: float = _LAST_UPDATES_S) -> None:
         """Wait until whole periods that wait are modelled, for at most this long.
 
-        At the first start also until the numerics are compiled, which may last longer.
+        At the first start also for the compiler, unless a person has stopped the session.
         """
-        if self._compiled is not None and not self._compiled.done():
+        if self._compiled is not None and not self._compiled.done() and self._session is not None:
+            if self._session.ending.outcome == "stopped":
+                self._session.journal.say("modelling had not begun; mmt model build does it later")
+                return
+            self._session.journal.say("the session is modelled once the numerics are compiled")
             timeout_s += _LONGEST_COMPILATION_S
-            if self._session is not None:
-                self._session.journal.say("the rest is modelled once the numerics are compiled")
         with suppress(TimeoutError):
             async with asyncio.timeout(timeout_s):
                 while self.working or self._behind_segmenting or self._frames_due:
@@ -265,10 +266,10 @@ class Modelling(Part):
         """Begin when the kernels are compiled; all other tasks wait for this one's work."""
         if self._compiled is not None:
             await asyncio.wrap_future(self._compiled)
-            waiting = self.segmenting.figures.queue_now
+            self.segmenting.catching_up = True
             if self._session is not None:
-                sentence = f"modelling begins with {waiting} frames that have waited"
-                self._session.journal.event(sentence)
+                waiting = self.segmenting.figures.queue_now
+                self._session.journal.event(f"modelling begins: {waiting} frames have waited")
         await self.segmenting.run()
 
     @property

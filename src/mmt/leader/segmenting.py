@@ -73,6 +73,9 @@ class SegmentingTask:
         self.figures = Figures(lambda: len(self._queue))
         self.first_missing: Callable[[], int | None] = lambda: None
         """Gives the least number that may still be filled in, None where none may."""
+        self.catching_up = False
+        """Whether each update is finished before the next, until all that waits is modelled: so
+        none of many that come at once is joined with another."""
         self.late_frames = 0
         """Frames that were filled in after an update had gone on without them."""
 
@@ -114,6 +117,7 @@ class SegmentingTask:
         while True:
             frames = self._next_period()
             if frames is None or self._modeller is None:
+                self.catching_up = False
                 self._due.clear()
                 await self._due.wait()
                 continue
@@ -135,7 +139,7 @@ class SegmentingTask:
             seconds += now - started
             self._behind.enter()
             self._deliver(Item(work, now - started))
-            if modeller.in_step:
+            if modeller.in_step or self.catching_up:
                 await self._behind.until_none()
             started = perf_counter()
         self.figures.add(seconds + perf_counter() - started)
