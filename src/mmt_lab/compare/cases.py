@@ -66,7 +66,7 @@ class Case:
     @property
     def name(self) -> str:
         """The texture, or the recorded stroke, over which seeds, or textures, are gathered."""
-        return self.texture if self.stroke is None else self.stroke.stem
+        return Path(self.texture).name if self.stroke is None else self.stroke.stem
 
     @property
     def inputs(self) -> Inputs:
