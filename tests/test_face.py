@@ -177,3 +177,7 @@ def test_models_are_loaded_by_name_and_by_path_as_text(tmp_path: Path) -> None:
         mmt.load_model("no-such-texture")
     vibration = mmt.Synthesizer(shipped, seed=1).render(np.full(300, 100.0), np.ones(300))
     assert vibration.shape == (300,)
+
+
+def test_a_scene_is_loaded_by_its_name_as_text_or_path() -> None:
+    assert mmt.load_scene("demo") == mmt.load_scene(Path("demo"))

@@ -37,11 +37,11 @@ _READ: Final = (
 
 
 def load_scene(
-    path: Path,
+    path: str | Path,
     overrides: Mapping[str, Any] | None = None,
     *,
-    replay: Path | None = None,
-    record: Path | None = None,
+    replay: str | Path | None = None,
+    record: str | Path | None = None,
     force: bool = False,
     monitor: bool = False,
 ) -> Scene:
@@ -72,7 +72,7 @@ def load_scene(
         The file is missing or no TOML, or a key, a value or a combination is not allowed;
         the message names the key, the value and what is allowed.
     """
-    path = find_scene(path)
+    path = find_scene(Path(path))
     try:
         tables = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
