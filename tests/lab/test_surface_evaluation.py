@@ -84,7 +84,7 @@ def test_what_is_dated_too_early_is_found_if_the_tool_had_left_by_then() -> None
     result = scored([0, 1, 0], [dated_early, change("recalled", 2, 1, 4.4)])
     assert (result.wrong_recalls, result.false_alarms) == (0, 0)
     assert [stay.delay_s for stay in result.stays] == [0.3, 0.4]
-    too_soon = Found(SurfaceChange("new", 1, 2, 1000, 1100, 2050, 20.0), 2060)
+    too_soon = Found(SurfaceChange("new", 1, 2, 1000, 1100, 2040, 20.0), 2060)
     assert scored([0, 1, 0], [too_soon]).false_alarms == 1  # no whole block of the next one
 
 

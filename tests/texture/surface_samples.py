@@ -4,16 +4,16 @@ import numpy as np
 from scipy.signal import lfilter
 
 from mmt.core.arrays import FloatArray
+from mmt.texture.field.covariance import coordinates
 from mmt.texture.surfaces import SurfaceBlock
-from mmt.texture.surfaces.blocks import BLOCK, band_log_power
+from mmt.texture.surfaces.bands import spectrum_components
+from mmt.texture.surfaces.prior import MEANS
+
+BLOCK = 50
+"""Samples of a block."""
 
 SMOOTH = np.array([-0.9])
 PEAKED = np.array([-1.2, 0.8])
-
-
-def power_law(inputs: FloatArray) -> float:
-    """Return the amplitude of a usual texture at log speed and log force."""
-    return float(np.exp(0.5 * (1.1 * inputs[0] + 0.65 * inputs[1])))
 
 
 def make_blocks(
@@ -21,25 +21,35 @@ def make_blocks(
     count: int,
     seed: int,
     *,
-    amplitude: float = 1.0,
-    low: tuple[float, float] = (-1.2, -1.2),
+    gain: float = 1.0,
+    low: tuple[float, float] = (0.1, 0.1),
     high: tuple[float, float] = (0.9, 0.9),
     first: int = 0,
+    heading: float = 0.0,
 ) -> list[SurfaceBlock]:
-    """Draw blocks of an autoregressive process whose level follows a power law."""
+    """Draw blocks of an autoregressive process whose level follows a power law.
+
+    Every fourth one begins another stroke, at normalised speed and force from `low` to `high`.
+    """
     random = np.random.default_rng(seed)
     blocks = []
+    stroke = random.uniform(low, high)
     for number in range(first, first + count):
-        inputs = random.uniform(low, high)
+        if number % 4 == 0:
+            stroke = random.uniform(low, high)
+        at = coordinates(stroke[None])
         noise = random.standard_normal(BLOCK + 200)
         vibration = lfilter([1.0], np.r_[1.0, ar], noise)[200:]
-        vibration *= amplitude * power_law(inputs)
+        vibration *= 0.1 * gain * np.exp(0.5 * at.law[0])
+        values = spectrum_components(vibration[None, :, None])[0] - MEANS
+        values[0] -= at.law[0]
         blocks.append(
             SurfaceBlock(
                 start=number * BLOCK,
                 stop=(number + 1) * BLOCK,
-                inputs=inputs,
-                log_power=band_log_power(vibration[:, None]),
+                stroke=np.array([at.u[0], at.v[0], heading]),
+                values=values,
+                position_mm=random.uniform(0.0, 100.0, 2),
                 touchdown=number == 0,
                 contact_start=0,
             )

@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 
 from mmt.core.arrays import BoolArray, IntArray
+from mmt.texture.field.blocks import BLOCK_S
 from mmt.texture.surfaces import SurfaceChange
-from mmt.texture.surfaces.blocks import BLOCK
 
 LEAST_STROKED_S: Final = 0.3
 """A stay with less stroking says nothing: what is not found there is not counted as missed."""
@@ -173,7 +173,7 @@ def _is_of_later(
     if int(np.argmax(shares)) > number:
         return True
     next_one = shares[number + 1] if number + 1 < len(shares) else 0
-    return was_right and change.kind != "identified" and next_one >= BLOCK
+    return was_right and change.kind != "identified" and next_one >= 1000.0 * BLOCK_S
 
 
 def _seconds(item: Found | None, touched: int) -> float | None:

@@ -5,7 +5,7 @@ touchdown is not the texture's. Where speed or force changes within it by more t
 two it is left out: its power is that of no one stroke.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -20,7 +20,10 @@ _LARGEST_CHANGE: Final = 2.0
 
 
 class Blocks(NamedTuple):
-    """n blocks: first sample (n,), points (n, d), powers (n,), positions in the plane (n, 2)."""
+    """n blocks: first sample (n,), points (n, d), powers (n,), positions in the plane (n, 2).
+
+    With a measure of c features the powers are these, (n, c).
+    """
 
     start: IntArray
     points: FloatArray
@@ -42,6 +45,11 @@ class Blocks(NamedTuple):
         )
 
 
+def mean_square(vibration_m_s2: FloatArray) -> FloatArray:
+    """Return the power of n blocks of m samples, (n, m, axes), in (m/s2)^2, (n,)."""
+    return np.asarray(np.square(vibration_m_s2).sum(axis=2).mean(axis=1))
+
+
 class BlockCutter:
     """Cut a stream into blocks, part by part; how it comes in parts changes no block.
 
@@ -55,6 +63,9 @@ class BlockCutter:
         Sampling rate of the stream.
     normal
         The surface's normal axis.
+    measure
+        What is measured of the vibration of n blocks of m samples, (n, m, axes): their powers,
+        or features (n, c). Blocks in which any is not finite are left out.
     """
 
     def __init__(
@@ -64,8 +75,10 @@ class BlockCutter:
         least_force_n: float,
         rate_hz: float,
         normal: Axis = "z",
+        measure: Callable[[FloatArray], FloatArray] = mean_square,
     ) -> None:
         self._space = space
+        self._measure = measure
         self._plane = ["xyz".index(axis) for axis in "xyz" if axis != normal]
         self._least_speed_mm_s, self._least_force_n = least_speed_mm_s, least_force_n
         self.length = max(1, round(BLOCK_S * rate_hz))
@@ -99,8 +112,8 @@ class BlockCutter:
         for values, least in ((speed, self._least_speed_mm_s), (force, self._least_force_n)):
             low, high = values.min(axis=1), values.max(axis=1)
             used &= (low >= least) & (high <= _LARGEST_CHANGE * low)
-        power = np.square(part.vibration_m_s2[rows]).sum(axis=2).mean(axis=1)
-        used &= np.isfinite(power)
+        power = self._measure(part.vibration_m_s2[rows])
+        used &= np.isfinite(power).all(axis=tuple(range(1, power.ndim)))
         velocity = part.velocity_mm_s[rows].mean(axis=1)
         mean = (
             (*velocity.T, force.mean(axis=1))

@@ -136,7 +136,7 @@ class Between:
     """
 
     def __init__(self, a: Coordinates, b: Coordinates, *, directed: bool) -> None:
-        self._linear = _FREE + SLOPES[0][1] ** 2 * np.multiply.outer(a.u, b.u)
+        self._linear = SLOPES[0][1] ** 2 * np.multiply.outer(a.u, b.u)
         self._linear += SLOPES[1][1] ** 2 * np.multiply.outer(a.v, b.v)
         self._u = _Axis(np.abs, a.u, b.u)
         self._v = _Axis(np.abs, a.v, b.v)
@@ -145,10 +145,13 @@ class Between:
             self._line = _Axis(_line_chord, a.heading, b.heading)
             self._heading = _Axis(_chord, a.heading, b.heading)
 
-    def covariance(self, setting: FloatArray) -> FloatArray:
-        """Return the prior covariance (k, l) under one row of `settings`."""
+    def covariance(self, setting: FloatArray, *, constant: float = _FREE) -> FloatArray:
+        """Return the prior covariance (k, l) under one row of `settings`.
+
+        ``constant`` is the variance of c.
+        """
         plane = self._u.matern(setting[1]) * self._v.matern(setting[2])
-        total = self._linear + setting[0] ** 2 * plane
+        total = constant + self._linear + setting[0] ** 2 * plane
         if self._directed:
             around = setting[3] ** 2 * self._line.matern(setting[4])
             around += setting[5] ** 2 * self._heading.matern(setting[6])

@@ -3,6 +3,6 @@
 from mmt.texture.surfaces.blocks import BlockCutter, SurfaceBlock
 from mmt.texture.surfaces.changes import SurfaceChange
 from mmt.texture.surfaces.detection import SurfaceDetector
-from mmt.texture.surfaces.posterior import SurfacePosterior
+from mmt.texture.surfaces.surface import KnownSurface
 
-__all__ = ["BlockCutter", "SurfaceBlock", "SurfaceChange", "SurfaceDetector", "SurfacePosterior"]
+__all__ = ["BlockCutter", "KnownSurface", "SurfaceBlock", "SurfaceChange", "SurfaceDetector"]

@@ -1,189 +1,134 @@
-"""Blocks of a tenth of a second of the stream: mean inputs, and power in frequency bands.
+"""Blocks of a twentieth of a second in contact, as surfaces are recognised by them.
 
-Surfaces are recognised by blocks. A block is 100 consecutive samples of steady contact. Its
-spectrum is estimated with sine tapers (Riedel and Sidorenko, "Minimum bias multiple taper
-spectral estimation", IEEE Trans. Signal Processing 43(1), 1995) and added up in nine bands of
-50 Hz, from 15 to 465 Hz. The logarithm of a band's power is nearly normal with a spread that
-does not depend on the level: about that of a chi-square of twice the number of independent
-frequencies.
-
-The first hundredths of a second of contact are left out, and so are blocks within which speed or
-force changes by more than a factor of two: their spectrum belongs to no one speed.
+The stream is cut by `mmt.texture.field.blocks`. With the strokes go the place, the components of
+the spectrum (`mmt.texture.surfaces.bands`) less what the prior expects of any surface, and when the
+contact began.
 """
 
 from dataclasses import dataclass
-from functools import cache
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray
+from mmt.texture.field import blocks as field_blocks
+from mmt.texture.field.blocks import mean_square
+from mmt.texture.field.covariance import Coordinates, coordinates
+from mmt.texture.model.inputs import InputSpace
+from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
+from mmt.texture.signals.noise_floor import NoiseFloor
+from mmt.texture.surfaces.bands import spectrum_components
+from mmt.texture.surfaces.prior import MEANS
 
-BLOCK: Final = 100
-"""Number of samples of a block."""
-
-BANDS: Final = 9
-"""Number of bands of its spectrum."""
-
-_TAPERS: Final = 3
-_FIRST_BIN: Final = 2  # of 10 Hz
-_BINS: Final = 5
-_CELL: Final = 10
-_MARGIN: Final = 20
-_LARGEST_CHANGE: Final = 2.0
-_LEAST_POWER: Final = 1e-12
-"""Least power in (m/s2)^2: a stuck sensor measures none at all."""
-
-SPEED_MM_S, FORCE_N = 100.0, 1.0
-"""Where the logarithms of speed and of force are zero."""
+AUDIBLE: Final = 4.0
+"""Times the sensor's noise that a block's power is at least: in noise all surfaces are alike, and
+where a texture sinks into it its spectrum changes faster than anywhere else."""
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceBlock:
     """Features of one block.
 
-    ``start`` and ``stop`` are absolute sample numbers, half-open. ``inputs`` (2,) or (4,): the
-    logarithms of the speed over 100 mm/s and of the force over 1 N, and for textures that
-    depend on it cosine and sine of the heading. ``log_power`` (`BANDS`,): natural logarithm of
-    the power in each band in (m/s2)^2. ``touchdown``: the first one after the tool met a
-    surface. ``contact_start``: the sample number at which this contact began.
+    ``start`` and ``stop`` are absolute sample numbers, half-open. ``stroke`` (3,): u, v and heading
+    as in `mmt.texture.field.covariance`. ``values`` (`bands.COMPONENTS`,): components of the
+    spectrum less their prior means, in nepers of power. ``position_mm`` (2,): in the plane.
+    ``touchdown``: the first one after the tool met a surface. ``contact_start``: the sample number
+    at which this contact began.
     """
 
     start: int
     stop: int
-    inputs: FloatArray
-    log_power: FloatArray
+    stroke: FloatArray
+    values: FloatArray
+    position_mm: FloatArray
     touchdown: bool
     contact_start: int
+
+
+def coordinates_of(strokes: FloatArray) -> Coordinates:
+    """Return the coordinates of strokes (n, 3)."""
+    return Coordinates(strokes[:, 0], strokes[:, 1], strokes[:, 2])
 
 
 class BlockCutter:
     """Cut a stream of aligned samples into blocks, update by update.
 
-    Cost: about 0.1 ms a block.
-
     Parameters
     ----------
-    least_speed_mm_s, least_force_n
-        Slower or lighter samples belong to no block; contact is what is pressed harder than
-        half of that force.
-    by_heading
-        Whether the heading is one of a block's inputs.
+    modelling
+        Its axes, its least speed and force, and its inputs.
     """
 
-    def __init__(
-        self,
-        least_speed_mm_s: float = 10.0,
-        least_force_n: float = 0.1,
-        *,
-        by_heading: bool = False,
-    ) -> None:
-        self._least_speed_mm_s = least_speed_mm_s
-        self._least_force_n = least_force_n
-        self._by_heading = by_heading
+    def __init__(self, modelling: ModellingSettings) -> None:
+        self._pressed_n = 0.5 * modelling.least_force_n
+        self._cutter = field_blocks.BlockCutter(
+            InputSpace(modelling.inputs),
+            modelling.least_speed_mm_s,
+            modelling.least_force_n,
+            modelling.rate_hz,
+            modelling.normal,
+            self._measure,
+        )
+        self._noise = NoiseFloor()
+        self._noise = NoiseFloor()
         self._rest = AlignedBlock.empty()
-        self._next = -1
+        self._lifted = True
         self._contact_start = 0
-        self._touching = False
-        self._fresh = True
-        self._cells: list[AlignedBlock] = []
+        self._fresh = False
 
     def cut(self, aligned: AlignedBlock) -> list[SurfaceBlock]:
-        """Add the next samples, any number of them, and return the blocks they complete."""
-        if len(self._rest) and len(aligned):
-            aligned = AlignedBlock.concatenate([self._rest, aligned])
+        """Add the next samples, any number of them, and return the blocks they complete.
+
+        How they come in parts changes no block.
+        """
+        if not len(aligned):
+            return []
+        joined = AlignedBlock.concatenate([self._rest, aligned]) if len(self._rest) else aligned
+        number = joined.index // self._cutter.length
+        edges = [0, *(np.flatnonzero(np.diff(number)) + 1).tolist()]
+        if joined.index[-1] % self._cutter.length == self._cutter.length - 1:
+            edges.append(len(joined))
         found: list[SurfaceBlock] = []
-        whole = len(aligned) // _CELL * _CELL if len(aligned) else 0
-        for begin in range(0, whole, _CELL):
-            block = self._add_cell(aligned[begin : begin + _CELL])
-            if block is not None:
-                found.append(block)
-        if len(aligned):
-            self._rest = aligned[whole:]
+        for start, stop in pairwise(edges):
+            found += self._cut(joined[start:stop])
+        self._rest = joined[edges[-1] :]
         return found
 
-    def _add_cell(self, cell: AlignedBlock) -> SurfaceBlock | None:
-        """Add a cell of ten samples; return the block that it completes, if any."""
-        start, stop = int(cell.index[0]), int(cell.index[-1]) + 1
-        whole = stop - start == _CELL and bool(cell.valid.all())
-        if start != self._next or not whole:
-            self._cells = []
-        self._next = stop
-        touching = bool((cell.normal_force_n > 0.5 * self._least_force_n).all())
-        if touching and not self._touching:
-            self._contact_start, self._fresh = start, True
-        self._touching = touching
-        steady = (
-            whole
-            and touching
-            and start >= self._contact_start + _MARGIN
-            and bool((cell.speed_mm_s >= self._least_speed_mm_s).all())
-            and bool((cell.normal_force_n >= self._least_force_n).all())
-        )
-        if not steady:
-            self._cells = []
-            return None
-        self._cells.append(cell)
-        self._drop_what_differs()
-        if len(self._cells) * _CELL < BLOCK:
-            return None
-        return self._finish()
-
-    def _drop_what_differs(self) -> None:
-        """Drop the oldest cells where speed or force has changed too much since them."""
-        for values in ("speed_mm_s", "normal_force_n"):
-            means = np.array([getattr(cell, values).mean() for cell in self._cells])
-            ratio = means / means[-1]
-            apart = np.flatnonzero((ratio > _LARGEST_CHANGE) | (ratio < 1.0 / _LARGEST_CHANGE))
-            if len(apart):
-                self._cells = self._cells[int(apart[-1]) + 1 :]
-
-    def _finish(self) -> SurfaceBlock:
-        samples = AlignedBlock.concatenate(self._cells)
-        self._cells = []
+    def _cut(self, part: AlignedBlock) -> list[SurfaceBlock]:
+        """Return the block of samples of one block's time, if they hold one."""
+        self._watch(part)
+        blocks = self._cutter.cut([part])
+        self._noise.update(part)
+        if not len(blocks.start):
+            return []
         touchdown, self._fresh = self._fresh, False
-        return SurfaceBlock(
-            start=int(samples.index[0]),
-            stop=int(samples.index[-1]) + 1,
-            inputs=self._inputs(samples),
-            log_power=band_log_power(samples.vibration_m_s2),
-            touchdown=touchdown,
-            contact_start=self._contact_start,
-        )
-
-    def _inputs(self, samples: AlignedBlock) -> FloatArray:
-        place = [
-            float(np.log(samples.speed_mm_s / SPEED_MM_S).mean()),
-            float(np.log(samples.normal_force_n / FORCE_N).mean()),
+        start, at = int(blocks.start[0]), coordinates(blocks.points)
+        values = blocks.power[0] - MEANS
+        values[0] -= at.law[0]
+        return [
+            SurfaceBlock(
+                start=start,
+                stop=start + self._cutter.length,
+                stroke=np.column_stack(at)[0],
+                values=values,
+                position_mm=blocks.position_mm[0],
+                touchdown=touchdown,
+                contact_start=self._contact_start,
+            )
         ]
-        if self._by_heading:
-            x, y = samples.velocity_mm_s.mean(axis=0)
-            length = max(float(np.hypot(x, y)), np.finfo(np.float64).tiny)
-            place += [float(x) / length, float(y) / length]
-        return np.array(place)
 
+    def _measure(self, vibration_m_s2: FloatArray) -> FloatArray:
+        """Return the components of blocks' spectra, not a number for those that are but noise."""
+        found = spectrum_components(vibration_m_s2)
+        found[mean_square(vibration_m_s2) < AUDIBLE * self._noise.power] = np.nan
+        return found
 
-def band_log_power(vibration_m_s2: FloatArray) -> FloatArray:
-    """Return the logarithms of a block's power in each band, shape (`BANDS`,).
-
-    Parameters
-    ----------
-    vibration_m_s2
-        Shape (`BLOCK`, 1), or (`BLOCK`, 3) where the powers of three axes are added.
-    """
-    spectra = np.fft.rfft(_tapers()[:, :, None] * vibration_m_s2[None], axis=1)
-    density = (spectra.real**2 + spectra.imag**2).sum(axis=2).mean(axis=0)
-    used = density[_FIRST_BIN : _FIRST_BIN + BANDS * _BINS].reshape(BANDS, _BINS)
-    power = 2.0 / BLOCK * used.sum(axis=1)
-    return np.asarray(np.log(np.maximum(power, _LEAST_POWER)), dtype=np.float64)
-
-
-@cache
-def _tapers() -> FloatArray:
-    """Return the sine tapers, shape (tapers, `BLOCK`), each of unit energy."""
-    order = np.arange(1, _TAPERS + 1)[:, None]
-    place = np.arange(1, BLOCK + 1)[None, :]
-    tapers: FloatArray = np.sqrt(2.0 / (BLOCK + 1)) * np.sin(np.pi * order * place / (BLOCK + 1))
-    tapers.setflags(write=False)
-    return tapers
+    def _watch(self, part: AlignedBlock) -> None:
+        """Note where a contact begins."""
+        pressed = np.concatenate([[not self._lifted], part.normal_force_n > self._pressed_n])
+        begun = np.flatnonzero(pressed[1:] & ~pressed[:-1])
+        if len(begun):
+            self._contact_start, self._fresh = int(part.index[begun[-1]]), True
+        self._lifted = not bool(pressed[-1])

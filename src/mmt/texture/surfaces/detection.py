@@ -1,86 +1,71 @@
-"""Change-point detection between surfaces: a sequential test with a stated false-alarm rate.
+"""Detection of changes of surface, and recognition of surfaces met before.
 
-For each possible change-point in the last seconds, the hypothesis that the tool has since been on
-another surface, known or new, is tested against the one that it has stayed on the current one. The
-evidence is the Bayes factor of all blocks since then (`mmt.texture.surfaces.posterior`), maximised
-over change-points: a generalised CUSUM (Page 1954; Lorden, "Procedures for reacting to a
-change in distribution", Annals of Mathematical Statistics 42, 1971).
+*Alarm.* The innovation of each block under the current surface
+(`mmt.texture.surfaces.posterior`) is bet on against those that the surface's earlier blocks had
+when they came, and the Shiryaev-Roberts statistic of the bets is followed
+(`mmt.texture.surfaces.conformal`). The threshold is the number of possible changes in an hour over
+the false alarms that are allowed in it, and a factor for safety: it depends on no texture. The
+blocks of the last second or two, which may already be another surface's, are held back. One stroke
+alone raises no alarm: what is not known of a surface is alike over a stroke.
 
-*Threshold.* Where the model of the current surface holds, a Bayes factor that starts at a given
-moment ever exceeds e^h with a probability of e^-h at most (Ville's inequality), against
-each alternative. So with N moments an hour and M alternatives, h = log(N M / rate) gives at most
-`rate` false alarms an hour. Lift-offs are natural boundaries: half of the rate is spent on the
-touchdowns, which are few, and half on all the other blocks.
-
-Change-points within contact in the first `YOUNG` blocks of a stay get a smaller share, by
-e^-`EARLY`: the posterior of a surface is then still mostly the prior.
-
-The evidence must hold with some blocks left out (`robustness`), and where blocks
-have headings more is asked for.
-
-*Afterwards.* The alternative of most evidence is taken. It learns what came after the last moment
-that is plausible, the former one what came before the likeliest. A new surface is a candidate for
-its first blocks (`mmt.texture.surfaces.candidate`): where a known one predicts all of them better
-than nothing known by `SURE`, and better than every other known one, it was that one. Where blocks
-have headings a known surface is not recalled from a few, in which it may look like another; till
-then the surface is a new one.
+*Which surface.* The change-point and the surface that follows are the likeliest, by the Bayes
+factor of the blocks since then. A known surface is recalled where its posterior probability,
+beside all the others and an unknown one, is high enough, and its own scores do not speak against
+it; else the surface is new. A new one is a candidate for its first seconds: where a known one
+proves to explain all its blocks, it was that one.
 """
 
 import itertools
 import math
-from collections.abc import Mapping
-from typing import Final, NamedTuple
+from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.texture.surfaces.block_likelihood import PreparedBlocks
-from mmt.texture.surfaces.blocks import BLOCK, SurfaceBlock
-from mmt.texture.surfaces.candidate import LONGEST, Candidate
+from mmt.texture.field.blocks import BLOCK_S
+from mmt.texture.surfaces.blocks import SurfaceBlock
 from mmt.texture.surfaces.changes import SurfaceChange, change_point
-from mmt.texture.surfaces.posterior import SurfacePosterior
-from mmt.texture.surfaces.prior import GRAINED, SETTINGS
-from mmt.texture.surfaces.robustness import RobustnessCheck
+from mmt.texture.surfaces.conformal import ShiryaevRoberts
+from mmt.texture.surfaces.identification import recognised
+from mmt.texture.surfaces.surface import Felt, KnownSurface
 
-WINDOW: Final = 20
+WINDOW: Final = 30
 """Number of newest blocks that may contain a change; the current surface learns from older ones."""
 
-SURE: Final = 7.0
-"""Evidence (natural logarithm) needed for a recall, against a new surface and every other one."""
-
-
-class _Caution(NamedTuple):
-    """Additional evidence needed where blocks have headings: along some, many surfaces are alike.
-
-    ``alarm``, ``recall``, ``trial``: for a change, for a known surface, for a candidate.
-    ``blocks``: least number of blocks of a stay from which a known surface is recalled.
-    """
-
-    alarm: float = 2.0
-    recall: float = 1.5
-    trial: float = 3.0
-    blocks: int = 8
-
-
-MIXED: Final = 2
-"""Number of first blocks of a candidate that may belong to the former surface."""
-
-YOUNG: Final = 20
-"""Number of first blocks of a stay in which a change within contact needs more evidence."""
-
-EARLY: Final = 3.0
-"""Additional evidence (natural logarithm) in these blocks, when little is known of the surface."""
+CANDIDATE: Final = 100
+"""Number of blocks of a new surface after which it is no longer compared with known ones."""
 
 DOUBT: Final = 3.0
 """Evidence below the best at which change-points are still plausible; neither surface learns from
 the blocks between them."""
 
-_TOGETHER: Final = 5
+PUT_OFF: Final = 3
+"""Blocks more for which it is put off to decide whether a surface is new or a known one."""
+
+_TOGETHER: Final = 10
 """Number of blocks that the current surface learns at a time."""
 
-_TOUCHDOWNS_PER_HOUR: Final = 1800.0
-_RATE_HZ: Final = 1000.0
+_COMPARED: Final = 1.3
+"""Times as many blocks as at the last comparison, after which a candidate is compared again."""
+
+_FIRST_COMPARED: Final = 4
+
+STROKE: Final = 0.3
+"""Distance in u or v from which on strokes are different; blocks of one are a run of bets."""
+
+RUN_SAMPLES: Final = 300
+"""Longest run: a stroke of a hand takes about as long."""
+
+SAFETY: Final = 10.0
+"""Factor on the mean time between false alarms: what is not known of a surface makes several
+innovations alike, which are then not exchangeable. Chosen on the development half of HaTT's models:
+at 1 there are some 6 an hour where 1 is allowed, at 10 some 2."""
+
+TOUCHDOWN: Final = 40.0
+"""How much likelier a change is before the first block of a contact: there are some 1800 an hour,
+and both kinds of change get half of the false alarms."""
 
 
 class SurfaceDetector:
@@ -94,7 +79,7 @@ class SurfaceDetector:
         Largest number of surfaces kept, at least 2; beyond, the least recently touched one is
         dropped.
     by_heading
-        Whether blocks have headings, on which a texture may depend.
+        Whether the texture may depend on the heading.
 
     Raises
     ------
@@ -111,157 +96,152 @@ class SurfaceDetector:
             )
         if most < 2:
             raise InputError(f"most is {most}: at least two surfaces must be kept")
-        self._rate = false_alarms_per_hour
         self._most = most
-        self._settings = np.concatenate([SETTINGS, GRAINED]) if by_heading else SETTINGS
-        self._caution = _Caution() if by_heading else _Caution(0.0, 0.0, 0.0, 0)
+        self._directed = by_heading
         self._numbers = itertools.count(1)
         self.current = next(self._numbers)
-        self.surfaces: dict[int, SurfacePosterior] = {
-            self.current: SurfacePosterior(self._settings)
-        }
+        self.surfaces = {self.current: KnownSurface(directed=by_heading)}
         """Known surfaces by number; the most recently touched one is last."""
-        self._stayed = 0  # blocks of this stay
-        self._window: list[SurfaceBlock] = []  # the newest of the current surface, oldest first
-        self._candidate: Candidate | None = Candidate()
-        self._unknown = SurfacePosterior(self._settings)
+        self._unknown = KnownSurface(directed=by_heading)
+        self._watch = ShiryaevRoberts(
+            math.log(SAFETY * 2.0 * 3600.0 / BLOCK_S / false_alarms_per_hour)
+        )
+        self._window: list[Felt] = []  # the newest of the current surface, oldest first
+        self._explained: list[FloatArray] = []
+        self._candidate: list[SurfaceBlock] | None = None  # all blocks of a new surface's stay
+        self._next_compared = _FIRST_COMPARED
+        self._run: SurfaceBlock | None = None
+        self._undecided = 0  # blocks to wait for until an alarm is decided
 
     def update(self, block: SurfaceBlock) -> SurfaceChange | None:
         """Add the next block; return the change that it reveals, if any."""
-        window = self._window
-        window.append(block)
-        self._stayed += 1
+        self._feel(block)
         if self._candidate is not None:
-            self._candidate.blocks.append(block)
-        change = self._decide(self._weigh()) or self._identify()
-        if change is None and len(window) >= WINDOW + _TOGETHER:
-            self.surfaces[self.current].add(window[:_TOGETHER])
-            del window[:_TOGETHER]
+            self._candidate.append(block)
+        innovations = np.array([felt.standardised for felt in self._window])
+        bet = self.surfaces[self.current].log_bet(innovations)
+        change = self._identify()
+        alarm = self._watch.update(
+            bet, TOUCHDOWN if block.touchdown else 1.0, new_run=self._begins_run(block)
+        )
+        if change is None and (alarm or self._undecided):
+            change = self._change()
+        self._learn()
         return change
 
-    def threshold(self, *, touchdown: bool, young: bool = False) -> float:
-        """Return the evidence (natural logarithm) needed for a change.
+    def _begins_run(self, block: SurfaceBlock) -> bool:
+        """Say whether a block is of another stroke than those before, or much later."""
+        first = self._run
+        if first is not None:
+            apart = float(np.abs(block.stroke - first.stroke)[:2].max())
+            if apart < STROKE and block.start - first.start < RUN_SAMPLES:
+                return False
+        self._run = block
+        return True
 
-        Parameters
-        ----------
-        touchdown
-            Whether it is to have happened while the tool was off the surface.
-        young
-            Whether it is to have happened in the first `YOUNG` blocks of the stay.
+    def _feel(self, block: SurfaceBlock) -> None:
+        """Add a block to the window, by what the current surface says of it."""
+        surface = self.surfaces[self.current]
+        blocks = [*self._blocks(), block]
+        self._explained.append(surface.explained([block]))
+        self._window.append(surface.newest(blocks, np.concatenate(self._explained, axis=-1)))
+
+    def _learn(self) -> None:
+        """Let the current surface learn what is older than the window."""
+        surface = self.surfaces[self.current]
+        while len(self._window) >= WINDOW + _TOGETHER:
+            surface.learn(self._window[:_TOGETHER])
+            del self._window[:_TOGETHER]
+            self._explained = [surface.explained([block]) for block in self._blocks()]
+
+    def _others(self) -> dict[int, KnownSurface]:
+        return {n: surface for n, surface in self.surfaces.items() if n != self.current}
+
+    def _blocks(self) -> list[SurfaceBlock]:
+        return [felt.block for felt in self._window]
+
+    # --- changes
+
+    def _change(self) -> SurfaceChange | None:
+        """Return the change after an alarm, None where nothing explains the blocks better.
+
+        Where it may yet be a known surface it is put off for `PUT_OFF` blocks.
         """
-        per_hour = _TOUCHDOWNS_PER_HOUR if touchdown else 3600.0 * _RATE_HZ / BLOCK
-        more = self._caution.alarm + (EARLY if young and not touchdown else 0.0)
-        return math.log(2.0 * per_hour * len(self.surfaces) / self._rate) + more
-
-    # --- alarms
-
-    def _weigh(self) -> dict[int, FloatArray]:
-        """Return, by surface (0 for a new one), the evidence for it since each block, newest first.
-
-        The evidence is that of the newest block, the newest two, and so on, given the blocks
-        before them.
-        """
-        newest_first = PreparedBlocks.of(self._window[::-1], self._settings)
-        oldest_first = PreparedBlocks.of(self._window, self._settings)
-        stayed = self.surfaces[self.current].log_likelihood_after(oldest_first)[::-1]
-        others = {n: k for n, k in self.surfaces.items() if n != self.current}
-        if self._candidate is not None and others:
-            self._candidate.compare(self._unknown, others)
-            stayed = self._candidate.after(stayed)
-        others[0] = self._unknown
-        return {n: k.log_likelihood(newest_first) - stayed for n, k in others.items()}
-
-    def _decide(self, evidence: Mapping[int, FloatArray]) -> SurfaceChange | None:
-        blocks = self._window
-        first = self._stayed - len(blocks)
-        margins = np.array(
-            [
-                -self.threshold(touchdown=block.touchdown, young=first + place < YOUNG)
-                for place, block in enumerate(blocks)
-            ]
-        )[::-1]
-        best = {number: float((values + margins).max()) for number, values in evidence.items()}
-        leading = max(best, key=lambda n: best[n])
-        if best[leading] <= 0.0:
+        if self._undecided > 1:
+            self._undecided -= 1
             return None
-        since = int(np.argmax(evidence[leading] + margins)) + 1
-        threshold = -float(margins[since - 1])
-        number = self._best_since(evidence, since)
-        named = number if since >= self._caution.blocks else 0
-        candidate = self._candidate
-        if number and candidate is not None and since >= len(candidate) - MIXED:
-            found = float(evidence[number][since - 1])
-            return self._identified(named, candidate.blocks[-since:], found) if named else None
-        if since < 2 or evidence[number][since - 1] <= threshold:
+        identified = self._identify(at_once=True)
+        if identified is not None:
+            return identified
+        blocks = self._blocks()
+        others = self._others()
+        stayed = np.cumsum([felt.log_density for felt in self._window[::-1]])
+        evidence = {
+            number: np.cumsum(surface.judge(blocks[::-1])[1]) - stayed
+            for number, surface in {0: self._unknown, **others}.items()  # 0: a new one
+        }
+        likeliest = np.maximum.reduce(list(evidence.values()))
+        since = int(np.argmax(likeliest)) + 1
+        first_time, self._undecided = not self._undecided, 0
+        self._watch.reset()
+        if likeliest[since - 1] <= 0.0:
             return None
-        other = self.surfaces[number] if number else self._unknown
-        check = RobustnessCheck(blocks, since, self.surfaces[self.current], other)
-        if not check.above(threshold, at_any_heading=bool(number) and blocks[-since].touchdown):
+        number, lead = recognised(self._unknown, others, blocks[-since:])
+        if not number and others and lead > -DOUBT and first_time:
+            self._undecided = PUT_OFF
             return None
-        if named and candidate is not None and (gain := candidate.gains()[named]) > 0.0:
-            return self._identified(named, candidate.blocks, gain)  # it was on that one before
-        return self._change(named, since, evidence[number], margins)
+        return self._go(number, since, evidence[number])
 
-    def _best_since(self, evidence: Mapping[int, FloatArray], since: int) -> int:
-        """Return the number of the known surface identified with certainty, 0 for a new one."""
-        at = {number: float(values[since - 1]) for number, values in evidence.items()}
-        ranked = sorted(at, key=lambda n: at[n], reverse=True)
-        if ranked[0] and at[ranked[0]] - at[ranked[1]] < SURE + self._caution.recall:
-            return 0
-        return ranked[0]
-
-    def _change(
-        self, number: int, since: int, evidence: FloatArray, margins: FloatArray
-    ) -> SurfaceChange:
+    def _go(self, number: int, since: int, evidence: FloatArray) -> SurfaceChange:
         """Change to another surface, and estimate the certain and the earliest change-point."""
-        blocks = self._window
-        earliest = len(blocks) - since
-        plausible = evidence + margins >= evidence[since - 1] + margins[since - 1] - DOUBT
-        first = len(blocks) - (1 + int(np.argmax(plausible)))
+        blocks = self._blocks()
+        plausible = np.flatnonzero(evidence >= evidence[since - 1] - DOUBT)
+        earliest = len(blocks) - 1 - int(plausible[-1])
+        first = len(blocks) - since
         # The block in which it happened may be of both.
         alone = first if blocks[first].touchdown else first + 1
+        alone = min(alone, len(blocks) - 1)
         change = SurfaceChange(
             kind="recalled" if number else "new",
             before=self.current,
             surface=number or next(self._numbers),
             from_sample=change_point(blocks, first),
-            since_sample=blocks[min(alone, len(blocks) - 1)].start,
+            since_sample=blocks[alone].start,
             at_sample=blocks[-1].stop,
             evidence=float(evidence[since - 1]),
         )
-        self.surfaces[self.current].add(blocks[: max(earliest - 1, 0)])
-        self._window = blocks[alone:]
-        self._stayed = len(self._window)
-        self._candidate = None if number else Candidate(self._window)
-        self._go_to(change.surface)
+        self.surfaces[self.current].learn(self._window[: max(earliest - 1, 0)])
+        self._stay(change.surface, blocks[alone:], candidate=not number)
         return change
 
-    def _go_to(self, number: int) -> None:
+    def _stay(self, number: int, blocks: Sequence[SurfaceBlock], *, candidate: bool) -> None:
+        """Take the tool to be on a surface since the first of these blocks."""
         self.current = number
-        self.surfaces[number] = self.surfaces.pop(number, SurfacePosterior(self._settings))
+        self.surfaces[number] = self.surfaces.pop(number, KnownSurface(directed=self._directed))
         if len(self.surfaces) > self._most:
             del self.surfaces[next(iter(self.surfaces))]
+        self._window, self._explained = [], []
+        for block in blocks:
+            self._feel(block)
+        self._candidate = list(blocks) if candidate else None
+        self._next_compared = _FIRST_COMPARED
+        self._undecided = 0
+        self._watch.reset()
 
     # --- identification of a new surface
 
-    def _identify(self) -> SurfaceChange | None:
+    def _identify(self, *, at_once: bool = False) -> SurfaceChange | None:
         """Return the change if the candidate proves to be a known surface."""
-        candidate = self._candidate
-        if candidate is None:
+        blocks = self._candidate
+        others = self._others()
+        if blocks is None or not others or not (at_once or len(blocks) >= self._next_compared):
             return None
-        if len(candidate) >= LONGEST:
-            self._candidate = None
-        if not candidate.is_compared or len(candidate) < max(2, self._caution.blocks):
+        self._next_compared = max(len(blocks) + 1, round(_COMPARED * len(blocks)))
+        number, lead = recognised(self._unknown, others, blocks)
+        if not number:
+            if len(blocks) >= CANDIDATE:
+                self._candidate = None
             return None
-        number, lead = candidate.leading()
-        if lead < SURE + self._caution.trial + math.log(len(self.surfaces) - 1):
-            return None
-        return self._identified(number, candidate.blocks, lead)
-
-    def _identified(
-        self, number: int, blocks: list[SurfaceBlock], evidence: float
-    ) -> SurfaceChange:
-        """Merge the candidate into a known surface, which learns these of its blocks."""
         change = SurfaceChange(
             kind="identified",
             before=self.current,
@@ -269,13 +249,9 @@ class SurfaceDetector:
             from_sample=blocks[0].start,
             since_sample=blocks[0].start,
             at_sample=blocks[-1].stop,
-            evidence=evidence,
+            evidence=lead,
         )
         del self.surfaces[self.current]
-        waiting = min(len(blocks), len(self._window))
-        self.surfaces[number].add(blocks[: len(blocks) - waiting])
-        self._window = blocks[len(blocks) - waiting :]
-        self._stayed = len(blocks)
-        self._candidate = None
-        self._go_to(number)
+        self._stay(number, blocks, candidate=False)
+        self._learn()
         return change
