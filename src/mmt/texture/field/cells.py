@@ -60,15 +60,11 @@ class FieldCells:
     @classmethod
     def of(cls, points: FloatArray, power: FloatArray, position_mm: FloatArray) -> Self:
         """Sum blocks: normalised inputs (n, 2) or (n, 3), powers (n,), positions (n, 2)."""
-        directed = points.shape[1] == 3
-        at = coordinates(points)
-        stroke = _cell_of(at, directed=directed)
+        stroke, power = _at_centres(points, power)
         place = np.clip(np.floor(position_mm / PLACE_MM), -_FARTHEST, _FARTHEST).astype(np.int64)
-        apart = at.law - centres(stroke, directed=directed).law
-        power = np.maximum(power, _LEAST_POWER) * np.exp(-apart)
         log_power = np.log(power)
         sums = np.column_stack([np.ones(len(power)), power, log_power, np.square(log_power)])
-        return cls._gathered(directed, np.hstack([stroke, place]), sums, PLACE_MM)
+        return cls._gathered(points.shape[1] == 3, np.hstack([stroke, place]), sums, PLACE_MM)
 
     @classmethod
     def of_segments(
@@ -85,15 +81,12 @@ class FieldCells:
         scatter
             Variance of a block's log power that is assumed.
         """
-        one = cls.of(points, power, np.zeros((len(points), 2)))
-        stroke = _cell_of(coordinates(points), directed=one.directed)
-        apart = coordinates(points).law - centres(stroke, directed=one.directed).law
-        power = np.maximum(power, _LEAST_POWER) * np.exp(-apart)
+        stroke, power = _at_centres(points, power)
         mean = np.log(power)
         squares = blocks * np.square(mean) + np.maximum(blocks - 1.0, 0.0) * scatter
         sums = np.column_stack([blocks, blocks * power, blocks * mean, squares])
         keys = np.hstack([stroke, np.zeros((len(points), 2), np.int64)])
-        return cls._gathered(one.directed, keys, sums, PLACE_MM)
+        return cls._gathered(points.shape[1] == 3, keys, sums, PLACE_MM)
 
     @classmethod
     def empty(cls, *, directed: bool) -> Self:
@@ -180,6 +173,15 @@ def centres(cells: IntArray, *, directed: bool) -> Coordinates:
     u, v = (np.asarray(_FIRST + width * (cells[:, axis] + 0.5)) for axis in (0, 1))
     turn = 2.0 * np.pi / _SECTORS if directed else 0.0
     return Coordinates(u, v, np.asarray(turn * cells[:, 2]))
+
+
+def _at_centres(points: FloatArray, power: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return the cells (n, 3) of strokes, and the powers (n,) at their centres by the slopes."""
+    directed = points.shape[1] == 3
+    at = coordinates(points)
+    stroke = _cell_of(at, directed=directed)
+    apart = at.law - centres(stroke, directed=directed).law
+    return stroke, np.maximum(power, _LEAST_POWER) * np.exp(-apart)
 
 
 def _cell_of(at: Coordinates, *, directed: bool) -> IntArray:

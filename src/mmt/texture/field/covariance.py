@@ -108,8 +108,8 @@ def settings(count: int, *, directed: bool) -> FloatArray:
         base = (1.0 + base) ** (1.0 / (len(priors) + 1.0))
     steps = base ** -np.arange(1.0, len(priors) + 1.0)
     shares = (0.5 + np.outer(np.arange(1, count + 1), steps)) % 1.0
-    medians, spreads = np.array(priors).T
-    return np.asarray(medians * np.exp(spreads * ndtri(0.002 + 0.996 * shares)))
+    middles, spreads = np.array(priors).T
+    return np.asarray(middles * np.exp(spreads * ndtri(0.002 + 0.996 * shares)))
 
 
 def medians(*, directed: bool) -> FloatArray:

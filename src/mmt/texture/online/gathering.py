@@ -1,5 +1,7 @@
 """Gathering what is felt of a surface in blocks, for the field of its level."""
 
+from typing import Final
+
 import numpy as np
 
 from mmt.texture.field.blocks import BlockCutter, Blocks
@@ -8,9 +10,9 @@ from mmt.texture.model.inputs import InputSpace
 from mmt.texture.online.work import Work
 from mmt.texture.settings import ModellingSettings
 
-WITHDRAWN_S = 10.0
+WITHDRAWN_S: Final = 10.0
 """Blocks of the last seconds are kept singly: they may prove to be of another surface, or lie in a
-segment that is held out."""
+segment that is held out. Longer than a segment and the detection of a change take."""
 
 
 class Gathering:
@@ -37,12 +39,10 @@ class Gathering:
 
     def add(self, work: Work) -> bool:
         """Add what an update has observed; return whether that changes anything."""
-        new = self._cutter.cut(work.observed)
-        before = len(self._recent.start)
+        before = self._recent.start
+        self._recent = self._recent.joined(self._cutter.cut(work.observed))
         self._withdraw(work)
-        changed = len(self._recent.start) < before or len(new.start) > 0
-        self._recent = self._recent.joined(new)
-        self._withdraw(work)
+        changed = not np.array_equal(self._recent.start, before)
         if len(self._recent.start):
             old = self._recent.start < self._recent.start[-1] - self._kept_samples
             self._settled = self._settled.joined(_sums(self._recent.kept(old)))

@@ -72,7 +72,6 @@ class BlockCutter:
             self._measure,
         )
         self._noise = NoiseFloor()
-        self._noise = NoiseFloor()
         self._rest = AlignedBlock.empty()
         self._lifted = True
         self._contact_start = 0

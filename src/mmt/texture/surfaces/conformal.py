@@ -60,9 +60,6 @@ class ConformalBets:
         chi = random.chisquare(_FIRST_TAIL, (_FIRST, 1)) / _FIRST_TAIL
         self._earlier: FloatArray = normal / np.sqrt(chi)
 
-    def __len__(self) -> int:
-        return len(self._earlier)
-
     def add(self, innovations: FloatArray) -> None:
         """Add innovations (n, components) after which nothing had changed."""
         self._earlier = np.concatenate([self._earlier, innovations])[-LARGEST:]

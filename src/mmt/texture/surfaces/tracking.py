@@ -13,8 +13,8 @@ from mmt.texture.surfaces.detection import SurfaceDetector
 class SurfaceTracker:
     """Tracker of the surface under the tool in a stream of frames.
 
-    Cost: a second of stroking takes some 15 to 30 ms, whatever the number of known surfaces; a
-    change, at which all are compared, some 10 ms for each.
+    Cost: a second of stroking takes some 15 to 30 ms with a few known surfaces; only at a change,
+    and for a candidate, are all of them compared.
 
     Parameters
     ----------
