@@ -10,12 +10,13 @@ from typer.testing import CliRunner
 
 from mmt.cli.main import app
 from mmt.core.errors import InputError
+from mmt.evaluation.document import Table
 from mmt.evaluation.levels import BAND_EDGES_HZ, band_errors_db
 from mmt.testing.simulation.textures import SURFACES
 from mmt_lab.compare.cases import Case, recorded_cases, simulated_cases
 from mmt_lab.compare.judging import FIGURES, METHODS, Judged, blocks_of, check_methods, judge
-from mmt_lab.compare.summary import MethodComparison
-from mmt_lab.experiments.compare import findings, verdicts
+from mmt_lab.compare.summary import ALL_RUN_TO_RUN_DB, RUN_TO_RUN_DB, MethodComparison
+from mmt_lab.experiments.compare import findings, method_blocks, verdicts
 from mmt_lab.harness.experiment import chosen_textures
 from mmt_lab.harness.report import write_report
 
@@ -105,6 +106,21 @@ def test_differences_are_paired_and_count_beyond_three_standard_errors():
     assert better.verdict == "better"
     assert comparison([-0.10, -0.12, -0.11]).differences("wood")[0].verdict == "worse"
     assert comparison([0.5]).differences("wood")[0].verdict == "same"
+
+
+def test_an_error_by_bands_is_also_a_multiple_of_what_a_surface_scatters_from_run_to_run():
+    one = judged("ours", 0, 0.7)
+    off = {**one.figures, "band_error_db": 2.0 * ALL_RUN_TO_RUN_DB}
+    off_bands = tuple(3.0 * scatter_db for scatter_db in RUN_TO_RUN_DB)
+    twice = replace(one, figures=off, bands_db=off_bands)
+    tables = [
+        b for b in method_blocks(MethodComparison(("ours",), (twice,))) if isinstance(b, Table)
+    ]
+    (figures,) = (t for t in tables if t.caption.startswith("isotropic: medians"))
+    assert dict(zip(figures.columns, figures.rows[0], strict=True))["times run-to-run"] == "2.0"
+    (bands,) = (t for t in tables if "each band's power" in t.caption)
+    assert bands.rows[0][2:4] == ["2.61 (3.0)", "2.79 (3.0)"]
+    assert all(cell.endswith("(3.0)") for cell in bands.rows[0][2:])
 
 
 def test_rows_are_medians_with_their_spread_and_verdicts_name_what_is_missed():

@@ -23,6 +23,14 @@ LEAST: Final = {
 }
 """Differences below these count as none."""
 
+RUN_TO_RUN_DB: Final = (0.87, 0.93, 0.93, 0.80, 0.74, 0.64, 0.63, 1.18, 1.14)
+"""How the level of each of nine bands scatters between slides over one real material, dB.
+
+Measured by `mmt_lab.surfaces.slides.scatter_db`; the source is in the page on error measures."""
+
+ALL_RUN_TO_RUN_DB: Final = float(np.sqrt(np.mean(np.square(RUN_TO_RUN_DB))))
+"""The same, root mean square over the bands."""
+
 
 @dataclass(frozen=True)
 class Spread:
@@ -123,6 +131,7 @@ class MethodComparison:
         every = [n for group in self.groups for n in (group, *self.names(group))]
         return {
             "methods": list(self.methods),
+            "run_to_run_db": list(RUN_TO_RUN_DB),
             "rows": [asdict(row) for name in every for row in self.rows(name)],
             "differences": [
                 {**asdict(each), "verdict": each.verdict}

@@ -35,7 +35,14 @@ from mmt_lab.compare.judging import (
     check_methods,
     judge,
 )
-from mmt_lab.compare.summary import STANDARD_ERRORS, Difference, MethodComparison, Row
+from mmt_lab.compare.summary import (
+    ALL_RUN_TO_RUN_DB,
+    RUN_TO_RUN_DB,
+    STANDARD_ERRORS,
+    Difference,
+    MethodComparison,
+    Row,
+)
 from mmt_lab.harness.experiment import (
     Experiment,
     HandKind,
@@ -63,6 +70,8 @@ DEFINITIONS: Final = {
     "power, dB; the bands have edges at "
     + ", ".join(f"{edge:.0f}" for edge in BAND_EDGES_HZ)
     + " Hz",
+    "run to run": "how the level of a band scatters between slides over one real material, "
+    f"root mean square over the bands {ALL_RUN_TO_RUN_DB:.2f} dB",
     "moments": "3 s and 30 s of session time; the start and the stop criterion as the session's "
     "samples meet them. Sessions that do not come to a moment are not counted at it",
     "spread": "median, and 10th to 90th percentile, over the sessions",
@@ -203,23 +212,34 @@ def _figures(comparison: MethodComparison, name: str) -> Table:
                 f"{spread.median:.2f}",
                 f"{spread.low:.2f}-{spread.high:.2f}",
                 *(number(row.spread[f].median, _DIGITS[f]) for f in FIGURES[1:]),
+                number(row.spread["band_error_db"].median / ALL_RUN_TO_RUN_DB, 1),
                 "" if difference is None else f"{difference.mean:+.3f}",
                 "" if difference is None else f"{difference.standard_error:.3f}",
             ]
         )
     columns = ["moment", "method", "of", "share", "10-90 %", "level (dB)", "GFC"]
-    columns += ["spectrum (dB)", "bands (dB)", "share less first", "noise"]
+    columns += ["spectrum (dB)", "bands (dB)", "times run-to-run", "share less first", "noise"]
     return Table(columns, rows, f"{name}: medians over sessions.")
 
 
 def _bands(comparison: MethodComparison, group: str) -> Table:
     rows = [
-        [row.moment, row.method, *(number(value, 2) for value in row.bands_db)]
+        [
+            row.moment,
+            row.method,
+            *(
+                f"{number(value, 2)} ({number(value / run_db, 1)})"
+                for value, run_db in zip(row.bands_db, RUN_TO_RUN_DB, strict=True)
+            ),
+        ]
         for row in comparison.rows(group)
     ]
     edges = [f"{edge:.0f}" for edge in BAND_EDGES_HZ]
     columns = [f"{low}-{high} Hz" for low, high in pairwise(edges)]
-    caption = f"{group}: error of each band's power, dB rms over the grid, medians over sessions."
+    caption = (
+        f"{group}: error of each band's power, dB rms over the grid, medians over sessions; in "
+        "brackets, over what a real surface scatters from run to run."
+    )
     return Table(["moment", "method", *columns], rows, caption)
 
 
