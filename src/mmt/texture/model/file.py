@@ -35,7 +35,17 @@ _OWN: Final = frozenset(
 )
 """Arrays of the model; all others are the interpolator's state."""
 
+MODEL_ROWS: Final = (
+    *dict.fromkeys(channel for channels in CHANNELS.values() for channel in channels),
+    *("lsf_rad", "variance", "power", "effective_samples", "segment_samples"),
+)
+"""Arrays with a row for each sample."""
+
+FIELD_ROWS: Final = ("field_cells", "field_sums")
+"""Arrays with a row for each cell of the field."""
+
 _Arrays = dict[str, Any]
+"""The arrays of a file by name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +84,40 @@ class ModelContents:
 
 def pack(contents: ModelContents) -> bytes:
     """Return a model as the content of a file."""
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays_of(contents))
+    return buffer.getvalue()
+
+
+def unpack(data: bytes) -> ModelContents:
+    """Return the contents of a model from what `pack` returned, now or in an earlier version.
+
+    Raises
+    ------
+    InputError
+        It is no model, has another version, lacks an array, or one is out of its range.
+    """
+    return contents_of(file_arrays(data))
+
+
+def file_arrays(data: bytes) -> _Arrays:
+    """Return the arrays of a file by name, unchecked.
+
+    Raises
+    ------
+    InputError
+        It is no archive of arrays.
+    """
+    try:
+        return dict(load_arrays(data)[0])
+    except (InputError, OSError) as error:
+        raise InputError("not a texture model (.npz), or cut off") from error
+
+
+def arrays_of(contents: ModelContents) -> _Arrays:
+    """Return a model as the arrays of a file, by name."""
     samples, space = contents.samples, contents.samples.space
-    arrays: _Arrays = {
+    return {
         "format_version": np.int64(_written_version(contents)),
         "inputs": np.str_(space.name),
         **dict(zip(space.channels, samples.inputs.T, strict=True)),
@@ -91,23 +133,17 @@ def pack(contents: ModelContents) -> bytes:
         **_fitted_arrays(contents.fitted, directed=space.directed),
         **_field_arrays(contents.field),
     }
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays)
-    return buffer.getvalue()
 
 
-def unpack(data: bytes) -> ModelContents:
-    """Return the contents of a model from what `pack` returned, now or in an earlier version.
+def contents_of(arrays: _Arrays) -> ModelContents:
+    """Return the contents of a model from the arrays of a file.
 
     Raises
     ------
     InputError
-        It is no model, has another version, lacks an array, or one is out of its range.
+        The version is another one, an array is missing, or one is out of its range.
     """
-    try:
-        content: _Arrays = dict(load_arrays(data)[0])
-    except (InputError, OSError) as error:
-        raise InputError("not a texture model (.npz), or cut off") from error
+    content = dict(arrays)
     try:
         version = _version(content)
         space = InputSpace(

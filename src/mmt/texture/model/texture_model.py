@@ -295,17 +295,20 @@ class TextureModel:
 
     def to_bytes(self) -> bytes:
         """Return what `save` writes."""
-        return pack(
-            ModelContents(
-                self.samples,
-                self.interpolate,
-                self.interpolator,
-                self.level,
-                self.shape,
-                self.rate_hz,
-                self.fitted,
-                self.field,
-            )
+        return pack(self.contents)
+
+    @property
+    def contents(self) -> ModelContents:
+        """What its file holds."""
+        return ModelContents(
+            self.samples,
+            self.interpolate,
+            self.interpolator,
+            self.level,
+            self.shape,
+            self.rate_hz,
+            self.fitted,
+            self.field,
         )
 
     @classmethod
@@ -327,7 +330,11 @@ class TextureModel:
     @classmethod
     def from_bytes(cls, data: bytes) -> Self:
         """Rebuild a model from `to_bytes`; raises `InputError` as `load` does."""
-        contents = unpack(data)
+        return cls.from_contents(unpack(data))
+
+    @classmethod
+    def from_contents(cls, contents: ModelContents) -> Self:
+        """Rebuild a model from `contents`; raises `InputError` as the constructor does."""
         return cls(
             contents.samples,
             interpolate=cast(Interpolated, contents.interpolate),  # names are checked there

@@ -1,0 +1,154 @@
+"""What has changed of a model: applied, it gives the new state to the bit, or is refused."""
+
+from dataclasses import replace
+from typing import Any
+
+import msgpack
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mmt.core.errors import InputError
+from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
+from mmt.texture.model.difference import apply, difference
+from mmt.texture.model.file import arrays_of, contents_of
+from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
+from mmt.texture.model.samples import TextureSamples
+from mmt.texture.model.texture_model import TextureModel
+
+SPACES = pytest.mark.parametrize("space", [ISOTROPIC, ANISOTROPIC], ids=lambda space: space.name)
+
+
+def samples_of(space: InputSpace, numbers: list[int], order: int = 6) -> TextureSamples:
+    """Samples, each of which depends on its number alone."""
+    rows = [np.random.default_rng(number).uniform(-0.8, 0.8, order + 3) for number in numbers]
+    table = np.array(rows)
+    reflection = np.ascontiguousarray(table[:, :order])
+    variance = 1.0 + table[:, order] ** 2
+    inputs = space.from_motion(200 * table[:, order], 200 * table[:, order + 1], 1.5 + table[:, -1])
+    return TextureSamples(
+        inputs, reflection_to_lsf(reflection), variance, output_power(variance, reflection), space
+    )
+
+
+def model_of(space: InputSpace, numbers: list[int]) -> TextureModel:
+    return TextureModel(samples_of(space, numbers))
+
+
+def over_the_wire(before: dict[str, Any], after: dict[str, Any]) -> Any:
+    return msgpack.unpackb(msgpack.packb(difference(before, after)))
+
+
+def assert_same(one: dict[str, Any], other: dict[str, Any]) -> None:
+    assert one.keys() == other.keys()
+    for name, array in one.items():
+        found, wanted = np.asarray(array), np.asarray(other[name])
+        assert found.dtype == wanted.dtype
+        assert found.shape == wanted.shape
+        assert found.tobytes() == wanted.tobytes()
+
+
+@SPACES
+@given(
+    earlier=st.lists(st.integers(0, 30), min_size=5, max_size=25, unique=True),
+    later=st.lists(st.integers(0, 30), min_size=5, max_size=25, unique=True),
+)
+def test_any_state_of_a_model_follows_from_any_other(
+    space: InputSpace, earlier: list[int], later: list[int]
+) -> None:
+    before = arrays_of(model_of(space, earlier).contents)
+    after = arrays_of(model_of(space, later).contents)
+    assert_same(apply(before, over_the_wire(before, after)), after)
+
+
+@SPACES
+def test_a_model_that_was_brought_over_renders_the_same_to_the_bit(space: InputSpace) -> None:
+    before = arrays_of(model_of(space, list(range(12))).contents)
+    model = model_of(space, [*range(3), *range(4, 15)])
+    arrays = apply(before, over_the_wire(before, arrays_of(model.contents)))
+    same = TextureModel.from_contents(contents_of(arrays))
+    inputs = [np.linspace(10.0, 250.0, 40)] * (space.dimensions - 1) + [np.linspace(0.1, 2.9, 40)]
+    for one, other in zip(model.at(*inputs), same.at(*inputs), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_only_what_is_new_is_held() -> None:
+    before = arrays_of(model_of(ISOTROPIC, list(range(200))).contents)
+    after = arrays_of(model_of(ISOTROPIC, [*range(50), *range(51, 202)]).contents)
+    change = difference(before, after)
+    (rows,) = change["rows"]
+    assert rows["plan"] == [[0, 50], [51, 200], [-1, 2]]
+    assert {shape[0] for _, shape, _ in change["arrays"].values()} == {2}
+    assert len(msgpack.packb(change)) < 600
+    assert len(msgpack.packb(difference(after, after))) < 200
+
+
+def test_another_order_or_space_brings_all_rows() -> None:
+    before = arrays_of(model_of(ISOTROPIC, list(range(9))).contents)
+    for model in (
+        TextureModel(samples_of(ISOTROPIC, list(range(9)), order=8)),
+        model_of(ANISOTROPIC, list(range(9))),
+    ):
+        after = arrays_of(model.contents)
+        assert_same(apply(before, over_the_wire(before, after)), after)
+
+
+def test_a_change_of_another_state_is_refused() -> None:
+    before, after = (arrays_of(model_of(ISOTROPIC, list(range(n))).contents) for n in (9, 11))
+    other = arrays_of(model_of(ISOTROPIC, list(range(20, 29))).contents)
+    with pytest.raises(InputError, match="belongs to another state"):
+        apply(other, over_the_wire(before, after))
+
+
+def spoiled(change: dict[str, Any]) -> dict[str, Any]:
+    """What must be refused, by what is wrong with it."""
+    (rows,) = change["rows"]
+    kind, shape, data = change["arrays"]["variance"]
+
+    def with_plan(plan: Any) -> Any:
+        return {**change, "rows": [{**rows, "plan": plan}]}
+
+    def with_variance(*packed: Any) -> Any:
+        return {**change, "arrays": {**change["arrays"], "variance": list(packed)}}
+
+    return {
+        "nothing": {},
+        "no map": [1, 2],
+        "no digest": {**change, "digest": None},
+        "another digest": {**change, "digest": bytes(8)},
+        "rows beyond the end": with_plan([[0, 500]]),
+        "rows before the beginning": with_plan([[-5, 2]]),
+        "rows that are not there": with_plan([[-1, 500]]),
+        "a plan of text": with_plan("abc"),
+        "endless rows": with_plan([[0, 9]] * 200_000),
+        "objects": with_variance("|O", shape, data),
+        "too few bytes": with_variance(kind, shape, data[:-3]),
+        "a negative shape": with_variance(kind, [-7], data),
+        "unknown names": {**change, "rows": [{**rows, "names": ["nobody"]}]},
+    }
+
+
+@pytest.mark.parametrize("wrong", list(spoiled({"rows": [{}], "arrays": {"variance": "abc"}})))
+def test_a_malformed_change_is_refused(wrong: str) -> None:
+    before, after = (arrays_of(model_of(ISOTROPIC, list(range(n))).contents) for n in (9, 11))
+    change = spoiled(over_the_wire(before, after))[wrong]
+    with pytest.raises(InputError, match="the change of a model"):
+        apply(before, change)
+
+
+def test_a_change_leaves_the_earlier_state_as_it_was() -> None:
+    before, after = (arrays_of(model_of(ISOTROPIC, list(range(n))).contents) for n in (9, 11))
+    kept = {name: np.array(array) for name, array in before.items()}
+    apply(before, over_the_wire(before, after))
+    assert_same(before, kept)
+
+
+def test_noise_power_that_appears_and_goes() -> None:
+    with_noise = arrays_of(
+        TextureModel(replace(samples_of(ISOTROPIC, list(range(9))), noise_power=0.01)).contents
+    )
+    without = arrays_of(model_of(ISOTROPIC, list(range(9))).contents)
+    assert with_noise.keys() != without.keys()
+    for before, after in ((with_noise, without), (without, with_noise)):
+        assert_same(apply(before, over_the_wire(before, after)), after)
