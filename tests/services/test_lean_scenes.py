@@ -77,6 +77,7 @@ MODEL = {*NUMERICS, "mmt.texture.online.modeller", "mmt.texture.synthesis.synthe
 SURFACES = {"mmt.texture.surfaces"}
 WARM = {"mmt.leader.warming", "mmt.texture.library.warm_start"}
 LEVEL = {"mmt.texture.field.posterior", "mmt.texture.completion.uncertainty"}
+SHARING = {"mmt.sharing"}
 HAND = "mmt.testing.simulation.hand"
 ACTUATOR = "mmt.testing.simulation.actuator"
 RECORDER = "mmt.session.recorder"
@@ -112,6 +113,13 @@ EXPECTED: dict[str, set[str]] = {
     "follower two-surfaces": {*NETWORK, SIMULATED},
     "leader ours": {*NETWORK, *MODEL, *FILES, *WARM, *LEVEL, RECORDER, HAND, ACTUATOR},
     "follower ours": {*NETWORK, SIMULATED},
+    "leader listener": {
+        *NETWORK,
+        *MODEL - {"mmt.texture.online.modeller"},
+        *SHARING,
+        HAND,
+        ACTUATOR,
+    },
     "leader devices": {*NETWORK, ACTUATOR},
     "follower devices": {*NETWORK, DEVICE_SOURCE},
 }
@@ -127,7 +135,7 @@ FEEDBACK = {
     "mmt.contact.passivity",
     "mmt.contact.estimation",
 }
-WATCHED = {*NETWORK, *MODEL, *FILES, *SOURCES, *FEEDBACK, *SURFACES, *WARM, *LEVEL}
+WATCHED = {*NETWORK, *MODEL, *FILES, *SOURCES, *FEEDBACK, *SURFACES, *WARM, *LEVEL, *SHARING}
 WATCHED |= {RECORDER, HAND, ACTUATOR}
 NEVER = {
     "mmt.web.monitor",
@@ -222,6 +230,7 @@ def test_the_numerics_are_where_a_model_is() -> None:
     """Holds the table above: streaming and devices need neither numba nor scipy."""
     with_numerics = {name for name, expected in EXPECTED.items() if expected & NUMERICS}
     names = ("demo", "replay", "model-only", "virtual-lab", "anisotropic", "two-surfaces", "ours")
+    names += ("listener",)
     assert with_numerics == {f"leader {name}" for name in names}
 
 

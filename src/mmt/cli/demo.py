@@ -56,6 +56,7 @@ def run_demo(
     replay: Path | None = None,
     json_file: Path | None = None,
     monitor: bool = False,
+    share: bool = False,
     realtime: bool = False,
     force: bool = False,
     verbose: bool = False,
@@ -79,10 +80,16 @@ def run_demo(
     wanted = directory / "session.mcap"
     recording = wanted if force else free_path(wanted)
     overrides: dict[str, Any] = {"session.duration_s": duration_s}
-    scene = load_scene(scene_file, overrides, replay=replay, monitor=monitor)
+    scene = load_scene(scene_file, overrides, replay=replay, monitor=monitor, share=share)
     if scene.link is not None:
         scene = load_scene(
-            scene_file, overrides, replay=replay, record=recording, force=force, monitor=monitor
+            scene_file,
+            overrides,
+            replay=replay,
+            record=recording,
+            force=force,
+            monitor=monitor,
+            share=share,
         )
     if scene.numerics:
         require("numba")
@@ -177,6 +184,8 @@ class _Demo:
             self._leader_arguments += ["--port", "0"]
         if scene.monitor is not None:
             self._leader_arguments += ["--monitor"]
+        if scene.sharing is not None:
+            self._leader_arguments += ["--share"]
         if scene.recording is not None:
             self._leader_arguments += ["--record", str(scene.recording.file)]
             if scene.recording.existing == "replace":

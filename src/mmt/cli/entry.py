@@ -46,5 +46,10 @@ def follower() -> None:
     start("follower")
 
 
+def listen() -> None:
+    """Run ``mmt-listen``."""
+    start("listener")
+
+
 if __name__ == "__main__":
     start(sys.argv.pop(1))

@@ -60,6 +60,9 @@ def leader(
     monitor: Annotated[
         bool, typer.Option("--monitor", help="Serve a page that shows the run.")
     ] = False,
+    share: Annotated[
+        bool, typer.Option("--share", help="Let others feel the surface: share the model.")
+    ] = False,
     realtime: RealTime = False,
     force: Force = False,
     verbose: Verbose = False,
@@ -72,7 +75,13 @@ def leader(
         "rendering.model": str(model) if model else None,
     }
     scene = load_scene(
-        scene_file, overrides, replay=replay, record=record, force=force, monitor=monitor
+        scene_file,
+        overrides,
+        replay=replay,
+        record=record,
+        force=force,
+        monitor=monitor,
+        share=share,
     )
     if report is not None and scene.recording is None:
         raise InputError("--report needs a recording: give --record FILE or add [recording]")

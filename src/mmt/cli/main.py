@@ -89,6 +89,9 @@ def demo(
     monitor: Annotated[
         bool, typer.Option("--monitor", help="Serve a page that shows the run.")
     ] = False,
+    share: Annotated[
+        bool, typer.Option("--share", help="Let others feel the surface: share the model.")
+    ] = False,
     realtime: Annotated[
         bool, typer.Option("--realtime", help="Tick by real-time scheduling (Linux).")
     ] = False,
@@ -107,6 +110,7 @@ def demo(
         replay=replay,
         json_file=json_file,
         monitor=monitor,
+        share=share,
         realtime=realtime,
         force=force,
         verbose=verbose,
@@ -120,6 +124,10 @@ def play(
         typer.Argument(
             metavar="[MODEL]...", help="Files or names of shipped models; all shipped if absent."
         ),
+    ] = None,
+    shared: Annotated[
+        str | None,
+        typer.Option("--from", metavar="URL", help="Play the model that a leader shares there."),
     ] = None,
     results: Annotated[Path, typer.Option(help="Add the scenarios' rows to this file.")] = Path(
         "mmt-play.csv"
@@ -143,6 +151,7 @@ def play(
 
     serve(
         sources or [],
+        shared=shared,
         results=results,
         record=record,
         seed=seed,

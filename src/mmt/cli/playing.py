@@ -12,8 +12,10 @@ from mmt.link.access import Access
 from mmt.models import find_model, shipped_models
 from mmt.scene import Link
 from mmt.scene.files import table_from
+from mmt.scene.sharing_tables import Listening
 
 if TYPE_CHECKING:
+    from mmt.web.player.results import ResultsFile
     from mmt.web.player.server import PlayerServer
 
 _MCAP: Final = ".mcap"
@@ -23,6 +25,7 @@ _ALL_ADDRESSES: Final = {"", "0.0.0.0", "::"}  # noqa: S104 - compared with, not
 def play(
     sources: list[Path],
     *,
+    shared: str | None,
     results: Path,
     record: Path | None,
     seed: int,
@@ -44,12 +47,17 @@ def play(
     link = _link(host, port, token_file, certificate, key)
     if record is not None and record.suffix.lower() != _MCAP:
         raise InputError(f"--record {record}: the name of a recording must end in {_MCAP}")
+    if shared is not None and (sources or record is not None):
+        raise InputError("--from plays one shared surface: leave out models and --record")
     compile_kernels(["mmt.web.player.player"], messages.print)
     from mmt.texture.model.texture_model import TextureModel
     from mmt.web.player.player import Player
     from mmt.web.player.results import ResultsFile
     from mmt.web.player.server import PlayerServer
 
+    if shared is not None:
+        asyncio.run(_serve_shared(shared, ResultsFile(results), seed, link, everyone))
+        return
     files = [find_model(source) for source in sources] or list(shipped_models().values())
     names = [file.stem for file in files]
     repeated = sorted({name for name in names if names.count(name) > 1})
@@ -64,6 +72,28 @@ def play(
         seed=seed,
     )
     asyncio.run(_serve(PlayerServer(player, Access.of(link)), link, everyone))
+
+
+async def _serve_shared(
+    url: str, results: "ResultsFile", seed: int, link: Link, everyone: bool
+) -> None:
+    """Serve pages with the surface that a leader shares, as many as come."""
+    from mmt.web.player.following import SharedTexture
+    from mmt.web.player.player import Player
+    from mmt.web.player.server import PlayerServer
+
+    table = table_from(Listening, "listening", {"url": url, "name": "player"})
+    texture = SharedTexture(table, lambda text: messages.print(text, highlight=False))
+    following: asyncio.Task[None] | None = None
+    try:
+        model = await texture.first()
+        player = Player([texture.name], [model], results=results, seed=seed, scenarios=False)
+        following = asyncio.create_task(texture.follow(player))
+        await _serve(PlayerServer(player, Access.of(link), several=True), link, everyone)
+    finally:
+        if following is not None:
+            following.cancel()
+        await texture.close()
 
 
 async def _serve(server: "PlayerServer", link: Link, everyone: bool) -> None:

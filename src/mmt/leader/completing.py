@@ -67,7 +67,8 @@ class ModelOutput(Part):
         self._vibration: VibrationPart | None = session.find("vibration")
         self._modelling: ModelSource | None = session.find("modelling")
         self._warming: WarmingPart | None = session.find("warming")
-        self._takes_over = self.rendered is not None
+        self.takes_over = self.rendered is not None
+        """Whether the model is good enough to be rendered, whatever a person holds on to."""
         self.forced: Literal["streamed", "synthesized"] | None = None
         """Which vibration a person holds on to, None where the criterion decides."""
         if self._warming is not None:
@@ -115,7 +116,7 @@ class ModelOutput(Part):
             log.start_s = update.time_s
             self._criterion_met("start", update)
             self._record(update)
-            self._takes_over = True
+            self.takes_over = True
             self._choose()
         if update.stopped and log.stop_s is None:
             log.stop_s = update.time_s
@@ -143,7 +144,7 @@ class ModelOutput(Part):
         log.warm = None
         if self._warming is not None:
             self._warming.reset(update.changes[-1].from_sample)
-        self._takes_over = usable
+        self.takes_over = usable
         self._choose()
 
     def _render(self, model: "TextureModel", surface: int | None) -> None:
@@ -166,10 +167,21 @@ class ModelOutput(Part):
         self._render(model, log.update.surface if log.update is not None else None)
         before = log.warm.name if log.warm is not None else None
         log.warm = choice
-        self._takes_over = True
+        self.takes_over = True
         self._choose()
         if choice.name != before:
             self._event(f"nearest known texture: {choice.describe()}", **choice.as_dict())
+
+    def use_shared(self, model: "TextureModel", surface: int | None) -> None:
+        """Render a model that another leader shares; that of another surface is faded in."""
+        self._render(model, surface)
+        self.takes_over = True
+        self._choose()
+
+    def withhold(self) -> None:
+        """Render no model until there is one that is ready."""
+        self.takes_over = False
+        self._choose()
 
     def reset(self, time_s: float) -> None:
         """Forget the model at a session time, and return to streamed vibration."""
@@ -183,7 +195,7 @@ class ModelOutput(Part):
         self._recorded.clear()
         self._since_s = time_s
         self._log.update = self._log.start_s = self._log.stop_s = None
-        self._takes_over = False
+        self.takes_over = False
         self.forced = None
         self._choose()
         self._event("model reset")
@@ -215,7 +227,7 @@ class ModelOutput(Part):
     def _choose(self) -> None:
         """Let the switch play what is forced, or else what the criterion says."""
         if self._vibration is not None:
-            model = self._takes_over if self.forced is None else self.forced == "synthesized"
+            model = self.takes_over if self.forced is None else self.forced == "synthesized"
             self._vibration.switch.use_model(model)
 
     def record_last(self) -> None:

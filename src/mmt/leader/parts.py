@@ -68,6 +68,14 @@ PARTS: Final[dict[str, PartEntry]] = {
         "mmt.leader.vibration:VibrationPart", lambda scene: scene.actuator is not None
     ),
     "completing": PartEntry("mmt.leader.completing:ModelOutput", lambda _: True),
+    "listening": PartEntry(
+        "mmt.leader.listening:ListeningPart",
+        lambda scene: scene.listening is not None,
+        ("listening",),
+    ),
+    "sharing": PartEntry(
+        "mmt.leader.sharing:SharingPart", lambda scene: scene.sharing is not None, ("sharing",)
+    ),
     "metrics": PartEntry("mmt.leader.metrics:MetricsPart", lambda scene: scene.metrics is not None),
     "monitor": PartEntry(
         "mmt.leader.monitoring:MonitorPart", lambda scene: scene.monitor is not None, ("monitor",)
@@ -87,6 +95,8 @@ def numerics_of(scene: Scene) -> list[str]:
     if not scene.numerics:
         return []
     names = {"rbf"} if _has_saved_model(scene) else set()  # as in the models that are shipped
+    if scene.listening is not None:
+        names = {"delaunay", "rbf"}  # whichever the leader takes
     if scene.texture is not None:
         names.add(scene.texture.interpolator)
     entries = [entry for entry in PARTS.values() if entry.wanted(scene)]

@@ -85,7 +85,8 @@ class SynthesizingPart(Part):
             from mmt.texture.model.texture_model import TextureModel
 
             first.model = TextureModel.load(find_model(table.model))
-        if scene.texture is None or scene.texture.surfaces is None:
+        several = scene.texture is not None and scene.texture.surfaces is not None
+        if not several and scene.listening is None:
             return cls(first)
         samples = round(table.crossfade_ms * session.rate_hz / 1000)
         crossfade = ModelCrossfade(first, made(scene.session.seed + 1), crossfade_samples=samples)

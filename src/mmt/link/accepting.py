@@ -30,7 +30,7 @@ LOG: Final = logging.getLogger("mmt.link")
 HANDSHAKE_S: Final = 2.0
 """How long a connection may take for TLS and its first request, and then for what admits it."""
 MOST_STRANGERS: Final = 64
-"""Connections at once that nothing has admitted, and as many that were admitted."""
+"""Connections at once that nothing has admitted, as a rule, and as many that were admitted."""
 MOST_OF_ADDRESS: Final = 32
 """Strangers of one address: more than a browser opens, and a follower that is tried again."""
 
@@ -76,11 +76,14 @@ class Acceptor:
     ----------
     busy
         Whether a session is under way, which strangers that come in a crowd would disturb.
+    most
+        Connections at once that nothing has admitted, and as many that were admitted.
     """
 
-    def __init__(self, busy: Callable[[], bool]) -> None:
+    def __init__(self, busy: Callable[[], bool], most: int = MOST_STRANGERS) -> None:
         self._busy = busy
-        self._most = min(MOST_STRANGERS, descriptors() // 4)
+        self._most = min(most, descriptors() // 4)
+        self._most_of_address = max(MOST_OF_ADDRESS, most // 2)
         self._connections: dict[web.RequestHandler, _Connection] = {}  # the oldest first
         self._sockets: list[socket.socket] = []
         self._accepting: list[asyncio.Task[None]] = []
@@ -172,7 +175,7 @@ class Acceptor:
         """Return the stranger that makes room for one more of this address, if one must."""
         strangers = self._having(admitted=False)
         counts = Counter(stranger.address for stranger in strangers)
-        if counts[address] >= min(MOST_OF_ADDRESS, self._most):
+        if counts[address] >= min(self._most_of_address, self._most):
             busiest = address
         elif len(strangers) >= self._most:
             busiest = counts.most_common(1)[0][0]

@@ -12,10 +12,9 @@ import ssl
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol
 
 from mmt.core.errors import InputError
-from mmt.scene import Link
 
 TOKEN_VARIABLE: Final = "MMT_LINK_TOKEN"  # noqa: S105 - the variable's name
 SHORTEST_TOKEN: Final = 16
@@ -27,6 +26,26 @@ REFUSED: Final = (
 )
 
 _LONGEST_FILE: Final = 4096
+
+
+class Credentials(Protocol):
+    """The keys of a scene's table that say what is presented and required."""
+
+    @property
+    def token_file(self) -> Path | None:
+        """File of the token."""
+
+    @property
+    def certificate(self) -> Path | None:
+        """File of this side's certificate."""
+
+    @property
+    def key(self) -> Path | None:
+        """File of its private key."""
+
+    @property
+    def authority(self) -> Path | None:
+        """File of the authority that has signed the other side's."""
 
 
 @dataclass(frozen=True)
@@ -50,16 +69,21 @@ class Access:
     authority: Path | None = None
 
     @classmethod
-    def of(cls, settings: Link, environment: Mapping[str, str] = os.environ) -> "Access":
-        """Return the access that a scene's ``[link]`` and the environment configure.
+    def of(
+        cls,
+        settings: Credentials,
+        environment: Mapping[str, str] = os.environ,
+        variable: str = TOKEN_VARIABLE,
+    ) -> "Access":
+        """Return the access that a scene's table and a variable of the environment configure.
 
         Raises
         ------
         InputError
             The token is too short, or its file cannot be read.
         """
-        token = environment.get(TOKEN_VARIABLE) or None
-        origin = TOKEN_VARIABLE
+        token = environment.get(variable) or None
+        origin = variable
         if token is None and settings.token_file is not None:
             token, origin = _read_token(settings.token_file), f"the file {settings.token_file}"
         if token is not None and len(token) < SHORTEST_TOKEN:

@@ -1,4 +1,4 @@
-"""The follower's Socket.IO connection: retried until the leader answers, and after a break.
+"""A Socket.IO connection to a leader: retried until the leader answers, and after a break.
 
 The library's own reconnection ends for good at the first attempt that fails in a way it does not
 expect, as one does that times out while the leader is held up; so each attempt is made here.
@@ -50,6 +50,7 @@ class SocketClient:
         direct: Handlers,
         rate_limit: RateLimit,
         tls: ssl.SSLContext | None = None,
+        longest_message: int = MAX_MESSAGE_BYTES,
     ) -> "SocketClient":
         """Return a client that is not connected, with a handler for each event.
 
@@ -67,7 +68,7 @@ class SocketClient:
             http_session=session,
             request_timeout=CLOSE_TIMEOUT_S,
             reconnection=False,
-            websocket_extra_options={"max_msg_size": MAX_MESSAGE_BYTES},
+            websocket_extra_options={"max_msg_size": longest_message},
             logger=wire_logger(),
             engineio_logger=wire_logger(),
         )
@@ -127,10 +128,10 @@ def is_certificate_problem(problem: str) -> bool:
     return "CERTIFICATE" in problem.upper()
 
 
-def connection_advice(url: str) -> str:
-    """Return what the user should check; a follower that TLS refuses gets no answer at all."""
+def connection_advice(url: str, role: str) -> str:
+    """Return what the user should check; a client that TLS refuses gets no answer at all."""
     if url.startswith(("https:", "wss:")):
-        return "this follower's certificate, host, port and firewall"
+        return f"this {role}'s certificate, host, port and firewall"
     return "http or https, host, port and firewall"
 
 
@@ -159,6 +160,10 @@ class Connection:
         Called with the function that sends a message, whenever the link is up.
     on_broken
         Called with the reason in plain words, whenever the link breaks.
+    role, tables
+        For errors: what this side is, and where its keys are.
+    longest_message
+        Bytes of a message beyond which the connection is closed.
 
     Raises
     ------
@@ -176,6 +181,9 @@ class Connection:
         *,
         on_open: Callable[[Send], None],
         on_broken: Callable[[str], None],
+        role: str = "follower",
+        tables: str = "[link] on both",
+        longest_message: int = MAX_MESSAGE_BYTES,
     ) -> None:
         check_url(url)
         check_scheme(url, access)
@@ -185,6 +193,8 @@ class Connection:
         self._rate_limit = rate_limit
         self._on_open = on_open
         self._on_broken = on_broken
+        self._role, self._tables = role, tables
+        self._longest_message = longest_message
         self._refusal: str | None = None
         self._handlers: dict[str, Callable[..., None]] = {}
         self._frequent: Handlers = {}
@@ -223,14 +233,15 @@ class Connection:
                 raise MmtError(f"the leader at {self._url} refused: {self._refusal}")
             if is_certificate_problem(problem):
                 raise MmtError(
-                    f"the leader at {self._url} and this follower do not trust each other "
-                    f"({problem}): check certificate, key and authority of [link] on both"
+                    f"the leader at {self._url} and this {self._role} do not trust each other "
+                    f"({problem}): check certificate, key and authority of {self._tables}"
                 )
             left_s = deadline_s - loop.time()
             if left_s <= 0.0:
+                advice = connection_advice(self._url, self._role)
                 raise MmtError(
                     f"no leader answered at {self._url} within {timeout_s:g} s ({problem}): "
-                    f"start mmt-leader there, and check {connection_advice(self._url)}"
+                    f"start mmt-leader there, and check {advice}"
                 )
             await asyncio.sleep(min(pause_s, left_s))
 
@@ -269,7 +280,11 @@ class Connection:
             "disconnect": self._on_disconnect,
         }
         self.line = line = SocketClient.make(
-            {**self._handlers, **own}, self._frequent, self._rate_limit, self._tls
+            {**self._handlers, **own},
+            self._frequent,
+            self._rate_limit,
+            self._tls,
+            self._longest_message,
         )
         self._attempting = True
         try:

@@ -11,7 +11,12 @@ from aiohttp import web
 from aiohttp.typedefs import Handler, Middleware
 
 from mmt.core.errors import MmtError
-from mmt.link.accepting import Acceptor, admit_connection, watch_connections
+from mmt.link.accepting import (
+    MOST_STRANGERS,
+    Acceptor,
+    admit_connection,
+    watch_connections,
+)
 from mmt.link.access import Access, check_listening, is_address, is_loopback
 from mmt.link.protocol import MAX_MESSAGE_BYTES, PING_INTERVAL_S, PING_TIMEOUT_S
 from mmt.link.websocket import LINK_PATH, ServerSockets, wire_logger
@@ -122,6 +127,8 @@ class Listener:
         Names the settings to change, for the error when the address cannot be used.
     busy
         Whether a session is under way that crowds of strangers would disturb.
+    most
+        Connections at once; see `mmt.link.accepting.Acceptor`.
     """
 
     def __init__(
@@ -129,12 +136,13 @@ class Listener:
         application: web.Application,
         keys: str = "host and port of [link]",
         busy: Callable[[], bool] = lambda: False,
+        most: int = MOST_STRANGERS,
     ) -> None:
         self._application = application
         self._listening = ("", Access())
         application.middlewares.insert(0, own_pages_only(lambda: self._listening))
         self._keys = keys
-        self._acceptor = Acceptor(busy)
+        self._acceptor = Acceptor(busy, most)
         watch_connections(application, self._acceptor)
         self._runner: web.AppRunner | None = None
 

@@ -38,7 +38,6 @@ class Textures:
         threads: bool,
         sink: Sink | None,
     ) -> None:
-        self.models = tuple(models)
         self.output_hz = output_hz
         self.estimator = Estimator(models)
         self.output = output
@@ -70,6 +69,16 @@ class Textures:
             self._given += part
             count -= part
         return np.concatenate(blocks) if blocks else np.zeros(0)
+
+    def use(self, models: Sequence[TextureModel]) -> None:
+        """Go on with other models, as many and of the same rates as before.
+
+        Raises
+        ------
+        InputError
+            They are more or fewer.
+        """
+        self.estimator.use(models)
 
     @property
     def running(self) -> bool:

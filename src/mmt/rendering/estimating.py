@@ -45,6 +45,18 @@ class Estimator:
         self.newest: Estimate | None = None
         """None before the first touch, and where nothing is touched."""
 
+    def use(self, models: Sequence[TextureModel]) -> None:
+        """Go on with other models, as many as before.
+
+        Raises
+        ------
+        InputError
+            They are more or fewer.
+        """
+        if len(models) != len(self._models):
+            raise InputError(f"{len(models)} models in place of {len(self._models)}")
+        self._models = tuple(models)
+
     def touch(self, touch: Touch | None) -> None:
         """Take note of what the hand does now; None where it touches nothing.
 

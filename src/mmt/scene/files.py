@@ -28,10 +28,11 @@ _READ: Final = (
     ("rendering", "model"),
     ("rendering", "library"),
     ("replay", "file"),
-    ("link", "token_file"),
-    ("link", "certificate"),
-    ("link", "key"),
-    ("link", "authority"),
+    *(
+        (table, key)
+        for table in ("link", "sharing", "listening")
+        for key in ("token_file", "certificate", "key", "authority")
+    ),
 )
 """Keys that name files which a scene reads."""
 
@@ -44,6 +45,7 @@ def load_scene(
     record: str | Path | None = None,
     force: bool = False,
     monitor: bool = False,
+    share: bool = False,
 ) -> Scene:
     """Read and validate a scene; the environment, then `overrides`, take precedence.
 
@@ -65,6 +67,8 @@ def load_scene(
         Whether a recording may replace a file that exists.
     monitor
         Whether the leader serves its monitor, also where the scene has none.
+    share
+        Whether the leader shares its model, also where the scene does not say so.
 
     Raises
     ------
@@ -83,17 +87,10 @@ def load_scene(
         raise InputError(
             f"scene {path}: it is nested too deep; a scene is tables of keys"
         ) from error
-    if replay is not None:
-        for name in ("simulated", "devices", "hand", "handle", "force_feedback"):
-            tables.pop(name, None)
-        table = tables.get("replay")
-        tables["replay"] = {**(table if isinstance(table, dict) else {}), "file": str(replay)}
-    if record is not None:
-        table = tables.setdefault("recording", {"channels": "needed"})
-        if isinstance(table, dict):
-            table["file"], table["existing"] = str(record), "refuse"
-    if monitor:
-        tables.setdefault("monitor", {})
+    _change_parts(tables, replay, record)
+    for name, wanted in (("monitor", monitor), ("sharing", share)):
+        if wanted:
+            tables.setdefault(name, {})
     _look_beside(path, tables)
     flags = {key: value for key, value in (overrides or {}).items() if value is not None}
     variables = environment_overrides(os.environ)
@@ -109,6 +106,21 @@ def load_scene(
         added = {key for key in variables if key not in flags}
         origin = _origin(problems, str(path), tables, added)
         raise InputError(f"{origin}: {explain_problems(problems, Scene)}") from problems
+
+
+def _change_parts(
+    tables: dict[str, Any], replay: str | Path | None, record: str | Path | None
+) -> None:
+    """Put a recording in the follower's place, and say where to record."""
+    if replay is not None:
+        for name in ("simulated", "devices", "hand", "handle", "force_feedback"):
+            tables.pop(name, None)
+        table = tables.get("replay")
+        tables["replay"] = {**(table if isinstance(table, dict) else {}), "file": str(replay)}
+    if record is not None:
+        table = tables.setdefault("recording", {"channels": "needed"})
+        if isinstance(table, dict):
+            table["file"], table["existing"] = str(record), "refuse"
 
 
 def _origin(error: ValidationError, path: str, tables: Mapping[str, Any], keys: set[str]) -> str:

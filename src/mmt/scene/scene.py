@@ -17,6 +17,7 @@ from mmt.scene.motion_limits import MotionLimits
 from mmt.scene.network_table import Network
 from mmt.scene.recording_tables import Recording, Replay
 from mmt.scene.rendering_tables import Playout, Rendering
+from mmt.scene.sharing_tables import Listening, Sharing
 from mmt.scene.simulated_tables import Hand, Simulated
 from mmt.scene.table import Part, Service, Table
 from mmt.scene.texture_table import Texture
@@ -50,6 +51,8 @@ class Scene(Table):
     recording: Recording | None = None
     metrics: Metrics | None = None
     monitor: Monitor | None = None
+    sharing: Sharing | None = None
+    listening: Listening | None = None
 
     @model_validator(mode="after")
     def _combinations(self) -> Self:
@@ -151,7 +154,12 @@ Rules = list[tuple[bool, str]]
 
 
 def _impossible(scene: Scene) -> list[str]:
-    rules = [*_source_rules(scene), *_interface_rules(scene), *_rendering_rules(scene)]
+    rules = [
+        *_source_rules(scene),
+        *_interface_rules(scene),
+        *_rendering_rules(scene),
+        *_sharing_rules(scene),
+    ]
     return [problem for holds, problem in rules if holds]
 
 
@@ -214,7 +222,7 @@ def _rendering_rules(scene: Scene) -> Rules:
         return []
     return [
         (
-            rendering.model is None and scene.texture is None,
+            rendering.model is None and scene.texture is None and scene.listening is None,
             "[rendering] needs a model: add [texture], or name a saved one with its key 'model'",
         ),
         (
@@ -239,5 +247,28 @@ def _rendering_rules(scene: Scene) -> Rules:
         (
             scene.link is None and not scene.commands,
             "[rendering] needs a hand's speed and force: add [hand], [handle] or [link]",
+        ),
+    ]
+
+
+def _sharing_rules(scene: Scene) -> Rules:
+    saved = scene.rendering is not None and scene.rendering.model is not None
+    return [
+        (
+            scene.sharing is not None and scene.texture is None and not saved,
+            "[sharing] has no model to share: add [texture], or [rendering] with a saved model",
+        ),
+        (
+            scene.listening is not None and scene.rendering is None,
+            "[listening] renders a shared model: add [rendering] and [actuator]",
+        ),
+        (
+            scene.listening is not None and (scene.link is not None or saved),
+            "[listening] takes its model from another leader: leave out [link], [texture] and "
+            "'model' of [rendering]",
+        ),
+        (
+            scene.listening is not None and not scene.commands,
+            "[listening] is felt by a hand: add [hand] or [handle]",
         ),
     ]

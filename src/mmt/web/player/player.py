@@ -42,6 +42,8 @@ class Player:
         Whether these files are replaced where they exist.
     seed
         Seed of the scenarios' orders and of the excitation.
+    scenarios
+        Whether scenarios may be begun.
 
     Raises
     ------
@@ -58,25 +60,32 @@ class Player:
         record: str | Path | None = None,
         replace: bool = False,
         seed: int = 0,
+        scenarios: bool = True,
     ) -> None:
         if not 1 <= len(models) <= MOST_TILES:
             raise InputError(f"{len(models)} textures: allowed are 1 to {MOST_TILES}")
         self.names = tuple(names)
         self.models = tuple(models)
         self.seed = seed
+        self._scenarios = scenarios
         self.study: Study | None = None
         self.results = results
         self._recorder = None
         if record is not None:
             rate_hz = max(model.rate_hz for model in models)
             self._recorder = TouchRecorder(record, names, models, rate_hz, replace=replace)
-        self._pictures = np.stack([picture(model, number) for number, model in enumerate(models)])
+        self._pictures = _pictures(models)
 
     def close(self) -> list[tuple[Path, float]]:
         """End the scenario and the recordings; return each recording with its seconds."""
         recorded = [] if self._recorder is None else self._recorder.close()
         self.leave()
         return recorded
+
+    def use(self, models: Sequence[TextureModel]) -> None:
+        """Go on with other models of the same textures."""
+        self.models = tuple(models)
+        self._pictures = _pictures(models)
 
     def hello(self) -> bytes:
         """Return the first message to a page: the textures with their pictures."""
@@ -121,6 +130,8 @@ class Player:
         MmtError
             The results cannot be written.
         """
+        if not self._scenarios:
+            raise InputError("this page plays a shared surface: it has no scenarios")
         if scenario not in SCENARIOS:
             raise InputError(f"scenario {scenario}: allowed are {', '.join(SCENARIOS)}")
         self.leave()
@@ -133,6 +144,11 @@ class Player:
         if study is not None:
             study.leave()
         return "all textures may be felt"
+
+
+def _pictures(models: Sequence[TextureModel]) -> FloatArray:
+    """Return the relief of each, shape (n, 96, 96)."""
+    return np.stack([picture(model, number) for number, model in enumerate(models)])
 
 
 def picture(model: TextureModel, seed: int = 0) -> FloatArray:

@@ -42,10 +42,15 @@ class PlayerServer:
         The textures and the scenarios.
     access
         What is required of a page that connects.
+    several
+        Whether several pages may play at once; otherwise the newest one does.
     """
 
-    def __init__(self, player: Player, access: Access | None = None) -> None:
+    def __init__(
+        self, player: Player, access: Access | None = None, *, several: bool = False
+    ) -> None:
         self.player = player
+        self._several = several
         self._access = access or Access()
         self._connection: PageConnection | None = None
         application = web.Application()
@@ -97,7 +102,7 @@ class PlayerServer:
             return socket
         connection, earlier = PageConnection(self.player, socket), self._connection
         self._connection = connection
-        if earlier is not None:
+        if earlier is not None and not self._several:
             await earlier.socket.close(code=TAKEN_OVER, message=b"another page plays now")
         try:
             await connection.serve()
@@ -122,6 +127,7 @@ class PageConnection:
         self._player = player
         self.socket = socket
         self._stream: Stream | None = None
+        self._models = player.models
         self._motion = PointerMotion()
         self._orders: set[asyncio.Task[None]] = set()
         self._order_lock = asyncio.Lock()
@@ -171,7 +177,8 @@ class PageConnection:
 
     async def _open(self, rate_hz: int) -> None:
         """Begin the sound, or begin it anew."""
-        stream = Stream(self._player.models, rate_hz, seed=self._player.seed)
+        self._models = self._player.models
+        stream = Stream(self._models, rate_hz, seed=self._player.seed)
         if self._stream is not None:
             self._stream.close()
         self._stream = stream
@@ -184,6 +191,9 @@ class PageConnection:
         stream, motion, player = self._stream, self._motion, self._player
         if stream is None:
             raise InputError("open the sound first")
+        if self._models is not player.models:
+            self._models = player.models
+            stream.use(self._models)
         tile = request.tile
         if tile is None:
             motion.lift()

@@ -111,6 +111,10 @@ class Stream:
         self._credit -= count
         return Block(sound, vibration)
 
+    def use(self, models: Sequence[TextureModel]) -> None:
+        """Go on with other models, as many and of the same rates as before."""
+        self._textures.use(models)
+
     def close(self) -> None:
         """End rendering."""
         close(self._textures)

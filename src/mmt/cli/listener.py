@@ -1,0 +1,58 @@
+"""``mmt-listen``: another hand on the same surface."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mmt.cli.common import run_app
+from mmt.cli.leader import LeaderRun
+from mmt.cli.service import (
+    JsonFile,
+    JsonLines,
+    LogFile,
+    LogLevel,
+    RealTime,
+    ServiceOptions,
+    Verbose,
+    Version,
+)
+from mmt.core.errors import InputError
+from mmt.scene.files import load_scene
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def listen(
+    url: Annotated[str, typer.Argument(help="Where the leader shares its model.")],
+    scene_file: Annotated[
+        Path,
+        typer.Argument(metavar="SCENE", help="This side's hand and actuator: a TOML file."),
+    ] = Path("listener"),
+    name: Annotated[str | None, typer.Option(help="What the leader calls this listener.")] = None,
+    duration: Annotated[float | None, typer.Option(help="Seconds to listen.")] = None,
+    json_file: JsonFile = None,
+    json_lines: JsonLines = False,
+    log: LogFile = None,
+    log_level: LogLevel = None,
+    realtime: RealTime = False,
+    verbose: Verbose = False,
+    _: Version = False,
+) -> None:
+    """Feel the surface that a leader shares: its model, rendered here from this hand's motion."""
+    overrides = {"listening.url": url, "listening.name": name, "session.duration_s": duration}
+    scene = load_scene(scene_file, overrides)
+    if scene.link is not None:
+        raise InputError("a listener has no follower: leave [link] out of the scene")
+    options = ServiceOptions(json_file, json_lines, log, log_level, realtime, verbose)
+    LeaderRun(scene, options, None).run()
+
+
+def run() -> None:
+    """Run ``mmt-listen``."""
+    run_app(app, "mmt-listen")
+
+
+if __name__ == "__main__":
+    run()

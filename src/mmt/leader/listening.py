@@ -1,0 +1,116 @@
+"""The part that renders the model which another machine's leader shares."""
+
+import asyncio
+from collections.abc import Coroutine
+from typing import TYPE_CHECKING, Any
+
+from mmt.core.errors import InputError
+from mmt.leader.part import Part, Session
+from mmt.scene.sharing_tables import Listening
+from mmt.sharing.client import ListenerClient
+
+if TYPE_CHECKING:
+    from mmt.leader.completing import ModelOutput
+
+
+class ListeningPart(Part):
+    """Keep a copy of the shared model, and put each new state of it to use.
+
+    Parameters
+    ----------
+    session
+        Session of the run.
+    table
+        The scene's ``[listening]``.
+
+    Raises
+    ------
+    InputError
+        The URL, the token or a certificate cannot be used.
+    """
+
+    def __init__(self, session: Session, table: Listening) -> None:
+        self._session = session
+        self._news = asyncio.Event()
+        self._surface: int | None = None
+        self.client = ListenerClient(table, on_model=self._news.set, on_event=session.journal.event)
+        self.first_s: float | None = None
+        """Seconds from the start to the first model that was ready."""
+
+    @classmethod
+    def build(cls, session: Session) -> "ListeningPart | None":
+        """Return the part.
+
+        Raises
+        ------
+        InputError
+            The URL, the token or a certificate cannot be used.
+        """
+        table = session.scene.listening
+        return None if table is None else cls(session, table)
+
+    def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
+        """Return the task that listens."""
+        return {"listening": self._run()}
+
+    async def stop(self) -> None:
+        """Leave."""
+        await self.client.close()
+
+    def faults(self) -> list[str]:
+        """Return that the leader is not there."""
+        return [] if self.client.connected else ["the leader that shares the model is not there"]
+
+    def status(self) -> dict[str, Any]:
+        """Return what is known of the model."""
+        about = self.client.replica.about
+        return {} if about is None else {"samples": about.samples, "completion": about.completion}
+
+    def summary(self, duration_s: float) -> dict[str, Any]:
+        """Return what came."""
+        _ = duration_s
+        client = self.client
+        return {
+            "listening": {
+                "session_id": client.session.get("session_id"),
+                "number": client.replica.number,
+                "whole_models": client.wholes,
+                "changes": client.changes,
+                "states": client.states,
+                "rejected": client.rejected,
+                "first_model_s": self.first_s,
+            }
+        }
+
+    async def _run(self) -> None:
+        """Connect, and build what comes in a worker thread, until cancelled.
+
+        Raises
+        ------
+        MmtError
+            Nobody shares a model there, or the listener was refused.
+        """
+        loop = asyncio.get_running_loop()
+        begun_s = loop.time()
+        await self.client.connect()
+        output: ModelOutput = self._session.find("completing")
+        while True:
+            await self._news.wait()
+            self._news.clear()
+            about = self.client.replica.about
+            if about is None:
+                continue
+            if not about.ready:
+                output.withhold()
+                continue
+            try:
+                model = await asyncio.to_thread(self.client.replica.build)
+            except InputError as error:
+                self._session.journal.event(f"the shared model cannot be rendered: {error}")
+                continue
+            output.use_shared(model, about.surface)
+            if self.first_s is None:
+                self.first_s = round(loop.time() - begun_s, 3)
+                self._session.journal.event(
+                    f"rendering the shared model, {about.samples} samples, after {self.first_s} s"
+                )

@@ -1,0 +1,208 @@
+"""The part that shares the model: it hands what is new to a process that serves listeners."""
+
+import asyncio
+import json
+import sys
+from collections.abc import Coroutine
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Final
+
+import msgpack
+import numpy as np
+
+from mmt.core.errors import MmtError
+from mmt.leader.part import Part, Session, Tick
+from mmt.link.protocol import encode_event
+from mmt.scene.sharing_tables import Sharing
+from mmt.sharing.messages import STATE, STATE_DTYPE, About
+from mmt.sharing.publishing import ModelPublisher
+
+if TYPE_CHECKING:
+    from mmt.leader.completing import ModelOutput
+    from mmt.texture.model.texture_model import TextureModel
+
+_PERIOD_S: Final = 0.05
+_MOST_WAITING: Final = 1 << 20
+"""Bytes that may wait for the process; beyond, newer ones are kept back until it reads on."""
+_LEAVE_S: Final = 3.0
+"""How long the process may take to say goodbye to all listeners."""
+
+
+class SharingPart(Part):
+    """Keep what listeners are to have, and hand it on twenty times a second.
+
+    Parameters
+    ----------
+    session
+        Session of the run.
+    table
+        The scene's ``[sharing]``.
+    """
+
+    def __init__(self, session: Session, table: Sharing) -> None:
+        self._session = session
+        self._table = table
+        self._publisher = ModelPublisher()
+        self._shared: tuple[TextureModel, About] | None = None
+        self._state: Tick | None = None
+        self._motion = session.find("motion")
+        self._completing: ModelOutput = session.find("completing")
+        self._process: asyncio.subprocess.Process | None = None
+        self.models = self.states = 0
+        """Messages handed on."""
+        self.listeners = 0
+        self.port: int | None = None
+        """The port that listeners connect to, None before there is one."""
+
+    @classmethod
+    def build(cls, session: Session) -> "SharingPart | None":
+        """Return the part."""
+        table = session.scene.sharing
+        return None if table is None else cls(session, table)
+
+    def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
+        """Return the task that hands on what is new."""
+        return {"sharing": self._run()}
+
+    def tick(self, tick: Tick) -> None:
+        """Keep the hand's state."""
+        self._state = tick
+
+    async def stop(self) -> None:
+        """Let the listeners have the end of the session."""
+        process = self._process
+        if process is None or process.stdin is None:
+            return
+        self._write({"end": self._session.ending.outcome})
+        process.stdin.close()
+        try:
+            async with asyncio.timeout(_LEAVE_S):
+                await process.wait()
+        except TimeoutError:
+            process.kill()
+
+    def status(self) -> dict[str, Any]:
+        """Return how many are listening."""
+        return {"listeners": self.listeners}
+
+    def summary(self, duration_s: float) -> dict[str, Any]:
+        """Return what was shared."""
+        _ = duration_s
+        return {"sharing": {"models": self.models, "states": self.states, "port": self.port}}
+
+    async def _run(self) -> None:
+        """Start the process and hand on what is new, until cancelled.
+
+        Raises
+        ------
+        MmtError
+            The process cannot listen, or has ended.
+        """
+        table = self._table
+        given = {
+            "sharing": table.model_dump(mode="json"),
+            "welcome": {
+                "session_id": self._session.log.session_id,
+                "name": self._session.scene.session.name,
+                "rate_hz": self._session.scene.session.rate_hz,
+            },
+        }
+        process = self._process = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-m", "mmt.sharing.process", json.dumps(given)),
+            stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE,
+            start_new_session=sys.platform != "win32",
+        )
+        reading = asyncio.create_task(self._read(process))
+        try:
+            while not reading.done():
+                await asyncio.sleep(_PERIOD_S)
+                if self.port is not None and not self._congested:
+                    await self._hand_on()
+            reading.result()
+        finally:
+            reading.cancel()
+        raise MmtError("the process that shares the model has ended")
+
+    async def _read(self, process: asyncio.subprocess.Process) -> None:
+        """Take what the process says, until it ends.
+
+        Raises
+        ------
+        MmtError
+            It cannot listen.
+        """
+        assert process.stdout is not None  # noqa: S101 - it was asked for
+        async for raw in process.stdout:
+            line = json.loads(raw)
+            if "problem" in line:
+                raise MmtError(f"the model cannot be shared: {line['problem']}")
+            if "port" in line:
+                self.port = line["port"]
+                self._session.journal.event(f"shared at {self._table.url(line['port'])}")
+            else:
+                self.listeners = line["listening"]
+                self._session.journal.event(line["event"], listeners=self.listeners)
+
+    async def _hand_on(self) -> None:
+        state = self._packed_state()
+        if state is not None:
+            self._write({"state": encode_event(STATE, state)})
+            self.states += 1
+        now = self._now()
+        if now is None or now == self._shared:
+            return
+        self._shared = now
+        published = await asyncio.to_thread(self._publisher.publish, *now)
+        self._write({"model": list(published)})
+        self.models += 1
+
+    def _now(self) -> "tuple[TextureModel, About] | None":
+        """Return the model that is rendered or grows, and what is to be said of it."""
+        log, completing = self._session.log, self._completing
+        update = log.update
+        rendered = completing.rendered if completing.takes_over else None
+        model = rendered
+        if model is None and update is not None:
+            model = update.model
+        if model is None:
+            if self._shared is None:
+                return None
+            model, about = self._shared  # it was reset
+            return model, replace(about, ready=False)
+        return model, About(
+            session_id=log.session_id,
+            time_s=0.0 if update is None else update.time_s,
+            ready=completing.takes_over or log.start_s is not None,
+            surface=None if update is None else update.surface,
+            samples=len(model.samples),
+            completion="" if update is None else str(update.progress),
+            complete=log.stop_s is not None or self._session.find("modelling") is None,
+        )
+
+    def _packed_state(self) -> bytes | None:
+        """Return where the tool is, None before it is known."""
+        state = None if self._state is None else self._state.state
+        if state is None:
+            return None
+        record = np.zeros(1, STATE_DTYPE)
+        record[0] = (
+            self._session.time_s(),
+            state.position_mm,
+            state.velocity_mm_s,
+            state.force_n,
+            state.contact,
+        )
+        return record.tobytes()
+
+    @property
+    def _congested(self) -> bool:
+        process = self._process
+        if process is None or process.stdin is None:
+            return True
+        return process.stdin.transport.get_write_buffer_size() > _MOST_WAITING
+
+    def _write(self, message: dict[str, Any]) -> None:
+        process = self._process
+        if process is not None and process.stdin is not None and not process.stdin.is_closing():
+            process.stdin.write(msgpack.packb(message))

@@ -1,0 +1,153 @@
+"""Messages from whoever shares a model to its listeners; ``docs/reference/sharing.md``.
+
+All are Socket.IO events of the link's namespace and serializer. A model has a number, which grows
+by one with each of its changes. A listener gets the whole of it first, and then what has changed
+since the number that it has; where it lacks one in between it gets the whole again.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Final, Self
+
+import numpy as np
+
+from mmt.core.errors import InputError
+from mmt.core.printable import printable
+from mmt.link.protocol import encode_event
+
+SHARING_VERSION: Final = 1
+
+TOKEN_VARIABLE: Final = "MMT_SHARING_TOKEN"  # noqa: S105 - the variable's name
+
+WELCOME: Final = "welcome"
+"""To a listener, once: ``{"sharing": int, "session_id": str, "name": str, "rate_hz": int}``."""
+MODEL: Final = "model"
+"""To a listener: the model as it is, a map of ``number``, `About`, and ``file``, a model file."""
+CHANGE: Final = "change"
+"""To a listener: a map of ``number``, ``since``, `About`, and `mmt.texture.model.difference`."""
+STATE: Final = "state"
+"""To a listener, 20 times a second: where the tool is, `STATE_DTYPE`."""
+END: Final = "end"
+"""To a listener: ``{"outcome": str}``; the session is over."""
+AGAIN: Final = "again"
+"""From a listener, after `WELCOME` and wherever it lacks a change: send the whole model."""
+
+LONGEST_NAME: Final = 64
+LONGEST_MESSAGE: Final = 4 << 20
+"""Most bytes of a message to a listener; a model of a thousand samples has some 200,000."""
+
+STATE_DTYPE: Final = np.dtype(
+    [
+        ("time_s", "<f8"),
+        ("position_mm", "<f4", 3),
+        ("velocity_mm_s", "<f4", 3),
+        ("force_n", "<f4"),
+        ("contact", "u1"),
+    ]
+)
+"""The hand that strokes, 37 bytes: session time, position, velocity, normal force, contact."""
+
+
+@dataclass(frozen=True)
+class Hello:
+    """What a listener says of itself as it connects.
+
+    Attributes
+    ----------
+    name
+        What a person calls it, at most 64 characters; may be empty.
+    """
+
+    name: str = ""
+
+    def as_auth(self) -> dict[str, Any]:
+        """Return the ``auth`` of its connection, without a token."""
+        return {"sharing": SHARING_VERSION, "role": "listener", "name": self.name}
+
+    @classmethod
+    def from_auth(cls, auth: object) -> Self:
+        """Return what a connecting listener says, which is not trusted.
+
+        Raises
+        ------
+        InputError
+            It is none of this version; the message is for its user.
+        """
+        if not isinstance(auth, dict) or auth.get("role") != "listener":
+            raise InputError('this port is for listeners: the role must be "listener"')
+        if auth.get("sharing") != SHARING_VERSION:
+            raise InputError(
+                f"the listener has version {printable(str(auth.get('sharing'))[:20])} of sharing, "
+                f"this leader {SHARING_VERSION}: use the same release of mmt on both"
+            )
+        name = auth.get("name", "")
+        return cls(printable(name[:LONGEST_NAME]) if isinstance(name, str) else "")
+
+
+@dataclass(frozen=True)
+class About:
+    """What is said of a model beside its arrays.
+
+    Attributes
+    ----------
+    session_id
+        Of the session that it is of.
+    time_s
+        Session time of its newest frame.
+    ready
+        Whether it is good enough to render from.
+    surface
+        Number of the surface that it is of, None where surfaces are not told apart.
+    samples
+        Number of its samples.
+    completion
+        What the criterion says of it, in words.
+    complete
+        Whether it will grow no more.
+    """
+
+    session_id: str
+    time_s: float
+    ready: bool
+    surface: int | None
+    samples: int
+    completion: str
+    complete: bool
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as a map for the wire."""
+        return dict(vars(self))
+
+    @classmethod
+    def from_message(cls, message: Any) -> Self:
+        """Return what a message says, which is not trusted.
+
+        Raises
+        ------
+        InputError
+            It is malformed.
+        """
+        try:
+            surface = message["surface"]
+            return cls(
+                session_id=printable(str(message["session_id"])[:LONGEST_NAME]),
+                time_s=float(message["time_s"]),
+                ready=message["ready"] is True,
+                surface=None if surface is None else int(surface),
+                samples=int(message["samples"]),
+                completion=printable(str(message["completion"])[:256]),
+                complete=message["complete"] is True,
+            )
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
+            raise InputError(f"the model's message is malformed: {error}") from error
+
+
+def encode_model(number: int, about: About, file: bytes) -> bytes:
+    """Return the message of a whole model."""
+    return encode_event(MODEL, {"number": number, **about.as_dict(), "file": file})
+
+
+def encode_change(number: int, about: About, change: dict[str, Any]) -> bytes:
+    """Return the message that leads from a model's last number to this one."""
+    return encode_event(
+        CHANGE, {"number": number, "since": number - 1, **about.as_dict(), **change}
+    )

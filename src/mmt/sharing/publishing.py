@@ -1,0 +1,39 @@
+"""A model as its leader publishes it: numbered, whole and as what has changed."""
+
+from typing import Any, NamedTuple
+
+from mmt.sharing.messages import About, encode_change, encode_model
+from mmt.texture.model.difference import difference
+from mmt.texture.model.file import arrays_of
+from mmt.texture.model.texture_model import TextureModel
+
+
+class Published(NamedTuple):
+    """One state of a model for the wire: its number, and either way to bring it over."""
+
+    number: int
+    whole: bytes
+    change: bytes | None
+    """From the number before; None for the first one."""
+
+
+class ModelPublisher:
+    """Make the messages of each new state of a model.
+
+    Cost: some 5 ms for 200 samples, most of it for the compression of the whole; to be called in
+    a worker thread.
+    """
+
+    def __init__(self) -> None:
+        self._number = 0
+        self._arrays: dict[str, Any] = {}
+
+    def publish(self, model: TextureModel, about: About) -> Published:
+        """Return the messages of a model's new state."""
+        before, after = self._arrays, arrays_of(model.contents)
+        self._arrays = after
+        self._number += 1
+        change = None
+        if before:
+            change = encode_change(self._number, about, difference(before, after))
+        return Published(self._number, encode_model(self._number, about, model.to_bytes()), change)

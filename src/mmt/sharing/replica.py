@@ -1,0 +1,75 @@
+"""A listener's copy of a shared model, kept up to date by messages that are not trusted."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from mmt.core.errors import InputError
+from mmt.sharing.messages import About
+from mmt.texture.model.difference import apply
+from mmt.texture.model.file import contents_of, file_arrays
+from mmt.texture.model.texture_model import TextureModel
+
+
+class ModelReplica:
+    """The newest state of a shared model that has arrived.
+
+    Attributes
+    ----------
+    number
+        Its number, 0 before the first.
+    about
+        What was said of it, None before the first.
+    """
+
+    def __init__(self) -> None:
+        self.number = 0
+        self.about: About | None = None
+        self._arrays: dict[str, Any] = {}
+
+    def take_whole(self, message: object) -> None:
+        """Take a whole model.
+
+        Raises
+        ------
+        InputError
+            The message is malformed; the replica stays what it was.
+        """
+        number, about = _number(message), About.from_message(message)
+        file = message["file"] if isinstance(message, Mapping) else None
+        if not isinstance(file, bytes):
+            raise InputError("the model's message has no file")
+        self._arrays = file_arrays(file)
+        self.number, self.about = number, about
+
+    def take_change(self, message: object) -> None:
+        """Take what has changed since the state that is here.
+
+        Raises
+        ------
+        InputError
+            It is malformed, or begins at another state; the replica stays what it was, and the
+            whole model must be asked for.
+        """
+        number, about = _number(message), About.from_message(message)
+        since = message.get("since") if isinstance(message, Mapping) else None
+        if since != self.number or not self.number:
+            raise InputError(f"a change since number {since} came to number {self.number}")
+        self._arrays = apply(self._arrays, message)
+        self.number, self.about = number, about
+
+    def build(self) -> TextureModel:
+        """Return the model; some 30 ms, from any thread.
+
+        Raises
+        ------
+        InputError
+            The arrays are no model.
+        """
+        return TextureModel.from_contents(contents_of(self._arrays))
+
+
+def _number(message: object) -> int:
+    number = message.get("number") if isinstance(message, Mapping) else None
+    if not isinstance(number, int) or isinstance(number, bool) or number < 1:
+        raise InputError("the model's message has no number")
+    return number

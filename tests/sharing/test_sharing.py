@@ -1,0 +1,198 @@
+"""A shared model: what listeners get, when they are slow, late, strangers or many."""
+
+import asyncio
+from contextlib import suppress
+
+import numpy as np
+import pytest
+import socketio
+from sharing_samples import LONGEST_S, about, listening, model_of, shared, until
+
+from mmt.core.errors import InputError, MmtError
+from mmt.link.protocol import encode_event
+from mmt.sharing import relay as relay_module
+from mmt.sharing.messages import SHARING_VERSION, STATE, STATE_DTYPE
+from mmt.sharing.publishing import ModelPublisher
+from mmt.sharing.relay import Listener, Relay
+from mmt.texture.synthesis.synthesizer import Synthesizer
+
+TOKEN = "0123456789abcdef0123"
+
+
+def rendered(model: object) -> np.ndarray:
+    synthesizer = Synthesizer(seed=7)
+    synthesizer.model = model  # type: ignore[assignment]
+    return synthesizer.render(np.linspace(5.0, 250.0, 500), np.linspace(0.2, 2.8, 500))
+
+
+async def test_a_listener_renders_each_state_of_the_model_to_the_bit() -> None:
+    async with shared() as sharing, listening(sharing.url, name="ann") as heard:
+        for count in (10, 11, 14):
+            sharing.publish(count)
+            await until(lambda count=count: heard.client.replica.about == about(count))
+            same = rendered(heard.client.replica.build())
+            np.testing.assert_array_equal(same, rendered(model_of(count)))
+        assert heard.models == [1, 2, 3]
+        assert (heard.client.wholes, heard.client.changes) == (1, 2)
+        assert heard.client.session == {"session_id": "abc", "name": "a table"}
+    assert sharing.said == ["listener ann joined, 1 listening", "listener ann left, 0 listening"]
+
+
+async def test_who_joins_late_gets_the_whole_and_then_what_changes() -> None:
+    async with shared() as sharing:
+        for count in (10, 11, 12):
+            sharing.publish(count)
+        async with listening(sharing.url) as heard:
+            await until(lambda: heard.models)
+            sharing.publish(13)
+            await until(lambda: len(heard.models) == 2)
+            assert heard.models == [3, 4]
+            assert (heard.client.wholes, heard.client.changes) == (1, 1)
+
+
+async def test_a_listener_that_lacks_a_change_asks_for_the_whole() -> None:
+    async with shared() as sharing, listening(sharing.url) as heard:
+        sharing.publish(10)
+        await until(lambda: heard.models == [1])
+        heard.client.replica.number = 7  # as if it had come from another state
+        sharing.publish(11)
+        await until(lambda: heard.models == [1, 2])
+        assert (heard.client.wholes, heard.client.rejected) == (2, 1)
+        np.testing.assert_array_equal(
+            rendered(heard.client.replica.build()), rendered(model_of(11))
+        )
+
+
+async def test_states_of_the_hand_arrive() -> None:
+    async with shared() as sharing, listening(sharing.url) as heard:
+        state = np.zeros(1, STATE_DTYPE)
+        for time_s in (0.5, 0.55):
+            state["time_s"] = time_s
+            sharing.relay.offer_state(encode_event(STATE, state.tobytes()))
+            await until(lambda time_s=time_s: time_s in heard.states)
+        sharing.relay.offer_state(encode_event(STATE, b"short"))
+        await until(lambda: heard.client.rejected == 1)
+
+
+async def test_the_end_is_told() -> None:
+    async with shared() as sharing, listening(sharing.url) as heard:
+        await until(lambda: heard.client.session)
+        sharing.relay.finish("completed")
+        await until(lambda: "the shared session has ended: completed" in heard.said)
+
+
+def test_a_slow_listener_gets_what_is_newest_and_nothing_waits_for_it() -> None:
+    relay, publisher = Relay(), ModelPublisher()
+    listener = Listener(relay)
+    relay.listeners["one"] = listener
+    messages = [publisher.publish(model_of(count), about(count)) for count in (10, 11, 12, 13)]
+    relay.offer_model(*messages[0])
+    assert listener.next() == messages[0].whole
+    assert listener.next() is None
+    relay.offer_model(*messages[1])
+    assert listener.next() == messages[1].change
+    for message in messages[2:]:  # two of them while it could take none
+        relay.offer_model(*message)
+    for number in range(50):
+        relay.offer_state(b"%d" % number)
+    assert listener.next() == messages[3].whole
+    assert listener.next() == b"49"
+    assert listener.next() is None
+
+
+async def test_a_listener_that_takes_nothing_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(relay_module, "STALLED_S", 0.05)
+    relay = Relay()
+    listener = Listener(relay)
+
+    async def stall(_: bytes) -> None:
+        await asyncio.sleep(60.0)
+
+    relay.offer_state(b"a state")
+    with pytest.raises(TimeoutError):
+        await listener.serve(stall)
+
+
+@pytest.mark.parametrize("given", [None, "", "another0123456789abcd"])
+async def test_without_the_token_nobody_listens(
+    monkeypatch: pytest.MonkeyPatch, given: str | None
+) -> None:
+    monkeypatch.setenv("MMT_SHARING_TOKEN", TOKEN)
+    async with shared() as sharing:
+        monkeypatch.setenv("MMT_SHARING_TOKEN", given or "")
+        with pytest.raises(MmtError, match="give the listener the leader's token"):
+            async with listening(sharing.url):
+                pass
+        monkeypatch.setenv("MMT_SHARING_TOKEN", TOKEN)
+        sharing.publish(10)
+        async with listening(sharing.url) as heard:
+            await until(lambda: heard.models)
+    assert len(sharing.said) == 2
+
+
+async def test_no_more_listen_than_the_scene_allows() -> None:
+    async with shared(most=1) as sharing, listening(sharing.url):
+        with pytest.raises(MmtError, match="1 are listening already: raise most"):
+            async with listening(sharing.url):
+                pass
+
+
+async def test_everyone_is_let_in_only_where_the_scene_says_so() -> None:
+    with pytest.raises(InputError, match=r"lets everyone .* be a listener: set a token"):
+        async with shared(host="0.0.0.0"):
+            pass
+
+
+async def test_many_join_at_once() -> None:
+    async with shared() as sharing:
+        sharing.publish(40)
+        clients = [listening(sharing.url) for _ in range(60)]
+        heard = await asyncio.gather(*(client.__aenter__() for client in clients))
+        try:
+            await until(lambda: all(each.models for each in heard))
+        finally:
+            await asyncio.gather(*(client.__aexit__(None, None, None) for client in clients))
+
+
+async def test_what_makes_no_sense_is_survived_and_too_much_of_it_ends_the_connection() -> None:
+    async with shared() as sharing, listening(sharing.url) as heard:
+        sharing.publish(10)
+        stranger = socketio.AsyncClient(serializer="msgpack", reconnection=False)
+        hello = {"sharing": SHARING_VERSION, "role": "listener", "name": "\x1b[31m" + 99 * "x"}
+        await stranger.connect(sharing.url, auth=hello, transports=["websocket"])
+        for event, argument in (("again", {"a": [1, b"x"]}), ("frames", b"abc"), ("", None)):
+            await stranger.emit(event, argument)
+        with suppress(socketio.exceptions.SocketIOError):
+            async with asyncio.timeout(LONGEST_S):
+                while stranger.connected:
+                    await stranger.emit("again", bytes(5000))
+                    await asyncio.sleep(0.001)
+        await stranger.disconnect()
+        sharing.publish(11)
+        await until(lambda: heard.models[-1:] == [2])
+        assert heard.client.rejected == 0
+    assert "\x1b" not in "".join(sharing.said)
+
+
+@pytest.mark.parametrize(
+    ("auth", "refusal"),
+    [
+        (None, "this port is for listeners"),
+        ({"role": "operator", "sharing": 1}, "this port is for listeners"),
+        ({"role": "listener", "sharing": 99}, "version 99 of sharing"),
+    ],
+)
+async def test_who_is_no_listener_is_refused(auth: dict[str, object] | None, refusal: str) -> None:
+    async with shared() as sharing:
+        stranger = socketio.AsyncClient(serializer="msgpack", reconnection=False)
+        said: list[str] = []
+        stranger.on("connect_error", lambda problem: said.append(problem["message"]))
+        with pytest.raises(socketio.exceptions.ConnectionError):
+            await stranger.connect(sharing.url, auth=auth, transports=["websocket"])
+        assert refusal in said[0]
+
+
+async def test_nobody_there_is_said() -> None:
+    with pytest.raises(MmtError, match=r"no leader answered at http://127\.0\.0\.1:9"):
+        async with listening("http://127.0.0.1:9", patience_s=0.5):
+            pass
