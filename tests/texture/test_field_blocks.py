@@ -112,9 +112,24 @@ def test_a_held_out_segment_is_left_out_of_the_blocks_that_come_with_it():
 
 def test_what_is_older_than_can_be_withdrawn_is_summed_for_good():
     gathering = Gathering(ModellingSettings(level="gaussian_process"))
-    seconds = round(WITHDRAWN_S) + 3
+    seconds = 2 * round(WITHDRAWN_S) + 3
     for second in range(seconds):
         gathering.add(work(stroke(1000, first=1000 * second)))
     before = gathering.cells().sums[:, 0].sum()
     gathering.add(work(forget_from=0))
     assert 0 < gathering.cells().sums[:, 0].sum() < before == 20 * seconds - 1
+
+
+def test_sums_asked_for_later_are_those_of_the_moment_in_whatever_order():
+    gathering = Gathering(ModellingSettings(level="gaussian_process"))
+    gathering.remember()
+    at_once, later = [], []
+    for second in range(2 * round(WITHDRAWN_S) + 3):
+        gone = {"held_out": [(1000 * second - 500, 1000 * second + 200)]} if second % 4 == 3 else {}
+        gathering.add(work(stroke(1000, first=1000 * second, speed=50.0 + second), **gone))
+        at_once.append(gathering.cells())
+        later.append(gathering.deferred())
+    for number in (0, 5, 22, 21, 3, 3):
+        found = later[number]()
+        np.testing.assert_array_equal(found.keys, at_once[number].keys)
+        np.testing.assert_array_equal(found.sums, at_once[number].sums)

@@ -16,7 +16,7 @@ from mmt.texture.completion.distance import distance_sum
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import build, update_blocks
 from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
-from mmt.texture.settings import ModellingSettings
+from mmt.texture.settings import Level, ModellingSettings
 
 FREQUENCIES_HZ = np.linspace(10, 490, 121)
 
@@ -216,14 +216,16 @@ def models_alive() -> int:
     return sum(type(each) is TextureModel for each in gc.get_objects())
 
 
+@pytest.mark.parametrize("level", ["interpolated", "gaussian_process"])
 def test_a_history_makes_a_model_when_it_is_asked_for_as_the_live_leader_had_it(
-    frames: RecordArray,
+    frames: RecordArray, level: Level
 ) -> None:
     blocks = list(update_blocks(frames, 1000))
     before = models_alive()
-    history = build(blocks, ModellingSettings())
+    settings = ModellingSettings(level=level)
+    history = build(blocks, settings)
     assert models_alive() == before
-    modeller = OnlineModeller()
+    modeller = OnlineModeller(settings)
     for update, block in zip(history.updates, blocks, strict=True):
         live = modeller.update(block).model
         made = update.model
@@ -232,7 +234,7 @@ def test_a_history_makes_a_model_when_it_is_asked_for_as_the_live_leader_had_it(
             assert update.model is made  # as long as it is held
             assert made.to_bytes() == live.to_bytes()
     before = models_alive()
-    at_once = build(blocks, ModellingSettings(), deferred=False)
+    at_once = build(blocks, settings, deferred=False)
     assert models_alive() >= before + len({update.samples for update in at_once.updates}) - 1
     again = pickle.loads(pickle.dumps(history.updates[-1]))
     assert again.model.to_bytes() == history.updates[-1].model.to_bytes()

@@ -19,7 +19,6 @@ their prior, and the posterior is the mixture of all, each with the weight of it
 (`mmt.texture.field.posterior`). The prior's figures are in `HYPERPRIOR`.
 """
 
-from collections.abc import Callable
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -138,27 +137,30 @@ class Between:
     def __init__(self, a: Coordinates, b: Coordinates, *, directed: bool) -> None:
         self._linear = SLOPES[0][1] ** 2 * np.multiply.outer(a.u, b.u)
         self._linear += SLOPES[1][1] ** 2 * np.multiply.outer(a.v, b.v)
-        self._u = _Axis(np.abs, a.u, b.u)
-        self._v = _Axis(np.abs, a.v, b.v)
-        self._directed = directed
-        if directed:
-            self._line = _Axis(_line_chord, a.heading, b.heading)
-            self._heading = _Axis(_chord, a.heading, b.heading)
+        self._u, self._v = _Axis(a.u, b.u), _Axis(a.v, b.v)
+        self._heading = _Axis(a.heading, b.heading) if directed else None
 
     def covariance(self, setting: FloatArray, *, constant: float = _FREE) -> FloatArray:
         """Return the prior covariance (k, l) under one row of `settings`.
 
         ``constant`` is the variance of c.
         """
-        plane = self._u.matern(setting[1]) * self._v.matern(setting[2])
-        total = constant + self._linear + setting[0] ** 2 * plane
-        if self._directed:
-            around = setting[3] ** 2 * self._line.matern(setting[4])
-            around += setting[5] ** 2 * self._heading.matern(setting[6])
-            around *= self._u.matern(_HEADED_LENGTHS * setting[1])
-            around *= self._v.matern(_HEADED_LENGTHS * setting[2])
+        total = self._plane(setting, 1.0)
+        total *= setting[0] ** 2
+        if self._heading is not None:
+            around = self._heading.every(_around(self._heading.apart, setting))
+            around *= self._plane(setting, _HEADED_LENGTHS)
             total += around
-        return np.asarray(total)
+        total += self._linear
+        total += constant
+        return total
+
+    def _plane(self, setting: FloatArray, lengths: float) -> FloatArray:
+        """Return the product of the covariances over u and v."""
+        u, v = self._u, self._v
+        total = u.every(matern(np.abs(u.apart), lengths * setting[1]))
+        total *= v.every(matern(np.abs(v.apart), lengths * setting[2]))
+        return total
 
 
 def variance(at: Coordinates, setting: FloatArray) -> FloatArray:
@@ -190,9 +192,7 @@ def mean_on_grid(
     total += SLOPES[1][1] ** 2 * (weights @ at.v) * axes.v
     if len(setting) == _PLANAR:
         return np.asarray(total[np.newaxis])
-    angle = np.subtract.outer(axes.heading, at.heading)
-    around = setting[3] ** 2 * matern(_line_chord(angle), setting[4])
-    around += setting[5] ** 2 * matern(_chord(angle), setting[6])
+    around = _around(np.subtract.outer(axes.heading, at.heading), setting)
     u, v = plane(_HEADED_LENGTHS)
     both = (u[:, None, :] * v[None, :, :]).reshape(-1, len(weights))
     turning = (around * weights) @ both.T
@@ -200,24 +200,24 @@ def mean_on_grid(
 
 
 class _Axis:
-    """Distances between two sets along one axis; few values are different from each other."""
+    """Two sets of k and l coordinates along one axis, few of which are different.
 
-    def __init__(
-        self, distance: Callable[[FloatArray], FloatArray], a: FloatArray, b: FloatArray
-    ) -> None:
+    ``apart`` holds the differences of those that are.
+    """
+
+    def __init__(self, a: FloatArray, b: FloatArray) -> None:
         own_a, self._a = np.unique(a, return_inverse=True)
         own_b, self._b = np.unique(b, return_inverse=True)
-        self._distance = distance(np.subtract.outer(own_a, own_b))
+        self.apart: FloatArray = np.subtract.outer(own_a, own_b)
 
-    def matern(self, length: float) -> FloatArray:
-        return matern(self._distance, length)[self._a[:, None], self._b]
-
-
-def _line_chord(angle: FloatArray) -> FloatArray:
-    """Return the chord between headings of which opposite ones are the same."""
-    return np.asarray(np.abs(np.sin(angle)))
+    def every(self, values: FloatArray) -> FloatArray:
+        """Return the values (k, l) for all, from those for the different ones."""
+        return values.take(self._a, axis=0).take(self._b, axis=1)
 
 
-def _chord(angle: FloatArray) -> FloatArray:
-    """Return the chord between headings on the unit circle."""
-    return np.asarray(2.0 * np.abs(np.sin(0.5 * angle)))
+def _around(angle: FloatArray, setting: FloatArray) -> FloatArray:
+    """Return the covariance of the departures with heading, at equal speeds and forces."""
+    line = np.abs(np.sin(angle))  # a heading and its opposite are one
+    turn = 2.0 * np.abs(np.sin(0.5 * angle))
+    ridges = setting[3] ** 2 * matern(line, setting[4])
+    return np.asarray(ridges + setting[5] ** 2 * matern(turn, setting[6]))

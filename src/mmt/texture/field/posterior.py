@@ -214,24 +214,28 @@ class LevelField:
         middle = np.average(total, weights=self.cells.counts)
         between = Between(self._at, self._at, directed=self.directed)
         prior = between.covariance(medians(directed=self.directed))
-        factor = cholesky(prior + errors, lower=True, check_finite=False)
-        smoothed = prior @ cho_solve((factor, True), total - middle) + middle + self._at.law
+        factor = _factor(prior + errors)
+        explained = cho_solve((factor, True), total - middle, check_finite=False)
+        smoothed = prior @ explained + middle + self._at.law
         return np.asarray(np.maximum(1.0 - noise_power * np.exp(-smoothed), _LEAST_SHARE))
 
     def _mixture(self, rest: FloatArray, errors: FloatArray) -> list[_Member]:
         between = Between(self._at, self._at, directed=self.directed)
-        members, evidence = [], []
-        for setting in settings(SETTINGS, directed=self.directed):
-            factor = cholesky(between.covariance(setting) + errors, lower=True, check_finite=False)
+        every = settings(SETTINGS, directed=self.directed)
+        factors, evidence = [], []
+        for setting in every:
+            total = between.covariance(setting)
+            total += errors
+            factor = _factor(total)
             whitened = _solve(factor, rest)
-            members.append(_Member(0.0, setting, factor, cho_solve((factor, True), rest)))
+            factors.append(factor)
             evidence.append(-0.5 * whitened @ whitened - np.log(np.diagonal(factor)).sum())
         weights = np.exp(np.array(evidence) - max(evidence))
         weights[weights < _NEGLIGIBLE * weights.max()] = 0.0
         weights /= weights.sum()
         return [
-            member._replace(weight=float(weight))
-            for member, weight in zip(members, weights, strict=True)
+            _Member(weight, setting, factor, cho_solve((factor, True), rest, check_finite=False))
+            for weight, setting, factor in zip(weights.tolist(), every, factors, strict=True)
             if weight > 0.0
         ]
 
@@ -261,6 +265,11 @@ def _fall(levels: FloatArray, axis: FloatArray, logarithms: FloatArray, lowest: 
     step = _LEAST_EXPONENT * (logarithms[1] - logarithms[0])
     for node in range(min(first, len(axis) - 1) - 1, -1, -1):
         np.minimum(levels[node], levels[node + 1] - step, out=levels[node])
+
+
+def _factor(total: FloatArray) -> FloatArray:
+    """Return the Cholesky factor of a covariance (c, c), which is overwritten, column by column."""
+    return np.asarray(cholesky(total.T, lower=True, overwrite_a=True, check_finite=False))
 
 
 def _solve(factor: FloatArray, right: FloatArray) -> FloatArray:

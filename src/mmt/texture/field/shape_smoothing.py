@@ -22,6 +22,7 @@ Cost: ten symmetric eigenproblems, nine of at most `_CHOICE` samples and one of 
 where there are more samples they are pooled by cells first.
 """
 
+from itertools import product
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -103,23 +104,44 @@ def smoothed_shapes(samples: TextureSamples, *, inside: bool = False) -> FloatAr
     return smoothed(samples.points, samples.lsf, weights, around)
 
 
+class _Between:
+    """What covariances between two sets of points, (k, d) and (l, d), are computed from."""
+
+    def __init__(self, a: FloatArray, b: FloatArray) -> None:
+        self._linear = _FREE * (1.0 + (a - 0.5) @ (b - 0.5).T)
+        self._force: FloatArray = np.abs(np.subtract.outer(a[:, -1], b[:, -1]))
+        self._back: FloatArray | None = None
+        if a.shape[1] == 2:
+            self._away: FloatArray = np.abs(np.subtract.outer(a[:, 0], b[:, 0]))
+            return
+        speeds = np.hypot(a[:, 0], a[:, 1]) - 0.5, np.hypot(b[:, 0], b[:, 1]) - 0.5
+        self._linear += _FREE * np.multiply.outer(*speeds)
+        self._away, self._back = (
+            np.sqrt(
+                np.square(np.subtract.outer(a[:, 0], side * b[:, 0]))
+                + np.square(np.subtract.outer(a[:, 1], side * b[:, 1]))
+            )
+            for side in (1.0, -1.0)
+        )
+
+    def along(self, scale: float) -> FloatArray:
+        """Return the covariance (k, l) of the departure over speed or velocity."""
+        along = _matern(self._away, scale)
+        return along if self._back is None else along + _RETURN * _matern(self._back, scale)
+
+    def force(self, scale: float) -> FloatArray:
+        """Return the covariance (k, l) of the departure over the force."""
+        return _matern(self._force, scale)
+
+    def covariance(self, along: FloatArray, force: FloatArray) -> FloatArray:
+        """Return the prior covariance (k, l), in units of the departure's variance."""
+        return np.asarray(self._linear + along * force)
+
+
 def _covariance(a: FloatArray, b: FloatArray, scales: tuple[float, float]) -> FloatArray:
     """Return the prior covariance (k, l) of points, in units of the departure's variance."""
-    total = _FREE * (1.0 + (a - 0.5) @ (b - 0.5).T)
-    force = _matern(np.abs(np.subtract.outer(a[:, -1], b[:, -1])), scales[1])
-    if a.shape[1] == 2:
-        along = _matern(np.abs(np.subtract.outer(a[:, 0], b[:, 0])), scales[0])
-        return np.asarray(total + along * force)
-    speeds = np.hypot(a[:, 0], a[:, 1]) - 0.5, np.hypot(b[:, 0], b[:, 1]) - 0.5
-    total += _FREE * np.multiply.outer(*speeds)
-    away, back = (
-        np.hypot(
-            np.subtract.outer(a[:, 0], side * b[:, 0]), np.subtract.outer(a[:, 1], side * b[:, 1])
-        )
-        for side in (1.0, -1.0)
-    )
-    along = _matern(away, scales[0]) + _RETURN * _matern(back, scales[0])
-    return np.asarray(total + along * force)
+    between = _Between(a, b)
+    return between.covariance(between.along(scales[0]), between.force(scales[1]))
 
 
 def _decompose(covariance: FloatArray, weights: FloatArray) -> _Spectrum:
@@ -150,14 +172,13 @@ def _costs(spectrum: _Spectrum, rotated: FloatArray) -> FloatArray:
 def _best_scales(
     points: FloatArray, values: FloatArray, weights: FloatArray
 ) -> tuple[float, float]:
-    best, least = (_SCALES[0][0], _SCALES[1][0]), np.inf
-    for along in _SCALES[0]:
-        for force in _SCALES[1]:
-            spectrum = _decompose(_covariance(points, points, (along, force)), weights)
-            cost = float(_costs(spectrum, _rotate(spectrum, values)).min(axis=0).sum())
-            if cost < least:
-                best, least = (along, force), cost
-    return best
+    between = _Between(points, points)
+    alongs, forces = map(between.along, _SCALES[0]), list(map(between.force, _SCALES[1]))
+    costs = []
+    for along, force in product(alongs, forces):
+        spectrum = _decompose(between.covariance(along, force), weights)
+        costs.append(float(_costs(spectrum, _rotate(spectrum, values)).min(axis=0).sum()))
+    return list(product(*_SCALES))[int(np.argmin(costs))]
 
 
 def _pooled(

@@ -1,7 +1,7 @@
 """The third stage of an update: an immutable model that interpolates between the fits."""
 
 import weakref
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
@@ -45,8 +45,9 @@ class BuildingStage:
         self._gathering = Gathering(settings) if _gathers(settings) else None
         self._chosen: Sequence[Fit] = ()
         self._outliers = self._redundant = 0
-        plain = settings.level == "interpolated" and settings.criterion == "distance"
-        self._deferred = deferred and plain and settings.interpolator in _INDEPENDENT
+        self._deferred = deferred and settings.interpolator in _INDEPENDENT
+        if self._gathering is not None and self._deferred:
+            self._gathering.remember()
         self._source: ModelSource | None = None
 
     @property
@@ -92,13 +93,17 @@ class BuildingStage:
         felt = self._gathering is not None and self._gathering.add(work)
         if self._changes(work) or (felt and self._chosen):
             packed = tuple([fit.packed for fit in self._chosen])
-            cells = None if self._gathering is None else self._gathering.cells()
-            deferred = _Deferred(packed, work.noise_power, self._settings, cells)
+            deferred = _Deferred(packed, work.noise_power, self._settings, self._cells())
             self._source = deferred if self._deferred else Made(deferred.made(self.model))
         work.chosen, work.outliers, work.redundant = self._chosen, self._outliers, self._redundant
         if self._source is not None:
             work.source = self._source
         clock.lap("triangulate")
+
+    def _cells(self) -> "Callable[[], FieldCells] | None":
+        if self._gathering is None:
+            return None
+        return self._gathering.deferred() if self._deferred else self._gathering.cells
 
     def _changes(self, work: Work) -> bool:
         if work.added or work.removed_count:
@@ -114,7 +119,7 @@ class _Deferred:
         packed: tuple[bytes, ...],
         noise_power: float,
         settings: ModellingSettings,
-        cells: "FieldCells | None",
+        cells: "Callable[[], FieldCells] | None",
     ) -> None:
         self._packed, self._noise_power, self._settings = packed, noise_power, settings
         self._cells = cells
@@ -142,7 +147,7 @@ class _Deferred:
             interpolator=settings.interpolator,
             level=settings.level,
             shape=settings.shape,
-            field=self._cells,
+            field=None if self._cells is None else self._cells(),
             previous=previous,
             rate_hz=settings.rate_hz,
         )

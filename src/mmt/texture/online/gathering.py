@@ -1,18 +1,28 @@
 """Gathering what is felt of a surface in blocks, for the field of its level."""
 
-from typing import Final
+from collections.abc import Callable
+from functools import partial
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from mmt.texture.field.blocks import BlockCutter, Blocks
 from mmt.texture.field.cells import FieldCells
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.online.work import Work
+from mmt.texture.online.work import SegmentRange, Work
 from mmt.texture.settings import ModellingSettings
 
 WITHDRAWN_S: Final = 10.0
-"""Blocks of the last seconds are kept singly: they may prove to be of another surface, or lie in a
+"""Blocks of so long at least are kept singly: they may prove to be of another surface, or lie in a
 segment that is held out. Longer than a segment and the detection of a change take."""
+
+
+class _Step(NamedTuple):
+    """What an update does: new blocks, ranges of samples and the first sample to withdraw."""
+
+    blocks: Blocks
+    held_out: tuple[SegmentRange, ...]
+    forget_from: int | None
 
 
 class Gathering:
@@ -33,35 +43,87 @@ class Gathering:
             settings.rate_hz,
             settings.normal,
         )
-        self._kept_samples = round(WITHDRAWN_S * settings.rate_hz)
-        self._settled = FieldCells.empty(directed=space.directed)
-        self._recent = self._cutter.cut([])
+        kept_samples = round(WITHDRAWN_S * settings.rate_hz)
+        self._new = partial(_Sums, self._cutter.cut([]), self._cutter.length, kept_samples)
+        self._sums = self._new()
+        self._past: _Past | None = None
 
     def add(self, work: Work) -> bool:
         """Add what an update has observed; return whether that changes anything."""
+        step = _Step(self._cutter.cut(work.observed), tuple(work.held_out), work.forget_from)
+        if self._past is not None:
+            self._past.steps.append(step)
+        return self._sums.add(step)
+
+    def cells(self) -> FieldCells:
+        """Return the sums of all blocks."""
+        return self._sums.cells()
+
+    def remember(self) -> None:
+        """Keep every block from now on, for `deferred`; call it before the first is added."""
+        self._past = _Past(self._new)
+
+    def deferred(self) -> Callable[[], FieldCells]:
+        """Return what gives the sums as they are now, whenever it is called."""
+        assert self._past is not None  # noqa: S101 - `remember` was called
+        return partial(self._past.cells, len(self._past.steps))
+
+
+class _Past:
+    """Every step of a stream; sums of the first ones cost a call of `_Sums.add` for each.
+
+    Who asks in the order of the stream pays for each step once.
+    """
+
+    def __init__(self, new: "Callable[[], _Sums]") -> None:
+        self.steps: list[_Step] = []
+        self._new = new
+        self._done, self._sums = 0, new()
+
+    def cells(self, count: int) -> FieldCells:
+        """Return the sums after the first steps."""
+        if count < self._done:
+            self._done, self._sums = 0, self._new()
+        for step in self.steps[self._done : count]:
+            self._sums.add(step)
+        self._done = count
+        return self._sums.cells()
+
+
+class _Sums:
+    """Sums of blocks of some samples each, without those of the last ones that were withdrawn."""
+
+    def __init__(self, none: Blocks, length: int, kept_samples: int) -> None:
+        self._recent = none
+        self._settled = FieldCells.empty(directed=none.points.shape[1] == 3)
+        self._length, self._kept_samples = length, kept_samples
+
+    def add(self, step: _Step) -> bool:
+        """Add blocks, withdraw others; return whether that changes anything."""
         before = self._recent.start
-        self._recent = self._recent.joined(self._cutter.cut(work.observed))
-        self._withdraw(work)
+        recent = self._recent.joined(step.blocks)
+        gone = np.zeros(len(recent.start), np.bool_)
+        stop = recent.start + self._length
+        for first, last in step.held_out:
+            gone |= (recent.start < last) & (stop > first)
+        if step.forget_from is not None:
+            gone |= stop > step.forget_from
+        self._recent = recent.kept(~gone)
         changed = not np.array_equal(self._recent.start, before)
-        if len(self._recent.start):
-            old = self._recent.start < self._recent.start[-1] - self._kept_samples
+        self._settle()
+        return changed
+
+    def _settle(self) -> None:
+        """Sum old blocks for good; seldom, since that touches every row of the sums."""
+        start = self._recent.start
+        if len(start) and start[-1] - start[0] > 2 * self._kept_samples:
+            old = start < start[-1] - self._kept_samples
             self._settled = self._settled.joined(_sums(self._recent.kept(old)))
             self._recent = self._recent.kept(~old)
-        return changed
 
     def cells(self) -> FieldCells:
         """Return the sums of all blocks."""
         return self._settled.joined(_sums(self._recent))
-
-    def _withdraw(self, work: Work) -> None:
-        start = self._recent.start
-        stop = start + self._cutter.length
-        gone = np.zeros(len(start), np.bool_)
-        for first, last in work.held_out:
-            gone |= (start < last) & (stop > first)
-        if work.forget_from is not None:
-            gone |= stop > work.forget_from
-        self._recent = self._recent.kept(~gone)
 
 
 def _sums(blocks: Blocks) -> FieldCells:
