@@ -48,9 +48,11 @@ class SharingPart(Part):
         self._motion = session.find("motion")
         self._completing: ModelOutput = session.find("completing")
         self._process: asyncio.subprocess.Process | None = None
-        self.models = self.states = 0
-        """Messages handed on."""
-        self.listeners = 0
+        self.models = 0
+        """States of the model that were handed on."""
+        self.listeners = self.most_listeners = 0
+        self._sent: dict[str, float] = {}
+        self._reading: asyncio.Task[None] | None = None
         self.port: int | None = None
         """The port that listeners connect to, None before there is one."""
 
@@ -77,6 +79,8 @@ class SharingPart(Part):
         process.stdin.close()
         try:
             async with asyncio.timeout(_LEAVE_S):
+                if self._reading is not None:
+                    await asyncio.wait([self._reading])
                 await process.wait()
         except TimeoutError:
             process.kill()
@@ -88,7 +92,14 @@ class SharingPart(Part):
     def summary(self, duration_s: float) -> dict[str, Any]:
         """Return what was shared."""
         _ = duration_s
-        return {"sharing": {"models": self.models, "states": self.states, "port": self.port}}
+        return {
+            "sharing": {
+                "port": self.port,
+                "models": self.models,
+                "most_listeners": self.most_listeners,
+                "sent": self._sent,
+            }
+        }
 
     async def _run(self) -> None:
         """Start the process and hand on what is new, until cancelled.
@@ -113,15 +124,12 @@ class SharingPart(Part):
             stdout=asyncio.subprocess.PIPE,
             start_new_session=sys.platform != "win32",
         )
-        reading = asyncio.create_task(self._read(process))
-        try:
-            while not reading.done():
-                await asyncio.sleep(_PERIOD_S)
-                if self.port is not None and not self._congested:
-                    await self._hand_on()
-            reading.result()
-        finally:
-            reading.cancel()
+        reading = self._reading = asyncio.create_task(self._read(process))
+        while not reading.done():
+            await asyncio.sleep(_PERIOD_S)
+            if self.port is not None and not self._congested:
+                await self._hand_on()
+        reading.result()
         raise MmtError("the process that shares the model has ended")
 
     async def _read(self, process: asyncio.subprocess.Process) -> None:
@@ -140,15 +148,17 @@ class SharingPart(Part):
             if "port" in line:
                 self.port = line["port"]
                 self._session.journal.event(f"shared at {self._table.url(line['port'])}")
+            elif "sent" in line:
+                self._sent = line["sent"]
             else:
                 self.listeners = line["listening"]
+                self.most_listeners = max(self.listeners, self.most_listeners)
                 self._session.journal.event(line["event"], listeners=self.listeners)
 
     async def _hand_on(self) -> None:
         state = self._packed_state()
         if state is not None:
             self._write({"state": encode_event(STATE, state)})
-            self.states += 1
         now = self._now()
         if now is None or now == self._shared:
             return

@@ -67,8 +67,8 @@ class ListenerClient:
         self.replica = ModelReplica()
         self.session: dict[str, Any] = {}
         """What the leader said of its session."""
-        self.wholes = self.changes = self.states = self.bytes = 0
-        """Messages taken, and their bytes."""
+        self.wholes = self.changes = self.states = 0
+        """Messages taken."""
         self.rejected = 0
         self._settings = settings
         self._on_model, self._on_state, self._on_event = on_model, on_state, on_event
@@ -132,13 +132,13 @@ class ListenerClient:
 
     def _take_whole(self, message: object = None, *_: object) -> None:
         self._asked = False
-        self._take(self.replica.take_whole, message)
         self.wholes += 1
+        self._take(self.replica.take_whole, message)
 
     def _take_change(self, message: object = None, *_: object) -> None:
         if not self._asked:  # else it follows a state that is not here
-            self._take(self.replica.take_change, message)
             self.changes += 1
+            self._take(self.replica.take_change, message)
 
     def _take(self, take: Callable[[object], None], message: object) -> None:
         try:

@@ -141,13 +141,13 @@ class About:
             raise InputError(f"the model's message is malformed: {error}") from error
 
 
-def encode_model(number: int, about: About, file: bytes) -> bytes:
-    """Return the message of a whole model."""
-    return encode_event(MODEL, {"number": number, **about.as_dict(), "file": file})
+def encode_model(number: int, made_ns: int, about: About, file: bytes) -> bytes:
+    """Return the message of a whole model, which was made at this time of the leader's clock."""
+    head = {"number": number, "made_ns": made_ns}
+    return encode_event(MODEL, {**head, **about.as_dict(), "file": file})
 
 
-def encode_change(number: int, about: About, change: dict[str, Any]) -> bytes:
+def encode_change(number: int, made_ns: int, about: About, change: dict[str, Any]) -> bytes:
     """Return the message that leads from a model's last number to this one."""
-    return encode_event(
-        CHANGE, {"number": number, "since": number - 1, **about.as_dict(), **change}
-    )
+    head = {"number": number, "since": number - 1, "made_ns": made_ns}
+    return encode_event(CHANGE, {**head, **about.as_dict(), **change})

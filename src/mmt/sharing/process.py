@@ -62,6 +62,7 @@ async def serve(settings: Sharing, welcome: dict[str, Any]) -> None:
             outcome = message["end"]
     relay.finish(outcome)
     await server.stop()
+    _say(sent={**relay.sent, "listened_s": round(server.listened_s, 3)})
 
 
 def main() -> None:

@@ -1,5 +1,6 @@
 """A model as its leader publishes it: numbered, whole and as what has changed."""
 
+import time
 from typing import Any, NamedTuple
 
 from mmt.sharing.messages import About, encode_change, encode_model
@@ -33,7 +34,9 @@ class ModelPublisher:
         before, after = self._arrays, arrays_of(model.contents)
         self._arrays = after
         self._number += 1
+        now_ns = time.monotonic_ns()
         change = None
         if before:
-            change = encode_change(self._number, about, difference(before, after))
-        return Published(self._number, encode_model(self._number, about, model.to_bytes()), change)
+            change = encode_change(self._number, now_ns, about, difference(before, after))
+        whole = encode_model(self._number, now_ns, about, model.to_bytes())
+        return Published(self._number, whole, change)

@@ -12,6 +12,8 @@ from typing import Final
 from mmt.link.protocol import encode_event
 from mmt.sharing.messages import END
 
+_KINDS: Final = ("wholes", "changes", "states")
+
 STALLED_S: Final = 10.0
 """A listener that takes no message for this long is let go."""
 
@@ -29,6 +31,8 @@ class Relay:
         self.state: bytes | None = None
         self.end: bytes | None = None
         self.listeners: dict[str, Listener] = {}
+        self.sent = dict.fromkeys((*_KINDS, *(f"{kind}_bytes" for kind in _KINDS)), 0)
+        """Messages that all listeners have been given, together, and their bytes, by kind."""
 
     def offer_model(self, number: int, whole: bytes, change: bytes | None) -> None:
         """Let every listener have a new state of the model."""
@@ -77,14 +81,23 @@ class Listener:
         if relay.number != self._number:
             follows = self._number == relay.number - 1 and relay.change is not None
             self._number = relay.number
-            return relay.change if follows else relay.whole
+            if follows:
+                return self._given("changes", relay.change)
+            return self._given("wholes", relay.whole)
         if relay.states != self._states:
             self._states = relay.states
-            return relay.state
+            return self._given("states", relay.state)
         if relay.end is not None and not self._ended:
             self._ended = True
             return relay.end
         return None
+
+    def _given(self, kind: str, message: bytes | None) -> bytes | None:
+        """Count a message that is given to it."""
+        sent = self._relay.sent
+        sent[kind] += 1
+        sent[f"{kind}_bytes"] += len(message or b"")
+        return message
 
     async def serve(self, send: Callable[[bytes], Awaitable[None]]) -> None:
         """Send what is newest, until the session is over.

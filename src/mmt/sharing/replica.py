@@ -17,12 +17,14 @@ class ModelReplica:
     ----------
     number
         Its number, 0 before the first.
+    made_ns
+        When it was made, by the leader's monotonic clock.
     about
         What was said of it, None before the first.
     """
 
     def __init__(self) -> None:
-        self.number = 0
+        self.number = self.made_ns = 0
         self.about: About | None = None
         self._arrays: dict[str, Any] = {}
 
@@ -34,12 +36,12 @@ class ModelReplica:
         InputError
             The message is malformed; the replica stays what it was.
         """
-        number, about = _number(message), About.from_message(message)
-        file = message["file"] if isinstance(message, Mapping) else None
+        stamp, about = _stamp(message), About.from_message(message)
+        file = message.get("file") if isinstance(message, Mapping) else None
         if not isinstance(file, bytes):
             raise InputError("the model's message has no file")
         self._arrays = file_arrays(file)
-        self.number, self.about = number, about
+        (self.number, self.made_ns), self.about = stamp, about
 
     def take_change(self, message: object) -> None:
         """Take what has changed since the state that is here.
@@ -50,12 +52,12 @@ class ModelReplica:
             It is malformed, or begins at another state; the replica stays what it was, and the
             whole model must be asked for.
         """
-        number, about = _number(message), About.from_message(message)
+        stamp, about = _stamp(message), About.from_message(message)
         since = message.get("since") if isinstance(message, Mapping) else None
         if since != self.number or not self.number:
             raise InputError(f"a change since number {since} came to number {self.number}")
         self._arrays = apply(self._arrays, message)
-        self.number, self.about = number, about
+        (self.number, self.made_ns), self.about = stamp, about
 
     def build(self) -> TextureModel:
         """Return the model; some 30 ms, from any thread.
@@ -68,8 +70,9 @@ class ModelReplica:
         return TextureModel.from_contents(contents_of(self._arrays))
 
 
-def _number(message: object) -> int:
-    number = message.get("number") if isinstance(message, Mapping) else None
-    if not isinstance(number, int) or isinstance(number, bool) or number < 1:
-        raise InputError("the model's message has no number")
-    return number
+def _stamp(message: object) -> tuple[int, int]:
+    """Return the number of a message's model, and when it was made."""
+    match message:
+        case {"number": int(number), "made_ns": int(made_ns)} if number >= 1:
+            return number, made_ns
+    raise InputError("the model's message has no number, or no time")

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import time
 from collections.abc import Callable, Coroutine, Mapping
 from contextlib import suppress
 from typing import Any, Final
@@ -68,6 +69,9 @@ class SharingServer:
         self._welcome = {"sharing": SHARING_VERSION, **welcome}
         self._on_change = on_change
         self._names: dict[str, str] = {}
+        self._joined_s: dict[str, float] = {}
+        self.listened_s = 0.0
+        """Seconds that all listeners have listened, together, but for those who still do."""
         self._sends: dict[str, Send] = {}
         self._serving: dict[str, asyncio.Task[None]] = {}
         self._tasks: set[asyncio.Task[None]] = set()
@@ -116,6 +120,8 @@ class SharingServer:
             _, late = await asyncio.wait(self._serving.values(), timeout=CLOSE_TIMEOUT_S)
             for task in late:
                 task.cancel()
+        for sid in list(self._names):
+            self._on_disconnect(sid, "the session is over")
         if self.port:
             await self._sockets.close(CLOSE_TIMEOUT_S)
             await self._server.shutdown()
@@ -147,6 +153,7 @@ class SharingServer:
                 LOG.warning("refused a listener: %s", peer_text(str(error), MAX_SENTENCE))
             raise socketio.exceptions.ConnectionRefusedError(str(error)) from error
         self._names[sid] = hello.name
+        self._joined_s[sid] = time.monotonic()
         limit = RateLimit(_MESSAGES_HZ, lambda _: None, lambda _: None)
         self._sockets.admit(environ, {}, limit)
         self._sends[sid] = self._sockets.send(sid, environ)
@@ -155,6 +162,8 @@ class SharingServer:
 
     def _on_disconnect(self, sid: str, _: str) -> None:
         name = self._names.pop(sid, None)
+        if sid in self._joined_s:
+            self.listened_s += time.monotonic() - self._joined_s.pop(sid)
         self._sends.pop(sid, None)
         self._relay.listeners.pop(sid, None)
         task = self._serving.pop(sid, None)

@@ -1,0 +1,1 @@
+"""Listeners without hands, to measure what sharing a model costs."""

@@ -1,0 +1,96 @@
+"""Many listeners in one process, which take a shared model and render nothing.
+
+``python -m mmt_lab.sharing.crowd URL COUNT SECONDS`` lets so many join within one second, listens
+until the leader ends its session, or for so long, and prints as JSON what each has found.
+"""
+
+import asyncio
+import json
+import sys
+import time
+from dataclasses import asdict, dataclass, field
+
+from mmt.core.errors import MmtError
+from mmt.scene.sharing_tables import Listening
+from mmt.sharing.client import ListenerClient
+
+
+@dataclass
+class Found:
+    """What one listener has found.
+
+    Attributes
+    ----------
+    first_s
+        Seconds from its first attempt to connect to a model that is ready, built from what came.
+    lags_ms
+        From the making of each later state of the model until it was there, by one clock.
+    number, rejected
+        Number of its last state, and messages that did not fit.
+    problem
+        Why it could not connect, empty where it could.
+    """
+
+    first_s: float | None = None
+    lags_ms: list[float] = field(default_factory=list)
+    number: int = 0
+    rejected: int = 0
+    problem: str = ""
+
+
+async def listen(url: str, after_s: float, ended: asyncio.Event, building: asyncio.Lock) -> Found:
+    """Join after some seconds, and listen until the end."""
+    found, ready = Found(), asyncio.Event()
+
+    def take() -> None:
+        replica = client.replica
+        if replica.about is not None and replica.about.ready:
+            ready.set()
+        if client.changes:
+            found.lags_ms.append(1e-6 * (time.monotonic_ns() - replica.made_ns))
+
+    def say(text: str) -> None:
+        if "has ended" in text or "cut off" in text:
+            ended.set()
+
+    client = ListenerClient(Listening(url=url), on_model=take, on_event=say)
+    await asyncio.sleep(after_s)
+    begun_s = time.monotonic()
+    try:
+        await client.connect()
+        waiting = asyncio.create_task(ready.wait())
+        over = asyncio.create_task(ended.wait())
+        await asyncio.wait([waiting, over], return_when=asyncio.FIRST_COMPLETED)
+        if ready.is_set():
+            waited_s = time.monotonic() - begun_s
+            async with building:  # each would have a processor of its own
+                building_s = time.monotonic()
+                await asyncio.to_thread(client.replica.build)
+                found.first_s = waited_s + time.monotonic() - building_s
+        await over
+        waiting.cancel()
+    except MmtError as error:
+        found.problem = str(error)
+    await client.close()
+    found.number, found.rejected = client.replica.number, client.rejected
+    return found
+
+
+async def crowd(url: str, count: int, longest_s: float) -> list[Found]:
+    """Let listeners join within one second; return what each has found."""
+    ended, building = asyncio.Event(), asyncio.Lock()
+    asyncio.get_running_loop().call_later(longest_s, ended.set)
+    return await asyncio.gather(
+        *(listen(url, number / count, ended, building) for number in range(count))
+    )
+
+
+def main() -> None:
+    """Run the crowd of the command line."""
+    url, count, longest_s = sys.argv[1], int(sys.argv[2]), float(sys.argv[3])
+    found = asyncio.run(crowd(url, count, longest_s))
+    print(json.dumps([asdict(each) for each in found]))
+
+
+if __name__ == "__main__":
+    main()
