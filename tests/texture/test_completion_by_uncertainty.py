@@ -243,6 +243,19 @@ def test_what_samples_of_another_surface_have_met_is_taken_back_with_them():
     assert not judge.started
 
 
+def test_it_is_evaluated_again_after_two_hundredths_more_of_stroking():
+    judge = criterion()
+    judge.observe(motion(100.0, 120.0, 1.2))
+    judge.update(None, 100.0)
+    assert judge.due
+    judge.update(model_of(strokes(8, 2)), 100.0)
+    assert not judge.due
+    judge.observe(motion(1.8, 120.0, 1.2))
+    assert not judge.due
+    judge.observe(motion(0.4, 120.0, 1.2))
+    assert judge.due
+
+
 def test_the_published_sum_is_what_runs_where_nothing_else_is_asked():
     monitor = make_criterion(ModellingSettings())
     assert isinstance(monitor, CompletionMonitor)

@@ -71,6 +71,10 @@ class Criterion(Protocol):
         """Revoke thresholds met later than `since_s` that the present value does not meet."""
 
     @property
+    def due(self) -> bool:
+        """Whether so much is new that evaluating a model tells more than the last time."""
+
+    @property
     def started(self) -> bool:
         """Whether rendering from the model may start."""
 
@@ -88,6 +92,11 @@ class Thresholds:
         self.scale = scale
         self.start_s: float | None = None
         self.stop_s: float | None = None
+
+    @property
+    def due(self) -> bool:
+        """Whether so much is new that evaluating a model tells more than the last time."""
+        return True
 
     @property
     def started(self) -> bool:

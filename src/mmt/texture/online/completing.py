@@ -45,9 +45,9 @@ class CompletionStage:
         if work.chosen:
             points = points_of(work.chosen, self._space)
         if work.forget_from is None:
-            self._update(work, points)
+            self._update(work, points, anew=self.criterion.due)
         elif work.removed_count:
-            self._update(work, points)
+            self._update(work, points, anew=True)
             self.criterion.revoke_since((work.forget_from - first_sequence) / self._rate_hz)
         clock.lap("completion")
         work.update = ModelUpdate(
@@ -69,9 +69,9 @@ class CompletionStage:
             left=work.left,
         )
 
-    def _update(self, work: Work, points: FloatArray) -> None:
+    def _update(self, work: Work, points: FloatArray, *, anew: bool) -> None:
         """Evaluate the criterion; the published one asks for no model, which may be deferred."""
         if isinstance(self.criterion, CompletionMonitor):
             self.criterion.update_points(points, work.time_s)
-        else:
+        elif anew:
             self.criterion.update(work.source(), work.time_s)
