@@ -81,9 +81,6 @@ class Warming:
         self.done.append("finish")
         self.finished = True
 
-    def learn(self, samples: Any) -> None:
-        self.done.append(f"learn {samples[0]:g}")
-
 
 class Leader:
     """The models' use with parts that a test looks at."""
@@ -284,7 +281,7 @@ def test_a_criterion_that_is_taken_back_is_met_again_later(leader: Leader) -> No
 
 
 def test_a_warm_start_begins_anew_on_each_surface_without_a_model(leader: Leader) -> None:
-    assert leader.warming.done == ["learn 10", "finish", "reset 9000"]
+    assert leader.warming.done == ["finish", "reset 9000"]
     choice: Any = SimpleNamespace(name="felt", describe=lambda: "felt", as_dict=dict)
     warm: Any = Model(30.0)
     leader.use.use_known(warm, choice)
@@ -293,7 +290,7 @@ def test_a_warm_start_begins_anew_on_each_surface_without_a_model(leader: Leader
     leader.update(
         12.3, 1, 12.0, started=True, changes=(change("recalled", 2, 1, 12_000),), left=left
     )
-    assert leader.warming.done[3:] == ["reset 12000", "finish"]
+    assert leader.warming.done[2:] == ["reset 12000", "finish"]
     assert leader.sounding.crossed == [12.0]
     leader.use.use_known(warm, choice)  # made before the change was known
     assert leader.heard() == 12.0

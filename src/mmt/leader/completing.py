@@ -94,7 +94,7 @@ class ModelOutput(Part):
         """Put an update of the model to use, which took some seconds.
 
         Vibration is rendered from it as soon as the start criterion is met; until then from
-        the saved model that the scene names or a known texture, if it has them.
+        the saved model that the scene names or from that of a warm start, if it has them.
         """
         log = self._log
         update = replace(update, time_s=self._since_s + update.time_s)
@@ -107,11 +107,8 @@ class ModelOutput(Part):
         wanted = usable or (forced and update.model is not None)
         if wanted and update.model is not None:
             self._render(update.model, update.surface)
-        if self._warming is not None and not self._warming.finished:
-            if usable:
-                self._warming.hand_over()
-            elif update.model is not None:
-                self._warming.learn(update.model.samples)
+        if usable and self._warming is not None and not self._warming.finished:
+            self._warming.hand_over()
         if usable and log.start_s is None:
             log.start_s = update.time_s
             self._criterion_met("start", update)
@@ -160,17 +157,17 @@ class ModelOutput(Part):
         self._rendered = surface
 
     def use_known(self, model: "TextureModel", choice: "Choice") -> None:
-        """Render from a known texture, blended with what is known of the one at hand."""
+        """Render from the model of a warm start."""
         log = self._log
         if log.start_s is not None or self._synthesizing is None:
             return
         self._render(model, log.update.surface if log.update is not None else None)
-        before = log.warm.name if log.warm is not None else None
+        news = log.warm is None or log.warm.name != choice.name
         log.warm = choice
         self.takes_over = True
         self._choose()
-        if choice.name != before:
-            self._event(f"nearest known texture: {choice.describe()}", **choice.as_dict())
+        if news:
+            self._event(f"warm start: {choice.describe()}", **choice.as_dict())
 
     def use_shared(self, model: "TextureModel", surface: int | None) -> None:
         """Render a model that another leader shares; that of another surface is faded in."""

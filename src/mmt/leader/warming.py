@@ -1,4 +1,4 @@
-"""A known texture until the local model is ready: chosen and blended in a worker thread.
+"""A first model until the local one is ready: made from a short look in a worker thread.
 
 Frames are looked at as they come, twenty times a second and not once a period as for the model: the
 choice needs a fifth of a second of stroking. What is lost and filled in later is not waited for.
@@ -21,7 +21,6 @@ from mmt.texture.library.conversion import into_space
 from mmt.texture.library.identification import Choice
 from mmt.texture.library.warm_start import WarmStart
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings
 
@@ -57,7 +56,7 @@ def load_library(names: Sequence[Path]) -> dict[str, TextureModel]:
 
 
 class WarmingPart(Part):
-    """Look at frames, and keep a known texture blended with the local model's samples.
+    """Look at frames, and make a first model of the surface.
 
     Parameters
     ----------
@@ -84,8 +83,7 @@ class WarmingPart(Part):
         self._frames: list[RecordArray] = []
         self._waiting = 0
         self._recent: deque[RecordArray] | None = None if settings.surfaces is None else deque()
-        self._samples: TextureSamples | None = None
-        self._learned = self.finished = False
+        self.finished = False
 
     @classmethod
     def build(cls, session: Session) -> "WarmingPart | None":
@@ -103,7 +101,7 @@ class WarmingPart(Part):
         return cls(library, scene.texture.settings(session.rate_hz))
 
     def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
-        """Return the task that looks and blends."""
+        """Return the task that looks."""
         return {"warming": self.run()}
 
     def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
@@ -121,11 +119,6 @@ class WarmingPart(Part):
         if self._waiting >= LOOK_FRAMES:
             self._due.set()
 
-    def learn(self, samples: TextureSamples) -> None:
-        """Blend with these samples of the local model from now on."""
-        self._samples, self._learned = samples, True
-        self._due.set()
-
     def hand_over(self) -> None:
         """Do no more: the local model has taken over."""
         self.finished = True
@@ -141,7 +134,6 @@ class WarmingPart(Part):
         """
         self._warm = WarmStart(self._library, self._settings)
         self._frames, self._waiting = [], 0
-        self._samples, self._learned = None, False
         self.finished = False
         if from_sample is not None and self._recent:
             recent = np.concatenate(self._recent)
@@ -150,31 +142,20 @@ class WarmingPart(Part):
             self._due.set()
 
     async def run(self) -> None:
-        """Look and blend until cancelled."""
+        """Look until cancelled."""
         with ThreadPoolExecutor(max_workers=1, thread_name_prefix="warm start") as worker:
             loop = asyncio.get_running_loop()
             while True:
                 await self._due.wait()
                 self._due.clear()
-                warm, frames, samples, learned = self._warm, *self._next()
-                made = await loop.run_in_executor(worker, _work, warm, frames, samples, learned)
+                warm, frames = self._warm, self._frames
+                self._frames, self._waiting = [], 0
+                made = await loop.run_in_executor(worker, _work, warm, frames)
                 if made is not None and warm is self._warm and not self.finished:
                     self.on_model(*made)
 
-    def _next(self) -> tuple[list[RecordArray], TextureSamples | None, bool]:
-        """Take what has come."""
-        frames, self._frames, self._waiting = self._frames, [], 0
-        learned, self._learned = self._learned, False
-        return frames, self._samples, learned
 
-
-def _work(
-    warm: WarmStart,
-    frames: Sequence[RecordArray],
-    samples: TextureSamples | None,
-    learned: bool,
-) -> tuple[TextureModel, Choice] | None:
-    """Return a new model where the choice or the samples are new."""
+def _work(warm: WarmStart, frames: Sequence[RecordArray]) -> tuple[TextureModel, Choice] | None:
+    """Return a new model and the choice that it is made by, where frames lead to one."""
     chosen = warm.process(np.concatenate(frames)) if frames else None
-    model = warm.model(samples) if chosen is not None or learned else None
-    return (model, warm.choice) if model is not None and warm.choice is not None else None
+    return None if chosen is None or warm.model is None else (warm.model, chosen)

@@ -55,7 +55,7 @@ AT_ONCE: Final = "at once"
 """The bound: the surface under the hand itself."""
 
 WARM: Final = "warm"
-"""As ours, after a warm start from the shipped models but the texture's own."""
+"""As ours, after a warm start with the shipped models but the texture's own as the library."""
 
 METHODS: Final[Mapping[str, Mapping[str, Any] | None]] = MappingProxyType(
     {
@@ -250,7 +250,7 @@ DEFINITIONS: Final = {
     "variance interpolated, on textures with a grain by paper B's network",
     "ours": 'the same with [texture] level = "gaussian_process" and shape = "smoothed"',
     "warm": 'as ours with [rendering] before = "warm": until the start criterion rendered from '
-    "the shipped model that fits best; that of the texture itself is left out",
+    "a first model, with the shipped ones as its library; that of the texture itself is left out",
 }
 
 _STYLES: Final = {"streaming": 0, "published": 1, "ours": 2, "warm": 3, AT_ONCE: 6}

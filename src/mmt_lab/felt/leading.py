@@ -17,9 +17,7 @@ from mmt.scene import Actuator, Hand, Link, Playout, Rendering, Scene, Simulated
 from mmt.scene import Session as SessionTable
 from mmt.testing.simulation import PERIOD_NS, RATE_HZ
 from mmt.testing.simulation.vibration import vibration_of
-from mmt.texture.library.conversion import into_space
 from mmt.texture.library.warm_start import WarmStart
-from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.modeller import ModelUpdate, OnlineModeller
 from mmt.texture.settings import Inputs, ModellingSettings
@@ -190,22 +188,14 @@ def warm_models(
     settings
         Settings of the local model.
     """
-    space = InputSpace(settings.inputs)
-    known = {name: into_space(model, space) for name, model in library.items()}
-    warm = WarmStart(known, settings)
-    news: list[tuple[int, RecordArray | ModelUpdate]] = [*_looks(passage), *updates.items()]
+    warm = WarmStart(library, settings)
+    begins = min((tick for tick, update in updates.items() if update.started), default=NEVER_TICK)
     models: dict[int, TextureModel] = {}
-    samples = None
-    for tick, new in sorted(news, key=lambda one: one[0]):
-        if isinstance(new, ModelUpdate):
-            if new.started:
-                break
-            samples = new.model.samples if new.model is not None else None
-        elif warm.process(new) is None:
-            continue
-        model = warm.model(samples)
-        if model is not None:
-            models[tick] = model
+    for tick, frames in _looks(passage):
+        if tick >= begins:
+            break
+        if warm.process(frames) is not None and warm.model is not None:
+            models[tick] = warm.model
     return models
 
 

@@ -1,4 +1,4 @@
-"""Which known texture a short first look at a surface is most likely of.
+"""Which known texture a short first look at a surface is most likely of, if any.
 
 The look is vibration with the motion that made it. Given a model, each sample is normal about
 what the filter at its speed and force predicts from the samples before, so that the likelihood
@@ -7,6 +7,11 @@ section 7.1; here conditional on the first samples of a stretch). One factor on 
 free, the gain: a finger, a tool and an accelerometer of their own change the level of a texture
 more than its spectrum. It is the median over blocks, so that a knock does not decide it, and
 what exceeds it by more than a factor `_BOUND` counts as so much.
+
+Against the known textures stands that the surface is none of them: one filter, fitted to the look
+itself, with a level that follows the law of `mmt.texture.field.covariance`. Its likelihood is
+less by ``(p + 1) / 2 ln(n)`` for p coefficients and a gain that were fitted to n samples (Schwarz,
+"Estimating the dimension of a model", Annals of Statistics 6, 1978).
 
 Assumptions: the vibration is Gaussian, and stationary over a block of 20 samples. Cost: about a
 millisecond for a model and 500 samples.
@@ -20,7 +25,12 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from mmt.core.arrays import FloatArray
-from mmt.texture.autoregression.forms import lsf_to_ar
+from mmt.texture.autoregression.burg import burg_batch
+from mmt.texture.autoregression.forms import lsf_to_ar, reflection_to_lsf
+from mmt.texture.autoregression.order_selection import choose_order
+from mmt.texture.field.covariance import coordinates
+from mmt.texture.model.inputs import InputSpace
+from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
 
 BLOCK: Final = 20
@@ -30,6 +40,7 @@ _MEDIAN: Final = (1.0 - 2.0 / (9.0 * BLOCK)) ** 3  # of a chi-square number over
 _BOUND: Final = 6.0
 _LEAST: Final = 1e-12  # (m/s2)^2
 _LARGEST_GAIN: Final = 1e4
+_HIGHEST_ORDER: Final = 20  # of the look's own filter: one block's samples
 
 
 @dataclass(frozen=True)
@@ -42,16 +53,16 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Choice:
-    """The likeliest known texture.
+    """The likeliest texture.
 
     Attributes
     ----------
     name
-        Name of the texture.
+        Name of the known texture; None where the look is likelier of none of them.
     gain
         Factor on its power.
     log_likelihood
-        A sample's, in nats, on the average.
+        A sample's, in nats, on the average, less what a fit to the look costs.
     lead
         By how much the log-likelihood of all samples exceeds that of the next texture, in
         nats; infinite where there is no other.
@@ -59,7 +70,7 @@ class Choice:
         That were compared.
     """
 
-    name: str
+    name: str | None
     gain: float
     log_likelihood: float
     lead: float
@@ -73,7 +84,10 @@ class Choice:
     def describe(self) -> str:
         """Return the choice in words."""
         lead = f", {self.lead:.0f} nats ahead of the next" if np.isfinite(self.lead) else ""
-        return f"{self.name} at {self.gain_db:+.1f} dB, by {self.samples} samples{lead}"
+        what = "no known texture"
+        if self.name is not None:
+            what = f"{self.name} at {self.gain_db:+.1f} dB"
+        return f"{what}, by {self.samples} samples{lead}"
 
     def as_dict(self) -> dict[str, Any]:
         """Return the choice for a program; a lead that is infinite is None."""
@@ -86,33 +100,66 @@ class Choice:
         }
 
 
-def choose(library: Mapping[str, TextureModel], look: Sequence[Stretch]) -> Choice | None:
-    """Return the known texture that fits a look best; None where the look is too short.
+def choose(
+    library: Mapping[str, TextureModel], look: Sequence[Stretch], space: InputSpace
+) -> Choice | None:
+    """Return the texture that fits a look best; None where the look is too short.
 
     Parameters
     ----------
     library
-        Models by name, at least one, all functions of the same inputs.
+        Models by name, of the same inputs.
     look
         Stretches; those of less than two blocks after the first samples say nothing.
+    space
+        What their inputs are.
     """
-    order = max(model.order for model in library.values())
+    order = max([_HIGHEST_ORDER, *(model.order for model in library.values())])
     first = -(-order // BLOCK) * BLOCK
     usable = [stretch for stretch in look if len(stretch.vibration_m_s2) >= first + 2 * BLOCK]
     if not usable:
         return None
     found = []
-    for name, model in library.items():
+    for name, model in [*library.items(), (None, _one_filter(usable, space))]:
         parts = [_errors(model, stretch, first) for stretch in usable]
         ratio, spread = (np.concatenate(column) for column in zip(*parts, strict=True))
         gain = float(np.clip(np.median(ratio) / _MEDIAN, 1.0 / _LARGEST_GAIN, _LARGEST_GAIN))
         bounded = np.minimum(ratio / gain, _BOUND)
         each = -0.5 * (np.log(2.0 * np.pi * gain) + spread + bounded)
-        found.append((float(each.mean()), gain, name, len(each) * BLOCK))
+        samples = len(each) * BLOCK
+        cost = 0.5 * (model.order + 1) * np.log(samples) if name is None else 0.0
+        found.append((float(each.mean() - cost / samples), gain, name))
     found.sort(key=lambda one: one[0], reverse=True)
-    best, gain, name, samples = found[0]
-    lead = samples * (best - found[1][0]) if len(found) > 1 else np.inf
+    best, gain, name = found[0]
+    lead = samples * (best - found[1][0]) if library else np.inf
     return Choice(name, gain, best, float(lead), samples)
+
+
+def fitted(look: Sequence[Stretch], space: InputSpace) -> TextureSamples:
+    """Return the filters of stretches, of a common order, as samples of a model.
+
+    Of those with more samples than two blocks, at least one.
+    """
+    look = [stretch for stretch in look if len(stretch.vibration_m_s2) > 2 * BLOCK]
+    vibration = [stretch.vibration_m_s2 for stretch in look]
+    fits = burg_batch(vibration, choose_order(vibration, _HIGHEST_ORDER))
+    return TextureSamples(
+        inputs=np.array([stretch.inputs.mean(axis=0) for stretch in look]),
+        lsf=reflection_to_lsf(fits.reflection),
+        variance=fits.variance,
+        power=fits.power,
+        space=space,
+        counts=np.array([float(len(part)) for part in vibration]),
+    )
+
+
+def _one_filter(look: Sequence[Stretch], space: InputSpace) -> TextureModel:
+    """Return a model of one filter, fitted to all of a look, whose level follows the law."""
+    inputs = np.concatenate([stretch.inputs for stretch in look])
+    vibration = np.concatenate([stretch.vibration_m_s2 for stretch in look])
+    law = coordinates(space.normalise(inputs)).law
+    even = Stretch(inputs, vibration * np.exp(0.5 * (law.mean() - law)))
+    return TextureModel(fitted([even], space), level="gaussian_process")
 
 
 def _errors(model: TextureModel, stretch: Stretch, first: int) -> tuple[FloatArray, FloatArray]:

@@ -1,11 +1,13 @@
-"""The first model of a surface: a known texture, chosen by a short first look.
+"""The first model of a surface, made from a short first look.
 
 The look takes the stream as it comes, filtered as for the model, and keeps what is stroking. After
-`LOOK_SAMPLES` of it the likeliest texture of a library is chosen, and again whenever the look is
-twice as long, up to `LONGEST_LOOK`. In between and after, the samples of the local model move it.
+`LOOK_SAMPLES` of it the likeliest texture of a library is chosen, or none of them, and again
+whenever the look is half as long again, up to `LONGEST_LOOK`. The spectra are those of the known
+texture, or of filters fitted to the look; the level is a field (`mmt.texture.field.posterior`)
+over the look's blocks, or over how far they are off the known texture.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Final
 
@@ -13,11 +15,13 @@ import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
-from mmt.texture.library.blending import blend
-from mmt.texture.library.conversion import into_space
-from mmt.texture.library.identification import Choice, Stretch, choose
+from mmt.texture.field.blocks import BlockCutter, Blocks
+from mmt.texture.field.cells import FieldCells
+from mmt.texture.field.covariance import coordinates
+from mmt.texture.field.posterior import LevelField
+from mmt.texture.library.conversion import Field, field, grid, into_space, model_of
+from mmt.texture.library.identification import BLOCK, Choice, Stretch, choose, fitted
 from mmt.texture.model.inputs import InputSpace
-from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
@@ -27,12 +31,16 @@ from mmt.texture.signals.filtering import StreamFilter
 LOOK_SAMPLES: Final = 200
 """Samples of stroking after which a texture is chosen."""
 
-LONGEST_LOOK: Final = 4000
-"""Samples of stroking after which the choice stays."""
+LONGEST_KNOWN: Final = 4000
+"""Samples of stroking after which no known texture is chosen: as much as was felt then tells no
+less than the texture itself would, and more than one that is like it."""
+
+LONGEST_LOOK: Final = 8000
+"""Samples of stroking after which the model stays."""
 
 
 class WarmStart:
-    """Choose a known texture, and blend it with the samples of the local model.
+    """Choose a known texture or none, and keep a model by the look.
 
     Parameters
     ----------
@@ -62,10 +70,21 @@ class WarmStart:
         self._filter = StreamFilter(
             normal=settings.normal, axis=settings.axis, rate_hz=settings.rate_hz
         )
+        self._cutter = BlockCutter(
+            self._space,
+            settings.least_speed_mm_s,
+            settings.least_force_n,
+            settings.rate_hz,
+            settings.normal,
+        )
+        self._blocks = self._cutter.cut([])
         self._look: list[AlignedBlock] = []
         self._seen = 0
         self._next = LOOK_SAMPLES
         self.choice: Choice | None = None
+        """The newest choice."""
+        self.model: TextureModel | None = None
+        """What it gives, None before a choice."""
 
     @property
     def looking(self) -> bool:
@@ -77,6 +96,7 @@ class WarmStart:
         if not self.looking:
             return None
         block = self._filter.process(frames)
+        self._blocks = self._blocks.joined(self._cutter.cut([block]))
         stroking = block.valid & (block.speed_mm_s >= self._settings.least_speed_mm_s)
         stroking &= block.normal_force_n >= self._settings.least_force_n
         edges = np.flatnonzero(np.diff(stroking, prepend=False, append=False))
@@ -86,18 +106,19 @@ class WarmStart:
         if self._seen < self._next:
             return None
         while self._next <= self._seen:
-            self._next *= 2
-        found = choose(self._known, self._stretches())
-        self.choice = found or self.choice
+            self._next = self._next * 5 // 4
+        look = self._stretches()
+        found = choose(self._known if self._seen <= LONGEST_KNOWN else {}, look, self._space)
+        if found is not None:
+            self.choice, self.model = found, self._made(found, look)
         if self._next > LONGEST_LOOK:
             self._look.clear()
         return found
 
-    def model(self, samples: TextureSamples | None) -> TextureModel | None:
-        """Return the chosen texture, moved by samples of the local one; None before a choice."""
-        if self.choice is None:
-            return None
-        return blend(self._known[self.choice.name], self.choice.gain, samples, self._space)
+    def _made(self, choice: Choice, look: Sequence[Stretch]) -> TextureModel:
+        if choice.name is not None:
+            return at_level(self._known[choice.name], choice.gain, self._blocks, self._space)
+        return _own(look, self._blocks, self._settings.shortest_samples, self._space)
 
     def _stretches(self) -> list[Stretch]:
         everything = AlignedBlock.concatenate(self._look)
@@ -112,3 +133,35 @@ class WarmStart:
             np.column_stack([motion, part.normal_force_n]),
             dft321(vibration) if vibration.shape[1] == 3 else vibration[:, 0],
         )
+
+
+def _own(look: Sequence[Stretch], blocks: Blocks, shortest: int, space: InputSpace) -> TextureModel:
+    """Return a model of stretches and blocks alone, as a local one is built from its segments."""
+    parts = [
+        Stretch(stretch.inputs[part], stretch.vibration_m_s2[part])
+        for stretch in look
+        for part in np.array_split(
+            np.arange(len(stretch.inputs)), max(1, len(stretch.inputs) // max(shortest, 3 * BLOCK))
+        )
+    ]
+    cells = FieldCells.of(blocks.points, blocks.power, blocks.position_mm)
+    samples = fitted(parts, space)
+    return TextureModel(samples, level="gaussian_process", shape="smoothed", field=cells)
+
+
+def at_level(known: TextureModel, gain: float, blocks: Blocks, space: InputSpace) -> TextureModel:
+    """Return a known texture with the level that blocks tell, or by its gain without any.
+
+    The field is of the blocks' powers over the known texture's, times the usual law, which is the
+    field's prior mean.
+    """
+    inputs = grid(space)
+    start = field(known, space, inputs)
+    level = start.logarithm + np.log(gain)
+    if len(blocks.power):
+        there = field(known, space, space.scale * blocks.points).logarithm
+        power = blocks.power * np.exp(coordinates(blocks.points).law - there)
+        off = LevelField(FieldCells.of(blocks.points, power, blocks.position_mm))
+        at = coordinates(space.normalise(inputs))
+        level = start.logarithm + off.predict(at).mean - at.law
+    return model_of(Field(level, start.reflection), space, inputs, known.rate_hz)
