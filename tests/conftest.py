@@ -22,6 +22,8 @@ SLOWEST_FIRST = (
     "test_service_soak.py",
     "test_lean_scenes.py",
     "test_stability_services.py",
+    "test_sharing_services.py",
+    "test_demo_shared.py",
     "test_backfill.py",
     "test_scenes.py",
     "test_full_disk.py",

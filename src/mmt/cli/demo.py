@@ -14,6 +14,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 from mmt.cli.child import Child
 from mmt.cli.common import messages, noting, output, raise_problems, summary_table, write_json
 from mmt.cli.ending import ending_lines
+from mmt.cli.visiting import VisitorsPage
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import free_path
 from mmt.core.extras import require
@@ -23,6 +24,8 @@ from mmt.scene import Scene
 from mmt.scene.files import load_scene
 
 _LAST_SECONDS: Final = 5.0
+_SHARED: Final = "shared at "
+"""How the leader's sentence begins that says where."""
 
 
 @dataclass
@@ -96,7 +99,35 @@ def run_demo(
     if scene.recording is not None:
         require("matplotlib")
     _check(scene, directory)
-    run = asyncio.run(run_services(scene_file, scene, duration_s, replay, realtime=realtime))
+    page = VisitorsPage() if scene.sharing is not None else None
+    try:
+        run = asyncio.run(
+            run_services(scene_file, scene, duration_s, replay, realtime=realtime, page=page)
+        )
+        _report(run, directory, recording, json_file, verbose=verbose)
+        if page is not None and page.address is not None and not run.interrupted:
+            messages.print(f"until Ctrl-C it can be felt at {page.address}", highlight=False)
+            page.wait()
+    finally:
+        if page is not None:
+            page.close()
+
+
+def _report(
+    run: DemoRun,
+    directory: Path,
+    recording: Path,
+    json_file: Path | None,
+    *,
+    verbose: bool,
+) -> None:
+    """Print the summaries, and report the recording.
+
+    Raises
+    ------
+    MmtError
+        A service failed, or something could not be written; the rest is there nevertheless.
+    """
     content: dict[str, Any] = run.tables()
     if verbose:
         for name, table in content.items():
@@ -137,6 +168,7 @@ async def run_services(
     console: Console = messages,
     environment: Mapping[str, str] | None = None,
     realtime: bool = False,
+    page: VisitorsPage | None = None,
 ) -> DemoRun:
     """Run the services of a scene as processes until both have ended.
 
@@ -152,8 +184,11 @@ async def run_services(
         Environment of the processes; None for this process's own.
     realtime
         Whether they tick by real-time scheduling.
+    page
+        Opened for visitors as soon as the leader shares its model.
     """
     services = _Demo(scene_file, scene, duration_s, replay, console, environment, realtime=realtime)
+    services.page = page
     return await services.run()
 
 
@@ -170,6 +205,8 @@ class _Demo:
         realtime: bool,
     ) -> None:
         self._scene = scene
+        self.page: VisitorsPage | None = None
+        self._opening: asyncio.Task[None] | None = None
         self._environment = environment
         self._run = DemoRun()
         self._arguments = [str(scene_file), "--json-lines"]
@@ -211,6 +248,8 @@ class _Demo:
                 leader = await self._start("leader", self._leader_arguments)
                 await self._watch_leader(leader)
         finally:
+            if self._opening is not None:
+                self._opening.cancel()
             await asyncio.gather(*(child.kill() for child in self._children))
         return self._run
 
@@ -274,12 +313,19 @@ class _Demo:
         elif line["kind"] == "inventory":
             self._run.inventories[child.name] = {k: v for k, v in line.items() if k != "kind"}
 
+    async def _open_page(self, page: VisitorsPage, url: str) -> None:
+        """Tell visitors where they feel the surface, once they can."""
+        self._progress.console.print(await page.open(url), highlight=False, soft_wrap=True)
+
     def _take_leader(self, line: dict[str, Any]) -> None:
         kind = line["kind"]
         if kind == "status":
             self._progress.update(self._bar, completed=line["time_s"], status=status_text(line))
         elif kind == "event":
             self._progress.console.print(f"leader: {line['event']}", highlight=False)
+            shared, _, url = line["event"].partition(_SHARED)
+            if self.page is not None and url and not shared:
+                self._opening = asyncio.create_task(self._open_page(self.page, url))
         elif kind == "ready":
             self._progress.update(self._bar, status=f"ready after {line['ready_s']} s")
         elif kind == "summary":
