@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from service_processes import Service, follower_of, scene
 
+from mmt.sharing.store import ModelStore
+
 SCENE = scene("demo")
 
 
@@ -15,6 +17,7 @@ def share(directory: Path, duration_s: float, **variables: str) -> Service:
         *("leader", SCENE, "--share", "--json-lines", "--port", 0, "--duration", duration_s),
         cwd=directory,
         MMT_SHARING__PORT="0",
+        MMT_SHARING__STORE=str(directory / "store"),
         **variables,
     )
 
@@ -61,6 +64,8 @@ def test_two_listeners_render_the_model_while_it_grows(tmp_path: Path) -> None:
         assert listening["number"] == sharing["models"]
         assert summary["vibration"]["mode"] == "synthesized"
     assert found[0]["listening"]["changes"] > 0
+    (entry,) = ModelStore(tmp_path / "store").entries()
+    assert (entry.name, entry.samples) == ("demo", leader.summary()["texture"]["samples"])
     joined = [e for e in leader.events() if "joined" in e]
     assert [e.partition(" joined")[0] for e in joined] == ["listener early", "listener late"]
 

@@ -13,6 +13,7 @@ from mmt.cli import (
     devices,
     evaluation,
     model_exchange,
+    model_store,
     models,
     scenes,
     selecting,
@@ -58,6 +59,8 @@ app.add_typer(sessions.app, name="session")
 app.add_typer(models.app, name="model")
 models.app.command("import")(model_exchange.import_model)
 models.app.command("export")(model_exchange.export_model)
+models.app.command("push")(model_store.push)
+models.app.command("pull")(model_store.pull)
 models.app.command("select")(selecting.select_samples)
 app.add_typer(scenes.app, name="scene")
 app.add_typer(devices.app, name="device")

@@ -99,12 +99,20 @@ def info(
 
 @app.command("list")
 def list_models(
+    store: Annotated[
+        str | None, typer.Option("--from", metavar="URL", help="List those of a leader's store.")
+    ] = None,
     json_file: Annotated[Path | None, json_option("Write it there.")] = None,
 ) -> None:
-    """List the shipped models."""
+    """List the shipped models, or those of a store."""
     from mmt.models import shipped_models
     from mmt.texture.model.file import unpack
 
+    if store is not None:
+        from mmt.cli.model_store import list_store
+
+        list_store(store, json_file)
+        return
     figures = {}
     for name, path in shipped_models().items():
         samples = unpack(path.read_bytes()).samples

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any, Final
 import msgpack
 import numpy as np
 
-from mmt.core.errors import MmtError
+from mmt.core.errors import InputError, MmtError
 from mmt.leader.part import Part, Session, Tick
 from mmt.link.protocol import encode_event
 from mmt.scene.sharing_tables import Sharing
 from mmt.sharing.messages import STATE, STATE_DTYPE, About
 from mmt.sharing.publishing import ModelPublisher
+from mmt.sharing.store import Entry, ModelStore
 
 if TYPE_CHECKING:
     from mmt.leader.completing import ModelOutput
@@ -84,6 +85,20 @@ class SharingPart(Part):
                 await process.wait()
         except TimeoutError:
             process.kill()
+
+    def close(self) -> None:
+        """Add the model to the store, if the scene has one and it is ready."""
+        if self._table.store is None or self._shared is None or not self._shared[1].ready:
+            return
+        model, about = self._shared
+        session, log = self._session.scene.session, self._session.log
+        said = Entry(session.name, note=f"session {log.session_id}, {about.completion}")
+        try:
+            entry = ModelStore(self._table.store).add(model.to_bytes(), said)
+        except (OSError, InputError) as error:
+            self._session.journal.say(f"the model is not in the store {self._table.store}: {error}")
+        else:
+            self._session.journal.say(f"stored as {entry.name} ({entry.hash[:12]})")
 
     def status(self) -> dict[str, Any]:
         """Return how many are listening."""

@@ -28,6 +28,8 @@ class Sharing(_Secured):
     port: int = Field(8766, ge=0, le=65_535)
     most: int = Field(200, ge=1, le=10_000)
     open: bool = False
+    store: Path | None = None
+    accept: bool = False
 
     def url(self, port: int) -> str:
         """Return the address for listeners."""

@@ -21,6 +21,8 @@ from mmt.link.websocket import Send, ServerSockets
 from mmt.scene.sharing_tables import Sharing
 from mmt.sharing.messages import AGAIN, SHARING_VERSION, TOKEN_VARIABLE, WELCOME, Hello
 from mmt.sharing.relay import Listener, Relay
+from mmt.sharing.store import ModelStore
+from mmt.sharing.store_pages import store_pages
 
 LOG: Final = logging.getLogger("mmt.sharing")
 
@@ -83,6 +85,10 @@ class SharingServer:
         application = guarded_application(self._access)
         self._server.attach(application)
         application.router.add_get("/", _explain)
+        if settings.store is not None:
+            store_pages(ModelStore(settings.store), accepts=settings.accept)(
+                application, self._access
+            )
         self._sockets = ServerSockets(self._server, application)
         self._listener = HttpListener(
             application, "host and port of [sharing]", most=2 * settings.most

@@ -1,0 +1,162 @@
+"""A folder of texture models with what is known of them: a lab's library, shared.
+
+A model is named by the SHA-256 of its file, so that it is there once whoever brings it, and whoever
+fetches it can tell that it is whole. Beside each ``HASH.npz`` stands a ``HASH.json`` with who made
+it, when, of what, and under which licence.
+"""
+
+import hashlib
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Final, Self
+
+from mmt.core.errors import InputError
+from mmt.core.printable import printable
+from mmt.texture.model.file import unpack
+
+LARGEST_BYTES: Final = 1 << 20
+"""Most bytes of a model file; one of a thousand samples has some 200,000."""
+
+MOST_MODELS: Final = 1000
+LONGEST_TEXT: Final = 200
+DIGITS: Final = 64
+"""Hexadecimal digits of a hash."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What is known of a model.
+
+    Attributes
+    ----------
+    name
+        What a person calls it.
+    who, licence, note
+        Who made it, the terms under which it may be used, and anything else; may be empty.
+    made
+        Date and time (ISO 8601, UTC) at which it came into the store.
+    error_db
+        Its power error over the whole plane, where the texture is known; None otherwise.
+    hash, file_bytes, inputs, samples, order, rate_hz
+        Of the file.
+    """
+
+    name: str
+    who: str = ""
+    licence: str = ""
+    note: str = ""
+    made: str = ""
+    error_db: float | None = None
+    hash: str = ""
+    file_bytes: int = 0
+    inputs: str = ""
+    samples: int = 0
+    order: int = 0
+    rate_hz: float = 0.0
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it for JSON."""
+        return asdict(self)
+
+    @classmethod
+    def said(cls, said: Mapping[str, object]) -> Self:
+        """Return what somebody says of a model, which is not trusted; the rest is found.
+
+        Raises
+        ------
+        InputError
+            There is no name, or an error that is no number.
+        """
+        name, who, licence, note = (
+            printable(str(said.get(key, ""))[:LONGEST_TEXT])
+            for key in ("name", "who", "licence", "note")
+        )
+        if not name.strip():
+            raise InputError("the model has no name: give it one")
+        error = said.get("error_db")
+        if error is not None and not isinstance(error, int | float):
+            raise InputError(f"error_db is {error!r}: it must be a number")
+        return cls(name, who, licence, note, error_db=None if error is None else float(error))
+
+
+class ModelStore:
+    """The models in a folder.
+
+    Parameters
+    ----------
+    folder
+        Made where it does not exist, with the first model.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def entries(self) -> list[Entry]:
+        """Return what is known of all models, the newest first; what is damaged is left out."""
+        found = []
+        for path in self.folder.glob("*.json") if self.folder.is_dir() else ():
+            entry = _read(path)
+            if entry is not None and self.path(entry.hash) is not None:
+                found.append(entry)
+        return sorted(found, key=lambda entry: (entry.made, entry.name), reverse=True)
+
+    def path(self, digest: str) -> Path | None:
+        """Return the file of a hash, None where it is not here."""
+        if len(digest) != DIGITS or not set(digest) <= set("0123456789abcdef"):
+            return None
+        path = self.folder / f"{digest}.npz"
+        return path if path.is_file() else None
+
+    def add(self, data: bytes, said: Entry) -> Entry:
+        """Add a model file; one that is here already stays as it is.
+
+        Raises
+        ------
+        InputError
+            It is no model, is too large, or the store is full.
+        OSError
+            It cannot be written.
+        """
+        if len(data) > LARGEST_BYTES:
+            raise InputError(f"the model has {len(data)} bytes: {LARGEST_BYTES} are allowed")
+        contents = unpack(data)
+        contents.samples.check()
+        digest = hashlib.sha256(data).hexdigest()
+        about = self.folder / f"{digest}.json"
+        before = _read(about) if self.path(digest) is not None else None
+        if before is not None:
+            return before
+        if len(list(self.folder.glob("*.json"))) >= MOST_MODELS:
+            raise InputError(f"the store has {MOST_MODELS} models: it takes no more")
+        entry = replace(
+            said,
+            made=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+            hash=digest,
+            file_bytes=len(data),
+            inputs=contents.samples.space.name,
+            samples=len(contents.samples),
+            order=int(contents.samples.lsf.shape[1]),
+            rate_hz=contents.rate_hz,
+        )
+        self.folder.mkdir(parents=True, exist_ok=True)
+        _write(self.folder / f"{digest}.npz", data)
+        _write(about, json.dumps(entry.as_dict(), indent=1).encode())
+        return entry
+
+
+def _read(path: Path) -> Entry | None:
+    """Return what a file beside a model says, None where it is damaged."""
+    try:
+        return Entry(**json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError):
+        return None
+
+
+def _write(path: Path, data: bytes) -> None:
+    """Write a file, which is there whole or not at all."""
+    part = path.with_suffix(f"{path.suffix}.part")
+    part.write_bytes(data)
+    part.replace(path)
