@@ -18,7 +18,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
-from mmt.texture.field.covariance import Coordinates, coordinates, warped
+from mmt.texture.field.covariance import Coordinates, coordinates, points_at, warped
 
 LARGEST: Final = 4096
 """Rows; where there are more, the squares of the surface are made larger."""
@@ -144,6 +144,11 @@ class FieldCells:
     def centres(self) -> Coordinates:
         """Coordinates of the c cells of strokes that hold blocks."""
         return centres(self._strokes[0], directed=self.directed)
+
+    @property
+    def points(self) -> FloatArray:
+        """Normalised inputs at these centres, (c, 2) or (c, 3)."""
+        return points_at(self.centres, directed=self.directed)
 
     @property
     def cell_of_row(self) -> IntArray:

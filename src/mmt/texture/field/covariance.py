@@ -89,6 +89,14 @@ def coordinates(points: FloatArray) -> Coordinates:
     return Coordinates(warped(speed), warped(points[:, -1]), heading)
 
 
+def points_at(at: Coordinates, *, directed: bool) -> FloatArray:
+    """Return the normalised points of coordinates, (k, 2) or (k, 3)."""
+    speed, force = (np.exp(axis / _PER_COORDINATE) - _NEAR_REST for axis in (at.u, at.v))
+    if not directed:
+        return np.column_stack([speed, force])
+    return np.column_stack([speed * np.cos(at.heading), speed * np.sin(at.heading), force])
+
+
 def grid_nodes(axes: Coordinates) -> Coordinates:
     """Return every node of a grid, (g,) each: headings outermost, forces innermost."""
     heading, u, v = np.meshgrid(axes.heading, axes.u, axes.v, indexing="ij")

@@ -113,15 +113,19 @@ class LevelField:
         At least one block.
     noise_power
         Noise power of the sensor, which is subtracted from every power.
+    gain
+        Factor on the power of each cell of strokes, (c,), or of all.
     """
 
-    def __init__(self, cells: FieldCells, *, noise_power: float = 0.0) -> None:
+    def __init__(
+        self, cells: FieldCells, *, noise_power: float = 0.0, gain: FloatArray | float = 1.0
+    ) -> None:
         self.cells = cells
         self.directed = cells.directed
         self._at = at = cells.centres
         self.scatter: Scatter = scatter(cells)
         errors = self._errors()
-        total = np.log(cells.mean_power) + 0.5 * np.diagonal(errors) - at.law
+        total = np.log(gain * cells.mean_power) + 0.5 * np.diagonal(errors) - at.law
         share = self._shares(total, errors, noise_power)
         observed = total + np.log(share)
         self._loudest = float((observed + at.law).max())

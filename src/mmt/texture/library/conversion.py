@@ -3,9 +3,7 @@
 A model of a library may be a function of the velocity where the local one is a function of the
 speed, or the other way round. It is laid over a grid of the local space then: a model of the
 speed is the same at all headings, and of a model of the velocity the mean over headings is
-taken, of its spectra and hence of their autocorrelations. Levinson's recursion turns that mean
-into the one filter of the same order that has it (Markel and Gray, Linear Prediction of Speech,
-1976, section 3.3).
+taken, of its spectra, and the filter of the same order that has its autocorrelations.
 """
 
 from typing import Final, NamedTuple
@@ -14,6 +12,11 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.texture.autoregression.forms import lsf_to_reflection, output_power, reflection_to_lsf
+from mmt.texture.autoregression.reshaping import (
+    LARGEST_REFLECTION,
+    PERIOD,
+    reflection_of,
+)
 from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.samples import TextureSamples
@@ -27,8 +30,7 @@ _HEADINGS: Final = 12
 _MEAN_HEADINGS: Final = 8
 _LEAST_POWER: Final = 1e-12  # (m/s2)^2, a millionth of what can be felt
 _LARGEST_LOGARITHM: Final = 30.0  # beyond what anything can play
-_SPECTRUM: Final = np.arange(513) / 1024.0  # cycles a sample
-_LARGEST_REFLECTION: Final = 1.0 - 1e-9
+_SPECTRUM: Final = np.arange(PERIOD // 2 + 1) / PERIOD  # cycles a sample
 
 
 class Field(NamedTuple):
@@ -71,7 +73,7 @@ def field(model: TextureModel, space: InputSpace, inputs: FloatArray) -> Field:
 
 def model_of(of: Field, space: InputSpace, inputs: FloatArray, rate_hz: float) -> TextureModel:
     """Return a model that has a field at inputs (k, d) and interpolates in between."""
-    reflection = np.clip(of.reflection, -_LARGEST_REFLECTION, _LARGEST_REFLECTION)
+    reflection = np.clip(of.reflection, -LARGEST_REFLECTION, LARGEST_REFLECTION)
     power = np.exp(np.clip(of.logarithm, np.log(_LEAST_POWER), _LARGEST_LOGARITHM))
     samples = TextureSamples(
         inputs=inputs,
@@ -98,22 +100,5 @@ def _mean_over_headings(model: TextureModel, inputs: FloatArray) -> Field:
     lsf, variance = model.at(speed * np.cos(heading), speed * np.sin(heading), force)
     density = lsf_spectrum(lsf, variance, _SPECTRUM, 1.0)
     mean = density.reshape(len(inputs), _MEAN_HEADINGS, -1).mean(axis=1)
-    lags = np.fft.irfft(0.5 * mean, axis=1)[:, : model.order + 1]
-    lags[:, 0] = np.maximum(lags[:, 0], _LEAST_POWER)
-    return Field(np.log(lags[:, 0]), _levinson(lags))
-
-
-def _levinson(autocorrelation: FloatArray) -> FloatArray:
-    """Return the reflection coefficients (k, m) of autocorrelations (k, m + 1), O(m^2)."""
-    count, order = autocorrelation.shape[0], autocorrelation.shape[1] - 1
-    reflection, error = np.zeros((count, order)), autocorrelation[:, 0].copy()
-    coefficients = np.zeros((count, order + 1))
-    coefficients[:, 0] = 1.0
-    for stage in range(order):
-        backwards = autocorrelation[:, stage + 1 : 0 : -1]
-        k = -np.einsum("ij,ij->i", coefficients[:, : stage + 1], backwards) / error
-        k = np.clip(k, -_LARGEST_REFLECTION, _LARGEST_REFLECTION)
-        coefficients[:, 1 : stage + 2] += k[:, None] * coefficients[:, stage::-1][:, : stage + 1]
-        reflection[:, stage] = k
-        error *= 1.0 - np.square(k)
-    return reflection
+    reflection, power = reflection_of(mean, model.order)
+    return Field(np.log(np.maximum(power, _LEAST_POWER)), reflection)

@@ -32,6 +32,7 @@ from mmt.texture.field.covariance import coordinates
 from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.signals.high_pass import without_high_pass
 
 BLOCK: Final = 20
 """Samples over which the filter is held."""
@@ -135,19 +136,27 @@ def choose(
     return Choice(name, gain, best, float(lead), samples)
 
 
-def fitted(look: Sequence[Stretch], space: InputSpace) -> TextureSamples:
+def fitted(
+    look: Sequence[Stretch], space: InputSpace, rate_hz: float | None = None
+) -> TextureSamples:
     """Return the filters of stretches, of a common order, as samples of a model.
 
-    Of those with more samples than two blocks, at least one.
+    Of those with more samples than two blocks, at least one. With a sampling rate they are those
+    of the vibration before the modelling's high-pass.
     """
     look = [stretch for stretch in look if len(stretch.vibration_m_s2) > 2 * BLOCK]
     vibration = [stretch.vibration_m_s2 for stretch in look]
-    fits = burg_batch(vibration, choose_order(vibration, _HIGHEST_ORDER))
+    fits = burg_batch(vibration, _HIGHEST_ORDER)
+    order = choose_order(vibration, _HIGHEST_ORDER)
+    reflection, power = np.ascontiguousarray(fits.reflection[:, :order]), fits.power
+    if rate_hz is not None:
+        reflection, gain = without_high_pass(fits.reflection, order, rate_hz)
+        power = power * gain
     return TextureSamples(
         inputs=np.array([stretch.inputs.mean(axis=0) for stretch in look]),
-        lsf=reflection_to_lsf(fits.reflection),
-        variance=fits.variance,
-        power=fits.power,
+        lsf=reflection_to_lsf(reflection),
+        variance=power * np.prod(1.0 - np.square(reflection), axis=1),
+        power=power,
         space=space,
         counts=np.array([float(len(part)) for part in vibration]),
     )

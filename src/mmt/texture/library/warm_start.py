@@ -108,7 +108,8 @@ class WarmStart:
         while self._next <= self._seen:
             self._next = self._next * 5 // 4
         look = self._stretches()
-        found = choose(self._known if self._seen <= LONGEST_KNOWN else {}, look, self._space)
+        library = self._known if self._seen <= LONGEST_KNOWN else {}
+        found = choose(library, look, self._space)
         if found is not None:
             self.choice, self.model = found, self._made(found, look)
         if self._next > LONGEST_LOOK:
@@ -118,7 +119,7 @@ class WarmStart:
     def _made(self, choice: Choice, look: Sequence[Stretch]) -> TextureModel:
         if choice.name is not None:
             return at_level(self._known[choice.name], choice.gain, self._blocks, self._space)
-        return _own(look, self._blocks, self._settings.shortest_samples, self._space)
+        return _own(look, self._blocks, self._settings)
 
     def _stretches(self) -> list[Stretch]:
         everything = AlignedBlock.concatenate(self._look)
@@ -135,18 +136,24 @@ class WarmStart:
         )
 
 
-def _own(look: Sequence[Stretch], blocks: Blocks, shortest: int, space: InputSpace) -> TextureModel:
+def _own(look: Sequence[Stretch], blocks: Blocks, settings: ModellingSettings) -> TextureModel:
     """Return a model of stretches and blocks alone, as a local one is built from its segments."""
+    shortest = max(settings.shortest_samples, 3 * BLOCK)
     parts = [
         Stretch(stretch.inputs[part], stretch.vibration_m_s2[part])
         for stretch in look
         for part in np.array_split(
-            np.arange(len(stretch.inputs)), max(1, len(stretch.inputs) // max(shortest, 3 * BLOCK))
+            np.arange(len(stretch.inputs)), max(1, len(stretch.inputs) // shortest)
         )
     ]
     cells = FieldCells.of(blocks.points, blocks.power, blocks.position_mm)
-    samples = fitted(parts, space)
-    return TextureModel(samples, level="gaussian_process", shape="smoothed", field=cells)
+    return TextureModel(
+        fitted(parts, InputSpace(settings.inputs), settings.rate_hz),
+        level="gaussian_process",
+        shape="smoothed",
+        field=cells,
+        rate_hz=settings.rate_hz,
+    )
 
 
 def at_level(known: TextureModel, gain: float, blocks: Blocks, space: InputSpace) -> TextureModel:

@@ -7,6 +7,9 @@ A power's effective sample size (`mmt.texture.autoregression.effective_sample_si
 the same recursion led on to the highest automatic order: the common order is no higher than the
 shape of a few hundred samples bears, and so shows narrow lines broader than they are, and powers
 worth more.
+
+Where spectra are smoothed, filters and powers are those of the vibration before the high-pass of
+the modelling (`mmt.texture.signals.high_pass`).
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -25,6 +28,7 @@ from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import Inputs, ModellingSettings
+from mmt.texture.signals.high_pass import without_high_pass
 
 HIGHEST_AUTOMATIC_ORDER: Final = 24
 """What "auto" may choose at most; a segment has at least four times as many samples."""
@@ -74,14 +78,18 @@ def fit_segments(
     counts = np.array([len(part) for part in vibration])
     resolving = _resolving_order(settings)
     fits = burg_batch(vibration, max(order, resolving))
-    lsf, resolved = (_lsf_of(fits, wanted) for wanted in (order, resolving))
-    effective = effective_samples(resolved, counts)
+    effective = effective_samples(_lsf_of(fits, resolving), counts)
+    lsf, variance, power = _lsf_of(fits, order), fits.variances[:, order], fits.power
+    if settings.shape == "smoothed":
+        reflection, gain = without_high_pass(fits.reflection, order, settings.rate_hz)
+        lsf, power = reflection_to_lsf(reflection), power * gain
+        variance = power * np.prod(1.0 - np.square(reflection), axis=1)
     fitted = [
         Fit(
             segment,
             lsf[index],
-            float(fits.variances[index, order]),
-            float(fits.power[index]),
+            float(variance[index]),
+            float(power[index]),
             float(effective[index]),
             int(counts[index]),
             next(numbers),

@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING, Self, cast, get_args
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
 from mmt.models import find_model
+from mmt.texture.autoregression.forms import lsf_to_reflection
 from mmt.texture.autoregression.spectra import lsf_spectrum
 from mmt.texture.field.level_table import TABLE, TABLE_SIZES
 from mmt.texture.field.trend import NO_TREND, fit_trend, without_trend
@@ -66,7 +68,8 @@ class TextureModel:
         posterior mean of `mmt.texture.field.posterior`, for which `interpolate` is ``"power"``.
     shape
         Whether the spectra are those of the samples, ``"measured"``, or ``"smoothed"`` over all of
-        them by `mmt.texture.field.shape_smoothing`.
+        them by `mmt.texture.field.shape_smoothing`. The latter are samples of the vibration before
+        the modelling's high-pass (`mmt.texture.model.fits`), and blocks get their powers back.
     field
         Blocks by which the level is estimated; None for the samples alone.
     rate_hz
@@ -184,7 +187,8 @@ class TextureModel:
 
         if self.field is None:
             return field_of_samples(self.samples)
-        return LevelField(self.field, noise_power=self.samples.noise_power)
+        gain = self._gain_at(self.field.points)
+        return LevelField(self.field, noise_power=self.samples.noise_power, gain=gain)
 
     def level_db(self, *inputs: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return mean and standard deviation of the level in dB, each of shape (k,).
@@ -207,6 +211,20 @@ class TextureModel:
         if self.level_field is None:
             raise InputError("no sample of the model has any power: its level has no logarithm")
         return self.level_field.level_db(points)
+
+    def _gain_at(self, points: FloatArray) -> FloatArray:
+        """Return what the power that was felt at points (k, d) lacks by the high-pass, (k,).
+
+        By the nearest filter; 1 where the filters are as measured, too.
+        """
+        if self.shape == "measured":
+            return np.ones(len(points))
+        from mmt.texture.signals.high_pass import gain_without_high_pass
+
+        place, lsf = np.split(self.vertices, [self.dimensions + 1], axis=1)
+        gain = gain_without_high_pass(lsf_to_reflection(np.ascontiguousarray(lsf)), self.rate_hz)
+        nearest = cKDTree(place[:, : self.dimensions]).query(points)[1]
+        return np.asarray(gain[nearest])
 
     def _lsf(self, *, inside: bool) -> FloatArray:
         """Return the frequencies at the samples, and around them where they are smoothed."""

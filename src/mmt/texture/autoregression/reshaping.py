@@ -1,0 +1,68 @@
+"""Filters of which spectra are given.
+
+The filter of order p with the first p + 1 autocorrelations of a spectrum is its best of that order
+in the sense of linear prediction (Markel and Gray, Linear Prediction of Speech, 1976, section
+3.3). It follows by Levinson's recursion and is stable, as autocorrelations are positive definite.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.texture.autoregression.forms import reflection_to_ar
+
+PERIOD: Final = 1024
+"""Samples after which autocorrelations repeat: spectra have `PERIOD` / 2 + 1 frequencies."""
+
+LARGEST_REFLECTION: Final = 1.0 - 1e-9
+_TINY: Final = 1e-300
+
+
+def relative_density(reflection: FloatArray) -> FloatArray:
+    """Return the spectra of filters over their maxima, from 0 to half the rate, (k, f).
+
+    Parameters
+    ----------
+    reflection
+        Reflection coefficients, shape (k, order).
+    """
+    response = np.fft.rfft(np.insert(reflection_to_ar(reflection), 0, 1.0, axis=1), PERIOD, axis=1)
+    inverse = np.maximum(np.square(response.real) + np.square(response.imag), _TINY)
+    return np.asarray(inverse.min(axis=1, keepdims=True) / inverse)
+
+
+def reflection_of(density: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
+    """Return the filters of an order that have the autocorrelations of spectra.
+
+    Parameters
+    ----------
+    density
+        One-sided, for a rate of 1, from 0 to 0.5 evenly, not negative, (k, `PERIOD` / 2 + 1).
+    order
+        At least 1.
+
+    Returns
+    -------
+    reflection, power
+        Shapes (k, order) and (k,).
+    """
+    lags = np.fft.irfft(0.5 * density, axis=1)[:, : order + 1]
+    lags[:, 0] = np.maximum(lags[:, 0], _TINY)
+    return _levinson(lags), lags[:, 0]
+
+
+def _levinson(autocorrelation: FloatArray) -> FloatArray:
+    """Return the reflection coefficients (k, m) of autocorrelations (k, m + 1), O(m^2)."""
+    count, order = autocorrelation.shape[0], autocorrelation.shape[1] - 1
+    reflection, error = np.zeros((count, order)), autocorrelation[:, 0].copy()
+    coefficients = np.zeros((count, order + 1))
+    coefficients[:, 0] = 1.0
+    for stage in range(order):
+        backwards = autocorrelation[:, stage + 1 : 0 : -1]
+        k = -np.einsum("ij,ij->i", coefficients[:, : stage + 1], backwards) / error
+        k = np.clip(k, -LARGEST_REFLECTION, LARGEST_REFLECTION)
+        coefficients[:, 1 : stage + 2] += k[:, None] * coefficients[:, stage::-1][:, : stage + 1]
+        reflection[:, stage] = k
+        error *= 1.0 - np.square(k)
+    return reflection

@@ -1,0 +1,114 @@
+"""What the high-pass takes is given back to spectra and powers: known answers, extremes."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.signal import freqz, lfilter
+
+from mmt.texture.autoregression.forms import lsf_to_reflection, reflection_to_lsf
+from mmt.texture.autoregression.reshaping import (
+    LARGEST_REFLECTION,
+    PERIOD,
+    reflection_of,
+    relative_density,
+)
+from mmt.texture.autoregression.simulation import simulate_ar
+from mmt.texture.autoregression.spectra import lsf_spectrum
+from mmt.texture.field.cells import FieldCells
+from mmt.texture.model.fits import fit_segments
+from mmt.texture.model.samples import TextureSamples
+from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.segmentation.segments import Segment
+from mmt.texture.settings import ModellingSettings
+from mmt.texture.signals.biquad import butterworth_high_pass
+from mmt.texture.signals.filtering import VIBRATION_CUTOFF_HZ
+from mmt.texture.signals.high_pass import gain_without_high_pass, without_high_pass
+
+FREQUENCIES_HZ = np.arange(PERIOD // 2 + 1) * (1000.0 / PERIOD)
+FLAT = np.array([[0.3, -0.2]])
+SLOW = np.array([[-0.9925, 0.97]])
+"""A line at 19 Hz."""
+
+
+def left(frequencies_hz):
+    """The share of a power that the modelling's own filter leaves."""
+    f = butterworth_high_pass(VIBRATION_CUTOFF_HZ, 1000.0)
+    _, response = freqz([f.b0, f.b1, f.b2], [1.0, f.a1, f.a2], worN=frequencies_hz, fs=1000.0)
+    return np.abs(response) ** 2
+
+
+@pytest.mark.parametrize("reflection", [FLAT, SLOW])
+def test_a_spectrum_comes_back_from_what_the_filter_leaves_of_it(reflection):
+    before = relative_density(reflection)
+    behind, power = reflection_of(before * left(FREQUENCIES_HZ), 40)
+    restored, gain = without_high_pass(behind, 2, 1000.0)
+    _, whole = reflection_of(before, 2)
+    heard = (FREQUENCIES_HZ >= 12.0)[None]
+    ratio_db = 10 * np.log10(relative_density(restored) / before)
+    ratio_db -= ratio_db[heard].mean()
+    assert np.abs(ratio_db[heard]).max() < 1.0
+    assert gain[0] == pytest.approx(whole[0] / power[0], rel=0.08)  # some below 8 Hz stays lost
+    assert gain_without_high_pass(reflection, 1000.0)[0] == pytest.approx(gain[0], rel=0.05)
+
+
+def test_a_slow_line_has_lost_more_than_a_flat_spectrum():
+    flat, slow = (gain_without_high_pass(one, 1000.0)[0] for one in (FLAT, SLOW))
+    assert 1.0 < flat < 1.05
+    assert slow > 1.08
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    st.lists(st.floats(-LARGEST_REFLECTION, LARGEST_REFLECTION), min_size=1, max_size=24),
+    st.integers(1, 24),
+    st.sampled_from([200.0, 1000.0, 10_000.0]),
+)
+def test_whatever_was_fitted_the_filter_is_stable_and_has_no_less_power(values, order, rate_hz):
+    reflection, gain = without_high_pass(np.array([values]), order, rate_hz)
+    assert reflection.shape == (1, order)
+    assert np.abs(reflection).max() < 1.0
+    assert 1.0 <= gain[0] * (1.0 + 1e-9) < 1.0 + 2.5  # 1 / 0.29 at most
+    lsf = reflection_to_lsf(reflection)
+    assert (np.diff(lsf, prepend=0.0, append=np.pi, axis=1) > 0.0).all()
+
+
+def test_smoothed_fits_are_of_the_vibration_before_the_filter_and_measured_ones_behind():
+    f = butterworth_high_pass(VIBRATION_CUTOFF_HZ, 1000.0)
+    random = np.random.default_rng(4)
+    segments = []
+    for number in range(40):
+        whole = simulate_ar(FLAT[0], 1.0, 600, random)
+        behind = lfilter([f.b0, f.b1, f.b2], [1.0, f.a1, f.a2], whole)[200:]
+        start = 400 * number
+        segments.append(Segment(start, start + 400, 100.0, (100.0, 0.0), 1.0, behind, 0, True))
+    low_hz = np.arange(10.0, 16.0)
+    truth = lsf_spectrum(reflection_to_lsf(FLAT), np.ones(1), low_hz, 1000.0).mean()
+    off_db = {}
+    for shape in ("measured", "smoothed"):
+        fits = fit_segments(segments, 8, itertools.count(), ModellingSettings(shape=shape))
+        lsf, variance = np.array([fit.lsf for fit in fits]), np.array([x.variance for x in fits])
+        mean = lsf_spectrum(lsf, variance, low_hz, 1000.0).mean()
+        off_db[shape] = 10 * np.log10(mean / truth)
+        power = np.array([fit.power for fit in fits])
+        reflection = lsf_to_reflection(lsf)
+        np.testing.assert_allclose(variance, power * np.prod(1 - reflection**2, axis=1), rtol=0.02)
+    assert off_db["measured"] < -1.5
+    assert abs(off_db["smoothed"]) < 1.0
+
+
+def test_blocks_get_back_what_the_nearest_filter_says():
+    inputs = np.array([[60.0, 0.5], [200.0, 2.0]])
+    lsf = reflection_to_lsf(np.vstack([SLOW, FLAT]))
+    samples = TextureSamples(inputs, lsf, np.ones(2), np.ones(2))
+    cells = FieldCells.of(samples.points, np.array([2.0, 5.0]), np.array([[0.0, 0.0], [50.0, 0.0]]))
+    measured, smoothed = (
+        TextureModel(samples, level="gaussian_process", shape=shape, field=cells)
+        for shape in ("measured", "smoothed")
+    )
+    more_db = smoothed.level_db(*inputs.T)[0] - measured.level_db(*inputs.T)[0]
+    gains_db = 10 * np.log10(gain_without_high_pass(np.vstack([SLOW, FLAT]), 1000.0))
+    assert more_db[0] == pytest.approx(gains_db[0], abs=0.2)
+    assert more_db[1] < 0.5 * more_db[0]
