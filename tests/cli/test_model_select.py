@@ -15,7 +15,7 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
 
-KNOCK_AT = (4000, 9000)
+KNOCK_AT = (4150, 9150)  # well inside of segments
 
 
 @pytest.fixture(scope="module")

@@ -55,12 +55,14 @@ def test_a_growing_set_loses_its_knocks_and_gets_its_good_points_back():
     assert (found.outlier != offline).mean() < 0.05
 
 
-def test_what_is_remembered_changes_nothing():
+def test_updates_without_new_samples_come_to_what_is_found_offline():
     data, _ = sampled_texture(90, 2, knocks=9, seed=2)
-    warm = OnlineSelection(OnlineSelectionSettings())
-    first = chosen(warm, data, 90)
-    again = chosen(warm, data, 90)
-    np.testing.assert_array_equal(again.outlier, first.outlier)
+    selection = OnlineSelection(OnlineSelectionSettings())
+    for _ in range(6):
+        found = chosen(selection, data, 90)
+    assert (found.outlier != select(data).outlier).sum() <= 2
+    again = chosen(selection, data, 90)
+    np.testing.assert_array_equal(again.outlier, found.outlier)
 
 
 def test_above_the_largest_number_the_best_predicted_leave_and_the_hull_stays():
@@ -132,4 +134,4 @@ def test_an_update_of_400_samples_costs_little_more_than_its_new_ones():
     chosen(selection, data, 397)
     started = time.process_time()
     chosen(selection, data, 400)
-    assert time.process_time() - started < 0.25  # about 0.03 where nothing else runs
+    assert time.process_time() - started < 0.3  # about 0.06 where nothing else runs

@@ -38,9 +38,9 @@ def select_samples(
     tau: Annotated[
         float, typer.Option(min=0.0, help="Largest spectral error of the thinner model.")
     ] = 0.27,
-    limit: Annotated[
-        float | None, typer.Option(min=0.001, help="Score from which a sample is an outlier.")
-    ] = None,
+    false_alarms: Annotated[
+        float, typer.Option(min=0.001, max=0.2, help="Share of good samples taken for outliers.")
+    ] = 0.02,
     largest: Annotated[
         int | None, typer.Option(min=1, help="Keep no more samples, but for the hull's corners.")
     ] = None,
@@ -63,7 +63,7 @@ def select_samples(
     if (method or pool.settings.method) == "published":
         result = _published(pool)
     else:
-        result = select(pool.data, SelectionSettings(limit=limit, tau=tau, largest=largest))
+        result = select(pool.data, SelectionSettings(false_alarms, tau, largest))
     errors = left_out_errors(pool.data, result.outlier, result.kept)
     _print(pool, result, errors)
     write_json(json_file, _figures(pool, result, errors))
@@ -125,7 +125,7 @@ def _print(pool: "Pool", result: "Selection", errors: dict[str, Any]) -> None:
         highlight=False,
     )
     if pool.data.segments is None:
-        output.print("a model has no segments: only strong outliers can be found", highlight=False)
+        output.print("a model has no segments: fewer outliers can be found", highlight=False)
     for name in ("before", "after"):
         if name in errors:
             figures = errors[name]

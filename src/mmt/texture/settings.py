@@ -105,8 +105,8 @@ class OnlineSelectionSettings:
     See `mmt.texture.selection.online`.
     """
 
-    limit: Annotated[float, Gt(0), Le(1000)] = 14.5
-    """Score from which a sample is an outlier."""
+    false_alarms: Annotated[float, Ge(0.001), Le(0.2)] = 0.02
+    """Share of the good samples that may be taken for outliers."""
 
     largest: Annotated[int, Ge(10), Le(1000)] = 200
     """Number of samples above which redundant ones are left out of the model."""

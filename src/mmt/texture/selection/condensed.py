@@ -1,24 +1,25 @@
 """Removal of redundant points, independent of their order.
 
 Condensing starts with the corners of the convex hull. While the error at some point exceeds the
-threshold, a point is added near the largest error: of the neighbours that are not in the set, the
-one whose filter is closest to the prediction there. So the errors decide what is kept, not the
+threshold, a point is added near the largest error: of the nearest points that are not in the set,
+the one whose filter is closest to the prediction there. So the errors decide what is kept, not the
 numbering, and of several points in one place the most typical one stays, where a rule that adds
 the point in error keeps the most unusual.
 
-The error is taken against the prediction of the neighbours, not against a point's own filter with
-its scatter.
+The error is taken against the consensus of all points (`mmt.texture.selection.consensus`), not
+against a point's own filter with its scatter.
 """
 
 from typing import Final, NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
+from mmt.texture.selection.consensus import Consensus
 from mmt.texture.selection.enclosing_simplex import enclose_each
 from mmt.texture.selection.leave_one_out import hull_of
-from mmt.texture.selection.neighbour_prediction import NeighbourPrediction, NeighbourPredictor
-from mmt.texture.selection.points import ModelPoints, amplitude_of, log_density_of
+from mmt.texture.selection.points import ModelPoints, amplitude_of
 from mmt.texture.selection.published import spectral_error
 
 TAU: Final = 0.27
@@ -55,25 +56,25 @@ def condense(data: ModelPoints, tau: float = TAU, largest: int | None = None) ->
 
     Notes
     -----
-    O(n (log n + kept d + refreshed f)): the model is asked again only at places in whose
-    circumsphere a point has joined. With c kept points about O(n c d) in all.
+    O(n^3) for the consensus. The model is asked again only at places in whose circumsphere a point
+    has joined: with c kept points about O(n c d) in all.
     """
     n = len(data)
     minimal = np.zeros(n, dtype=np.bool_)
     minimal[hull_of(data.points)] = True
     if minimal.all() or n < 3:
         return Condensed(minimal, np.ones(n, dtype=np.bool_), np.zeros(n))
-    logarithm = log_density_of(data.lsf, data.variance)
-    asked = NeighbourPredictor(data.points, data.fit_variances(), logarithm)
-    neighbours = asked.predict_from(np.ones(n, dtype=np.bool_))
-    agreed = _agreed(logarithm, neighbours)
+    consensus = Consensus(data)
+    everyone = np.ones(n, dtype=np.bool_)
+    agreed = np.exp(0.5 * consensus.smoothed(consensus.predict_from(everyone)))
+    nearest = cKDTree(data.points)
     thin = _Thin(data, agreed, minimal.copy())
-    near = _NEAR * (data.points.shape[1] + 1)
+    near = min(n, _NEAR * (data.points.shape[1] + 1))
     while largest is None or thin.kept.sum() < largest:
         worst = thin.worst()
         if thin.error[worst] <= tau:
             break
-        places = np.append(neighbours.members[worst, :near], worst)
+        places = nearest.query(data.points[worst], k=near)[1]
         open_places = places[~thin.kept[places]]
         if not open_places.size:
             thin.error[worst] = 0.0  # all that is there is kept: nothing more can be done
@@ -81,14 +82,6 @@ def condense(data: ModelPoints, tau: float = TAU, largest: int | None = None) ->
         own = spectral_error(thin.amplitude[open_places], agreed[worst])
         thin.add(int(open_places[_first_least(own, data.points[open_places])]))
     return Condensed(minimal, thin.kept, thin.error)
-
-
-def _agreed(logarithm: FloatArray, neighbours: NeighbourPrediction) -> FloatArray:
-    """Return amplitude spectra (n, f) estimated from each point and its neighbours."""
-    others = neighbours.of(logarithm)
-    share = neighbours.scatter(np.ones(len(logarithm))) - 1.0  # variance of the others' word
-    own = (share / (1.0 + share))[:, None]
-    return np.exp(0.5 * (own * logarithm + (1.0 - own) * others))
 
 
 def _first_least(values: FloatArray, points: FloatArray) -> int:

@@ -1,10 +1,8 @@
 """Online selection: keeps outliers out of a growing model, and its size below a limit.
 
-A full selection at every update would give the offline result at several times the cost; this one
-starts from the last. All samples are tested again, so that a knock that came before its neighbours
-is removed once there are enough of them, and a good sample that bad ones made suspicious is
-restored. The evidence from a segment's own samples is cached while its neighbours stay the same,
-which saves most of the cost.
+All samples are tested again in every update, so that a knock that came before its neighbours is
+removed once there are enough of them, and a good sample that bad ones made suspicious is restored.
+An update is one round of the search, and begins where the last one ended.
 """
 
 from collections.abc import Sequence
@@ -14,7 +12,6 @@ import numpy as np
 
 from mmt.core.arrays import BoolArray, FloatArray, IntArray
 from mmt.texture.model.samples import TextureSamples
-from mmt.texture.selection.cache import SearchCache
 from mmt.texture.selection.leave_one_out import leave_each_out
 from mmt.texture.selection.outliers import find_outliers
 from mmt.texture.selection.points import ModelPoints, amplitude_of
@@ -37,12 +34,12 @@ class OnlineSelection:
     Parameters
     ----------
     settings
-        ``limit`` on the score (None for the usual one), ``largest`` number of samples.
+        ``false_alarms`` among good samples, ``largest`` number of samples.
     """
 
     def __init__(self, settings: OnlineSelectionSettings) -> None:
         self._settings = settings
-        self._cache = SearchCache()
+        self._outliers: frozenset[int] = frozenset()
 
     def choose(
         self,
@@ -73,10 +70,11 @@ class OnlineSelection:
         )
         order = data.canonical()
         data, sound = data.subset(order), sound[order]
-        self._cache.begin([numbers[i] for i in sound.tolist()])
-        found = find_outliers(data, self._settings.limit, self._cache)
+        before = np.array([numbers[i] in self._outliers for i in sound.tolist()], dtype=np.bool_)
+        found = find_outliers(data, self._settings.false_alarms, before)
         if found is not None:
             outlier[sound[found.outlier]] = True
+        self._outliers = frozenset(numbers[i] for i in np.flatnonzero(outlier).tolist())
         redundant = np.zeros(n, dtype=np.bool_)
         good = np.flatnonzero(~outlier)
         surplus = len(good) - self._settings.largest

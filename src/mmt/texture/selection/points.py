@@ -88,16 +88,11 @@ class ModelPoints:
             None if self.segments is None else [self.segments[i] for i in numbers],
         )
 
-    def fit_variances(self) -> FloatArray:
-        """Return the mean square scatter of the logarithms of each fit's spectrum, shape (n,).
-
-        That of an autoregressive fit to the segment's samples (see
-        `neighbour_prediction`), where they are not at hand to `USUAL_SAMPLES`.
-        """
-        samples = np.full(len(self), USUAL_SAMPLES)
-        if self.segments is not None:
-            samples = np.array([max(1, len(segment)) for segment in self.segments])
-        return np.asarray(2.0 * (self.lsf.shape[1] + 1) / samples)
+    def samples(self) -> FloatArray:
+        """Return the number of samples (n,) of each segment, `USUAL_SAMPLES` where not known."""
+        if self.segments is None:
+            return np.full(len(self), float(USUAL_SAMPLES))
+        return np.array([max(1.0, float(len(segment))) for segment in self.segments])
 
 
 def band(count: int = _GRID) -> FloatArray:

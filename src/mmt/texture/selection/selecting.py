@@ -7,7 +7,7 @@ import numpy as np
 from mmt.core.arrays import BoolArray, FloatArray
 from mmt.core.errors import InputError
 from mmt.texture.selection.condensed import TAU, condense
-from mmt.texture.selection.outliers import find_outliers, reasons
+from mmt.texture.selection.outliers import FALSE_ALARMS, LARGEST_RATE, find_outliers, reasons
 from mmt.texture.selection.points import ModelPoints
 
 
@@ -17,9 +17,8 @@ class SelectionSettings:
 
     Attributes
     ----------
-    limit
-        Score from which a point is an outlier; None for the usual one, which depends on
-        whether segments are at hand.
+    false_alarms
+        Share of the good points that may be taken for outliers.
     tau
         Largest relative spectral error of the thinner model; 0 keeps all but the outliers.
     largest
@@ -32,13 +31,15 @@ class SelectionSettings:
         A number is out of range.
     """
 
-    limit: float | None = None
+    false_alarms: float = FALSE_ALARMS
     tau: float = TAU
     largest: int | None = None
 
     def __post_init__(self) -> None:
-        if self.limit is not None and not self.limit > 0:
-            raise InputError(f"limit is {self.limit}: it must be positive")
+        if not 0.0 < self.false_alarms <= LARGEST_RATE:
+            raise InputError(
+                f"false_alarms is {self.false_alarms}: above 0, to {LARGEST_RATE} is allowed"
+            )
         if not self.tau >= 0:
             raise InputError(f"tau is {self.tau}: it must not be negative")
         if self.largest is not None and self.largest < 1:
@@ -52,7 +53,7 @@ class Selection:
     Attributes
     ----------
     outlier
-        Contradicts its neighbours.
+        Contradicts the others.
     kept
         Belongs to the selected set. What is neither is redundant.
     minimal
@@ -100,15 +101,20 @@ def select(data: ModelPoints, settings: SelectionSettings | None = None) -> Sele
     settings
         See `SelectionSettings`.
 
+    Raises
+    ------
+    InputError
+        The points have other inputs than speed and force, or velocity and force.
+
     Notes
     -----
-    O(n (log n + k f + samples order)) for the outliers, about O(n kept d) for the rest.
+    O(n^3): of 500 points under a second, of 2000 some ten.
     """
     settings = settings or SelectionSettings()
     n = len(data)
     order = data.canonical()
     sorted_data = data.subset(order)
-    found = find_outliers(sorted_data, settings.limit)
+    found = find_outliers(sorted_data, settings.false_alarms)
     outlier = np.zeros(n, dtype=np.bool_) if found is None else found.outlier
     good = np.flatnonzero(~outlier)
     kept, minimal = ~outlier, np.zeros(n, dtype=np.bool_)
@@ -116,7 +122,7 @@ def select(data: ModelPoints, settings: SelectionSettings | None = None) -> Sele
     if settings.tau > 0 or settings.largest is not None:
         thin = condense(sorted_data.subset(good), settings.tau, settings.largest)
         kept[good], minimal[good], error[good] = thin.kept, thin.minimal, thin.error
-    score = np.zeros(n) if found is None else found.evidence.score
+    score = np.zeros(n) if found is None else found.score
     words = [""] * n if found is None else reasons(found)
     back = np.argsort(order)
     return Selection(
@@ -126,5 +132,5 @@ def select(data: ModelPoints, settings: SelectionSettings | None = None) -> Sele
         score=score[back],
         reason=tuple(words[i] for i in back),
         error=error[back],
-        limit=None if found is None else found.evidence.limit,
+        limit=None if found is None else found.limit,
     )

@@ -1,28 +1,26 @@
-"""Evidence of knocks in a segment's own samples: bursts that its neighbours do not predict.
+"""Evidence of knocks in a segment's own samples: something struck that rings.
 
-A knock is short. The segment is filtered by the prediction error filter that its neighbours
-predict, which whitens the texture and leaves a burst of the knock, and the ringing of the struck
-object. The largest of either is compared with the rest of the segment, so that an error of the
-predicted level does no harm, and with the predicted level.
+The segment is filtered by the prediction error filter that the other points predict, which whitens
+the texture and leaves the knock. What is asked is how much likelier the samples are with one damped
+tone (`mmt.texture.selection.damped_tones`) than without.
 """
 
-import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple, Self
 
 import numpy as np
+from scipy.special import wrightomega
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
 from mmt.texture.selection.damped_tones import ComplexArray, loudest_tone_energy, modes
 from mmt.texture.selection.points import band
 
-SHORT: Final = 16
-LONG: Final = 32
 SHORTEST: Final = 64
-"""Least samples of prediction error from which bursts are computed."""
+"""Least samples of prediction error in which a tone is looked for."""
 
 _TINY: Final = float(np.finfo(np.float64).tiny)
+_LEAST_SHARE: Final = 1e-9  # of the energy, that a tone leaves unexplained
 
 
 class Whitening(NamedTuple):
@@ -82,20 +80,8 @@ def prediction_error(x: FloatArray, ar: FloatArray) -> FloatArray:
     return error
 
 
-@kernel("f8[::1](f8[::1], i8)")
-def _means(squares: FloatArray, width: int) -> FloatArray:
-    """Return the means over every window; every one is summed anew, so that none drifts."""
-    means = np.empty(squares.size - width + 1)
-    for n in range(means.size):
-        total = 0.0
-        for j in range(width):
-            total += squares[n + j]
-        means[n] = total / width
-    return means
-
-
 @kernel("void(f8[::1], i8[::1], f8[:, ::1], f8[::1], c16[::1], f8[:, ::1])")
-def _bursts(
+def _energies(
     samples: FloatArray,
     starts: IntArray,
     ar: FloatArray,
@@ -103,33 +89,56 @@ def _bursts(
     grid: ComplexArray,
     result: FloatArray,
 ) -> None:
-    """Write the rows that `bursts` returns."""
+    """Write the length of each prediction error, its energy and that of the loudest tone."""
     for row in range(variance.size):
         error = prediction_error(samples[starts[row] : starts[row + 1]], ar[row])
         if error.size < SHORTEST:
             continue
-        squares = error * error
-        short, long = _means(squares, SHORT), _means(squares, LONG)
-        ring = loudest_tone_energy(error, ar[row], grid)
-        rest = max(squares.sum() - ring, 0.0) / error.size
         expected = max(variance[row], _TINY)
-        result[row, 0] = math.log(max(short.max(), _TINY) / max(np.median(short), _TINY))
-        result[row, 1] = math.log(max(long.max(), _TINY) / expected)
-        result[row, 2] = math.log(max(ring, _TINY) / expected)
-        result[row, 3] = math.log(max(ring, _TINY) / max(rest, _TINY))
+        result[row, 0] = error.size
+        result[row, 1] = (error * error).sum() / expected
+        result[row, 2] = loudest_tone_energy(error, ar[row], grid) / expected
 
 
-def bursts(segments: Sequence[FloatArray], filters: Whitening) -> FloatArray:
-    """Return the logarithms of four ratios for each segment, shape (n, 4).
+def tone_evidence(
+    segments: Sequence[FloatArray], filters: Whitening, level_variance: FloatArray
+) -> FloatArray:
+    """Return how much likelier segments are with the likeliest damped tone, in nepers, (n,).
 
-    The loudest `SHORT` samples of the prediction error over the median such stretch; the
-    loudest `LONG` over the variance that was expected; the energy that the loudest damped tone
-    explains (see `mmt.texture.selection.damped_tones`) over the same, and over what the rest of the
-    segment has. Zero where a segment is too short to tell.
+    Parameters
+    ----------
+    segments
+        Vibration.
+    filters
+        Predicted ones.
+    level_variance
+        Variance of the logarithm of the predicted excitation's variance, positive, shape (n,).
+
+    Notes
+    -----
+    The level is unknown within its predicted error, with the tone and without: each likelihood is
+    that of the likeliest level. Of more instants the largest is larger, by the logarithm of their
+    number (Gumbel), which is subtracted. Zero where a segment is too short to tell.
     """
-    result = np.zeros((len(segments), 4))
+    found = np.zeros((len(segments), 3))
     packed = Packed.of(segments)
-    ar = np.ascontiguousarray(filters.ar)
-    variance = np.ascontiguousarray(filters.variance)
-    _bursts(packed.samples, packed.starts, ar, variance, modes(), result)
-    return result
+    ar, variance = np.ascontiguousarray(filters.ar), np.ascontiguousarray(filters.variance)
+    _energies(packed.samples, packed.starts, ar, variance, modes(), found)
+    count, energy, tone = found.T
+    rest = np.maximum(energy - tone, _LEAST_SHARE * energy)
+    gain = _surprise(energy, count, level_variance) - _surprise(rest, count, level_variance)
+    return np.where(count > 0.0, gain - np.log(np.maximum(count, 1.0)), 0.0)
+
+
+def _surprise(energy: FloatArray, count: FloatArray, variance: FloatArray) -> FloatArray:
+    """Return minus the log likelihood of white noise at the likeliest level, but for a constant.
+
+    The least over s, a normal offset of the level, of
+    ``count / 2 s + energy / 2 exp(-s) + s^2 / (2 variance)``, which is where
+    ``s = omega(ln(variance energy / 2) + variance count / 2) - variance count / 2``, by Wright's
+    omega function (Corless and Jeffrey, "The Wright omega function", 2002). There the derivative is
+    zero, and ``energy exp(-s)`` is ``count + 2 s / variance``.
+    """
+    expected = 0.5 * variance * count
+    s = wrightomega(np.log(np.maximum(0.5 * variance * energy, _TINY)) + expected) - expected
+    return np.asarray(0.5 * (count * (s + 1.0) + s * (s + 2.0) / variance))
