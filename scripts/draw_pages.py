@@ -43,9 +43,6 @@ async def main() -> None:
                     )
                 )
                 await demo.wait()
-            ours = "demo", "ours", "--monitor", "--output", f"{folder}/ours"
-            async with serving(*ours) as (_, url):
-                await picture_expected_share(browser, url)
             await picture_report(browser, Path(folder) / "report.html")
             recording = str(Path(folder) / "session.mcap")
             async with serving("session", "view", recording, "--no-open") as (_, url):
@@ -93,14 +90,6 @@ async def watch(desk: Any, tablet: Any) -> None:
     await take("monitor", desk)
     if await desk.locator("body.lost").count():
         raise SystemExit(TOO_BUSY)
-
-
-async def picture_expected_share(browser: Any, url: str) -> None:
-    """Take the monitor of a model that knows its error, when four samples are in it."""
-    page = await a_page(browser, url, DESKTOP, "light")
-    await page.wait_for_function(SAMPLES.format(4))
-    await page.wait_for_function(MODE.format("synthesized"))
-    await take("monitor-expected-share", page)
 
 
 async def picture_report(browser: Any, report: Path) -> None:

@@ -56,9 +56,9 @@ def run(scene: str) -> RecordedSession:
 
 def from_five_samples_on(evaluation: Evaluation) -> Evaluation:
     """Leave out the first models: a plane with one sample shows little."""
-    models = [(at_s, model) for at_s, model in evaluation.models if model is not None]
-    kept = tuple((at_s, model) for at_s, model in models if len(model.samples) >= 5)
-    return replace(evaluation, models=kept)
+    history = evaluation.models
+    kept = tuple(update for update in history.updates if update.samples >= 5)
+    return replace(evaluation, models=replace(history, updates=kept))
 
 
 def vibration_at_the_switch(session: RecordedSession) -> Figure:

@@ -48,8 +48,8 @@ def test_a_part_runs_in_the_services_that_its_values_ask_for() -> None:
         ({**SIMULATED, "texture": {"axis": "w"}}, ["texture.axis", "dft321"]),
         ({**SIMULATED, "texture": {"stop_distance": 9.0}}, ["stop_distance"]),
         (
-            {**SIMULATED, "texture": {"criterion": "uncertainty"}},
-            ['criterion is "uncertainty"', 'set level to "gaussian_process"'],
+            {**SIMULATED, "texture": {"level": "interpolated"}},
+            ['level "interpolated"', 'set criterion to "distance"'],
         ),
         (
             {**SIMULATED, "texture": {"method": "published", "interpolator": "nearest"}},

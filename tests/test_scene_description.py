@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 
 from mmt.cli.scene.description import Stream, describe_scene
+from mmt.scene import Rendering
 from mmt.scene.files import example_scenes, load_scene, scene_from_tables
 
 FRAME = 12
@@ -73,8 +74,15 @@ def test_a_scene_without_a_link_has_a_leader_alone() -> None:
 
 
 def test_the_tasks_of_the_leader_are_named() -> None:
-    tasks = describe_scene(load_scene(example_scenes()["ours"])).leader.tasks
-    assert tasks == ("segmenting", "fitting", "synthesizing", "completing", "warming")
+    demo = load_scene(example_scenes()["demo"])
+    scene = demo.model_copy(update={"rendering": Rendering(before="warm")})
+    assert describe_scene(scene).leader.tasks == (
+        "segmenting",
+        "fitting",
+        "synthesizing",
+        "completing",
+        "warming",
+    )
 
 
 def test_both_services_say_what_they_leave_out() -> None:

@@ -17,7 +17,7 @@ from mmt.texture.model.fits import HIGHEST_AUTOMATIC_ORDER
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import trials
 from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.settings import Inputs, ModellingSettings
+from mmt.texture.settings import INTERPOLATED, Inputs, ModellingSettings
 
 TRIALS: Final = 6
 DURATION_S: Final = 20.0
@@ -42,7 +42,7 @@ def settings_of(surface: Surface) -> ModellingSettings:
     As in paper B the interpolator is a network of radial basis functions.
     """
     inputs: Inputs = "isotropic" if surface.isotropic else "anisotropic"
-    return ModellingSettings(inputs=inputs, interpolator="rbf")
+    return ModellingSettings(inputs=inputs, interpolator="rbf", **INTERPOLATED)
 
 
 def build(sessions: Sequence[RecordArray], settings: ModellingSettings) -> TextureModel:

@@ -85,7 +85,7 @@ def test_the_model_is_the_one_that_the_live_leader_had_at_the_stop_criterion(
     figures = json.loads((tmp_path / "m.json").read_text())
     assert figures["stop_s"] == update.time_s
     assert figures["samples"] == update.samples
-    assert figures["distance"] <= STOP_DISTANCE
+    assert figures["distance"] == pytest.approx(update.distance, abs=1e-3)
 
 
 def test_whole_goes_on_past_the_stop_criterion(session_file: Path, tmp_path: Path) -> None:
@@ -132,11 +132,11 @@ def test_no_segment_spans_two_sessions() -> None:
 def test_a_scene_says_how_to_model(session_file: Path, tmp_path: Path) -> None:
     scene = tmp_path / "scene.toml"
     scene.write_text(
-        "[link]\n[replay]\n[texture]\norder = 9\ninterpolate = 'amplitude'\n", encoding="utf-8"
+        "[link]\n[replay]\n[texture]\norder = 9\nshape = 'measured'\n", encoding="utf-8"
     )
     assert run("build", session_file, tmp_path / "m.npz", "--scene", scene).exit_code == 0
     model = TextureModel.load(tmp_path / "m.npz")
-    assert (model.order, model.interpolate) == (9, "amplitude")
+    assert (model.order, model.shape) == (9, "measured")
     assert Texture().order == "auto"
 
 

@@ -147,6 +147,16 @@ def test_worst_beyond_the_samples():
     assert level.force_n > 2
 
 
+def test_the_level_of_a_field_says_how_sure_it_is_where_it_is_worst():
+    slow = model_of(get_surface("plastic"), np.array([40.0, 60.0]), np.array([0.3, 0.6]))
+    field = TextureModel(slow.samples, level="gaussian_process")
+    _, (level, shape) = worst_of(field, get_surface("plastic"))
+    assert level.limit == "field"
+    _, deviation_db = field.level_db(level.speed_mm_s, level.force_n)
+    assert f"right to {deviation_db[0]:.1f} dB" in level.reason
+    assert shape.limit != "field"
+
+
 def test_worst_fit_where_the_samples_themselves_are_wrong():
     _, (level, shape) = worst_of(
         model_of(get_surface("ribbed"), order=2, level=4.0), get_surface("ribbed")

@@ -228,7 +228,7 @@ def test_the_update_and_rendering_are_measured_at_every_size(results):
 def test_a_higher_order_costs_no_power_error(results):
     _, level = results["order"].panels
     at = errors(level, "period 1 s")
-    assert at[4] == pytest.approx(at[12], rel=0.05)  # but for the share below 8 Hz
+    assert at[4] == pytest.approx(at[12], rel=0.1)  # but for the share below 8 Hz
     assert len(results["order"].records[0].rows) == 2
 
 

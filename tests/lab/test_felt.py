@@ -92,7 +92,9 @@ def test_a_stream_is_as_late_as_both_ways_and_a_model_is_not(far: Passage) -> No
     assert streamed.start_s is None
     late = reference.judge(streamed.vibration_m_s2)
     assert np.median(late.onset_ms) == pytest.approx(110, abs=25)
-    updates = local_updates(far, settings_over(far, {"start_distance": 100.0}))
+    updates = local_updates(
+        far, settings_over(far, {"criterion": "distance", "start_distance": 100.0})
+    )
     modelled = led(far, taking_over(updates), 1)
     assert modelled.start_s is not None
     assert modelled.start_s < 5.0
@@ -109,7 +111,7 @@ def test_a_warm_start_leads_before_the_local_model_and_better_than_the_stream(
 ) -> None:
     reference = Reference(far, at_once(far, 1).vibration_m_s2)
     library = {"felt": library_without("oak")["felt"]}
-    settings = settings_over(far, {"start_distance": 1.0, "stop_distance": 1.0})
+    settings = settings_over(far, {"start_share": 0.999, "stop_share": 0.999})
     updates = local_updates(far, settings)
     assert taking_over(updates) == {}
     warm = led(far, warm_models(far, updates, library, settings), 1)

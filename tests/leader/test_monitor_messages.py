@@ -14,6 +14,7 @@ from hypothesis.extra import numpy as arrays
 from monitor_messages import unpack
 
 from mmt.devices.protocols import InterfaceState
+from mmt.scene import Texture
 from mmt.scene.files import scene_from_tables
 from mmt.texture.completion.criterion import Progress
 from mmt.texture.completion.distance import CompletionMonitor, cell_distances, distance_sum
@@ -136,17 +137,18 @@ def test_a_scene_without_these_channels_has_no_point() -> None:
 
 
 def test_automatic_thresholds_are_told_as_numbers() -> None:
-    assert SCENE.texture is not None
-    assert SCENE.texture.start_distance == "auto"
-    message = unpack(hello(SCENE, "some-id"))
+    scene = SCENE.model_copy(update={"texture": Texture(criterion="distance")})
+    assert scene.texture is not None
+    assert scene.texture.start_distance == "auto"
+    message = unpack(hello(scene, "some-id"))
     scale = message["criterion"]
     assert (scale["start"], scale["stop"]) == pytest.approx((7.5, 4.243), abs=1e-3)
     assert (scale["title"], scale["rises"]) == ("completion sum", False)
-    scale = SCENE.texture.settings(1000.0).scale
+    scale = scene.texture.settings(1000.0).scale
     update = SimpleNamespace(progress=Progress(scale, 9.25, ()))
     leader = SimpleNamespace(
         connected=True,
-        scene=SCENE,
+        scene=scene,
         update=update,
         forced=None,
         mode="streamed",

@@ -61,7 +61,7 @@ async def run(
             "session": {"duration_s": 60.0},
             "link": {"port": 0, "patience_s": 10.0, **link},
             "replay": {"file": str(made), "speed": SPEED},
-            "texture": {"start_distance": 30.0, "stop_distance": 0.01},
+            "texture": {"start_share": 0.1, "stop_share": 0.9999},
             "rendering": {},
             "playout": {},
             "actuator": {},

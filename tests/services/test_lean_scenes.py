@@ -42,6 +42,21 @@ accelerometer = "lean_driver:Device"
 [actuator]
 """
 
+MODELLING_SCENE = """
+[link]
+[simulated]
+[hand]
+[texture]
+method = "{method}"
+[rendering]
+before = "{before}"
+[playout]
+[actuator]
+"""
+
+MODELLING = {"published": ("published", "stream"), "warm": ("custom", "warm")}
+"""Methods of modelling, and what is rendered before there is a model, by the scene's name."""
+
 METHODS = ("passive", "model")
 
 FEEDBACK_SCENE = """
@@ -88,9 +103,9 @@ SIMULATED, REPLAY, DEVICE_SOURCE = SOURCES = (
 )
 
 EXPECTED: dict[str, set[str]] = {
-    "leader demo": {*NETWORK, *MODEL, *FILES, RECORDER, HAND, ACTUATOR},
+    "leader demo": {*NETWORK, *MODEL, *LEVEL, *FILES, RECORDER, HAND, ACTUATOR},
     "follower demo": {*NETWORK, SIMULATED},
-    "leader replay": {*NETWORK, *MODEL, *FILES, RECORDER, ACTUATOR},
+    "leader replay": {*NETWORK, *MODEL, *LEVEL, *FILES, RECORDER, ACTUATOR},
     "follower replay": {*NETWORK, *FILES, REPLAY},
     "leader stream-only": {*NETWORK, HAND, ACTUATOR},
     "follower stream-only": {*NETWORK, SIMULATED},
@@ -105,14 +120,16 @@ EXPECTED: dict[str, set[str]] = {
         "mmt.contact.estimation",
     },
     "follower model": {*NETWORK, SIMULATED, "mmt.follower.feedback", "mmt.contact.passivity"},
-    "leader virtual-lab": {*NETWORK, *MODEL, *FILES, RECORDER, HAND, ACTUATOR},
+    "leader virtual-lab": {*NETWORK, *MODEL, *LEVEL, *FILES, RECORDER, HAND, ACTUATOR},
     "follower virtual-lab": {*NETWORK, DEVICE_SOURCE},
-    "leader anisotropic": {*NETWORK, *MODEL, *FILES, RECORDER, HAND, ACTUATOR},
+    "leader anisotropic": {*NETWORK, *MODEL, *LEVEL, *FILES, RECORDER, HAND, ACTUATOR},
     "follower anisotropic": {*NETWORK, SIMULATED},
-    "leader two-surfaces": {*NETWORK, *MODEL, *FILES, *SURFACES, RECORDER, HAND, ACTUATOR},
+    "leader two-surfaces": {*NETWORK, *MODEL, *LEVEL, *FILES, *SURFACES, RECORDER, HAND, ACTUATOR},
     "follower two-surfaces": {*NETWORK, SIMULATED},
-    "leader ours": {*NETWORK, *MODEL, *FILES, *WARM, *LEVEL, RECORDER, HAND, ACTUATOR},
-    "follower ours": {*NETWORK, SIMULATED},
+    "leader published": {*NETWORK, *MODEL, HAND, ACTUATOR},
+    "follower published": {*NETWORK, SIMULATED},
+    "leader warm": {*NETWORK, *MODEL, *WARM, *LEVEL, HAND, ACTUATOR},
+    "follower warm": {*NETWORK, SIMULATED},
     "leader listener": {
         *NETWORK,
         *MODEL - {"mmt.texture.online.modeller"},
@@ -166,6 +183,9 @@ def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (directory / "lean_driver.py").write_text(DRIVER)
     for method in METHODS:
         (directory / f"{method}.toml").write_text(FEEDBACK_SCENE.format(method=method))
+    for name, (method, before) in MODELLING.items():
+        text = MODELLING_SCENE.format(method=method, before=before)
+        (directory / f"{name}.toml").write_text(text)
     return directory
 
 
@@ -173,7 +193,7 @@ def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def modules(directory: Path) -> dict[str, set[str]]:
     """The modules of each service in each example scene, by e.g. "leader demo"."""
     scenes = {path.stem: path for path in sorted(CONFIGS.glob("*.toml"))}
-    for name in ("devices", *METHODS):
+    for name in ("devices", *METHODS, *MODELLING):
         scenes[name] = directory / f"{name}.toml"
     loaded = {name: load_scene(path) for name, path in scenes.items()}
     runs = [
@@ -229,8 +249,8 @@ def test_a_service_imports_what_its_scene_needs_and_no_more(
 def test_the_numerics_are_where_a_model_is() -> None:
     """Holds the table above: streaming and devices need neither numba nor scipy."""
     with_numerics = {name for name, expected in EXPECTED.items() if expected & NUMERICS}
-    names = ("demo", "replay", "model-only", "virtual-lab", "anisotropic", "two-surfaces", "ours")
-    names += ("listener",)
+    names = ("demo", "replay", "model-only", "virtual-lab", "anisotropic", "two-surfaces")
+    names += ("listener", *MODELLING)
     assert with_numerics == {f"leader {name}" for name in names}
 
 

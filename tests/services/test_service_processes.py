@@ -39,7 +39,8 @@ class Run:
 def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
     directory = tmp_path_factory.mktemp("run")
     arguments = ("--record", "session.mcap", "--duration", DURATION_S)
-    with session(directory, "demo", *arguments) as (leader, follower):
+    surface = {"MMT_SIMULATED__SURFACE": "plastic"}
+    with session(directory, "demo", *arguments, **surface) as (leader, follower):
         port = leader.port()
         with (
             follower_of(leader, "demo", directory) as second_follower,

@@ -34,7 +34,7 @@ async def led(directory: Path, rendering: dict[str, object]) -> tuple[Together, 
         simulated=None,
         hand=None,
         replay={"file": str(session), "speed": 2.0},
-        texture={"start_distance": 1.0, "stop_distance": 1.0},  # neither is met in five seconds
+        texture={"start_share": 0.9999, "stop_share": 0.9999},  # neither is met in five seconds
         rendering=rendering,
     )
     together = Together.of(scene)

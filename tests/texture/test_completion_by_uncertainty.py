@@ -216,7 +216,7 @@ def test_an_operator_who_keeps_to_one_line_completes_it():
     model = model_of(np.column_stack([speed, force]))
     judge.update(model, float(seconds))
     assert judge.stopped
-    published = make_criterion(ModellingSettings())
+    published = make_criterion(ModellingSettings(criterion="distance"))
     published.update(model, float(seconds))
     assert not published.started
 
@@ -256,10 +256,11 @@ def test_it_is_evaluated_again_after_two_hundredths_more_of_stroking():
     assert judge.due
 
 
-def test_the_published_sum_is_what_runs_where_nothing_else_is_asked():
-    monitor = make_criterion(ModellingSettings())
+def test_the_published_sum_is_what_runs_where_it_is_asked_for():
+    settings = ModellingSettings(method="published")
+    monitor = make_criterion(settings)
     assert isinstance(monitor, CompletionMonitor)
-    assert monitor.progress.scale == ModellingSettings().scale
+    assert monitor.progress.scale == settings.scale
     assert not monitor.progress.scale.rises
     monitor.observe(motion(1.0, 100.0, 1.0))
     monitor.update(model_of(strokes(30, 2, largest=0.3)), 1.0)

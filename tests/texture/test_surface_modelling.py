@@ -20,7 +20,7 @@ from mmt.texture.surfaces import SurfaceChange
 from mmt.texture.surfaces import modeller as modelling
 from mmt.texture.surfaces.modeller import SurfaceModeller
 
-SETTINGS = ModellingSettings(order=10, surfaces=SurfaceSettings())
+SETTINGS = ModellingSettings(order=10, criterion="distance", surfaces=SurfaceSettings())
 Changes = dict[int, list[SurfaceChange]]
 
 

@@ -55,11 +55,11 @@ def completion_over_time(evaluations: Sequence[Evaluation]) -> Figure:
         axis.axhline(value, color=_GREY, linestyle="--", linewidth=1.0)
         axis.annotate(
             f"{text} {value:.4g}",
-            (1.0, value),
+            (0.0 if scale.rises else 1.0, value),  # where the curve is not
             xycoords=("axes fraction", "data"),
-            xytext=(-4, -12 if scale.rises else 3),  # where the curve is not
+            xytext=(4 if scale.rises else -4, 3),
             textcoords="offset points",
-            ha="right",
+            ha="left" if scale.rises else "right",
             color="#5d636b",
             fontsize=9,
         )

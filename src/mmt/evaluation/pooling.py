@@ -23,7 +23,7 @@ from mmt.texture.selection import ModelPoints
 from mmt.texture.selection.leave_one_out import DelaunayNeighbours
 from mmt.texture.selection.points import amplitude_of
 from mmt.texture.selection.published import spectral_error
-from mmt.texture.settings import ModellingSettings
+from mmt.texture.settings import INTERPOLATED, ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt.texture.signals.metrics import gfc_of_rows
 
@@ -125,6 +125,7 @@ def pool_models(models: Sequence[TextureModel], names: Sequence[str]) -> Pool:
         interpolator=first.interpolator,
         inputs=first.space.name,
         rate_hz=first.rate_hz,
+        **INTERPOLATED,
     )
     data = ModelPoints(samples.points, samples.lsf, samples.variance)
     origin = [name for name, part in zip(names, parts, strict=True) for _ in range(len(part))]

@@ -15,7 +15,7 @@ from mmt.texture.settings import ModellingSettings
 Basis = Literal["truth", "held-out"]
 """The reference of the power error and of the share within one JND."""
 
-Limit = Literal["beyond the samples", "heading", "sparse", "fit", "interpolation"]
+Limit = Literal["beyond the samples", "heading", "sparse", "fit", "interpolation", "field"]
 """What limits a model where it is worst."""
 
 

@@ -80,6 +80,13 @@ def explain(
             f"the {what} depends on the heading, which the model does not know: the mean over "
             f"all headings itself has {unaware.text(shape=shape)} here"
         )
+    elif not shape and model.level == "gaussian_process" and model.level_field is not None:
+        limit = "field"
+        deviation_db = float(model.level_db(*stroke.inputs(model.space).T)[1][0])
+        reason = (
+            f"the level follows from all strokes, and is expected to be right to "
+            f"{deviation_db:.1f} dB here (standard deviation); {place} is {far}"
+        )
     elif boundary >= _MUCH:
         limit = "beyond the samples"
         beyond = f"boundary points weigh {boundary:.0%} here"

@@ -45,12 +45,13 @@ DISTANCES: Final[dict[Inputs, Distances]] = {
 """Defaults for each kind of inputs; how they are derived is in
 `mmt.texture.completion.distance`."""
 
-_AS_PUBLISHED: Final = {
-    "interpolate": "variance",
-    "level": "interpolated",
-    "shape": "measured",
-    "criterion": "distance",
-}
+INTERPOLATED: Final[Mapping[str, Any]] = MappingProxyType(
+    {"level": "interpolated", "shape": "measured", "criterion": "distance"}
+)
+"""The keys of a model that is interpolated between its samples as they are, and does not know its
+error."""
+
+_AS_PUBLISHED: Final = {"interpolate": "variance", **INTERPOLATED}
 
 PUBLISHED: Final[Mapping[Inputs, Mapping[str, Any]]] = MappingProxyType(
     {
@@ -176,7 +177,7 @@ class TextureSettings:
     stop_distance: Distance = "auto"
     """Completion sum at which modelling ends; not above `start_distance`."""
 
-    criterion: Criterion = "distance"
+    criterion: Criterion = "uncertainty"
     """What decides when rendering starts and modelling ends."""
 
     start_share: Annotated[float, Gt(0), Lt(1)] = START_SHARE
@@ -191,10 +192,10 @@ class TextureSettings:
     interpolator: str = "delaunay"
     """A name known to `mmt.texture.interpolation.registry`."""
 
-    level: Level = "interpolated"
+    level: Level = "gaussian_process"
     """What the vibration's power follows."""
 
-    shape: Shape = "measured"
+    shape: Shape = "smoothed"
     """The spectra at the samples."""
 
     selection: OnlineSelectionSettings | None = None
@@ -222,7 +223,7 @@ class TextureSettings:
         if self.criterion == "uncertainty" and self.level != "gaussian_process":
             raise ValueError(
                 f'criterion is "uncertainty" and level "{self.level}", whose error is not known: '
-                'set level to "gaussian_process", or leave criterion at "distance"'
+                'leave level at "gaussian_process", or set criterion to "distance"'
             )
         if self.level != "interpolated" and self.interpolate != "power":
             raise ValueError(

@@ -123,7 +123,7 @@ def judge_certainty(case: Case, method: str, blocks: Sequence[RecordArray]) -> C
         The session's frames, one for each update.
     """
     options: dict[str, Any] = {"inputs": case.inputs, **METHODS[method]}
-    settings = {name: ModellingSettings(**options, criterion=name) for name in CRITERIA}
+    settings = {name: ModellingSettings(**{**options, "criterion": name}) for name in CRITERIA}
     judge = _Judge(case, blocks, settings["uncertainty"])
     histories = {name: build(blocks, settings[name]) for name in CRITERIA}
     updates, squares, counts = judge.calibration(histories["uncertainty"])

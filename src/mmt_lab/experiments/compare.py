@@ -79,9 +79,9 @@ DEFINITIONS: Final = {
     f"or worse where it exceeds {STANDARD_ERRORS:g} of them",
     "published": '[texture] method = "published": the excitation\'s variance, linearly in the '
     "triangles of paper A; on textures with a grain by the radial basis network of paper B",
-    "power": "the vibration's power, linearly, with the same spectra: the default of a scene",
+    "power": "the vibration's power, linearly, with the same spectra",
     "level": '[texture] level = "gaussian_process"',
-    "ours": 'the same, and shape = "smoothed"',
+    "ours": 'the same, and shape = "smoothed": the default of a scene',
     "recorded strokes": "scaled so that the 95th percentiles are 200 mm/s and 2 N; on every "
     "isotropic texture",
 }

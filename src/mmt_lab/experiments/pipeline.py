@@ -10,7 +10,7 @@ from mmt.evaluation.levels import root_mean_square
 from mmt.evaluation.truth import KnownTexture, known_texture
 from mmt.session.data import RecordedSession
 from mmt.texture.online.history import ModelHistory, build, update_blocks
-from mmt.texture.settings import Interpolated, ModellingSettings
+from mmt.texture.settings import INTERPOLATED, Interpolated, ModellingSettings
 from mmt.texture.signals.metrics import within_jnd
 from mmt_lab.bench.measuring import spread
 from mmt_lab.bench.textures import session
@@ -60,7 +60,7 @@ def measure(plan: Plan) -> Findings:
     by_processing = {name: Curves() for name in MEASURES}
     rows = []
     for method, interpolate in METHODS.items():
-        settings = ModellingSettings(interpolate=interpolate)
+        settings = ModellingSettings(interpolate=interpolate, **INTERPOLATED)
         runs = [_Run(one, settings, plan) for one in sessions]
         for moment in plan.moments_s:
             found = [run.at(moment) for run in runs]

@@ -20,7 +20,7 @@ from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.segmentation.segmenter import segment, segmentation_settings
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.selection import ModelPoints
-from mmt.texture.settings import Inputs, ModellingSettings
+from mmt.texture.settings import INTERPOLATED, Inputs, ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
 from mmt_lab.selection.knocks import placed_knock, simulated_knock
 from mmt_lab.selection.running import Row
@@ -61,7 +61,11 @@ def network_settings(inputs: Inputs) -> ModellingSettings:
     The papers name no order of the filters; here it is that of all trials of the laboratory.
     """
     return ModellingSettings(
-        inputs=inputs, interpolate="variance", interpolator="network", order=ORDER
+        inputs=inputs,
+        interpolate="variance",
+        interpolator="network",
+        order=ORDER,
+        **INTERPOLATED,
     )
 
 

@@ -113,7 +113,11 @@ class Leading:
 async def test_a_person_sees_the_model_grow(
     browser: Any, size: tuple[int, int], scheme: str
 ) -> None:
-    async with a_page(browser, size, scheme) as (page, problems), Leading() as leading:
+    published = {"method": "published"}
+    async with (
+        a_page(browser, size, scheme) as (page, problems),
+        Leading(texture=published) as leading,
+    ):
         await page.goto(leading.url)
         await shows(page, "#connection", "live")
         await shows(page, "#session", "shown")
@@ -139,10 +143,10 @@ async def test_a_person_sees_the_model_grow(
 async def test_a_model_that_knows_its_error_says_where_to_stroke_next(
     browser: Any, inputs: str, place: str
 ) -> None:
-    ours = {"level": "gaussian_process", "criterion": "uncertainty", "stop_share": 0.999}
+    texture = {"stop_share": 0.999}
     async with (
         a_page(browser, TABLET, "dark") as (page, problems),
-        Leading(inputs=inputs, texture=ours) as leading,
+        Leading(inputs=inputs, texture=texture) as leading,
     ):
         await page.goto(leading.url)
         await shows(page, "#h-completion", "Expected share")

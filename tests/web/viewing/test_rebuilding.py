@@ -17,7 +17,7 @@ from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.web.viewing.rebuilding import ModelRebuild, frozen_spans
 
 FRAMES, _ = simulate_session(Scene(), "plastic", 14.0)
-NEVER = ModellingSettings(start_distance=12.0, stop_distance=1e-6)
+NEVER = ModellingSettings(criterion="distance", start_distance=12.0, stop_distance=1e-6)
 
 
 def rebuilt(settings: ModellingSettings, events: list[JsonObject] | None = None) -> ModelRebuild:
@@ -59,7 +59,7 @@ def test_a_moment_has_the_state_of_the_last_update() -> None:
 
 
 def test_the_model_is_left_alone_once_it_is_complete() -> None:
-    settings = ModellingSettings(start_distance=20.0, stop_distance=12.0)
+    settings = ModellingSettings(criterion="distance", start_distance=20.0, stop_distance=12.0)
     rebuilding = rebuilt(settings)
     last = rebuilding.states[-1]
     assert last.stop_s == last.time_s < 13.0
@@ -108,7 +108,11 @@ def test_each_surface_has_its_own_model_and_criteria() -> None:
     )
     frames, _ = simulate_session(Scene(), course, 17.0, 4)
     settings = ModellingSettings(
-        order=10, start_distance=20.0, stop_distance=9.0, surfaces=SurfaceSettings()
+        order=10,
+        criterion="distance",
+        start_distance=20.0,
+        stop_distance=9.0,
+        surfaces=SurfaceSettings(),
     )
     rebuilding = ModelRebuild(MemoryWindows(RecordedSession(frames)), settings, 1.0)
     rebuilding._run()
