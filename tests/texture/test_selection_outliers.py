@@ -151,6 +151,14 @@ def test_repeated_equal_and_silent_points_are_no_outliers():
     assert np.isfinite(one_place.score).all()
 
 
+@pytest.mark.parametrize("factor", [1e-290, 1e290])
+def test_levels_far_from_their_segments_leave_every_score_finite(factor):
+    data, _ = sampled_texture(12, 2, knocks=0)
+    variance = np.where(np.arange(12) == 3, factor, data.variance)
+    loud = [segment * 1e8 if i == 5 else segment for i, segment in enumerate(data.segments)]
+    assert np.isfinite(find_outliers(replace(data, variance=variance, segments=loud)).score).all()
+
+
 def test_a_search_goes_on_where_the_last_one_ended():
     data, _ = sampled_texture(90, 2, knocks=9, seed=2)
     whole = find_outliers(data)

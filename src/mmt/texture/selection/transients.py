@@ -20,7 +20,8 @@ SHORTEST: Final = 64
 """Least samples of prediction error in which a tone is looked for."""
 
 _TINY: Final = float(np.finfo(np.float64).tiny)
-_LEAST_SHARE: Final = 1e-9  # of the energy, that a tone leaves unexplained
+_LARGEST: Final = 1e100  # times the energy that was expected: more makes no difference
+_LARGEST_SHARE: Final = 1.0 - 1e-9  # of the energy, that a tone explains
 
 
 class Whitening(NamedTuple):
@@ -89,15 +90,15 @@ def _energies(
     grid: ComplexArray,
     result: FloatArray,
 ) -> None:
-    """Write the length of each prediction error, its energy and that of the loudest tone."""
+    """Write the length of each prediction error, its energy, and the loudest tone's share."""
     for row in range(variance.size):
         error = prediction_error(samples[starts[row] : starts[row + 1]], ar[row])
         if error.size < SHORTEST:
             continue
-        expected = max(variance[row], _TINY)
+        energy = max((error * error).sum(), _TINY)
         result[row, 0] = error.size
-        result[row, 1] = (error * error).sum() / expected
-        result[row, 2] = loudest_tone_energy(error, ar[row], grid) / expected
+        result[row, 1] = min(energy / max(variance[row], _TINY), _LARGEST)
+        result[row, 2] = min(loudest_tone_energy(error, ar[row], grid) / energy, _LARGEST_SHARE)
 
 
 def tone_evidence(
@@ -124,8 +125,8 @@ def tone_evidence(
     packed = Packed.of(segments)
     ar, variance = np.ascontiguousarray(filters.ar), np.ascontiguousarray(filters.variance)
     _energies(packed.samples, packed.starts, ar, variance, modes(), found)
-    count, energy, tone = found.T
-    rest = np.maximum(energy - tone, _LEAST_SHARE * energy)
+    count, energy, share = found.T
+    rest = (1.0 - share) * energy
     gain = _surprise(energy, count, level_variance) - _surprise(rest, count, level_variance)
     return np.where(count > 0.0, gain - np.log(np.maximum(count, 1.0)), 0.0)
 
