@@ -1,1 +1,1 @@
-"""A library of known textures: the likeliest one for a surface, and its blend with new samples."""
+"""A first model of a surface: the likeliest texture of a library, or what a short look tells."""
