@@ -8,7 +8,7 @@ from surface_samples import BLOCK, PEAKED, SMOOTH, make_blocks
 
 from mmt.core.errors import InputError
 from mmt.texture.surfaces import KnownSurface, SurfaceBlock, SurfaceDetector
-from mmt.texture.surfaces.detection import WINDOW
+from mmt.texture.surfaces.detection import TEMPER, WINDOW
 from mmt.texture.surfaces.identification import recognised
 
 
@@ -46,6 +46,15 @@ def test_one_stroke_alone_is_no_other_surface() -> None:
     detector = after(SMOOTH, 120, 7)
     odd = make_blocks(PEAKED, 4, 8, first=120)
     assert followed(detector, [*odd, *make_blocks(SMOOTH, 60, 9, first=124)]) == []
+
+
+def test_a_candidate_that_is_left_at_once_is_forgotten() -> None:
+    detector = after(SMOOTH, 120, 7)
+    followed(detector, make_blocks(PEAKED, 80, 8, first=120))
+    loud = make_blocks(np.array([0.8]), 12, 8, gain=8.0, first=200)
+    found = followed(detector, [*loud, *make_blocks(SMOOTH, 60, 9, first=212)])
+    assert [(kind, number) for kind, number, _ in found] == [("new", 3), ("recalled", 1)]
+    assert list(detector.surfaces) == [2, 1]
 
 
 def test_a_surface_whose_scatter_has_heavy_tails_raises_no_alarm() -> None:
@@ -124,8 +133,8 @@ def test_the_surface_that_was_left_for_longest_is_forgotten() -> None:
 
 
 def test_a_lower_rate_of_false_alarms_takes_more_evidence() -> None:
-    often, seldom = (SurfaceDetector(rate)._watch._log_threshold for rate in (10.0, 0.1))
-    assert seldom == pytest.approx(often + np.log(100.0))
+    often, seldom = (SurfaceDetector(rate)._least_evidence for rate in (10.0, 0.1))
+    assert TEMPER * seldom == pytest.approx(TEMPER * often + np.log(100.0))
 
 
 @pytest.mark.parametrize(("options", "named"), [((0.0, 20), "false_alarms"), ((1.0, 1), "most")])

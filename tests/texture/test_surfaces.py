@@ -16,7 +16,7 @@ from mmt.texture.surfaces.blocks import AUDIBLE, coordinates_of
 from mmt.texture.surfaces.cells import LARGEST, SurfaceCells
 from mmt.texture.surfaces.posterior import SETTINGS, SurfacePosterior
 from mmt.texture.surfaces.prior import CONSTANTS, NUGGET, SILL, SIZES
-from mmt.texture.surfaces.surface import Felt
+from mmt.texture.surfaces.surface import KNOCK, Felt
 
 
 def stream(
@@ -143,7 +143,8 @@ def test_an_unknown_surface_is_predicted_by_the_prior() -> None:
     """By an independent oracle: scipy's normal density of all blocks of a component at once."""
     blocks = make_blocks(PEAKED, 5, 1)
     posterior = SurfacePosterior(SurfaceCells(directed=False))
-    posterior._kept, posterior._weights = np.full((1, 6), 2), np.ones((1, 6))
+    posterior._weights = np.zeros((SETTINGS, 6))
+    posterior._weights[2] = 1.0
     found = posterior.innovations(blocks)
     at = coordinates_of(np.array([block.stroke for block in blocks]))
     prior = Between(at, at, directed=False).covariance(
@@ -163,18 +164,17 @@ def test_an_unknown_surface_is_predicted_by_the_prior() -> None:
 def learned(surface: KnownSurface, blocks: list[SurfaceBlock]) -> KnownSurface:
     for start in range(0, len(blocks), 10):
         part = blocks[start : start + 10]
-        judged = zip(part, *surface.judge(part), strict=True)
-        surface.learn([Felt(*one) for one in judged])
+        found, densities = surface._posterior.innovations(part), surface.log_densities(part)
+        surface.learn([Felt(*one) for one in zip(part, *found, densities, strict=True)])
     return surface
 
 
 def test_innovations_of_a_surface_are_standardised_and_those_of_another_are_not() -> None:
     surface = learned(KnownSurface(directed=False), make_blocks(SMOOTH, 300, 3))
-    own = surface.judge(make_blocks(SMOOTH, 30, 4))
-    other = surface.judge(make_blocks(PEAKED, 30, 5))
-    assert 0.6 < np.square(own[0]).mean() < 1.5
-    assert np.square(other[0]).mean() > 3.0
-    assert own[1].sum() > other[1].sum() + 50.0
+    own, other = make_blocks(SMOOTH, 30, 4), make_blocks(PEAKED, 30, 5)
+    assert 0.6 < np.square(surface._posterior.innovations(own).standardised).mean() < 1.5
+    assert np.square(surface._posterior.innovations(other).standardised).mean() > 3.0
+    assert surface.log_densities(own).sum() > surface.log_densities(other).sum() + 50.0
 
 
 def test_a_surface_is_known_where_it_was_touched_and_less_far_from_there() -> None:
@@ -187,6 +187,19 @@ def test_a_surface_is_known_where_it_was_touched_and_less_far_from_there() -> No
     unknown = SurfacePosterior(SurfaceCells(directed=False)).innovations(blocks[:1]).deviation[0]
     assert (near[:2] < far[:2]).all()
     assert (far < unknown).all()
+
+
+def test_a_knock_is_not_learned() -> None:
+    """The prediction moves by no more than by a block five deviations off."""
+    blocks = make_blocks(SMOOTH, 100, 3, low=(0.4, 0.4), high=(0.4, 0.4))
+    surface = learned(KnownSurface(directed=False), blocks)
+    (block,) = make_blocks(SMOOTH, 1, 4, low=(0.4, 0.4), high=(0.4, 0.4), first=200)
+    knock = surface.newest([replace(block, values=block.values + 30.0)], surface.explained([block]))
+    np.testing.assert_allclose(knock.standardised > KNOCK, True)
+    off = (knock.tamed.values - block.values) / knock.deviation
+    np.testing.assert_allclose(off, KNOCK, atol=4.0)
+    surface.learn([knock])
+    assert np.square(surface._posterior.innovations([block]).standardised).mean() < 3.0
 
 
 @pytest.mark.parametrize("turning", [False, True])
@@ -213,5 +226,4 @@ def test_what_is_felt_is_finite_whatever_was_learned() -> None:
             for block in make_blocks(SMOOTH, 60, 1)
         ]
         surface = learned(KnownSurface(directed=False), blocks)
-        for values in surface.judge(make_blocks(PEAKED, 20, 2)):
-            assert np.isfinite(values).all()
+        assert np.isfinite(surface.log_densities(make_blocks(PEAKED, 20, 2))).all()

@@ -1,18 +1,19 @@
 """Detection of changes of surface, and recognition of surfaces met before.
 
-*Alarm.* The innovation of each block under the current surface
-(`mmt.texture.surfaces.posterior`) is bet on against those that the surface's earlier blocks had
-when they came, and the Shiryaev-Roberts statistic of the bets is followed
-(`mmt.texture.surfaces.conformal`). The threshold is the number of possible changes in an hour over
-the false alarms that are allowed in it, and a factor for safety: it depends on no texture. The
-blocks of the last second or two, which may already be another surface's, are held back. One stroke
-alone raises no alarm: what is not known of a surface is alike over a stroke.
+*Alarm.* How much better are the newest blocks explained by another surface, from any change-point
+on? The Bayes factor of a surface of which nothing is known, over the current one
+(`mmt.texture.surfaces.posterior`), answers for each change-point, and where that is above 1 those
+of the known surfaces are asked as well. What is not known of a surface is alike over a stroke, and
+now and then a stroke is not like what was predicted from the others. So evidence is tempered: its
+logarithm counts `TEMPER` of itself. A change is found where it then exceeds the logarithm of the
+number of blocks in an hour over the false alarms that are allowed in it. The blocks of the last
+second or two, which may already be another surface's, are held back.
 
-*Which surface.* The change-point and the surface that follows are the likeliest, by the Bayes
-factor of the blocks since then. A known surface is recalled where its posterior probability,
-beside all the others and an unknown one, is high enough, and its own scores do not speak against
-it; else the surface is new. A new one is a candidate for its first seconds: where a known one
-proves to explain all its blocks, it was that one.
+*Which surface.* The change-point and the surface that follows are the likeliest. A known surface is
+recalled where its posterior probability, beside all the others and an unknown one, is high enough;
+else the surface is new. A new one is a candidate for its first seconds: where a known one proves to
+explain all its blocks, it was that one. One that is left again before it filled a window is
+forgotten.
 """
 
 import itertools
@@ -27,12 +28,15 @@ from mmt.core.errors import InputError
 from mmt.texture.field.blocks import BLOCK_S
 from mmt.texture.surfaces.blocks import SurfaceBlock
 from mmt.texture.surfaces.changes import SurfaceChange, change_point
-from mmt.texture.surfaces.conformal import ShiryaevRoberts
 from mmt.texture.surfaces.identification import recognised
 from mmt.texture.surfaces.surface import Felt, KnownSurface
 
 WINDOW: Final = 30
 """Number of newest blocks that may contain a change; the current surface learns from older ones."""
+
+TEMPER: Final = 0.4
+"""Share of the logarithm of a Bayes factor that counts: what is not known of a surface is alike
+over a stroke. Chosen on the development half of HaTT's models among 0.33, 0.4 and 0.43."""
 
 CANDIDATE: Final = 100
 """Number of blocks of a new surface after which it is no longer compared with known ones."""
@@ -41,31 +45,16 @@ DOUBT: Final = 3.0
 """Evidence below the best at which change-points are still plausible; neither surface learns from
 the blocks between them."""
 
-PUT_OFF: Final = 3
-"""Blocks more for which it is put off to decide whether a surface is new or a known one."""
-
 _TOGETHER: Final = 10
 """Number of blocks that the current surface learns at a time."""
+
+_ASKED: Final = 2
+"""Number of blocks after which it is asked again whether there was a change: asking is dear."""
 
 _COMPARED: Final = 1.3
 """Times as many blocks as at the last comparison, after which a candidate is compared again."""
 
 _FIRST_COMPARED: Final = 4
-
-STROKE: Final = 0.3
-"""Distance in u or v from which on strokes are different; blocks of one are a run of bets."""
-
-RUN_SAMPLES: Final = 300
-"""Longest run: a stroke of a hand takes about as long."""
-
-SAFETY: Final = 10.0
-"""Factor on the mean time between false alarms: what is not known of a surface makes several
-innovations alike, which are then not exchangeable. Chosen on the development half of HaTT's models:
-at 1 there are some 6 an hour where 1 is allowed, at 10 some 2."""
-
-TOUCHDOWN: Final = 40.0
-"""How much likelier a change is before the first block of a contact: there are some 1800 an hour,
-and both kinds of change get half of the false alarms."""
 
 
 class SurfaceDetector:
@@ -74,7 +63,7 @@ class SurfaceDetector:
     Parameters
     ----------
     false_alarms_per_hour
-        Expected number of false changes in an hour of stroking, at most.
+        False changes in an hour of stroking that are asked for; see `TEMPER`.
     most
         Largest number of surfaces kept, at least 2; beyond, the least recently touched one is
         dropped.
@@ -103,41 +92,22 @@ class SurfaceDetector:
         self.surfaces = {self.current: KnownSurface(directed=by_heading)}
         """Known surfaces by number; the most recently touched one is last."""
         self._unknown = KnownSurface(directed=by_heading)
-        self._watch = ShiryaevRoberts(
-            math.log(SAFETY * 2.0 * 3600.0 / BLOCK_S / false_alarms_per_hour)
-        )
+        self._least_evidence = math.log(3600.0 / BLOCK_S / false_alarms_per_hour) / TEMPER
         self._window: list[Felt] = []  # the newest of the current surface, oldest first
         self._explained: list[FloatArray] = []
         self._candidate: list[SurfaceBlock] | None = None  # all blocks of a new surface's stay
         self._next_compared = _FIRST_COMPARED
-        self._run: SurfaceBlock | None = None
-        self._undecided = 0  # blocks to wait for until an alarm is decided
 
     def update(self, block: SurfaceBlock) -> SurfaceChange | None:
         """Add the next block; return the change that it reveals, if any."""
         self._feel(block)
         if self._candidate is not None:
             self._candidate.append(block)
-        innovations = np.array([felt.standardised for felt in self._window])
-        bet = self.surfaces[self.current].log_bet(innovations)
         change = self._identify()
-        alarm = self._watch.update(
-            bet, TOUCHDOWN if block.touchdown else 1.0, new_run=self._begins_run(block)
-        )
-        if change is None and (alarm or self._undecided):
+        if change is None and len(self._window) % _ASKED == 0:
             change = self._change()
         self._learn()
         return change
-
-    def _begins_run(self, block: SurfaceBlock) -> bool:
-        """Say whether a block is of another stroke than those before, or much later."""
-        first = self._run
-        if first is not None:
-            apart = float(np.abs(block.stroke - first.stroke)[:2].max())
-            if apart < STROKE and block.start - first.start < RUN_SAMPLES:
-                return False
-        self._run = block
-        return True
 
     def _feel(self, block: SurfaceBlock) -> None:
         """Add a block to the window, by what the current surface says of it."""
@@ -163,34 +133,27 @@ class SurfaceDetector:
     # --- changes
 
     def _change(self) -> SurfaceChange | None:
-        """Return the change after an alarm, None where nothing explains the blocks better.
+        """Return the change that explains the newest blocks so much better, if any does."""
+        blocks = self._blocks()
+        stayed = np.cumsum([felt.log_density for felt in self._window[::-1]])
 
-        Where it may yet be a known surface it is put off for `PUT_OFF` blocks.
-        """
-        if self._undecided > 1:
-            self._undecided -= 1
+        def evidence(surface: KnownSurface) -> FloatArray:
+            return np.asarray(np.cumsum(surface.log_densities(blocks[::-1])) - stayed)
+
+        found = {0: evidence(self._unknown)}  # 0: a new one
+        if found[0].max() <= 0.0:
+            return None
+        others = self._others()
+        found |= {number: evidence(surface) for number, surface in others.items()}
+        likeliest = np.maximum.reduce(list(found.values()))
+        since = int(np.argmax(likeliest)) + 1
+        if likeliest[since - 1] <= self._least_evidence:
             return None
         identified = self._identify(at_once=True)
         if identified is not None:
             return identified
-        blocks = self._blocks()
-        others = self._others()
-        stayed = np.cumsum([felt.log_density for felt in self._window[::-1]])
-        evidence = {
-            number: np.cumsum(surface.judge(blocks[::-1])[1]) - stayed
-            for number, surface in {0: self._unknown, **others}.items()  # 0: a new one
-        }
-        likeliest = np.maximum.reduce(list(evidence.values()))
-        since = int(np.argmax(likeliest)) + 1
-        first_time, self._undecided = not self._undecided, 0
-        self._watch.reset()
-        if likeliest[since - 1] <= 0.0:
-            return None
-        number, lead = recognised(self._unknown, others, blocks[-since:])
-        if not number and others and lead > -DOUBT and first_time:
-            self._undecided = PUT_OFF
-            return None
-        return self._go(number, since, evidence[number])
+        number, _ = recognised(self._unknown, others, blocks[-since:])
+        return self._go(number, since, found[number])
 
     def _go(self, number: int, since: int, evidence: FloatArray) -> SurfaceChange:
         """Change to another surface, and estimate the certain and the earliest change-point."""
@@ -210,7 +173,10 @@ class SurfaceDetector:
             at_sample=blocks[-1].stop,
             evidence=float(evidence[since - 1]),
         )
-        self.surfaces[self.current].learn(self._window[: max(earliest - 1, 0)])
+        if self._candidate is not None and len(self._candidate) - since < WINDOW:
+            del self.surfaces[self.current]
+        else:
+            self.surfaces[self.current].learn(self._window[: max(earliest - 1, 0)])
         self._stay(change.surface, blocks[alone:], candidate=not number)
         return change
 
@@ -225,8 +191,6 @@ class SurfaceDetector:
             self._feel(block)
         self._candidate = list(blocks) if candidate else None
         self._next_compared = _FIRST_COMPARED
-        self._undecided = 0
-        self._watch.reset()
 
     # --- identification of a new surface
 

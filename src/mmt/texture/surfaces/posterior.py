@@ -8,8 +8,8 @@ the blocks before it: what is left are *innovations*, which neither an unexplore
 nor patches of the surface make alike.
 
 The hyperparameters are those of `mmt.texture.field.covariance.settings`, weighted by their
-evidence, component by component: the shape of the spectrum may vary otherwise than the level. The
-likeliest few are kept, and all are weighed again as blocks come.
+evidence, component by component: the shape of the spectrum may vary otherwise than the level. All
+are kept: of little that was felt the likeliest few are too sure.
 
 Cost: O(s c^3) for s settings and c cells, at most `SETTINGS` and `cells.LARGEST`, where blocks were
 added, and O(s (c^2 + n^3)) a block, the n-th in a row.
@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray, IntArray
+from mmt.core.arrays import FloatArray
 from mmt.texture.field.covariance import Between, Coordinates, settings
 from mmt.texture.field.scatter import PATCH_MM
 from mmt.texture.surfaces.bands import COMPONENTS
@@ -31,11 +31,10 @@ from mmt.texture.surfaces.prior import CONSTANTS, SIZES
 SETTINGS: Final = 8
 """Hyperparameters that are weighed."""
 
-_KEPT: Final = 4
 _OTHER_STROKE: Final = 0.2
 """Distance in u and v over which what a stroke has in common changes: a cell's width."""
 
-_REWEIGHED: Final = 1.2  # times as many blocks as when they were weighed last
+_LARGE: Final = 1e100  # above any sum of squares
 
 
 class Innovations(NamedTuple):
@@ -52,64 +51,40 @@ class SurfacePosterior:
     ----------
     cells
         Cells of the surface.
-    before
-        The posterior before the newest blocks were added.
     """
 
-    def __init__(self, cells: SurfaceCells, before: "SurfacePosterior | None" = None) -> None:
+    def __init__(self, cells: SurfaceCells) -> None:
         self._directed = cells.directed
         self._nugget, self._sill = cells.nugget, cells.sill
-        self._every = settings(SETTINGS, directed=cells.directed)
-        self._kept: IntArray = np.repeat(np.arange(SETTINGS)[:, None], COMPONENTS, axis=1)
+        self._settings = settings(SETTINGS, directed=cells.directed)
         self._weights = np.full((SETTINGS, COMPONENTS), 1.0 / SETTINGS)
-        self._weighed = 0
-        self._at: Coordinates | None = None
-        if not len(cells):
-            return
-        weigh = before is None or cells.blocks >= _REWEIGHED * before._weighed
-        if not weigh and before is not None:
-            self._kept, self._weights = before._kept, before._weights
-            self._weighed = before._weighed
-        self._at = cells.centres
-        evidence = self._condition(cells)
-        if weigh:
-            self._weighed = cells.blocks
-            self._keep_likeliest(evidence)
+        self._at = cells.centres if len(cells) else None
+        if self._at is not None:
+            self._condition(self._at, cells)
 
-    def _condition(self, cells: SurfaceCells) -> FloatArray:
-        """Condition on the cells; return the log evidence of each setting for each component."""
-        assert self._at is not None  # noqa: S101 - for the type
-        covariance = self._covariance(Between(self._at, self._at, directed=self._directed))
+    def _condition(self, at: Coordinates, cells: SurfaceCells) -> None:
+        """Condition on the cells, and weigh each setting for each component by its evidence."""
+        covariance = self._covariance(Between(at, at, directed=self._directed))
         diagonal = np.arange(len(cells))
         covariance[..., diagonal, diagonal] += cells.errors
         factor = np.linalg.cholesky(covariance)
         self._whitening = np.linalg.inv(factor)
         self._whitened = np.einsum("sjab,bj->sja", self._whitening, cells.values)
         logarithms = np.log(factor[..., diagonal, diagonal]).sum(axis=2)
-        return np.asarray(-0.5 * np.square(self._whitened).sum(axis=2) - logarithms)
-
-    def _keep_likeliest(self, evidence: FloatArray) -> None:
-        weights = np.exp(evidence - evidence.max(axis=0))
-        kept = np.argsort(-weights, axis=0)[:_KEPT]
-        self._weights = np.take_along_axis(weights, kept, axis=0)
+        evidence = -0.5 * np.square(self._whitened).sum(axis=2) - logarithms
+        self._weights = np.exp(evidence - evidence.max(axis=0))
         self._weights /= self._weights.sum(axis=0)
-        self._kept = kept
-        component = np.arange(COMPONENTS)
-        self._whitening = self._whitening[kept, component]
-        self._whitened = self._whitened[kept, component]
 
     def _covariance(self, between: Between) -> FloatArray:
         """Return the prior covariances, (s, `COMPONENTS`, k, l)."""
-        own, which = np.unique(self._kept, return_inverse=True)
-        each = [between.covariance(setting, constant=0.0) for setting in self._every[own]]
-        plain = np.array(each)[which.reshape(self._kept.shape)]
+        plain = np.array([between.covariance(one, constant=0.0) for one in self._settings])
         sizes, constants = np.square(SIZES)[:, None, None], np.square(CONSTANTS)[:, None, None]
-        return np.asarray(sizes * plain + constants)
+        return np.asarray(sizes * plain[:, None] + constants)
 
     def explained(self, blocks: Sequence[SurfaceBlock]) -> FloatArray:
         """Return the whitened covariances of n blocks with c cells, (s, `COMPONENTS`, c, n)."""
         if self._at is None:
-            return np.zeros((len(self._kept), COMPONENTS, 0, len(blocks)))
+            return np.zeros((SETTINGS, COMPONENTS, 0, len(blocks)))
         at = coordinates_of(np.array([block.stroke for block in blocks]))
         return np.asarray(
             self._whitening @ self._covariance(Between(self._at, at, directed=self._directed))
@@ -137,8 +112,7 @@ class SurfacePosterior:
         if self._at is not None:
             covariance -= explained.swapaxes(2, 3) @ explained
             rests = rests - np.einsum("sjcn,sjc->sjn", explained, self._whitened)
-        factor = np.linalg.cholesky(covariance)
-        whitened = np.linalg.solve(factor, rests[..., None])[..., 0]
+        factor, whitened = _whitened(covariance, rests)
         return self._mixed(whitened, np.diagonal(factor, axis1=2, axis2=3))
 
     def _scatter(self, positions_mm: FloatArray, at: Coordinates) -> FloatArray:
@@ -157,3 +131,18 @@ class SurfacePosterior:
         second = (weights * (np.square(deviation) + np.square(each - mean))).sum(axis=0)
         mixed = np.sqrt(second)
         return Innovations((mean / mixed).T, mixed.T)
+
+
+def _whitened(covariance: FloatArray, rests: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the Cholesky factor (..., n, n) and its inverse times n values (..., n).
+
+    Both by one factorisation: the last row of the factor of a matrix that is bordered with the
+    values is what is sought.
+    """
+    count = covariance.shape[-1]
+    bordered = np.zeros((*covariance.shape[:-2], count + 1, count + 1))
+    bordered[..., :count, :count] = covariance
+    bordered[..., count, :count] = rests
+    bordered[..., count, count] = _LARGE
+    factor = np.linalg.cholesky(bordered)
+    return factor[..., :count, :count], factor[..., count, :count]
