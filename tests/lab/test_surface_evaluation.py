@@ -49,7 +49,9 @@ def scored(places: list[int], found: list[Found]) -> SurfaceScore:
     """Score stays of two seconds each, with contact all the time."""
     truth = np.repeat(np.array(places, dtype=np.int64), 2 * SECOND)
     always = np.ones(len(truth), dtype=np.bool_)
-    return score(truth, always, always, found)
+    made = {item.change.surface for item in found if item.change.kind == "new"}
+    merged = {item.change.before for item in found if item.change.kind == "identified"}
+    return score(truth, always, always, found, {1, *made} - merged)
 
 
 def test_what_is_found_at_once_is_right() -> None:
@@ -105,11 +107,14 @@ def test_the_model_of_another_surface_is_a_wrong_recall() -> None:
 
 def test_a_second_model_of_a_known_surface_is_doubled_until_it_is_identified() -> None:
     found = [change("new", 1, 2, 2.3), change("new", 2, 3, 4.3)]
-    assert scored([0, 1, 0], found).stays[1].outcome == "doubled"
+    doubled = scored([0, 1, 0], found)
+    assert doubled.stays[1].outcome == "doubled"
+    assert (doubled.models_too_many, doubled.models_left) == (1, 1)
     result = scored([0, 1, 0], [*found, change("identified", 3, 1, 5.0)])
     assert result.stays[1].outcome == "right"
     assert result.stays[1].delay_s == 0.3
     assert result.stays[1].recall_s == 1.0
+    assert (result.models_too_many, result.models_left) == (1, 0)
     assert result.false_alarms == 0
 
 
@@ -119,7 +124,7 @@ def test_the_delay_counts_from_contact_and_stays_without_stroking_do_not_count()
     contact[1900:2500] = False
     stroking = contact.copy()
     stroking[4000:] = False
-    result = score(truth, stroking, contact, [change("new", 1, 2, 2.9)])
+    result = score(truth, stroking, contact, [change("new", 1, 2, 2.9)], {1, 2})
     assert result.too_short == 1
     assert [stay.delay_s for stay in result.stays] == [0.4]
     assert not result.stays[0].in_contact
@@ -161,7 +166,7 @@ def test_both_groups_are_simulated_and_told_apart(monkeypatch: pytest.MonkeyPatc
         ("grained", "all"),
     ]
     assert len(surface_tables(evaluation)) == 4
-    assert len(targets(evaluation)) == 6
+    assert len(targets(evaluation)) == 8
 
 
 def test_sessions_are_drawn_from_the_textures_that_are_named(

@@ -36,7 +36,12 @@ from mmt_lab.surfaces.slides import SLIDES, run_slides, scatter_db
 
 TITLE: Final = "More than one surface"
 
-TARGETS: Final = {"delay_s": 0.5, "wrong_recalls": 0.02, "false_alarms_per_hour": 1.0}
+TARGETS: Final = {
+    "delay_s": 0.5,
+    "wrong_recalls": 0.02,
+    "false_alarms_per_hour": 1.0,
+    "models_left": 0.05,
+}
 
 CAPTIONS: Final = {
     "isotropic": "Textures that are the same in all directions",
@@ -57,6 +62,8 @@ DEFINITIONS: Final = {
     "wrong_recalls": "share of the recalls that chose the model of another surface",
     "doubled": "stays on a known surface at whose end the tracker had made a second model of it",
     "models_too_many": "models that were made beside the first one of each surface",
+    "models_left": "those of them that are there at the end, neither merged nor forgotten; "
+    "_share: for each of the stays",
     "false_alarms": "changes that were found while the tool stayed; in stroked_s of stroking. A "
     "change counts for the stay that most of the samples are of from which it was found, or for "
     "the next where vibration of that one was received and the surface in use was right before",
@@ -131,13 +138,14 @@ def _choices(evaluation: SurfaceEvaluation, group: str) -> Table:
             str(row["wrong_recalls"]),
             str(row["doubled"]),
             str(row["models_too_many"]),
+            str(row["models_left"]),
             str(row["false_alarms"]),
             f"{row['stroked_s'] / 60.0:.0f}",
         ]
         for row in evaluation.rows_of(group)
     ]
     columns = ["surfaces", "recalled after (s)", "recalls", "wrong", "doubled"]
-    columns += ["models too many", "false alarms", "stroked (min)"]
+    columns += ["models too many", "left", "false alarms", "stroked (min)"]
     return Table(columns, rows, caption=f"{CAPTIONS[group]}: recalls and false alarms.")
 
 
@@ -157,7 +165,7 @@ def remarks(evaluation: SurfaceEvaluation) -> list[str]:
         f"{row['group']}: {row['false_alarms_per_hour']:.1f} false alarms an hour of stroking, "
         f"up to {row['false_alarms_per_hour_most']:.1f} possible; {row['wrong_recalls']} of "
         f"{row['recalls']} recalls wrong; {row['models_too_many']} models too many in "
-        f"{row['stays']} stays; {row['missed']} missed"
+        f"{row['stays']} stays, of which {row['models_left']} are left; {row['missed']} missed"
         + ("" if row["delay_s"] is None else f", the others found after {row['delay_s']:.2f} s")
         for row in rows
         if row["false_alarms_per_hour_most"] is not None
@@ -178,6 +186,12 @@ def targets(evaluation: SurfaceEvaluation) -> tuple[Target, ...]:
                 alarms,
                 "at most",
                 TARGETS["false_alarms_per_hour"],
+            ),
+            Target(
+                f"{group}: models too many that are left, for each stay",
+                row["models_left_share"],
+                "at most",
+                TARGETS["models_left"],
             ),
         ]
     return tuple(found)
@@ -208,6 +222,8 @@ def _figures(name: str, group: Sequence[SurfaceResult]) -> dict[str, Any]:
         "wrong": _count(stays, "wrong"),
         "doubled": _count(stays, "doubled"),
         "models_too_many": sum(each.models_too_many for each in scores),
+        "models_left": (left := sum(each.models_left for each in scores)),
+        "models_left_share": left / len(stays) if stays else None,
         "false_alarms": false,
         "false_alarms_per_hour": 3600.0 * false / stroked_s if stroked_s else 0.0,
         "false_alarms_per_hour_most": _most(false, stroked_s / 3600.0),

@@ -1,6 +1,6 @@
 """What a tracker found, beside the course that the tool really took."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
@@ -50,7 +50,8 @@ class SurfaceScore:
 
     ``too_short``: stays with less than `LEAST_STROKED_S` of stroking. ``recalls``: how often a
     known model was chosen, ``wrong_recalls``: how often that of another surface.
-    ``models_too_many``: models beside the first one of each surface.
+    ``models_too_many``: models made beside the first one of each surface, and ``models_left``
+    those of them that were neither merged nor forgotten by the end.
     """
 
     surfaces: int
@@ -61,10 +62,15 @@ class SurfaceScore:
     wrong_recalls: int
     false_alarms: int
     models_too_many: int
+    models_left: int
 
 
 def score(
-    truth: IntArray, stroking: BoolArray, contact: BoolArray, found: Sequence[Found]
+    truth: IntArray,
+    stroking: BoolArray,
+    contact: BoolArray,
+    found: Sequence[Found],
+    kept: Collection[int],
 ) -> SurfaceScore:
     """Compare what was found with the truth.
 
@@ -79,6 +85,8 @@ def score(
         For each frame (n,): the surface, whether the tool strokes it, and touches it.
     found
         In the order of their frames.
+    kept
+        Numbers of the models that there are at the end.
     """
     belief = _Belief(int(truth[0]))
     edges = [0, *(np.flatnonzero(np.diff(truth)) + 1).tolist(), len(truth)]
@@ -129,6 +137,7 @@ def score(
         wrong_recalls=wrong,
         false_alarms=false,
         models_too_many=len(belief.labels) - len(set(belief.labels.values())),
+        models_left=len(kept) - len({belief.labels[number] for number in kept}),
     )
 
 
