@@ -17,6 +17,7 @@ def given(directory: Path, **options: object) -> dict[str, object]:
     usual: dict[str, object] = {
         "results": directory / "results.csv",
         "record": None,
+        "shared": None,
         "seed": 0,
         "host": "127.0.0.1",
         "port": 0,

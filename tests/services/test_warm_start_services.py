@@ -26,7 +26,7 @@ library = ["mine.npz", "oak"]
 
 
 async def led(directory: Path, rendering: dict[str, object]) -> tuple[Together, LeaderSummary]:
-    frames, annotations = simulate_session(Scene(), "fabric", 5.0, 4)
+    frames, annotations = simulate_session(Scene(), "felt", 5.0, 4)
     session = directory / "strokes.npz"
     write_session(session, frames, annotations=annotations)
     scene = small_scene(
@@ -45,7 +45,7 @@ async def led(directory: Path, rendering: dict[str, object]) -> tuple[Together, 
 
 async def test_a_known_texture_is_rendered_before_the_start_criterion(tmp_path: Path) -> None:
     together, summary = await led(tmp_path, {"before": "warm", "library": ["felt"]})
-    assert any(line.startswith("nearest known texture: felt at") for line in together.said)
+    assert any(line.startswith("warm start: felt at") for line in together.said)
     assert summary.texture["start_s"] is None
     assert summary.texture["warm"]["texture"] == "felt"
     assert [switch["mode"] for switch in summary.vibration["switches"]][-1] == "synthesized"
