@@ -1,4 +1,4 @@
-"""``mmt model push``, ``pull`` and ``list --from``: models of a leader's store."""
+"""``mmt model list``, ``push`` and ``pull``: the shipped models, and those of a leader's store."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -6,7 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from mmt.cli.common import Force, json_option, messages, output, write_json
+from mmt.cli.common import (
+    Force,
+    json_option,
+    messages,
+    output,
+    summary_table,
+    write_json,
+)
 from mmt.cli.models import SUFFIX
 from mmt.core.errors import InputError
 from mmt.core.existing_files import require_absent
@@ -26,7 +33,33 @@ def _remote(url: str) -> "RemoteStore":
     return RemoteStore(url, Access.of(Listening(), variable=TOKEN_VARIABLE))
 
 
-def list_store(url: str, json_file: Path | None) -> None:
+def list_models(
+    store: Annotated[
+        str | None, typer.Option("--from", metavar="URL", help="List those of a leader's store.")
+    ] = None,
+    json_file: Annotated[Path | None, json_option("Write it there.")] = None,
+) -> None:
+    """List the shipped models, or those of a store."""
+    from mmt.models import shipped_models
+    from mmt.texture.model.file import unpack
+
+    if store is not None:
+        _list_store(store, json_file)
+        return
+    figures = {}
+    for name, path in shipped_models().items():
+        samples = unpack(path.read_bytes()).samples
+        figures[name] = {
+            "inputs": samples.space.name,
+            "samples": len(samples),
+            "order": int(samples.lsf.shape[1]),
+            "file_bytes": path.stat().st_size,
+        }
+    output.print(summary_table("shipped models", figures))
+    write_json(json_file, figures)
+
+
+def _list_store(url: str, json_file: Path | None) -> None:
     """Print what a store has, the newest first."""
     entries = _remote(url).entries()
     table = Table("name", "hash", "made", "who", "licence", "samples", "error (dB)", "note")

@@ -97,35 +97,6 @@ def info(
     write_json(json_file, figures)
 
 
-@app.command("list")
-def list_models(
-    store: Annotated[
-        str | None, typer.Option("--from", metavar="URL", help="List those of a leader's store.")
-    ] = None,
-    json_file: Annotated[Path | None, json_option("Write it there.")] = None,
-) -> None:
-    """List the shipped models, or those of a store."""
-    from mmt.models import shipped_models
-    from mmt.texture.model.file import unpack
-
-    if store is not None:
-        from mmt.cli.model_store import list_store
-
-        list_store(store, json_file)
-        return
-    figures = {}
-    for name, path in shipped_models().items():
-        samples = unpack(path.read_bytes()).samples
-        figures[name] = {
-            "inputs": samples.space.name,
-            "samples": len(samples),
-            "order": int(samples.lsf.shape[1]),
-            "file_bytes": path.stat().st_size,
-        }
-    output.print(summary_table("shipped models", figures))
-    write_json(json_file, figures)
-
-
 def describe(model: "TextureModel") -> dict[str, Any]:
     """Return the properties of a model as plain values."""
     from mmt.texture.completion.distance import distance_sum

@@ -88,9 +88,10 @@ class SharingPart(Part):
 
     def close(self) -> None:
         """Add the model to the store, if the scene has one and it is ready."""
-        if self._table.store is None or self._shared is None or not self._shared[1].ready:
+        newest = self._now()
+        if self._table.store is None or newest is None or not newest[1].ready:
             return
-        model, about = self._shared
+        model, about = newest
         session, log = self._session.scene.session, self._session.log
         said = Entry(session.name, note=f"session {log.session_id}, {about.completion}")
         try:

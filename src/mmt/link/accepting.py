@@ -77,11 +77,13 @@ class Acceptor:
     busy
         Whether a session is under way, which strangers that come in a crowd would disturb.
     most
-        Connections at once that nothing has admitted, and as many that were admitted.
+        Connections at once that nothing has admitted, and as many that were admitted; None for
+        `MOST_STRANGERS`.
     """
 
-    def __init__(self, busy: Callable[[], bool], most: int = MOST_STRANGERS) -> None:
+    def __init__(self, busy: Callable[[], bool], most: int | None = None) -> None:
         self._busy = busy
+        most = MOST_STRANGERS if most is None else most
         self._most = min(most, descriptors() // 4)
         self._most_of_address = max(MOST_OF_ADDRESS, most // 2)
         self._connections: dict[web.RequestHandler, _Connection] = {}  # the oldest first

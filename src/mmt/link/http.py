@@ -11,12 +11,7 @@ from aiohttp import web
 from aiohttp.typedefs import Handler, Middleware
 
 from mmt.core.errors import MmtError
-from mmt.link.accepting import (
-    MOST_STRANGERS,
-    Acceptor,
-    admit_connection,
-    watch_connections,
-)
+from mmt.link.accepting import Acceptor, admit_connection, watch_connections
 from mmt.link.access import Access, check_listening, is_address, is_loopback
 from mmt.link.protocol import MAX_MESSAGE_BYTES, PING_INTERVAL_S, PING_TIMEOUT_S
 from mmt.link.websocket import LINK_PATH, ServerSockets, wire_logger
@@ -136,7 +131,7 @@ class Listener:
         application: web.Application,
         keys: str = "host and port of [link]",
         busy: Callable[[], bool] = lambda: False,
-        most: int = MOST_STRANGERS,
+        most: int | None = None,
     ) -> None:
         self._application = application
         self._listening = ("", Access())

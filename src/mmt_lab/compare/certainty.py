@@ -28,7 +28,8 @@ from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import ModelHistory, build
 from mmt.texture.settings import Criterion, ModellingSettings
 from mmt.texture.signals.filtering import StreamFilter
-from mmt.texture.signals.metrics import JND_DB, within_jnd
+from mmt.texture.signals.just_noticeable import JND_DB
+from mmt.texture.signals.metrics import within_jnd
 from mmt_lab.compare.cases import Case
 from mmt_lab.compare.judging import METHODS
 

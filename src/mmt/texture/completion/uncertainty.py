@@ -41,7 +41,7 @@ from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
-from mmt.texture.signals.metrics import JND_DB
+from mmt.texture.signals.just_noticeable import JND_DB
 
 SPEEDS_MM_S: Final = (40.0, 260.0)
 FORCES_N: Final = (0.4, 2.6)

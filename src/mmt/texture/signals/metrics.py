@@ -7,9 +7,6 @@ for, and `gfc_ceiling` gives what a perfect model would score. GFC ignores the l
 `power_error_db` beside it. Numpy alone; offline use.
 """
 
-import math
-from typing import Final
-
 import numpy as np
 
 from mmt.core.arrays import FloatArray
@@ -17,9 +14,7 @@ from mmt.core.errors import InputError
 from mmt.texture.autoregression.forms import ar_to_reflection
 from mmt.texture.autoregression.simulation import simulate_ar
 from mmt.texture.signals.amplitude_spectra import amplitude_spectrum, scaled_rows
-
-JND_DB: Final = 20.0 * math.log10(1.17)
-"""Just noticeable difference of vibration, 17 % in amplitude (Awan et al., section VII.A)."""
+from mmt.texture.signals.just_noticeable import JND_DB
 
 
 def gfc(a: FloatArray, b: FloatArray) -> float:
