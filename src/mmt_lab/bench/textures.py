@@ -20,6 +20,7 @@ from mmt.texture.autoregression.forms import (
     output_power,
     reflection_to_lsf,
 )
+from mmt.texture.autoregression.reshaping import levinson
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC
 from mmt.texture.model.texture_model import TextureSamples
 from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S
@@ -59,7 +60,7 @@ def exact_samples(
         density = surface.spectrum(speed_mm_s[part], force_n[part], frequencies_hz, towards)
         lags = np.fft.irfft(0.5 * density, axis=1)[:, : order + 1]
         correlation[part] = lags * RATE_HZ
-    reflection = _levinson(correlation)
+    reflection = levinson(correlation)
     return TextureSamples(
         inputs=inputs_of(speed_mm_s, force_n, heading_rad),
         lsf=reflection_to_lsf(reflection),
@@ -121,18 +122,3 @@ class Truth(Known):
     def __init__(self, name: str) -> None:
         speed, force = np.meshgrid(GRID_SPEED_MM_S, GRID_FORCE_N)
         super().__init__(get_surface(name), speed.ravel(), force.ravel())
-
-
-def _levinson(correlation: FloatArray) -> FloatArray:
-    """Return the reflection coefficients (n, m) of autocorrelations (n, m + 1)."""
-    order = correlation.shape[1] - 1
-    reflection = np.zeros((len(correlation), order))
-    ar = np.zeros((len(correlation), order))
-    error = correlation[:, 0].copy()
-    for j in range(order):
-        ahead = np.einsum("nj,nj->n", ar[:, :j], correlation[:, j:0:-1])
-        k = -(correlation[:, j + 1] + ahead) / error
-        ar[:, :j] += k[:, np.newaxis] * ar[:, :j][:, ::-1]
-        ar[:, j] = reflection[:, j] = k
-        error *= 1.0 - k * k
-    return reflection

@@ -49,11 +49,15 @@ def reflection_of(density: FloatArray, order: int) -> tuple[FloatArray, FloatArr
     """
     lags = np.fft.irfft(0.5 * density, axis=1)[:, : order + 1]
     lags[:, 0] = np.maximum(lags[:, 0], _TINY)
-    return _levinson(lags), lags[:, 0]
+    return levinson(lags), lags[:, 0]
 
 
-def _levinson(autocorrelation: FloatArray) -> FloatArray:
-    """Return the reflection coefficients (k, m) of autocorrelations (k, m + 1), O(m^2)."""
+def levinson(autocorrelation: FloatArray) -> FloatArray:
+    """Return the reflection coefficients (k, m) of autocorrelations (k, m + 1), O(k m^2).
+
+    The first column is positive. Where rounding leaves nothing to predict, the coefficients stay
+    within `LARGEST_REFLECTION`.
+    """
     count, order = autocorrelation.shape[0], autocorrelation.shape[1] - 1
     reflection, error = np.zeros((count, order)), autocorrelation[:, 0].copy()
     coefficients = np.zeros((count, order + 1))

@@ -13,6 +13,8 @@ from scipy.special import wrightomega
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.compiled import kernel
+from mmt.texture.autoregression.forms import reflection_to_ar
+from mmt.texture.autoregression.reshaping import levinson
 from mmt.texture.selection.damped_tones import ComplexArray, loudest_tone_energy, modes
 from mmt.texture.selection.points import band
 
@@ -40,15 +42,10 @@ def whitening(density: FloatArray, order: int) -> Whitening:
     correlation = density @ lags / density.shape[1]
     scale = correlation[:, :1].copy()
     correlation /= scale
-    ar = np.zeros((len(density), order))
-    error = np.full(len(density), 1.0 + 1e-9)  # a floor 90 dB down keeps it definite
-    for m in range(order):
-        inner = np.einsum("nj,nj->n", ar[:, :m], correlation[:, m:0:-1])
-        k = -(correlation[:, m + 1] + inner) / error
-        ar[:, :m] += k[:, None] * ar[:, :m][:, ::-1].copy()
-        ar[:, m] = k
-        error *= np.maximum(1.0 - k * k, 1e-12)
-    return Whitening(ar, 0.5 * error * scale[:, 0])
+    correlation[:, 0] += 1e-9  # a floor 90 dB down keeps it definite
+    reflection = levinson(correlation)
+    error = correlation[:, 0] * np.prod(1.0 - np.square(reflection), axis=1)
+    return Whitening(reflection_to_ar(reflection), 0.5 * error * scale[:, 0])
 
 
 class Packed(NamedTuple):
