@@ -231,7 +231,7 @@ def test_map_needs_a_known_texture(evaluations):
 def test_model_growth_ends_with_the_finished_model(evaluations):
     titles = [axis.get_title() for axis in growth.model_growth(evaluations[0]).axes[:4]]
     final = evaluations[0].final
-    assert titles[-1] == f"{final.time_s:g} s, {final.samples} samples"
+    assert titles[-1] == f"{round(final.time_s, 1):g} s, {final.samples} samples"
     first = replace(evaluations[0].models, updates=evaluations[0].models.updates[:1])
     one = growth.model_growth(replace(evaluations[0], models=first))
     assert len(one.axes) == 2

@@ -77,9 +77,11 @@ def covariance_written_out(a, b, h):
     (ua, va, ta), (ub, vb, tb) = a, b
     total = 16.0 + 0.7**2 * ua * ub + 0.5**2 * va * vb
     total += h[0] ** 2 * matern(ua - ub, h[1]) * matern(va - vb, h[2])
-    if len(h) == 7:
+    cell = 0.15 if len(h) == 4 else 0.5
+    total += h[3] ** 2 * matern(ua - ub, cell) * matern(va - vb, cell)
+    if len(h) == 8:
         chord = math.dist((math.cos(ta), math.sin(ta)), (math.cos(tb), math.sin(tb)))
-        around = h[3] ** 2 * matern(math.sin(ta - tb), h[4]) + h[5] ** 2 * matern(chord, h[6])
+        around = h[4] ** 2 * matern(math.sin(ta - tb), h[5]) + h[6] ** 2 * matern(chord, h[7])
         total += around * matern(ua - ub, 8 * h[1]) * matern(va - vb, 8 * h[2])
     return total
 
@@ -263,7 +265,46 @@ def test_settings_spread_evenly_over_the_prior(directed):
     for column, prior in zip(found.T, priors, strict=True):
         assert np.median(column) == pytest.approx(math.log(prior.median), abs=0.06)
         assert np.std(column) == pytest.approx(prior.spread, rel=0.05)
-    assert np.abs(np.corrcoef(found.T) - np.eye(found.shape[1])).max() < 0.15
+    assert np.abs(np.corrcoef(found.T) - np.eye(found.shape[1])).max() < 0.25
+
+
+@DIRECTED
+def test_without_a_rough_departure_its_size_is_zero_and_the_others_are_spread_alike(directed):
+    found = covariance.settings(256, directed=directed, rough=False)
+    column = list(covariance.HYPERPRIOR).index("rough")
+    assert not found[:, column].any()
+    others = np.log(np.delete(found, column, axis=1))
+    assert np.abs(np.corrcoef(others.T) - np.eye(others.shape[1])).max() < 0.15
+    at = covariance.coordinates(scattered(6, directed))
+    known = list(zip(*at, strict=True))
+    wanted = [[covariance_written_out(p, q, found[3]) for q in known] for p in known]
+    prior = covariance.Between(at, at, directed=directed).covariance(found[3])
+    np.testing.assert_allclose(prior, wanted, rtol=1e-12)
+
+
+def rough(points):
+    """A level that goes up and down by 1.4 dB (rms) between neighbouring strokes."""
+    at = covariance.coordinates(points)
+    return law(points) + 0.65 * np.sin(17.0 * at.u) * np.sin(14.0 * at.v + 1.0)
+
+
+def test_a_rough_level_is_as_wrong_as_stated_and_a_power_law_is_known_better():
+    asked = scattered(150, seed=77)
+    right, expected, squares, smooth = [], [], [], []
+    for seed in range(16):
+        points = np.repeat(scattered(60, seed=seed), 10, axis=0)  # half a second of each stroke
+        position = anywhere(600, seed)
+        field = LevelField(FieldCells.of(points, measured(points, seed, rough), position))
+        found = field.predict(covariance.coordinates(asked))
+        error = found.mean - rough(asked)
+        squares.append(np.mean(np.square(error / found.deviation)))
+        expected.append(found.within(JND_DB / DB).mean())
+        right.append(np.mean(np.abs(error) <= JND_DB / DB))
+        field = LevelField(FieldCells.of(points, measured(points, seed), position))
+        smooth.append(field.predict(covariance.coordinates(asked)).within(JND_DB / DB).mean())
+    assert 0.8 < np.sqrt(np.mean(squares)) < 1.25
+    assert np.mean(expected) == pytest.approx(np.mean(right), abs=0.12)
+    assert np.mean(smooth) > np.mean(expected) + 0.2
 
 
 @DIRECTED

@@ -17,7 +17,7 @@ def observations(n, dimensions, seed=0, channels=3, scatter=0.04):
     if dimensions == 3:
         points[:, :2] *= generator.choice([-1.0, 1.0], (n, 2))
     at = coordinates(points)
-    setting = np.median(settings(SETTINGS, directed=dimensions == 3), axis=0)
+    setting = np.median(settings(SETTINGS, directed=dimensions == 3, rough=False), axis=0)
     prior = Between(at, at, directed=dimensions == 3).covariance(setting)
     scatters = scatter * generator.uniform(0.5, 2.0, n)
     root = np.linalg.cholesky(prior + np.diag(scatters))
@@ -34,7 +34,7 @@ def rebuilt(points, values, scatters, present, index, effective):
     rest = values - values[known].mean(axis=0)
     own = Coordinates(*(axis[[index]] for axis in at))
     far = Coordinates(*(axis[others] for axis in at))
-    for setting in settings(SETTINGS, directed=directed):
+    for setting in settings(SETTINGS, directed=directed, rough=False):
         prior = Between(at, at, directed=directed).covariance(setting)
         across = Between(own, far, directed=directed).covariance(setting)[0]
         for factor in FACTORS:

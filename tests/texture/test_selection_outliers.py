@@ -37,7 +37,7 @@ def drawn_from_the_prior(n, dimensions, seed, *, gain_spread=0.0, knocks=0):
     points = generator.uniform(0.05, 1.0, (n, dimensions))
     at = coordinates(points)
     directed = dimensions == 3
-    setting = np.median(settings(16, directed=directed), axis=0)
+    setting = np.median(settings(16, directed=directed, rough=False), axis=0)
     prior = Between(at, at, directed=directed).covariance(setting, constant=0.5)
     root = np.linalg.cholesky(prior + 1e-9 * np.eye(n))
     cepstra = root @ generator.normal(size=(n, 4)) * np.array([1.0, 0.4, 0.3, 0.2])

@@ -148,7 +148,7 @@ def test_an_unknown_surface_is_predicted_by_the_prior() -> None:
     found = posterior.innovations(blocks)
     at = coordinates_of(np.array([block.stroke for block in blocks]))
     prior = Between(at, at, directed=False).covariance(
-        settings(SETTINGS, directed=False)[2], constant=0.0
+        settings(SETTINGS, directed=False, rough=False)[2], constant=0.0
     )
     scatter = posterior._scatter(np.array([block.position_mm for block in blocks]), at)
     for k in range(6):

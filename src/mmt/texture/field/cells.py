@@ -18,7 +18,13 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray, IntArray
 from mmt.core.errors import InputError
-from mmt.texture.field.covariance import Coordinates, coordinates, points_at, warped
+from mmt.texture.field.covariance import (
+    CELL_WIDTHS,
+    Coordinates,
+    coordinates,
+    points_at,
+    warped,
+)
 
 LARGEST: Final = 4096
 """Rows; where there are more, the squares of the surface are made larger."""
@@ -26,7 +32,6 @@ LARGEST: Final = 4096
 PLACE_MM: Final = 10.0
 """Side of the squares, at first."""
 
-_PLANAR_WIDTH, _DIRECTED_WIDTH = 0.15, 0.5
 _SECTORS: Final = 16
 _LEAST_POWER: Final = 1e-300
 _FARTHEST: Final = 2**15 - 1
@@ -174,7 +179,7 @@ class FieldCells:
 
 def centres(cells: IntArray, *, directed: bool) -> Coordinates:
     """Return the coordinates of the centres of cells (k, 3) of strokes."""
-    width = _DIRECTED_WIDTH if directed else _PLANAR_WIDTH
+    width = CELL_WIDTHS[directed]
     u, v = (np.asarray(_FIRST + width * (cells[:, axis] + 0.5)) for axis in (0, 1))
     turn = 2.0 * np.pi / _SECTORS if directed else 0.0
     return Coordinates(u, v, np.asarray(turn * cells[:, 2]))
@@ -191,7 +196,7 @@ def _at_centres(points: FloatArray, power: FloatArray) -> tuple[IntArray, FloatA
 
 def _cell_of(at: Coordinates, *, directed: bool) -> IntArray:
     """Return the cells (k, 3) in which strokes lie."""
-    width = _DIRECTED_WIDTH if directed else _PLANAR_WIDTH
+    width = CELL_WIDTHS[directed]
     cells = np.zeros((len(at.u), 3), np.int64)
     cells[:, 0] = np.floor((at.u - _FIRST) / width)
     cells[:, 1] = np.floor((at.v - _FIRST) / width)

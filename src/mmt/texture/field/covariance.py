@@ -7,6 +7,9 @@ little left to lose. The log power is linear in them plus a departure:
 - ``c + a u + b v``: c all but free, a and b normal.
 - a Gaussian process over u and v, with the product of two Matern covariances of smoothness 3/2
   (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, eq. 4.17).
+- a rough departure: the same with the width of a cell (`CELL_WIDTHS`) as length on both axes.
+  Without it a texture whose level goes up and down between neighbouring strokes is taken for a
+  smooth one that scatters, and to be known where one stroke was made often.
 - where the heading counts, two more departures, each a Matern covariance over the chord between
   headings times such covariances over u and v: one the same for a stroke and its return, as
   ridges are, and one that is not, as a nap is.
@@ -19,6 +22,7 @@ their prior, and the posterior is the mixture of all, each with the weight of it
 (`mmt.texture.field.posterior`). The prior's figures are in `HYPERPRIOR`.
 """
 
+from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -38,6 +42,7 @@ HYPERPRIOR: Final = {
     "departure": LogNormal(0.6, 0.8),
     "speed_scale": LogNormal(0.6, 0.7),
     "force_scale": LogNormal(0.8, 0.7),
+    "rough": LogNormal(0.15, 1.0),
     "turned": LogNormal(0.5, 0.7),
     "turned_width": LogNormal(0.7, 0.5),
     "headed": LogNormal(0.15, 0.7),
@@ -47,7 +52,13 @@ HYPERPRIOR: Final = {
 in u and v, widths as chords on the unit circle.
 
 The first three are rounded from what 50 HaTT models, fitted one by one, call for (medians 0.71,
-0.57 and 0.78, spreads 0.9 to 1.1); the other four are broad guesses."""
+0.57 and 0.78, spreads 0.9 to 1.1). The fourth is rounded too: its evidence from the same models is
+within 0.2 nepers a model of the largest of any median. The other four are broad guesses."""
+
+CELL_WIDTHS: Final = (0.15, 0.5)
+"""Width in u and v of the cells in which blocks are summed up (`mmt.texture.field.cells`), in the
+plane and where the heading counts; the length of the rough departure: what is finer is not told
+apart."""
 
 SLOPES: Final = ((1.5, 0.7), (0.5, 0.5))
 """Mean and standard deviation of a and b: of the same models 1.5 and 0.51 in the mean, spread 0.5
@@ -56,7 +67,7 @@ and 0.3."""
 _FREE: Final = 16.0  # variance of c about the blocks' mean
 _PER_COORDINATE: Final = 1.5
 _NEAR_REST: Final = 0.15
-_PLANAR: Final = 3
+_PLANAR: Final = 4
 _HEADED_LENGTHS: Final = 8.0
 """Lengths of the departures with heading over those without: grain acts alike at all speeds."""
 
@@ -103,24 +114,28 @@ def grid_nodes(axes: Coordinates) -> Coordinates:
     return Coordinates(u.ravel(), v.ravel(), heading.ravel())
 
 
-def settings(count: int, *, directed: bool) -> FloatArray:
-    """Return hyperparameters spread evenly over their prior, (count, 3) or (count, 7).
+def settings(count: int, *, directed: bool, rough: bool = True) -> FloatArray:
+    """Return hyperparameters spread evenly over their prior, (count, 4) or (count, 8).
 
     Quantiles at the points of the additive recurrence that generalises the golden ratio
-    (Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
+    (Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018). ``rough`` says
+    whether there is a rough departure.
     """
-    priors = list(HYPERPRIOR.values())[: None if directed else _PLANAR]
+    names = list(HYPERPRIOR)[: None if directed else _PLANAR]
+    spread = [column for column, name in enumerate(names) if rough or name != "rough"]
     base = 1.5
     for _ in range(32):  # the root of x^(d + 1) = x + 1
-        base = (1.0 + base) ** (1.0 / (len(priors) + 1.0))
-    steps = base ** -np.arange(1.0, len(priors) + 1.0)
+        base = (1.0 + base) ** (1.0 / (len(spread) + 1.0))
+    steps = base ** -np.arange(1.0, len(spread) + 1.0)
     shares = (0.5 + np.outer(np.arange(1, count + 1), steps)) % 1.0
-    middles, spreads = np.array(priors).T
-    return np.asarray(middles * np.exp(spreads * ndtri(0.002 + 0.996 * shares)))
+    middles, spreads = np.array([HYPERPRIOR[names[column]] for column in spread]).T
+    every = np.zeros((count, len(names)))
+    every[:, spread] = middles * np.exp(spreads * ndtri(0.002 + 0.996 * shares))
+    return every
 
 
 def medians(*, directed: bool) -> FloatArray:
-    """Return the medians of the hyperparameters, (3,) or (7,)."""
+    """Return the medians of the hyperparameters, (4,) or (8,)."""
     every = np.array([prior.median for prior in HYPERPRIOR.values()])
     return every if directed else every[:_PLANAR]
 
@@ -153,57 +168,79 @@ class Between:
 
         ``constant`` is the variance of c.
         """
-        total = self._plane(setting, 1.0)
+        total = self._plane(setting[1], setting[2])
         total *= setting[0] ** 2
+        if setting[3] > 0.0:
+            total += setting[3] ** 2 * self._rough
         if self._heading is not None:
             around = self._heading.every(_around(self._heading.apart, setting))
-            around *= self._plane(setting, _HEADED_LENGTHS)
+            around *= self._plane(*(_HEADED_LENGTHS * setting[1:3]))
             total += around
         total += self._linear
         total += constant
         return total
 
-    def _plane(self, setting: FloatArray, lengths: float) -> FloatArray:
+    @cached_property
+    def _rough(self) -> FloatArray:
+        length = CELL_WIDTHS[self._heading is not None]
+        return self._plane(length, length)
+
+    def _plane(self, speed_length: float, force_length: float) -> FloatArray:
         """Return the product of the covariances over u and v."""
         u, v = self._u, self._v
-        total = u.every(matern(np.abs(u.apart), lengths * setting[1]))
-        total *= v.every(matern(np.abs(v.apart), lengths * setting[2]))
+        total = u.every(matern(np.abs(u.apart), speed_length))
+        total *= v.every(matern(np.abs(v.apart), force_length))
         return total
 
 
 def variance(at: Coordinates, setting: FloatArray) -> FloatArray:
     """Return the prior variance at k strokes, (k,)."""
-    total = _FREE + (SLOPES[0][1] * at.u) ** 2 + (SLOPES[1][1] * at.v) ** 2 + setting[0] ** 2
+    total = _FREE + (SLOPES[0][1] * at.u) ** 2 + (SLOPES[1][1] * at.v) ** 2
+    total = total + setting[0] ** 2 + setting[3] ** 2
     if len(setting) > _PLANAR:
-        total = total + setting[3] ** 2 + setting[5] ** 2
+        total = total + setting[4] ** 2 + setting[6] ** 2
     return np.asarray(total)
 
 
 def mean_on_grid(
-    axes: Coordinates, at: Coordinates, weights: FloatArray, setting: FloatArray
+    axes: Coordinates, at: Coordinates, weights: FloatArray, every: FloatArray
 ) -> FloatArray:
-    """Return ``sum_i weights_i covariance(node, stroke_i)``, (headings, speeds, forces).
+    """Return ``sum_ki weights_ki covariance_k(node, stroke_i)``, (headings, speeds, forces).
 
     By the product of the axes' covariances: O(n) exponentials for a node of an axis, not of the
     grid. One heading where the heading does not count.
+
+    Parameters
+    ----------
+    axes
+        The grid's axes.
+    at
+        Coordinates of n strokes.
+    weights
+        Shape (k, n).
+    every
+        Rows of `settings`, the first of the covariance to which the first weights belong, (k, h).
     """
-
-    def plane(lengths: float) -> tuple[FloatArray, FloatArray]:
-        return (
-            matern(np.abs(np.subtract.outer(axes.u, at.u)), lengths * setting[1]),
-            matern(np.abs(np.subtract.outer(axes.v, at.v)), lengths * setting[2]),
-        )
-
-    u, v = plane(1.0)
-    total = setting[0] ** 2 * ((u * weights) @ v.T) + _FREE * weights.sum()
-    total += SLOPES[0][1] ** 2 * (weights @ at.u) * axes.u[:, None]
-    total += SLOPES[1][1] ** 2 * (weights @ at.v) * axes.v
-    if len(setting) == _PLANAR:
+    u_apart = np.abs(np.subtract.outer(axes.u, at.u))
+    v_apart = np.abs(np.subtract.outer(axes.v, at.v))
+    all_weights, rough = weights.sum(axis=0), np.square(every[:, 3]) @ weights
+    length = CELL_WIDTHS[every.shape[1] > _PLANAR]
+    total = (matern(u_apart, length) * rough) @ matern(v_apart, length).T
+    total += SLOPES[0][1] ** 2 * (all_weights @ at.u) * axes.u[:, None]
+    total += SLOPES[1][1] ** 2 * (all_weights @ at.v) * axes.v
+    total += _FREE * all_weights.sum()
+    for own, setting in zip(weights, every, strict=True):
+        u, v = matern(u_apart, setting[1]), matern(v_apart, setting[2])
+        total += (u * (setting[0] ** 2 * own)) @ v.T
+    if every.shape[1] == _PLANAR:
         return np.asarray(total[np.newaxis])
-    around = _around(np.subtract.outer(axes.heading, at.heading), setting)
-    u, v = plane(_HEADED_LENGTHS)
-    both = (u[:, None, :] * v[None, :, :]).reshape(-1, len(weights))
-    turning = (around * weights) @ both.T
+    turning = np.zeros((len(axes.heading), total.size))
+    for own, setting in zip(weights, every, strict=True):
+        u = matern(u_apart, _HEADED_LENGTHS * setting[1])
+        v = matern(v_apart, _HEADED_LENGTHS * setting[2])
+        both = (u[:, None, :] * v[None, :, :]).reshape(-1, len(own))
+        around = _around(np.subtract.outer(axes.heading, at.heading), setting)
+        turning += (around * own) @ both.T
     return np.asarray(total + turning.reshape(len(axes.heading), *total.shape))
 
 
@@ -227,5 +264,5 @@ def _around(angle: FloatArray, setting: FloatArray) -> FloatArray:
     """Return the covariance of the departures with heading, at equal speeds and forces."""
     line = np.abs(np.sin(angle))  # a heading and its opposite are one
     turn = 2.0 * np.abs(np.sin(0.5 * angle))
-    ridges = setting[3] ** 2 * matern(line, setting[4])
-    return np.asarray(ridges + setting[5] ** 2 * matern(turn, setting[6]))
+    ridges = setting[4] ** 2 * matern(line, setting[5])
+    return np.asarray(ridges + setting[6] ** 2 * matern(turn, setting[7]))

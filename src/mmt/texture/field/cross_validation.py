@@ -58,7 +58,7 @@ class LeaveOneOut:
         self._at = coordinates(points)
         self._directed = points.shape[1] > 2
         self._scatter, self._factors = scatter, factors
-        self._settings = settings(SETTINGS, directed=self._directed)
+        self._settings = settings(SETTINGS, directed=self._directed, rough=False)
         self._between: Between | None = None
         self._priors: dict[int, FloatArray] = {}
 

@@ -185,10 +185,9 @@ class LevelField:
         """
         grid = table_grid(directed=self.directed)
         axes = Coordinates(warped(np.exp(grid.speed)), warped(np.exp(grid.force)), grid.heading)
-        total = sum(
-            member.weight * mean_on_grid(axes, self._at, member.cell_weights, member.setting)
-            for member in self._members
-        )
+        weights = np.array([member.weight * member.cell_weights for member in self._members])
+        every = np.array([member.setting for member in self._members])
+        total = mean_on_grid(axes, self._at, weights, every)
         law = Coordinates(axes.u[:, None], axes.v[None, :], axes.heading).law
         levels = np.asarray(total + self._middle + law)
         _fall(np.moveaxis(levels, 1, 0), axes.u, grid.speed, float(self._at.u.min()))

@@ -56,7 +56,7 @@ class SurfacePosterior:
     def __init__(self, cells: SurfaceCells) -> None:
         self._directed = cells.directed
         self._nugget, self._sill = cells.nugget, cells.sill
-        self._settings = settings(SETTINGS, directed=cells.directed)
+        self._settings = settings(SETTINGS, directed=cells.directed, rough=False)
         self._weights = np.full((SETTINGS, COMPONENTS), 1.0 / SETTINGS)
         self._at = cells.centres if len(cells) else None
         if self._at is not None:
