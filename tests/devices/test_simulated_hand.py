@@ -170,6 +170,22 @@ def test_feedback_corrects_a_wrong_expectation():
     assert errors[True] < 0.1
 
 
+def test_a_hand_that_feels_nothing_at_all_corrects_nothing():
+    """As while its handle or control is away; a force that is merely too small is corrected."""
+    depths = []
+    for felt_n in (None, 0.0, 0.05):
+        hand = SimulatedHand(Hand(), 3)
+        places = []
+        for _ in range(4000):
+            places.append(hand.read(1).position_mm[2])
+            if felt_n is not None:
+                hand.write((0.0, 0.0, felt_n))
+        depths.append(min(places))
+    unfelt, nothing, little = depths
+    assert nothing == unfelt
+    assert little < 1.5 * unfelt  # both are below the surface
+
+
 def test_narrow_ranges_are_respected():
     settings = Hand(slowest_mm_s=50.0, fastest_mm_s=60.0, lightest_n=1.0, strongest_n=1.1)
     _, velocity, force, _ = _states(6, ticks=10_000, settings=settings)

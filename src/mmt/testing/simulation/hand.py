@@ -58,7 +58,7 @@ class SimulatedHand:
     The hand intends a speed and a normal force (`mmt.testing.simulation.motions`). To press, it
     commands a depth below the surface from the compliance that it expects between its handle
     and the surface. Where force is fed back (`write`), it corrects that expectation over half a
-    second, as a person does who feels too much or too little.
+    second, as a person does who feels too much or too little; who feels nothing corrects nothing.
 
     The course depends on the seed and the feedback alone, not on how ticks are grouped.
     Cost: about 3 us a tick.
@@ -86,7 +86,7 @@ class SimulatedHand:
             nominal_compliance_mm_n(Simulated()) if compliance_mm_n is None else compliance_mm_n
         )
         self._scale = 1.0
-        self._felt_n: float | None = None
+        self._felt_n = 0.0
         self._speed_factor = Unsteadiness()
         self._force_factor = Unsteadiness()
         self._x, self._y, self._z = START_MM
@@ -129,7 +129,7 @@ class SimulatedHand:
             self._heading = heading
         speed *= self._speed_factor.step(noise[:3])
         force *= max(self._force_factor.step(noise[3:]), 0.0)
-        if self._felt_n is not None and force > LEAST_FORCE_N:
+        if self._felt_n and force > LEAST_FORCE_N:  # no force at all is no surface to judge by
             self._correct(force, self._felt_n)
         self._heading += turn_rad_mm * speed * PERIOD_S
         u, v = speed * cos(self._heading), speed * sin(self._heading)
