@@ -24,6 +24,13 @@ Level = Literal["interpolated", "gaussian_process"]
 Shape = Literal["measured", "smoothed"]
 Criterion = Literal["distance", "uncertainty"]
 
+CHANNELS: Final[dict[Inputs, tuple[str, ...]]] = {
+    "isotropic": ("speed_mm_s", "force_n"),
+    "anisotropic": ("velocity_x_mm_s", "velocity_y_mm_s", "force_n"),
+}
+"""The inputs of each space, in their order, with their units. Velocity x and y are along the
+two axes other than the surface's normal, in the order of the axes."""
+
 MAXIMUM_SPEED_MM_S = 300.0
 """Paper A, section V.B: the plane ends here; faster strokes count as this fast."""
 

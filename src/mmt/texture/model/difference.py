@@ -1,9 +1,9 @@
 """What has changed from one state of a model to the next, as few bytes as it takes.
 
-A model is the arrays of its file (`mmt.texture.model.file`). Most of them have a row for each
-sample, or for each cell of the field. While a model grows a few rows come, and a few go or change;
-so a difference names the rows that stay and holds the others. All other arrays are short, and are
-held where they are new.
+A model is the arrays of its file (`mmt.texture.model.file_arrays`). Most of them have a row for
+each sample, or for each cell of the field. While a model grows a few rows come, and a few go or
+change; so a difference names the rows that stay and holds the others. All other arrays are short,
+and are held where they are new.
 
 A difference is plain numbers, strings, bytes, lists and maps, as msgpack takes them. Applied to
 what it was made from, it gives the arrays of the new state to the bit; a digest tells whether it
@@ -18,7 +18,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.texture.model.file import FIELD_ROWS, MODEL_ROWS
+from mmt.texture.model.file_arrays import FIELD_ROWS, MODEL_ROWS
 
 Arrays = Mapping[str, Any]
 """The arrays of a model by name."""

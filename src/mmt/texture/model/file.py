@@ -1,19 +1,19 @@
 """The ``.npz`` file of a texture model; the layout is in ``docs/reference/model-file.md``."""
 
-import io
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from mmt.core.archives import load_arrays
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.texture.field.cells import FieldCells
 from mmt.texture.field.trend import NO_TREND, Trend
 from mmt.texture.interpolation.interpolator import State
-from mmt.texture.model.inputs import CHANNELS, InputSpace
+from mmt.texture.model.file_arrays import Arrays, file_arrays, pack_arrays
+from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.samples import TextureSamples
+from mmt.texture.settings import CHANNELS
 
 FORMAT_VERSION: Final = 6
 """Version of a file in which level or shape are estimates of their own. Versions 4 and 5, without
@@ -34,18 +34,6 @@ _OWN: Final = frozenset(
     )
 )
 """Arrays of the model; all others are the interpolator's state."""
-
-MODEL_ROWS: Final = (
-    *dict.fromkeys(channel for channels in CHANNELS.values() for channel in channels),
-    *("lsf_rad", "variance", "power", "effective_samples", "segment_samples"),
-)
-"""Arrays with a row for each sample."""
-
-FIELD_ROWS: Final = ("field_cells", "field_sums")
-"""Arrays with a row for each cell of the field."""
-
-_Arrays = dict[str, Any]
-"""The arrays of a file by name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,9 +72,7 @@ class ModelContents:
 
 def pack(contents: ModelContents) -> bytes:
     """Return a model as the content of a file."""
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays_of(contents))
-    return buffer.getvalue()
+    return pack_arrays(arrays_of(contents))
 
 
 def unpack(data: bytes) -> ModelContents:
@@ -100,21 +86,7 @@ def unpack(data: bytes) -> ModelContents:
     return contents_of(file_arrays(data))
 
 
-def file_arrays(data: bytes) -> _Arrays:
-    """Return the arrays of a file by name, unchecked.
-
-    Raises
-    ------
-    InputError
-        It is no archive of arrays.
-    """
-    try:
-        return dict(load_arrays(data)[0])
-    except (InputError, OSError) as error:
-        raise InputError("not a texture model (.npz), or cut off") from error
-
-
-def arrays_of(contents: ModelContents) -> _Arrays:
+def arrays_of(contents: ModelContents) -> Arrays:
     """Return a model as the arrays of a file, by name."""
     samples, space = contents.samples, contents.samples.space
     return {
@@ -135,7 +107,7 @@ def arrays_of(contents: ModelContents) -> _Arrays:
     }
 
 
-def contents_of(arrays: _Arrays) -> ModelContents:
+def contents_of(arrays: Arrays) -> ModelContents:
     """Return the contents of a model from the arrays of a file.
 
     Raises
@@ -178,7 +150,7 @@ def contents_of(arrays: _Arrays) -> ModelContents:
         raise InputError(f"its arrays do not fit together: {error}") from error
 
 
-def _version(content: _Arrays) -> int:
+def _version(content: Arrays) -> int:
     """Return the version of a file, whose arrays are completed where it is the first."""
     version = int(content.get("format_version", 0))
     if not 1 <= version <= FORMAT_VERSION:
@@ -188,7 +160,7 @@ def _version(content: _Arrays) -> int:
     return version
 
 
-def _numbers(content: _Arrays, name: str) -> FloatArray | None:
+def _numbers(content: Arrays, name: str) -> FloatArray | None:
     return np.asarray(content[name], dtype=np.float64) if name in content else None
 
 
@@ -198,8 +170,8 @@ def _written_version(contents: ModelContents) -> int:
     return INTERPOLATED_VERSION if plain else FORMAT_VERSION
 
 
-def _level_arrays(contents: ModelContents) -> _Arrays:
-    arrays: _Arrays = {}
+def _level_arrays(contents: ModelContents) -> Arrays:
+    arrays: Arrays = {}
     samples = contents.samples
     if samples.effective is not None:
         arrays["effective_samples"] = samples.effective
@@ -212,8 +184,8 @@ def _level_arrays(contents: ModelContents) -> _Arrays:
     return arrays
 
 
-def _fitted_arrays(fitted: FittedParameters | None, *, directed: bool) -> _Arrays:
-    arrays: _Arrays = {}
+def _fitted_arrays(fitted: FittedParameters | None, *, directed: bool) -> Arrays:
+    arrays: Arrays = {}
     if fitted is None:
         return arrays
     if directed:
@@ -226,7 +198,7 @@ def _fitted_arrays(fitted: FittedParameters | None, *, directed: bool) -> _Array
     return arrays
 
 
-def _field_arrays(field: FieldCells | None) -> _Arrays:
+def _field_arrays(field: FieldCells | None) -> Arrays:
     if field is None:
         return {}
     return {
@@ -236,7 +208,7 @@ def _field_arrays(field: FieldCells | None) -> _Arrays:
     }
 
 
-def _field(content: _Arrays, *, directed: bool) -> FieldCells | None:
+def _field(content: Arrays, *, directed: bool) -> FieldCells | None:
     if "field_cells" not in content:
         return None
     keys, sums = content["field_cells"].astype(np.int64), content["field_sums"].astype(np.float64)
@@ -250,7 +222,7 @@ def _field(content: _Arrays, *, directed: bool) -> FieldCells | None:
     return field
 
 
-def _fitted(content: _Arrays, *, directed: bool) -> FittedParameters:
+def _fitted(content: Arrays, *, directed: bool) -> FittedParameters:
     trend = NO_TREND
     if directed:
         trend = Trend(*content["trend_exponents"].astype(np.float64).tolist())

@@ -18,17 +18,10 @@ import numpy.typing as npt
 from mmt.core.arrays import FloatArray
 from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
-from mmt.texture.settings import MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, Inputs
+from mmt.texture.settings import CHANNELS, MAXIMUM_FORCE_N, MAXIMUM_SPEED_MM_S, Inputs
 
 _LARGEST: Final = 1e6
 """Normalised values count as no larger, so that the direction of an infinite one is defined."""
-
-CHANNELS: Final[dict[Inputs, tuple[str, ...]]] = {
-    "isotropic": ("speed_mm_s", "force_n"),
-    "anisotropic": ("velocity_x_mm_s", "velocity_y_mm_s", "force_n"),
-}
-"""The inputs of each space, in their order, with their units. Velocity x and y are along the
-two axes other than the surface's normal, in the order of the axes."""
 
 
 @dataclass(frozen=True)
