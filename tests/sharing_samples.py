@@ -1,15 +1,20 @@
 """Models that grow, and a server of them, for the tests of sharing."""
 
 import asyncio
+import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from mmt.link.protocol import encode_event
 from mmt.scene.sharing_tables import Listening, Sharing
 from mmt.sharing.client import ListenerClient
-from mmt.sharing.messages import About
+from mmt.sharing.messages import STATE, STATE_DTYPE, About
+from mmt.sharing.operator import OperatorClient
 from mmt.sharing.publishing import ModelPublisher
 from mmt.sharing.relay import Relay
 from mmt.sharing.server import SharingServer
@@ -17,6 +22,10 @@ from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
 from mmt.texture.model.inputs import ISOTROPIC
 from mmt.texture.model.samples import TextureSamples
 from mmt.texture.model.texture_model import TextureModel
+from mmt.web.player.following import SharedTexture
+from mmt.web.player.player import Player
+from mmt.web.player.results import ResultsFile
+from mmt.web.player.server import PlayerServer
 
 LONGEST_S = 30.0
 WELCOME = {"session_id": "abc", "name": "a table", "rate_hz": 1000}
@@ -56,6 +65,7 @@ class Shared:
     server: SharingServer
     relay: Relay
     said: list[str] = field(default_factory=list)
+    details: list[dict[str, Any]] = field(default_factory=list)
     publisher: ModelPublisher = field(default_factory=ModelPublisher)
 
     @property
@@ -63,21 +73,55 @@ class Shared:
         return f"http://127.0.0.1:{self.server.port}"
 
     def publish(self, count: int, *, ready: bool = True) -> None:
-        self.relay.offer_model(*self.publisher.publish(model_of(count), about(count, ready=ready)))
+        self.offer(model_of(count), about(count, ready=ready))
+
+    def offer(self, model: TextureModel, said: About) -> None:
+        self.relay.offer_model(*self.publisher.publish(model, said))
+
+    def offer_state(self, time_s: float, force_n: float = 0.0, speed_mm_s: float = 0.0) -> None:
+        state = np.zeros(1, STATE_DTYPE)
+        state["velocity_mm_s"][0, 0] = speed_mm_s
+        state["time_s"], state["force_n"], state["contact"] = time_s, force_n, force_n > 0.0
+        message = encode_event(STATE, state.tobytes())
+        self.relay.offer_state(message, time_s, time.monotonic_ns())
 
 
 @asynccontextmanager
 async def shared(**settings: object) -> AsyncIterator[Shared]:
     """Share on any free port."""
     said: list[str] = []
+    details: list[dict[str, Any]] = []
+
+    def take(text: str, more: dict[str, Any]) -> None:
+        said.append(text)
+        details.append(more)
+
     relay = Relay()
     table = Sharing.model_validate({"port": 0, **settings})
-    server = SharingServer(table, relay, WELCOME, lambda text, _: said.append(text))
+    server = SharingServer(table, relay, WELCOME, take)
     await server.start()
     try:
-        yield Shared(server, relay, said)
+        yield Shared(server, relay, said, details)
     finally:
         await server.stop()
+
+
+@asynccontextmanager
+async def playing_shared(sharing: Shared, directory: Path) -> AsyncIterator[PlayerServer]:
+    """Serve the page that plays what is shared, as soon as there is a model."""
+    texture = SharedTexture(Listening(url=sharing.url), sharing.said.append)
+    model = await texture.first()
+    results = ResultsFile(directory / "results.csv")
+    player = Player([texture.name], [model], results=results, scenarios=False)
+    following = asyncio.create_task(texture.follow(player))
+    server = PlayerServer(player, several=True)
+    await server.start("127.0.0.1", 0)
+    try:
+        yield server
+    finally:
+        following.cancel()
+        await server.stop()
+        await texture.close()
 
 
 @dataclass
@@ -91,7 +135,9 @@ class Heard:
 
 
 @asynccontextmanager
-async def listening(url: str, **settings: object) -> AsyncIterator[Heard]:
+async def listening(
+    url: str, operator: OperatorClient | None = None, **settings: object
+) -> AsyncIterator[Heard]:
     """Listen there until the end of the block."""
     said: list[str] = []
     models: list[int] = []
@@ -102,6 +148,7 @@ async def listening(url: str, **settings: object) -> AsyncIterator[Heard]:
         on_model=lambda: models.append(client.replica.number),
         on_state=lambda state: states.append(float(state["time_s"])),
         on_event=said.append,
+        operator=operator,
     )
     await client.connect()
     try:

@@ -5,11 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sharing_samples import shared
 
 from mmt.core.errors import InputError
 from mmt.leader.warming import WarmingPart, load_library
 from mmt.models import shipped_models
 from mmt.scene import Scene
+from mmt.sharing.store import Entry, ModelStore
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.library.identification import Choice
 from mmt.texture.model.texture_model import TextureModel
@@ -72,3 +74,16 @@ def test_a_library_is_files_and_names(tmp_path: Path) -> None:
         load_library([Path("felt"), Path("felt")])
     with pytest.raises(InputError, match="no such file; shipped are"):
         load_library([Path("nothing")])
+
+
+async def test_a_library_is_of_a_store_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    store = ModelStore(tmp_path / "store")
+    felt, oak = (shipped_models()[name].read_bytes() for name in ("felt", "oak"))
+    store.add(felt, Entry("cloth"))
+    store.add(oak, Entry("felt"))
+    async with shared(store=str(tmp_path / "store")) as sharing:
+        library = await asyncio.to_thread(load_library, ["felt", sharing.url])
+        assert set(library) == {"felt", "cloth"}  # a file goes before the store's of its name
+        assert library["felt"].to_bytes() == library["cloth"].to_bytes()
+        assert await asyncio.to_thread(load_library, [sharing.url], 2000.0) == {}

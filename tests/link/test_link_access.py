@@ -15,7 +15,7 @@ import yarl
 from link_samples import CHANNELS, FollowerNotes, LeaderNotes, frames, hello, until
 
 from mmt.core.errors import InputError, MmtError
-from mmt.link.access import TOKEN_VARIABLE, Access, check_listening
+from mmt.link.access import FOLLOWERS, TOKEN_VARIABLE, Access, check_listening
 from mmt.link.client import FollowerClient
 from mmt.link.server import LeaderServer
 from mmt.scene import Link
@@ -273,18 +273,18 @@ async def test_programs_may_use_any_name_where_everyone_may_connect(token_file: 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "127.8.8.8", "::1"])
 def test_the_own_machine_needs_no_permission(host: str) -> None:
-    check_listening(host, 1, Access(), allowed=False)
+    check_listening(host, 1, Access(), FOLLOWERS, allowed=False)
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "", "::", "192.0.2.1"])
 def test_listening_for_strangers_must_be_allowed(host: str, files: Files) -> None:
     with pytest.raises(InputError, match=r"everyone who reaches port 1 .* or allow it by open = t"):
-        check_listening(host, 1, Access(), allowed=False)
+        check_listening(host, 1, Access(), FOLLOWERS, allowed=False)
     with pytest.raises(InputError, match="everyone"):  # encrypted, but for everyone
-        check_listening(host, 1, Access(certificate=files.leader), allowed=False)
-    check_listening(host, 1, Access(), allowed=True)
-    check_listening(host, 1, Access(TOKEN), allowed=False)
-    check_listening(host, 1, Access(authority=files.authority), allowed=False)
+        check_listening(host, 1, Access(certificate=files.leader), FOLLOWERS, allowed=False)
+    check_listening(host, 1, Access(), FOLLOWERS, allowed=True)
+    check_listening(host, 1, Access(TOKEN), FOLLOWERS, allowed=False)
+    check_listening(host, 1, Access(authority=files.authority), FOLLOWERS, allowed=False)
 
 
 async def test_a_leader_does_not_listen_for_strangers(monkeypatch: pytest.MonkeyPatch) -> None:

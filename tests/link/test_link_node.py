@@ -1,16 +1,13 @@
 """A follower in another language: npm's stock socket.io-client under Node."""
 
-import asyncio
 import json
-import os
-import shutil
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import socketio
 from link_samples import CHANNELS, LeaderNotes, commands, leader
+from node_programs import NEEDS_NODE, run_node
 from socketio.msgpack_packet import MsgPackPacket
 
 from mmt.core.arrays import RecordArray
@@ -19,35 +16,14 @@ from mmt.link.protocol import PROTOCOL_VERSION
 from mmt.link.server import LeaderServer
 
 PROGRAM = Path(__file__).with_name("stock_follower.cjs")
-MODULES = Path(sys.prefix) / "node" / "node_modules"
-NODE = shutil.which("node")
 
-pytestmark = [
-    pytest.mark.skipif(NODE is None, reason="Node is not installed"),
-    pytest.mark.skipif(
-        not (MODULES / "socket.io-msgpack-parser").is_dir(),
-        reason=f"socket.io-client is not in {MODULES}: scripts/test puts it there by npm",
-    ),
-]
+pytestmark = NEEDS_NODE
 
 
 async def follow(
     port: int, count: int, protocol: int = PROTOCOL_VERSION, sending: str = "plain"
 ) -> tuple[int, str, str]:
-    """Run the program; return its exit code, and what it prints and complains of."""
-    process = await asyncio.create_subprocess_exec(
-        str(NODE),
-        str(PROGRAM),
-        f"http://127.0.0.1:{port}",
-        str(count),
-        str(protocol),
-        sending,
-        stdout=asyncio.subprocess.PIPE,
-        stderr=asyncio.subprocess.PIPE,
-        env={**os.environ, "NODE_PATH": str(MODULES)},
-    )
-    printed, complaints = await asyncio.wait_for(process.communicate(), 60.0)
-    return process.returncode or 0, printed.decode(), complaints.decode()
+    return await run_node(PROGRAM, f"http://127.0.0.1:{port}", count, protocol, sending)
 
 
 @pytest.mark.parametrize("sending", ["plain", "compressed"])

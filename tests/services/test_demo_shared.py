@@ -1,4 +1,4 @@
-"""`mmt demo --share`: a page for visitors, from the model's readiness until Ctrl-C."""
+"""A page for visitors: of `mmt demo --share` until Ctrl-C, of `mmt-leader --page` while it runs."""
 
 import asyncio
 import re
@@ -8,32 +8,54 @@ from pathlib import Path
 import aiohttp
 import numpy as np
 from player_samples import Browserless
-from service_processes import Service
+from service_processes import Service, scene, session
 
 from mmt.cli.visiting import VisitorsPage, qr_code
+
+
+def page_of(service: Service) -> str:
+    """Wait until visitors are let in, and return where their page's socket is."""
+    service.wait_for(lambda: "feel it at http://" in service.stderr + service.stdout)
+    found = re.search(r"feel it at http://[^:]+:(\d+)/player/", service.stderr + service.stdout)
+    assert found is not None
+    return f"http://127.0.0.1:{found[1]}/player/socket"
+
+
+async def felt_at(url: str) -> float:
+    """Return the deviation of what a stroke on the page feels."""
+    async with aiohttp.ClientSession() as session, session.ws_connect(url) as socket:
+        await socket.send_str('{"token": null}')
+        page = Browserless(socket)
+        await page.open()
+        await page.stroke(0, 0.2)
+        return float(np.std(await page.stroke(0, 0.5)))
 
 
 def test_a_visitor_feels_the_surface_until_the_demo_is_interrupted(tmp_path: Path) -> None:
     arguments = ("demo", "--share", "--duration", 20, "--output", tmp_path / "out")
     with Service("main", *arguments, cwd=tmp_path, MMT_SHARING__PORT="0") as demo:
-        demo.wait_for(lambda: "feel it at http://" in demo.stderr + demo.stdout)
-        found = re.search(r"feel it at http://[^:]+:(\d+)/player/", demo.stderr + demo.stdout)
-        assert found is not None
-
-        async def feel() -> float:
-            url = f"http://127.0.0.1:{found[1]}/player/socket"
-            async with aiohttp.ClientSession() as session, session.ws_connect(url) as socket:
-                await socket.send_str('{"token": null}')
-                page = Browserless(socket)
-                await page.open()
-                await page.stroke(0, 0.2)
-                return float(np.std(await page.stroke(0, 0.5)))
-
-        assert asyncio.run(feel()) > 0.01
+        assert asyncio.run(felt_at(page_of(demo))) > 0.01
         demo.wait_for(lambda: "until Ctrl-C it can be felt" in demo.stderr + demo.stdout)
         demo.signal(signal.SIGINT)
         assert demo.end() == 0, demo.stderr
     assert (tmp_path / "out" / "report.html").exists()
+
+
+def test_a_leader_lets_visitors_in_while_it_runs(tmp_path: Path) -> None:
+    token = tmp_path / "token"
+    token.write_text(32 * "a")
+    secured = {"MMT_SHARING__PORT": "0", "MMT_SHARING__TOKEN_FILE": str(token)}
+    with session(tmp_path, "demo", "--page", "--duration", 60, **secured) as (leader, _):
+        assert asyncio.run(felt_at(page_of(leader))) > 0.01
+        leader.signal(signal.SIGINT)
+        assert leader.end() == 0, leader.stderr
+
+
+def test_a_page_of_a_leader_with_certificates_is_refused(tmp_path: Path) -> None:
+    secured = {"MMT_SHARING__CERTIFICATE": "leader.pem", "MMT_SHARING__KEY": "leader.key"}
+    with Service("leader", scene("demo"), "--page", cwd=tmp_path, **secured) as leader:
+        assert leader.end() == 2
+    assert "mmt play --from URL --certificate FILE" in leader.stderr
 
 
 async def test_a_page_that_cannot_be_served_says_why() -> None:

@@ -93,6 +93,7 @@ SURFACES = {"mmt.texture.surfaces"}
 WARM = {"mmt.leader.warming", "mmt.texture.library.warm_start"}
 LEVEL = {"mmt.texture.field.posterior", "mmt.texture.completion.uncertainty"}
 SHARING = {"mmt.sharing"}
+CONTROL = {"mmt.leader.control", "mmt.leader.operating", "mmt.sharing.control_messages"}
 HAND = "mmt.testing.simulation.hand"
 ACTUATOR = "mmt.testing.simulation.actuator"
 RECORDER = "mmt.session.recorder"
@@ -153,7 +154,7 @@ FEEDBACK = {
     "mmt.contact.estimation",
 }
 WATCHED = {*NETWORK, *MODEL, *FILES, *SOURCES, *FEEDBACK, *SURFACES, *WARM, *LEVEL, *SHARING}
-WATCHED |= {RECORDER, HAND, ACTUATOR}
+WATCHED |= {RECORDER, HAND, ACTUATOR, *CONTROL}
 NEVER = {
     "mmt.web.monitor",
     "mmt.web.page_server",

@@ -74,7 +74,7 @@ def test_where_it_is_not_permitted_nothing_starts(
 def test_the_gain_is_a_median_over_turns(monkeypatch: pytest.MonkeyPatch) -> None:
     turns: list[bool] = []
 
-    def run(duration_s: float, realtime: bool) -> DemoRun:
+    async def run(duration_s: float, *, realtime: bool) -> DemoRun:
         turns.append(realtime)
         figure = len(turns) * (1.0 if realtime else 10.0)
         ticks = {"period_p99_ms": figure, "late_share_1ms": 0.5}
@@ -83,7 +83,7 @@ def test_the_gain_is_a_median_over_turns(monkeypatch: pytest.MonkeyPatch) -> Non
         assert duration_s == 5.0
         return DemoRun(leader=summary, follower=summary)
 
-    monkeypatch.setattr(services, "_run", run)
+    monkeypatch.setattr(services, "run_demo_services", run)
     result = services.compare(15.0)
     assert turns == [False, True] * 3
     assert result.figures["leader_period_p99_ms_ordinary"] == 30.0

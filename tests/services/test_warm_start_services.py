@@ -84,7 +84,7 @@ def test_a_library_stands_beside_its_scene(tmp_path: Path) -> None:
     file.write_text(SCENE, encoding="utf-8")
     rendering = load_scene(file).rendering
     assert rendering is not None
-    assert rendering.library == [tmp_path / "mine.npz", Path("oak")]
+    assert rendering.library == [str(tmp_path / "mine.npz"), "oak"]
 
 
 @pytest.mark.parametrize("before", ["warm", "silent"])

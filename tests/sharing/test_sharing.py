@@ -1,7 +1,12 @@
 """A shared model: what listeners get, when they are slow, late, strangers or many."""
 
 import asyncio
+import re
+import subprocess
+import sys
 from contextlib import suppress
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,9 +14,10 @@ import socketio
 from sharing_samples import LONGEST_S, about, listening, model_of, shared, until
 
 from mmt.core.errors import InputError, MmtError
+from mmt.link.connection import SocketClient
 from mmt.link.protocol import encode_event
 from mmt.sharing import relay as relay_module
-from mmt.sharing.messages import SHARING_VERSION, STATE, STATE_DTYPE
+from mmt.sharing.messages import SHARING_VERSION, STATE
 from mmt.sharing.publishing import ModelPublisher
 from mmt.sharing.relay import Listener, Relay
 from mmt.texture.synthesis.synthesizer import Synthesizer
@@ -35,7 +41,9 @@ async def test_a_listener_renders_each_state_of_the_model_to_the_bit() -> None:
         assert heard.models == [1, 2, 3]
         assert (heard.client.wholes, heard.client.changes) == (1, 2)
         assert heard.client.session == {"session_id": "abc", "name": "a table"}
-    assert sharing.said == ["listener ann joined, 1 listening", "listener ann left, 0 listening"]
+    joined, left = sharing.said
+    assert joined == "listener ann joined, 1 listening"
+    assert re.fullmatch(r"listener ann left after \d+ s \(.+\), 0 listening", left)
 
 
 async def test_who_joins_late_gets_the_whole_and_then_what_changes() -> None:
@@ -63,14 +71,44 @@ async def test_a_listener_that_lacks_a_change_asks_for_the_whole() -> None:
         )
 
 
+def no_model() -> None:
+    raise InputError("the arrays are no model")
+
+
+async def test_states_are_waited_for_and_the_newest_is_given(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async with shared() as sharing, listening(sharing.url) as heard:
+        client = heard.client
+        sharing.publish(10, ready=False)
+        assert await client.next_state() == (about(10, ready=False), None)
+        waiting = asyncio.create_task(client.next_state())
+        await asyncio.sleep(0.05)
+        assert not waiting.done()  # one that was given is not given again
+        sharing.publish(11)
+        state = await waiting
+        assert state.about == about(11)
+        np.testing.assert_array_equal(rendered(state.model), rendered(model_of(11)))
+        for count in (12, 13):
+            sharing.publish(count)
+            await until(lambda count=count: client.replica.about == about(count))
+        assert (await client.next_state()).about == about(13)
+        monkeypatch.setattr(client.replica, "build", no_model)
+        sharing.publish(14)
+        waiting = asyncio.create_task(client.next_state())
+        await until(lambda: heard.said[-1].startswith("the shared model cannot be rendered"))
+        assert not waiting.done()
+        monkeypatch.undo()
+        sharing.publish(15)
+        assert (await waiting).about == about(15)
+
+
 async def test_states_of_the_hand_arrive() -> None:
     async with shared() as sharing, listening(sharing.url) as heard:
-        state = np.zeros(1, STATE_DTYPE)
         for time_s in (0.5, 0.55):
-            state["time_s"] = time_s
-            sharing.relay.offer_state(encode_event(STATE, state.tobytes()))
+            sharing.offer_state(time_s)
             await until(lambda time_s=time_s: time_s in heard.states)
-        sharing.relay.offer_state(encode_event(STATE, b"short"))
+        sharing.relay.offer_state(encode_event(STATE, b"short"), 0.6, 0)
         await until(lambda: heard.client.rejected == 1)
 
 
@@ -94,10 +132,16 @@ def test_a_slow_listener_gets_what_is_newest_and_nothing_waits_for_it() -> None:
     for message in messages[2:]:  # two of them while it could take none
         relay.offer_model(*message)
     for number in range(50):
-        relay.offer_state(b"%d" % number)
+        relay.offer_state(b"%d" % number, float(number), 0)
     assert listener.next() == messages[3].whole
     assert listener.next() == b"49"
     assert listener.next() is None
+    figures = listener.figures(0)
+    assert (figures["wholes"], figures["changes"], figures["states"]) == (2, 1, 1)
+    assert figures["skipped"] == 1 + 49
+    assert figures["wholes_bytes"] == len(messages[0].whole) + len(messages[3].whole)
+    assert (figures["number"], figures["lag_ms"], figures["answered_s"]) == (None, None, None)
+    assert relay.sent == listener.sent
 
 
 async def test_a_listener_that_takes_nothing_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -108,7 +152,7 @@ async def test_a_listener_that_takes_nothing_is_let_go(monkeypatch: pytest.Monke
     async def stall(_: bytes) -> None:
         await asyncio.sleep(60.0)
 
-    relay.offer_state(b"a state")
+    relay.offer_state(b"a state", 0.0, 0)
     with pytest.raises(TimeoutError):
         await listener.serve(stall)
 
@@ -178,7 +222,8 @@ async def test_what_makes_no_sense_is_survived_and_too_much_of_it_ends_the_conne
     ("auth", "refusal"),
     [
         (None, "this port is for listeners"),
-        ({"role": "operator", "sharing": 1}, "this port is for listeners"),
+        ({"role": "follower", "sharing": 1}, "this port is for listeners"),
+        ({"role": "operator", "sharing": 1}, "no control is given to this listener"),
         ({"role": "listener", "sharing": 99}, "version 99 of sharing"),
     ],
 )
@@ -192,7 +237,40 @@ async def test_who_is_no_listener_is_refused(auth: dict[str, object] | None, ref
         assert refusal in said[0]
 
 
+async def test_who_is_connected_stays_so_though_the_last_of_it_took_too_long(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    opened = SocketClient.open
+
+    async def late(self: SocketClient, *arguments: Any) -> str:
+        await opened(self, *arguments)
+        return "it took too long"
+
+    monkeypatch.setattr(SocketClient, "open", late)
+    async with shared() as sharing, listening(sharing.url) as heard:
+        sharing.publish(10)
+        await until(lambda: heard.models == [1])
+    assert [each["kind"] for each in sharing.details] == ["listener joined", "listener left"]
+
+
 async def test_nobody_there_is_said() -> None:
     with pytest.raises(MmtError, match=r"no leader answered at http://127\.0\.0\.1:9"):
         async with listening("http://127.0.0.1:9", patience_s=0.5):
             pass
+
+
+@pytest.mark.parametrize(("store", "imported"), [(False, ""), (True, "numba scipy")])
+def test_only_a_store_needs_the_compiled_numerics(
+    tmp_path: Path, store: bool, imported: str
+) -> None:
+    program = (
+        "import sys\n"
+        "from mmt.sharing.process import Relay, Sharing, SharingServer\n"
+        f"table = Sharing(store={str(tmp_path) if store else None!r})\n"
+        "SharingServer(table, Relay(), {}, lambda text, count: None)\n"
+        "print(*sorted({'numba', 'scipy'} & set(sys.modules)))"
+    )
+    found = subprocess.run(
+        [sys.executable, "-c", program], check=True, capture_output=True, text=True
+    )
+    assert found.stdout.strip() == imported

@@ -2,51 +2,30 @@
 
 import asyncio
 import json
-import os
-import shutil
-import sys
 from pathlib import Path
 
 import numpy as np
-import pytest
-from sharing_samples import LONGEST_S, about, model_of, shared, until
-
-from mmt.link.protocol import encode_event
-from mmt.sharing.messages import STATE, STATE_DTYPE
+from node_programs import NEEDS_NODE, run_node
+from sharing_samples import about, model_of, shared, until
 
 PROGRAM = Path(__file__).with_name("stock_listener.cjs")
-MODULES = Path(sys.prefix) / "node" / "node_modules"
-NODE = shutil.which("node")
 
-pytestmark = [
-    pytest.mark.skipif(NODE is None, reason="Node is not installed"),
-    pytest.mark.skipif(
-        not (MODULES / "socket.io-msgpack-parser").is_dir(),
-        reason=f"socket.io-client is not in {MODULES}: scripts/test puts it there by npm",
-    ),
-]
+pytestmark = NEEDS_NODE
 
 
 async def test_a_stock_client_under_node_follows_a_model_that_grows() -> None:
     async with shared() as sharing:
-        process = await asyncio.create_subprocess_exec(
-            *(str(NODE), str(PROGRAM), sharing.url, "9"),
-            stdout=asyncio.subprocess.PIPE,
-            stderr=asyncio.subprocess.PIPE,
-            env={**os.environ, "NODE_PATH": str(MODULES)},
-        )
+        running = asyncio.create_task(run_node(PROGRAM, sharing.url, 9))
         await until(lambda: sharing.relay.listeners)
         (listener,) = sharing.relay.listeners.values()
-        state = np.zeros(1, STATE_DTYPE)
-        state["time_s"], state["force_n"], state["contact"] = 1.5, 0.75, 1
-        sharing.relay.offer_state(encode_event(STATE, state.tobytes()))
+        sharing.offer_state(1.5, force_n=0.75)
         # the first change of an order brings all samples of the new one
         models = [model_of(6, order=8), *(model_of(count) for count in (6, 8, 9))]
         for number, model in enumerate(models, start=1):
-            sharing.relay.offer_model(*sharing.publisher.publish(model, about(number)))
+            sharing.offer(model, about(number))
             await until(lambda: not listener.news.is_set())
-        printed, complaints = await asyncio.wait_for(process.communicate(), LONGEST_S)
-    assert process.returncode == 0, complaints.decode()
+        code, printed, complaints = await running
+    assert code == 0, complaints
     heard = json.loads(printed)
     assert heard["welcome"] == {
         "sharing": 1,

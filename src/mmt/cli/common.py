@@ -48,6 +48,12 @@ messages = Terminal(stderr=True, markup=False, emoji=False)
 messages.soft_wrap = not messages.is_terminal  # a program reads whole lines
 
 
+def shared_at(sentence: str) -> str | None:
+    """Return where a leader's event says that its model is shared, None for any other event."""
+    before, _, url = sentence.partition("shared at ")
+    return url if url and not before else None
+
+
 def run_app(app: typer.Typer, program: str) -> None:
     """Run a command line; an error for a person is printed without a traceback.
 

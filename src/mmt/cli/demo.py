@@ -6,15 +6,23 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from mmt.cli.child import Child
-from mmt.cli.common import messages, noting, output, raise_problems, summary_table, write_json
+from mmt.cli.common import (
+    messages,
+    noting,
+    output,
+    raise_problems,
+    shared_at,
+    summary_table,
+    write_json,
+)
 from mmt.cli.ending import ending_lines
-from mmt.cli.visiting import VisitorsPage
+from mmt.cli.visiting import visitors_page
 from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import free_path
 from mmt.core.extras import require
@@ -24,8 +32,13 @@ from mmt.scene import Scene
 from mmt.scene.files import load_scene
 
 _LAST_SECONDS: Final = 5.0
-_SHARED: Final = "shared at "
-"""How the leader's sentence begins that says where."""
+
+
+class Visitors(Protocol):
+    """Whoever comes as soon as the leader shares its model."""
+
+    async def open(self, url: str) -> str:
+        """Let them in at this address; return a text for the terminal."""
 
 
 @dataclass
@@ -99,15 +112,16 @@ def run_demo(
     if scene.recording is not None:
         require("matplotlib")
     _check(scene, directory)
-    page = VisitorsPage() if scene.sharing is not None else None
+    page = None if scene.sharing is None else visitors_page(scene.sharing)
     try:
         run = asyncio.run(
-            run_services(scene_file, scene, duration_s, replay, realtime=realtime, page=page)
+            run_services(scene_file, scene, duration_s, replay, realtime=realtime, visitors=page)
         )
         _report(run, directory, recording, json_file, verbose=verbose)
         if page is not None and page.address is not None and not run.interrupted:
-            messages.print(f"until Ctrl-C it can be felt at {page.address}", highlight=False)
-            page.wait()
+            with suppress(KeyboardInterrupt):
+                messages.print(f"until Ctrl-C it can be felt at {page.address}", highlight=False)
+                page.wait()
     finally:
         if page is not None:
             page.close()
@@ -168,7 +182,7 @@ async def run_services(
     console: Console = messages,
     environment: Mapping[str, str] | None = None,
     realtime: bool = False,
-    page: VisitorsPage | None = None,
+    visitors: Visitors | None = None,
 ) -> DemoRun:
     """Run the services of a scene as processes until both have ended.
 
@@ -184,12 +198,19 @@ async def run_services(
         Environment of the processes; None for this process's own.
     realtime
         Whether they tick by real-time scheduling.
-    page
-        Opened for visitors as soon as the leader shares its model.
+    visitors
+        Let in as soon as the leader shares its model.
     """
-    services = _Demo(scene_file, scene, duration_s, replay, console, environment, realtime=realtime)
-    services.page = page
-    return await services.run()
+    return await _Demo(
+        scene_file,
+        scene,
+        duration_s,
+        replay,
+        console,
+        environment,
+        realtime=realtime,
+        visitors=visitors,
+    ).run()
 
 
 class _Demo:
@@ -203,9 +224,10 @@ class _Demo:
         environment: Mapping[str, str] | None,
         *,
         realtime: bool,
+        visitors: Visitors | None,
     ) -> None:
         self._scene = scene
-        self.page: VisitorsPage | None = None
+        self._visitors = visitors
         self._opening: asyncio.Task[None] | None = None
         self._environment = environment
         self._run = DemoRun()
@@ -313,9 +335,8 @@ class _Demo:
         elif line["kind"] == "inventory":
             self._run.inventories[child.name] = {k: v for k, v in line.items() if k != "kind"}
 
-    async def _open_page(self, page: VisitorsPage, url: str) -> None:
-        """Tell visitors where they feel the surface, once they can."""
-        self._progress.console.print(await page.open(url), highlight=False, soft_wrap=True)
+    async def _let_in(self, visitors: Visitors, url: str) -> None:
+        self._progress.console.print(await visitors.open(url), highlight=False, soft_wrap=True)
 
     def _take_leader(self, line: dict[str, Any]) -> None:
         kind = line["kind"]
@@ -323,9 +344,9 @@ class _Demo:
             self._progress.update(self._bar, completed=line["time_s"], status=status_text(line))
         elif kind == "event":
             self._progress.console.print(f"leader: {line['event']}", highlight=False)
-            shared, _, url = line["event"].partition(_SHARED)
-            if self.page is not None and url and not shared:
-                self._opening = asyncio.create_task(self._open_page(self.page, url))
+            url = shared_at(line["event"])
+            if self._visitors is not None and url is not None:
+                self._opening = asyncio.create_task(self._let_in(self._visitors, url))
         elif kind == "ready":
             self._progress.update(self._bar, status=f"ready after {line['ready_s']} s")
         elif kind == "summary":

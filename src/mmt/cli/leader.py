@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from mmt.cli.common import Force, messages, run_app, write_line
+from mmt.cli.common import Force, messages, run_app, shared_at, write_line
 from mmt.cli.service import (
     JsonFile,
     JsonLines,
@@ -31,6 +31,7 @@ from mmt.scene import Scene
 from mmt.scene.files import load_scene
 
 if TYPE_CHECKING:
+    from mmt.cli.visiting import VisitorsPage
     from mmt.leader.service import Leader
 
 _STARTED_S: Final = time.perf_counter()
@@ -63,6 +64,15 @@ def leader(
     share: Annotated[
         bool, typer.Option("--share", help="Let others feel the surface: share the model.")
     ] = False,
+    control: Annotated[
+        bool,
+        typer.Option(
+            "--control", help="Share, and let a listener with the token for it have control."
+        ),
+    ] = False,
+    page: Annotated[
+        bool, typer.Option("--page", help="Share the model, and serve a page for visitors.")
+    ] = False,
     realtime: RealTime = False,
     force: Force = False,
     verbose: Verbose = False,
@@ -81,14 +91,20 @@ def leader(
         record=record,
         force=force,
         monitor=monitor,
-        share=share,
+        share=share or control or page,
+        control=control,
     )
+    visitors: VisitorsPage | None = None
+    if page and scene.sharing is not None:
+        from mmt.cli.visiting import visitors_page
+
+        visitors = visitors_page(scene.sharing)
     if report is not None and scene.recording is None:
         raise InputError("--report needs a recording: give --record FILE or add [recording]")
     if report is not None:
         require("matplotlib")
     options = ServiceOptions(json_file, json_lines, log, log_level, realtime, verbose)
-    LeaderRun(scene, options, report).run()
+    LeaderRun(scene, options, report, visitors).run()
 
 
 class LeaderRun(ServiceRun["Leader"]):
@@ -102,11 +118,21 @@ class LeaderRun(ServiceRun["Leader"]):
         As given on the command line.
     report
         Directory for a report of the recording, None writes none.
+    visitors
+        Their page, opened as soon as the model is shared; None serves none.
     """
 
-    def __init__(self, scene: Scene, options: ServiceOptions, report: Path | None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        options: ServiceOptions,
+        report: Path | None,
+        visitors: "VisitorsPage | None" = None,
+    ) -> None:
         super().__init__("leader", scene, options)
         self._report = report
+        self._visitors = visitors
+        self._opening: asyncio.Task[None] | None = None
         self._compilation: Compilation | None = None
 
     def run(self) -> None:
@@ -120,6 +146,8 @@ class LeaderRun(ServiceRun["Leader"]):
         finally:
             if self._compilation is not None:
                 self._compilation.stop()
+            if self._visitors is not None:
+                self._visitors.close()
 
     def build(self, logs: Logs) -> "Leader":
         """Return the leader."""
@@ -135,9 +163,14 @@ class LeaderRun(ServiceRun["Leader"]):
         return service
 
     def on_start(self, service: "Leader") -> None:
-        """Begin a new model on SIGUSR1."""
-        if hasattr(signal, "SIGUSR1"):
-            asyncio.get_running_loop().add_signal_handler(signal.SIGUSR1, service.reset_model)
+        """Begin a new model on SIGUSR1; on SIGUSR2 give control away or take it back."""
+        if not hasattr(signal, "SIGUSR1"):
+            return
+        loop = asyncio.get_running_loop()
+        loop.add_signal_handler(signal.SIGUSR1, service.reset_model)
+        control = service.parts.find("control") or service.parts.find("operating")
+        if control is not None:
+            loop.add_signal_handler(signal.SIGUSR2, control.toggle)
 
     def on_ready(self, service: "Leader") -> None:
         """Report the time since the start of the program, and the addresses."""
@@ -163,6 +196,13 @@ class LeaderRun(ServiceRun["Leader"]):
         """Report an event, in a terminal below the line of status."""
         below = messages.is_terminal and not self.options.json_lines
         super().on_event(f"\n{sentence}" if below else sentence)
+        url = shared_at(sentence)
+        if self._visitors is not None and url is not None:
+            loop = asyncio.get_running_loop()
+            self._opening = loop.create_task(self._let_in(self._visitors, url))
+
+    async def _let_in(self, visitors: "VisitorsPage", url: str) -> None:
+        self.on_event(await visitors.open(url, code=not self.options.json_lines))
 
     @property
     def report(self) -> Path | None:

@@ -31,6 +31,9 @@ def listen(
         typer.Argument(metavar="SCENE", help="This side's hand and actuator: a TOML file."),
     ] = Path("listener"),
     name: Annotated[str | None, typer.Option(help="What the leader calls this listener.")] = None,
+    control: Annotated[
+        bool, typer.Option("--control", help="Ask for control of the leader's robot.")
+    ] = False,
     duration: Annotated[float | None, typer.Option(help="Seconds to listen.")] = None,
     json_file: JsonFile = None,
     json_lines: JsonLines = False,
@@ -42,7 +45,7 @@ def listen(
 ) -> None:
     """Feel the surface that a leader shares: its model, rendered here from this hand's motion."""
     overrides = {"listening.url": url, "listening.name": name, "session.duration_s": duration}
-    scene = load_scene(scene_file, overrides)
+    scene = load_scene(scene_file, overrides, operate=control)
     if scene.link is not None:
         raise InputError("a listener has no follower: leave [link] out of the scene")
     options = ServiceOptions(json_file, json_lines, log, log_level, realtime, verbose)

@@ -169,6 +169,40 @@ def play(
     )
 
 
+@app.command()
+def hub(
+    url: Annotated[str, typer.Argument(help="Where the leader shares its model.")],
+    scene_file: Annotated[
+        Path | None,
+        typer.Argument(metavar="[SCENE]", help="Tables hub, sharing, listening: a TOML file."),
+    ] = None,
+    redis: Annotated[
+        str | None, typer.Option(metavar="URL", help="The Redis server that joins the hubs.")
+    ] = None,
+    address: Annotated[
+        str | None, typer.Option(metavar="URL", help="Where listeners reach this hub.")
+    ] = None,
+    port: Annotated[
+        int | None, typer.Option(help="Listen on this port; 0 takes any free one.")
+    ] = None,
+    duration: Annotated[float | None, typer.Option(min=0.0, help="Seconds to serve.")] = None,
+    json_file: Annotated[Path | None, json_option("Write the summary.")] = None,
+    json_lines: Annotated[
+        bool, typer.Option("--json-lines", help="Progress and summary as JSON lines on stdout.")
+    ] = False,
+) -> None:
+    """Serve a leader's shared model to any number of listeners, together with other hubs."""
+    from mmt.cli.hub import run_hub
+
+    overrides = {
+        "listening.url": url,
+        "hub.redis": redis,
+        "hub.address": address,
+        "sharing.port": port,
+    }
+    run_hub(scene_file, overrides, duration, json_file, json_lines=json_lines)
+
+
 def run() -> None:
     """Run ``mmt``."""
     run_app(app, "mmt")

@@ -25,12 +25,9 @@ _SHOWN = 12  # digits of a hash: enough to name it
 
 
 def _remote(url: str) -> "RemoteStore":
-    from mmt.link.access import Access
-    from mmt.scene.sharing_tables import Listening
-    from mmt.sharing.messages import TOKEN_VARIABLE
     from mmt.sharing.store_client import RemoteStore
 
-    return RemoteStore(url, Access.of(Listening(), variable=TOKEN_VARIABLE))
+    return RemoteStore.from_environment(url)
 
 
 def list_models(

@@ -4,14 +4,18 @@ import asyncio
 import os
 import sys
 import webbrowser
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Final
 
 import typer
+from rich.markup import escape
+from rich.table import Table
 
 from mmt.cli.common import (
     Force,
+    as_text,
     json_option,
     messages,
     output,
@@ -103,12 +107,52 @@ def info(
     """Show what a session file holds."""
     from mmt.session.info import info as session_info
 
-    content = {
+    content: dict[str, Any] = {
         name: str(value) if isinstance(value, Path) else value
         for name, value in asdict(session_info(source)).items()
     }
-    output.print(summary_table(source.name, {"session": content}))
+    listeners, hand_overs = content["listeners"], content["hand_overs"]
+    shown = {
+        name: value for name, value in content.items() if name not in ("listeners", "hand_overs")
+    }
+    output.print(summary_table(source.name, {"session": shown}))
+    if listeners:
+        output.print(_listener_table(listeners))
+    for sentence in hand_overs:
+        output.print(sentence, highlight=False, markup=False)
     write_json(json_file, content)
+
+
+_LISTENER_COLUMNS: Final = {
+    "name": "who",
+    "listened_s": "s",
+    "lag_p50_ms": "lag, ms",
+    "lag_p99_ms": "p99",
+    "messages": "sent",
+    "bytes": "kB",
+    "skipped": "skipped",
+    "why": "left",
+}
+
+
+def _listener_table(listeners: Sequence[Mapping[str, Any]]) -> Table:
+    """Return who listened, for how long, how far behind, and what they were sent."""
+    table = Table(title="listeners", title_justify="left", pad_edge=False)
+    for name, title in _LISTENER_COLUMNS.items():
+        is_text = name in {"name", "why"}
+        table.add_column(title, justify="left" if is_text else "right", no_wrap=not is_text)
+    for each in listeners:
+        sizes = {name: value for name, value in each.items() if name.endswith("_bytes")}
+        counts = [each.get(name.removesuffix("_bytes"), 0) for name in sizes]
+        shown = {
+            **each,
+            "name": each.get("name") or f"listener {each.get('id')}",
+            "messages": sum(counts) if sizes else None,
+            "bytes": sum(sizes.values()) / 1000 if sizes else None,
+        }
+        values = (shown.get(name) for name in _LISTENER_COLUMNS)
+        table.add_row(*("" if value is None else escape(as_text(value)) for value in values))
+    return table
 
 
 @app.command()

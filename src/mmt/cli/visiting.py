@@ -1,10 +1,11 @@
-"""The page of a demo that is shared: an address, and its QR code, for whoever comes by.
+"""The page of a model that is shared: an address, and its QR code, for whoever comes by.
 
 It is `mmt play --from URL` as a process, open to the network that this machine is in: visitors feel
 the surface, and can move nothing.
 """
 
 import asyncio
+import os
 import signal
 import socket
 import subprocess
@@ -14,6 +15,11 @@ from contextlib import suppress
 from io import StringIO
 from typing import IO, Final
 
+from mmt.core.errors import InputError
+from mmt.link.access import Access
+from mmt.scene.sharing_tables import Sharing
+from mmt.sharing.messages import TOKEN_VARIABLE
+
 _LONGEST_S: Final = 30.0
 _POLL_S: Final = 0.1
 _PORT: Final = 8770
@@ -21,18 +27,26 @@ _ELSEWHERE: Final = ("192.0.2.1", 9)  # an address that nobody has (RFC 5737); n
 
 
 class VisitorsPage:
-    """Serve the page from the moment that there is a model, until `close`."""
+    """Serve the page from the moment that there is a model, until `close`.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    token
+        What the leader asks of its listeners, None for nothing.
+    """
+
+    def __init__(self, token: str | None = None) -> None:
+        self._token = token
         self._process: subprocess.Popen[bytes] | None = None
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `close`
         self.address: str | None = None
         """Where visitors find it, None until it can be had."""
 
-    async def open(self, url: str) -> str:
+    async def open(self, url: str, *, code: bool = True) -> str:
         """Serve what is shared at a URL; return a text for the terminal as soon as it can be had.
 
-        The text is a sentence and, where `segno` is installed, a QR code; or says that it failed.
+        The text is a sentence and, where ``code`` asks for it and `segno` is installed, a QR code;
+        or says that it failed.
         """
         port = _free_port()
         self._process = subprocess.Popen(  # noqa: S603 - our own program; returns at once
@@ -42,6 +56,7 @@ class VisitorsPage:
             ],
             stdout=subprocess.DEVNULL,
             stderr=self._errors,
+            env=os.environ | ({} if self._token is None else {TOKEN_VARIABLE: self._token}),
             start_new_session=sys.platform != "win32",
         )
         while self._process.poll() is None:
@@ -49,17 +64,16 @@ class VisitorsPage:
                 _, writer = await asyncio.open_connection("127.0.0.1", port)
                 writer.close()
                 self.address = f"http://{own_address()}:{port}/player/"
-                return f"feel it at {self.address}{qr_code(self.address)}"
+                return f"feel it at {self.address}{qr_code(self.address) if code else ''}"
             await asyncio.sleep(_POLL_S)
         self._errors.seek(0)
         said = self._errors.read().decode(errors="replace").strip().rpartition("\n")[2]
         return f"no page for visitors: {said or 'its process has ended'}"
 
     def wait(self) -> None:
-        """Wait for Ctrl-C, or for the page's end."""
+        """Wait for the page's end."""
         if self._process is not None:
-            with suppress(KeyboardInterrupt):
-                self._process.wait()
+            self._process.wait()
 
     def close(self) -> None:
         """End it."""
@@ -73,6 +87,23 @@ class VisitorsPage:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
+
+
+def visitors_page(sharing: Sharing) -> VisitorsPage:
+    """Return the page of a scene's shared model.
+
+    Raises
+    ------
+    InputError
+        The token cannot be read, or the model is shared by TLS, for which the page needs a
+        certificate of its own.
+    """
+    if sharing.certificate is not None:
+        raise InputError(
+            "a page for visitors needs a certificate that their browsers know: share without it, "
+            "or leave the page out here and run mmt play --from URL --certificate FILE --key FILE"
+        )
+    return VisitorsPage(Access.of(sharing, variable=TOKEN_VARIABLE).token)
 
 
 def own_address() -> str:

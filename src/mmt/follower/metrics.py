@@ -1,6 +1,7 @@
 """The follower's metrics, on a port of its own; a follower serves nothing else."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from mmt.core.exposition import (
@@ -13,7 +14,7 @@ from mmt.core.exposition import (
     tick_metrics,
 )
 from mmt.core.ticking import Ticker
-from mmt.link.access import Access
+from mmt.link.access import FOLLOWERS, Access
 from mmt.link.client import FollowerClient
 from mmt.link.http import Listener, guarded_application, metrics_page
 
@@ -55,7 +56,7 @@ async def serve_metrics(run: FollowerRun, port: int, access: Access) -> Listener
     access = Access(access.token)
     application = guarded_application(access)
     metrics_page(registry_of(lambda: _collect(run)))(application, access)
-    listener = Listener(application, "follower_port of [metrics]")
+    listener = Listener(application, replace(FOLLOWERS, address="follower_port of [metrics]"))
     await listener.start(HOST, port, access, allowed=False)
     return listener
 

@@ -17,6 +17,8 @@ class Feedback(Protocol):
     """The further event that comes from the follower, None where frames are enough."""
     dtype: "np.dtype[np.void] | None"
     """Type of that event's records."""
+    offset_mm: Vector
+    """What the follower's command has more than the hand's position."""
 
     def on_frames(self, frames: RecordArray) -> None:
         """Handle frames (n,), n >= 1, the newest last."""
@@ -77,6 +79,7 @@ class StreamedForce:
 
     event: str | None = None
     dtype: "np.dtype[np.void] | None" = None
+    offset_mm: Vector = (0.0, 0.0, 0.0)
 
     def __init__(
         self, interface: ForceDisplay, *, limit_n: float, silence_ticks: int = SILENCE_TICKS

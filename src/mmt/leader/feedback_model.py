@@ -123,7 +123,8 @@ class ModelForce(StreamedForce):
 
     def _modelled_n(self, state: InterfaceState, elapsed: int) -> float:
         """Return the force along the normal: streamed, modelled and remembered."""
-        depth_m = -_M * state.position_mm[self._normal]
+        axis = self._normal
+        depth_m = -_M * (state.position_mm[axis] + self.offset_mm[axis])
         period_s = elapsed * self._tick_s
         modelled = min(
             self._contact.step(depth_m, elapsed), _BEYOND * self._felt.largest_n, self._limit_n

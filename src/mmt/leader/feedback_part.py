@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from mmt.core.arrays import RecordArray
 from mmt.leader.feedback import Feedback, ForceDisplay, StreamedForce
-from mmt.leader.force_ramp import SILENCE_TICKS
+from mmt.leader.force_ramp import FADE_TICKS, SILENCE_TICKS
 from mmt.leader.part import Part, Session, Tick
 from mmt.leader.slew import SlewLimitedDisplay
 from mmt.scene import ForceFeedback, Texture
@@ -33,6 +33,7 @@ class ForceFeedbackPart(Part):
         self._session = session
         self.feedback = feedback
         self._slew = slew
+        self._given_ticks = 0
 
     @classmethod
     def build(cls, session: Session) -> "ForceFeedbackPart | None":
@@ -41,20 +42,32 @@ class ForceFeedbackPart(Part):
         if table is None or hand is None:
             return None
         normal = (session.scene.texture or Texture()).normal
+        operating = session.find("operating")
         display, slew = hand.device, None
         if table.slew_n_s != "off":
             display = slew = SlewLimitedDisplay(display, table.slew_n_s / session.rate_hz)
+        if operating is not None:
+            from mmt.leader.feedback_shared import SharedContactForce
+
+            passivity = _passivity(table, 1.0 / session.rate_hz)
+            settings = _model_settings(table, passivity, normal)
+            limit_n = table.limit_n
+            shared = SharedContactForce(display, operating, limit_n=limit_n, settings=settings)
+            return cls(session, shared, slew)
         feedback = build_feedback(table, display, rate_hz=session.rate_hz, normal=normal)
         return cls(session, feedback, slew)
 
     def on_frames(self, frames: RecordArray, arrival_ns: int) -> None:
-        """Use the newest frame's force."""
+        """Use the newest frame's force; without it, as while control is away, the force fades."""
         _ = arrival_ns
-        self.feedback.on_frames(frames)
+        if not self._given_ticks:
+            self.feedback.on_frames(frames)
 
     def tick(self, tick: Tick) -> None:
         """Show the hand its force, and send the follower what the method has for it."""
-        if tick.hand_lost:
+        self._given_ticks = self._given_ticks + tick.elapsed if tick.given else 0
+        self.feedback.offset_mm = tick.offset_mm
+        if tick.hand_lost or self._given_ticks > FADE_TICKS:
             self.feedback.rest(tick.elapsed)
             return
         news = self.feedback.tick(tick.elapsed, tick.state)

@@ -10,6 +10,9 @@ SILENCE_TICKS: Final = 50
 RAMP_TICKS: Final = 50
 """Length of a ramp out or in: where no tick is missed, there is no force after 100 ms."""
 
+FADE_TICKS: Final = SILENCE_TICKS + RAMP_TICKS
+"""From the last force of a source until none is displayed."""
+
 _NONE: Final[Vector] = (0.0, 0.0, 0.0)
 
 
@@ -41,6 +44,10 @@ class ForceRamp:
     def silent(self) -> bool:
         """Whether the source has been silent for too long."""
         return self._age_ticks > self._silence_ticks
+
+    def fall_silent(self) -> None:
+        """Note that the source gives no force any more, without waiting for its silence."""
+        self._age_ticks = max(self._age_ticks, self._silence_ticks + 1)
 
     def renew(self) -> None:
         """Note that the source has given a new force."""

@@ -1,7 +1,7 @@
 """The part that reads the operator's hand, real or simulated, and commands the follower."""
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from mmt.core.arrays import difference, towards
 from mmt.devices.protocols import InterfaceState, LeaderInterface, Vector
@@ -11,6 +11,20 @@ from mmt.scene import Link, Simulated
 
 if TYPE_CHECKING:
     from prometheus_client.core import Metric
+
+
+_NO_OFFSET: Final[Vector] = (0.0, 0.0, 0.0)
+
+
+class CommandSource(Protocol):
+    """What decides on the robot's command where not only this hand may move it."""
+
+    @property
+    def away(self) -> bool:
+        """Whether the robot is not this hand's to move."""
+
+    def command(self, tick: Tick, own_mm: Vector | None) -> Vector | None:
+        """Return the command (mm), from what this hand asks for; None for none."""
 
 
 class OperatorHandle(ReconnectingHandle):
@@ -77,6 +91,8 @@ class HandPart(Part):
         self._session = session
         self.device = device
         self.handle = handle
+        self.control: CommandSource | None = None
+        """Decides on the command; None where this hand alone does."""
         if handle is not None:
             handle.watch(session.journal.event)
 
@@ -126,7 +142,9 @@ class HandPart(Part):
 
     def tick(self, tick: Tick) -> None:
         """Read the hand while there is a follower, and command it."""
-        tick.state = None
+        tick.state = tick.operating = None
+        tick.given = self.control is not None and self.control.away
+        tick.offset_mm = _NO_OFFSET
         handle, remote = self.handle, self._session.remote
         if tick.streaming:
             state = tick.state = self.device.read(tick.elapsed)
@@ -134,6 +152,8 @@ class HandPart(Part):
                 position = handle.command_mm
             else:
                 position = state.position_mm if state is not None else None
+            if self.control is not None:
+                position = self.control.command(tick, position)
             if remote is not None and position is not None:
                 remote.command(tick.now_ns, position)
         tick.hand_lost = handle is not None and handle.lost

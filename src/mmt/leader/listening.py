@@ -4,7 +4,6 @@ import asyncio
 from collections.abc import Coroutine
 from typing import TYPE_CHECKING, Any
 
-from mmt.core.errors import InputError
 from mmt.leader.part import Part, Session
 from mmt.scene.sharing_tables import Listening
 from mmt.sharing.client import ListenerClient
@@ -31,9 +30,12 @@ class ListeningPart(Part):
 
     def __init__(self, session: Session, table: Listening) -> None:
         self._session = session
-        self._news = asyncio.Event()
-        self._surface: int | None = None
-        self.client = ListenerClient(table, on_model=self._news.set, on_event=session.journal.event)
+        operating = session.find("operating")
+        self.client = ListenerClient(
+            table,
+            on_event=session.journal.event,
+            operator=None if operating is None else operating.client,
+        )
         self.first_s: float | None = None
         """Seconds from the start to the first model that was ready."""
 
@@ -83,7 +85,7 @@ class ListeningPart(Part):
         }
 
     async def _run(self) -> None:
-        """Connect, and build what comes in a worker thread, until cancelled.
+        """Connect, and put what comes to use, until cancelled.
 
         Raises
         ------
@@ -95,18 +97,9 @@ class ListeningPart(Part):
         await self.client.connect()
         output: ModelOutput = self._session.find("completing")
         while True:
-            await self._news.wait()
-            self._news.clear()
-            about = self.client.replica.about
-            if about is None:
-                continue
-            if not about.ready:
+            about, model = await self.client.next_state()
+            if model is None:
                 output.withhold()
-                continue
-            try:
-                model = await asyncio.to_thread(self.client.replica.build)
-            except InputError as error:
-                self._session.journal.event(f"the shared model cannot be rendered: {error}")
                 continue
             output.use_shared(model, about.surface)
             if self.first_s is None:

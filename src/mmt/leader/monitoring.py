@@ -12,8 +12,10 @@ from mmt.web.monitor.running import LeaderMonitor
 if TYPE_CHECKING:
     from mmt.core.ticking import Ticker
     from mmt.leader.completing import ModelOutput
+    from mmt.leader.control import ControlPart
     from mmt.leader.modelling import Modelling
     from mmt.leader.recording import RecordingPart
+    from mmt.leader.sharing import SharingPart
     from mmt.leader.stream import StreamedVibration
     from mmt.leader.vibration import VibrationPart
     from mmt.link.http import Page
@@ -40,6 +42,7 @@ class SessionView:
         self._modelling: Modelling | None = session.find("modelling")
         self._playout: StreamedVibration | None = session.find("playout")
         self._recording: RecordingPart = session.find("recording")
+        self._sharing: SharingPart | None = session.find("sharing")
         self._vibration: VibrationPart | None = session.find("vibration")
 
     @property
@@ -122,6 +125,11 @@ class SessionView:
         return None if found is None else (found.current, found.known)
 
     @property
+    def listeners(self) -> dict[str, Any] | None:
+        """Figures of those who listen."""
+        return None if self._sharing is None else self._sharing.listeners.figures
+
+    @property
     def recording(self) -> Path | None:
         """The file that is recorded into."""
         recorder = self._recording.running
@@ -143,6 +151,22 @@ class SessionView:
     def force(self, mode: Literal["streamed", "synthesized"] | None) -> None:
         """Hold on to one vibration, or let the criterion decide (None)."""
         self._completing.force(mode)
+
+    @property
+    def control(self) -> dict[str, Any] | None:
+        """Who moves the robot and who asks to."""
+        part: ControlPart | None = self._session.find("control")
+        return None if part is None else part.state
+
+    def decide(self, order: Literal["give", "refuse", "take back"], who: int) -> None:
+        """Give control to who asks, refuse it, or take it back."""
+        part: ControlPart = self._session.find("control")
+        if order == "take back":
+            part.take_back()
+        elif order == "give":
+            part.give(who)
+        else:
+            part.refuse(who)
 
     async def start_recording(self, path: Path) -> None:
         """Record into a new file."""
@@ -199,8 +223,8 @@ class MonitorPart(Part):
         self._tap.add_output(vibration_m_s2)
 
     def tick(self, tick: Tick) -> None:
-        """Keep the hand's state for the page."""
-        self._tap.state = tick.state
+        """Keep the state of the hand that moves the robot for the page."""
+        self._tap.state = tick.moving
 
     def on_event(self, event: dict[str, Any], sentence: str | None) -> None:
         """Show what a person is told."""

@@ -45,6 +45,12 @@ class Tick:
         The hand's state, None where it is not read.
     hand_lost
         Whether the handle is lost.
+    given
+        Whether the robot is not this hand's to move: it holds, or a listener moves it.
+    operating
+        State of the listener's hand that moves the robot, None where none does.
+    offset_mm
+        What the follower's command has more than the hand's position, since control was away.
     """
 
     now_ns: int = 0
@@ -53,6 +59,14 @@ class Tick:
     begun: bool = False
     state: InterfaceState | None = None
     hand_lost: bool = False
+    given: bool = False
+    operating: InterfaceState | None = None
+    offset_mm: Vector = (0.0, 0.0, 0.0)
+
+    @property
+    def moving(self) -> InterfaceState | None:
+        """State of the hand that moves the robot: a listener's, or the leader's own."""
+        return self.operating if self.given else self.state
 
 
 class Part:

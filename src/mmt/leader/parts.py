@@ -33,6 +33,9 @@ PARTS: Final[dict[str, PartEntry]] = {
         lambda scene: scene.recording is not None or scene.monitor is not None,
     ),
     "hand": PartEntry("mmt.leader.hand:HandPart", lambda scene: scene.commands),
+    "operating": PartEntry(
+        "mmt.leader.operating:OperatingPart", lambda scene: scene.operating is not None
+    ),
     "playout": PartEntry(
         "mmt.leader.stream:StreamedVibration",
         lambda scene: scene.streams,
@@ -76,6 +79,7 @@ PARTS: Final[dict[str, PartEntry]] = {
     "sharing": PartEntry(
         "mmt.leader.sharing:SharingPart", lambda scene: scene.sharing is not None, ("sharing",)
     ),
+    "control": PartEntry("mmt.leader.control:ControlPart", lambda scene: scene.control is not None),
     "metrics": PartEntry("mmt.leader.metrics:MetricsPart", lambda scene: scene.metrics is not None),
     "monitor": PartEntry(
         "mmt.leader.monitoring:MonitorPart", lambda scene: scene.monitor is not None, ("monitor",)
@@ -94,9 +98,9 @@ def numerics_of(scene: Scene) -> list[str]:
     """Return the names of the modules with compiled kernels that a scene's leader imports."""
     if not scene.numerics:
         return []
-    names = {"rbf"} if _has_saved_model(scene) else set()  # as in the models that are shipped
+    names = {"rbf"} if _takes_a_model(scene) else set()  # as in the models that are shipped
     if scene.listening is not None:
-        names = {"delaunay", "rbf"}  # whichever the leader takes
+        names.add("delaunay")  # the leader that shares may take it
     if scene.texture is not None:
         names.add(scene.texture.interpolator)
     entries = [entry for entry in PARTS.values() if entry.wanted(scene)]
@@ -108,15 +112,17 @@ def numerics_of(scene: Scene) -> list[str]:
 
 def first_numerics_of(scene: Scene) -> list[str] | None:
     """Return the modules whose kernels the ticks call before there is a model, None all."""
-    if scene.texture is None or _has_saved_model(scene):
+    if scene.texture is None or _takes_a_model(scene):
         return None
     entries = [entry for entry in PARTS.values() if entry.wanted(scene) and not entry.needs_model]
     return [name for entry in entries for name in entry.numerics]
 
 
-def _has_saved_model(scene: Scene) -> bool:
+def _takes_a_model(scene: Scene) -> bool:
+    """Whether a model that was built elsewhere is rendered: saved, of a library, or shared."""
     table = scene.rendering
-    return table is not None and (table.model is not None or table.before == "warm")
+    saved = table is not None and (table.model is not None or table.before == "warm")
+    return saved or scene.listening is not None
 
 
 def build_parts(session: Session, names: Collection[str] | None = None) -> Parts:

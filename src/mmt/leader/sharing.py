@@ -3,7 +3,8 @@
 import asyncio
 import json
 import sys
-from collections.abc import Coroutine
+import time
+from collections.abc import Callable, Coroutine, Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
@@ -11,6 +12,7 @@ import msgpack
 import numpy as np
 
 from mmt.core.errors import InputError, MmtError
+from mmt.leader.listeners import Listeners
 from mmt.leader.part import Part, Session, Tick
 from mmt.link.protocol import encode_event
 from mmt.scene.sharing_tables import Sharing
@@ -19,6 +21,8 @@ from mmt.sharing.publishing import ModelPublisher
 from mmt.sharing.store import Entry, ModelStore
 
 if TYPE_CHECKING:
+    from prometheus_client.core import Metric
+
     from mmt.leader.completing import ModelOutput
     from mmt.texture.model.texture_model import TextureModel
 
@@ -51,11 +55,12 @@ class SharingPart(Part):
         self._process: asyncio.subprocess.Process | None = None
         self.models = 0
         """States of the model that were handed on."""
-        self.listeners = self.most_listeners = 0
-        self._sent: dict[str, float] = {}
+        self.listeners = Listeners()
         self._reading: asyncio.Task[None] | None = None
         self.port: int | None = None
         """The port that listeners connect to, None before there is one."""
+        self.on_control: Callable[[dict[str, Any]], None] = lambda _: None
+        """Called with what operators send, where control may be handed over."""
 
     @classmethod
     def build(cls, session: Session) -> "SharingPart | None":
@@ -101,21 +106,29 @@ class SharingPart(Part):
         else:
             self._session.journal.say(f"stored as {entry.name} ({entry.hash[:12]})")
 
+    def send_to(self, operator: int, message: bytes) -> None:
+        """Send a message to one operator."""
+        if not self._congested:
+            self._write({"to": [operator, message]})
+
+    def admit_motion(self, operator: int | None) -> None:
+        """Have the motion of this operator alone handed on."""
+        self._write({"admit": operator})
+
     def status(self) -> dict[str, Any]:
         """Return how many are listening."""
-        return {"listeners": self.listeners}
+        return {"listeners": self.listeners.now}
 
     def summary(self, duration_s: float) -> dict[str, Any]:
         """Return what was shared."""
         _ = duration_s
         return {
-            "sharing": {
-                "port": self.port,
-                "models": self.models,
-                "most_listeners": self.most_listeners,
-                "sent": self._sent,
-            }
+            "sharing": {"port": self.port, "models": self.models, **self.listeners.summary()},
         }
+
+    def metrics(self) -> "Iterable[Metric]":
+        """Return how many listen, what they get, and how far they are behind."""
+        return self.listeners.metrics()
 
     async def _run(self) -> None:
         """Start the process and hand on what is new, until cancelled.
@@ -125,8 +138,9 @@ class SharingPart(Part):
         MmtError
             The process cannot listen, or has ended.
         """
-        table = self._table
+        table, control = self._table, self._session.scene.control
         given = {
+            "control": None if control is None else control.model_dump(mode="json"),
             "sharing": table.model_dump(mode="json"),
             "welcome": {
                 "session_id": self._session.log.session_id,
@@ -164,17 +178,19 @@ class SharingPart(Part):
             if "port" in line:
                 self.port = line["port"]
                 self._session.journal.event(f"shared at {self._table.url(line['port'])}")
-            elif "sent" in line:
-                self._sent = line["sent"]
+            elif "control" in line:
+                self.on_control(line)
+            elif "figures" in line:
+                self.listeners.take_figures(line["figures"], line.get("listened_s"))
             else:
-                self.listeners = line["listening"]
-                self.most_listeners = max(self.listeners, self.most_listeners)
-                self._session.journal.event(line["event"], listeners=self.listeners)
+                self.listeners.take_event(line["details"])
+                self._session.journal.event(line["event"], **line["details"])
 
     async def _hand_on(self) -> None:
-        state = self._packed_state()
+        time_s = self._session.time_s()
+        state = self._packed_state(time_s)
         if state is not None:
-            self._write({"state": encode_event(STATE, state)})
+            self._write({"state": [encode_event(STATE, state), time_s, time.monotonic_ns()]})
         now = self._now()
         if now is None or now == self._shared:
             return
@@ -206,14 +222,14 @@ class SharingPart(Part):
             complete=log.stop_s is not None or self._session.find("modelling") is None,
         )
 
-    def _packed_state(self) -> bytes | None:
-        """Return where the tool is, None before it is known."""
-        state = None if self._state is None else self._state.state
+    def _packed_state(self, time_s: float) -> bytes | None:
+        """Return where the tool is at a session time, None before it is known."""
+        state = None if self._state is None else self._state.moving
         if state is None:
             return None
         record = np.zeros(1, STATE_DTYPE)
         record[0] = (
-            self._session.time_s(),
+            time_s,
             state.position_mm,
             state.velocity_mm_s,
             state.force_n,

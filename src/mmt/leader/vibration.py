@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Mode = Literal["silent", "streamed", "fading", "synthesized"]
 
 _FADE: Final = 0.1
-"""Change of the vibration's gain in a tick: it fades in 10 ms when the handle is lost or back."""
+"""Change of the vibration's gain in a tick: it fades in 10 ms as the handle or control goes."""
 
 
 class SynthesizedVibration(Protocol):
@@ -217,7 +217,7 @@ class VibrationPart(Part):
         elapsed = tick.elapsed
         inputs = self._inputs(*self._drive(tick))
         vibration = self.switch.render(tick.now_ns, *(np.full(elapsed, x) for x in inputs))
-        self._rest_without_handle(vibration, lost=tick.hand_lost)
+        self._rest_without_hand(vibration, away=tick.hand_lost or tick.given)
         if self._slew is not None:
             self._slew.limit(vibration)
         self.actuator.write(vibration)
@@ -266,9 +266,9 @@ class VibrationPart(Part):
         yield state("vibration_mode", text, "mode", self.mode, get_args(Mode))
         yield from loss_metrics(self.reconnecting)
 
-    def _rest_without_handle(self, vibration: FloatArray, *, lost: bool) -> None:
-        """Fade the vibration (n,) in place: out while the handle is lost, and in again."""
-        goal = 0.0 if lost else 1.0
+    def _rest_without_hand(self, vibration: FloatArray, *, away: bool) -> None:
+        """Fade the vibration (n,) in place: out while handle or control is away, and in again."""
+        goal = 0.0 if away else 1.0
         if self._loudness == goal == 1.0:
             return
         for index in range(len(vibration)):

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import platformdirs
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
@@ -24,6 +25,8 @@ from mmt.texture.model.inputs import InputSpace
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.settings import ModellingSettings
 
+_ADDRESSES: Final = ("http://", "https://")
+
 LOOK_FRAMES: Final = 50
 """Frames that are looked at together."""
 
@@ -34,25 +37,49 @@ _KEPT_FRAMES: Final = 2000
 """So many are kept for a change of surface."""
 
 
-def load_library(names: Sequence[Path]) -> dict[str, TextureModel]:
+def load_library(names: Sequence[str | Path], rate_hz: float = 1000.0) -> dict[str, TextureModel]:
     """Return models by name.
 
     Parameters
     ----------
     names
-        Files, or names of shipped models; all shipped ones where there are none.
+        Files, names of shipped models, and addresses of stores (``http://HOST:PORT``); all shipped
+        ones where there are none.
+    rate_hz
+        Models of another rate that a store has are left out.
 
     Raises
     ------
     InputError
         A file is no model, or two have the same name.
+    MmtError
+        A store does not answer, and nothing of it was fetched before.
     """
+    stores = [str(name) for name in names if str(name).startswith(_ADDRESSES)]
+    files = [find_model(name) for name in names if str(name) not in stores]
+    if not names:
+        files = list(shipped_models().values())
     library: dict[str, TextureModel] = {}
-    for path in [find_model(name) for name in names] or shipped_models().values():
+    for path in files:
         if path.stem in library:
             raise InputError(f"library: two models are called {path.stem}; rename one")
         library[path.stem] = TextureModel.load(path)
+    for url in stores:
+        library = _of_store(url, rate_hz) | library
     return library
+
+
+def _of_store(url: str, rate_hz: float) -> dict[str, TextureModel]:
+    """Return the newest model of each name in a store."""
+    from mmt.sharing.store_client import RemoteStore  # most scenes name no store
+
+    remote = RemoteStore.from_environment(url)
+    folder = platformdirs.user_cache_path("mmt-haptics", appauthor=False) / "models"
+    return {
+        entry.name: TextureModel.load(path)
+        for entry, path in remote.newest(folder)
+        if entry.rate_hz == rate_hz
+    }
 
 
 class WarmingPart(Part):
@@ -93,12 +120,14 @@ class WarmingPart(Part):
         ------
         InputError
             The library cannot be used.
+        MmtError
+            A store of the library does not answer.
         """
         scene = session.scene
         if scene.rendering is None or scene.texture is None or scene.actuator is None:
             return None
-        library = load_library(scene.rendering.library)
-        return cls(library, scene.texture.settings(session.rate_hz))
+        settings = scene.texture.settings(session.rate_hz)
+        return cls(load_library(scene.rendering.library, settings.rate_hz), settings)
 
     def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
         """Return the task that looks."""

@@ -12,9 +12,10 @@ import ssl
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final, Self
 
 from mmt.core.errors import InputError
+from mmt.scene.secured_table import SecuredTable
 
 TOKEN_VARIABLE: Final = "MMT_LINK_TOKEN"  # noqa: S105 - the variable's name
 SHORTEST_TOKEN: Final = 16
@@ -26,26 +27,6 @@ REFUSED: Final = (
 )
 
 _LONGEST_FILE: Final = 4096
-
-
-class Credentials(Protocol):
-    """The keys of a scene's table that say what is presented and required."""
-
-    @property
-    def token_file(self) -> Path | None:
-        """File of the token."""
-
-    @property
-    def certificate(self) -> Path | None:
-        """File of this side's certificate."""
-
-    @property
-    def key(self) -> Path | None:
-        """File of its private key."""
-
-    @property
-    def authority(self) -> Path | None:
-        """File of the authority that has signed the other side's."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +52,7 @@ class Access:
     @classmethod
     def of(
         cls,
-        settings: Credentials,
+        settings: SecuredTable,
         environment: Mapping[str, str] = os.environ,
         variable: str = TOKEN_VARIABLE,
     ) -> "Access":
@@ -163,20 +144,40 @@ class Access:
                 ) from error
 
 
-FOLLOWER_KEYS: Final = (
-    f"set a token ({TOKEN_VARIABLE}, or token_file of [link]), or certificates "
-    "(certificate, key and authority of [link]), or allow it by open = true of [link]"
-)
+@dataclass(frozen=True)
+class Entrance:
+    """Who connects to a port, and which settings the messages about it name.
+
+    Parameters
+    ----------
+    role
+        What a client acts as.
+    address
+        The settings of the host and the port.
+    remedy
+        What to do so that clients on other machines may connect.
+    """
+
+    role: str
+    address: str
+    remedy: str
+
+    @classmethod
+    def of_table(cls, role: str, table: str, variable: str) -> Self:
+        """Return the entrance that a table of the scene and a variable configure."""
+        return cls(
+            role,
+            f"host and port of [{table}]",
+            f"set a token ({variable}, or token_file of [{table}]), or certificates (certificate, "
+            f"key and authority of [{table}]), or allow it by open = true of [{table}]",
+        )
+
+
+FOLLOWERS: Final = Entrance.of_table("the follower", "link", TOKEN_VARIABLE)
 
 
 def check_listening(
-    host: str,
-    port: int,
-    access: Access,
-    *,
-    allowed: bool,
-    role: str = "the follower",
-    remedy: str = FOLLOWER_KEYS,
+    host: str, port: int, access: Access, entrance: Entrance, *, allowed: bool
 ) -> None:
     """Refuse to listen where anyone can connect, unless that is allowed.
 
@@ -186,10 +187,10 @@ def check_listening(
         Where to listen.
     access
         What clients must present.
+    entrance
+        For the error.
     allowed
         Whether clients without a token or certificate may connect.
-    role, remedy
-        For the error: what a client could act as, and what to do.
 
     Raises
     ------
@@ -200,7 +201,7 @@ def check_listening(
         return
     raise InputError(
         f"listening on {host or 'all addresses'} lets everyone who reaches port {port} be "
-        f"{role}: {remedy}"
+        f"{entrance.role}: {entrance.remedy}"
     )
 
 

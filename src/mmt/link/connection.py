@@ -8,7 +8,7 @@ import asyncio
 import logging
 import ssl
 import urllib.parse
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -164,6 +164,8 @@ class Connection:
         For errors: what this side is, and where its keys are.
     longest_message
         Bytes of a message beyond which the connection is closed.
+    alternatives
+        Gives further URLs at which the same is to be had, tried in turn after a break.
 
     Raises
     ------
@@ -184,6 +186,7 @@ class Connection:
         role: str = "follower",
         tables: str = "[link] on both",
         longest_message: int = MAX_MESSAGE_BYTES,
+        alternatives: Callable[[], Sequence[str]] = tuple,
     ) -> None:
         check_url(url)
         check_scheme(url, access)
@@ -195,6 +198,8 @@ class Connection:
         self._on_broken = on_broken
         self._role, self._tables = role, tables
         self._longest_message = longest_message
+        self._alternatives = alternatives
+        self._newest_url = url
         self._refusal: str | None = None
         self._handlers: dict[str, Callable[..., None]] = {}
         self._frequent: Handlers = {}
@@ -226,7 +231,7 @@ class Connection:
         loop = asyncio.get_running_loop()
         deadline_s = loop.time() + timeout_s
         for pause_s in _pauses_s():
-            problem = await self._attempt(min(ATTEMPT_S, max(timeout_s, 0.1)))
+            problem = await self._attempt(self._url, min(ATTEMPT_S, max(timeout_s, 0.1)))
             if problem is None:
                 return
             if self._refusal is not None:
@@ -271,7 +276,7 @@ class Connection:
             await line.close()
         self.connected = False
 
-    async def _attempt(self, timeout_s: float) -> str | None:
+    async def _attempt(self, url: str, timeout_s: float) -> str | None:
         """Try once to connect; return None, or the problem."""
         self._refusal = None
         own: dict[str, Callable[..., None]] = {
@@ -288,23 +293,27 @@ class Connection:
         )
         self._attempting = True
         try:
-            problem = await line.open(self._url, self._auth, timeout_s)
+            problem = await line.open(url, self._auth, timeout_s)
         finally:
             self._attempting = False
             if not self.connected:
                 self.line = None
                 await line.close()
-        return problem if self.connected else problem or "the connection was closed"
+        if self.connected:  # also where the last of it took too long
+            self._newest_url = url
+            return None
+        return problem or "the connection was closed"
 
     async def _restore(self, broken: SocketClient) -> None:
         """Connect again after a break, for as long as it takes."""
         await broken.close()
         for pause_s in _pauses_s():
             await asyncio.sleep(pause_s)
-            if await self._attempt(ATTEMPT_S) is None:
-                return
-            if self._refusal is not None:
-                LOG.warning("refused by the leader: %s", self._refusal)
+            for url in dict.fromkeys((self._newest_url, self._url, *self._alternatives())):
+                if await self._attempt(url, ATTEMPT_S) is None:
+                    return
+                if self._refusal is not None:
+                    LOG.warning("refused by the leader: %s", self._refusal)
 
     def _on_connect(self) -> None:
         if self.line is not None:

@@ -1,4 +1,4 @@
-"""The leader's HTTP server: Socket.IO and pages on one port, guarded by the token."""
+"""HTTP servers: Socket.IO and pages on one port, guarded by the token."""
 
 import asyncio
 import socket
@@ -12,10 +12,10 @@ from aiohttp.typedefs import Handler, Middleware
 
 from mmt.core.errors import MmtError
 from mmt.link.accepting import Acceptor, admit_connection, watch_connections
-from mmt.link.access import Access, check_listening, is_address, is_loopback
+from mmt.link.access import FOLLOWERS, Access, Entrance, check_listening, is_address, is_loopback
 from mmt.link.protocol import MAX_MESSAGE_BYTES, PING_INTERVAL_S, PING_TIMEOUT_S
 from mmt.link.websocket import LINK_PATH, ServerSockets, wire_logger
-from mmt.scene import Link
+from mmt.scene.secured_table import ServedTable
 
 if TYPE_CHECKING:
     from prometheus_client import CollectorRegistry
@@ -96,21 +96,6 @@ def _authorizes_itself(path: str) -> bool:
     return path in own or path.startswith(f"{_MONITOR_PATH}/")
 
 
-def make_server(ping_timeout_s: float) -> socketio.AsyncServer:
-    """Return a Socket.IO server with the link's transport, serializer and bounds."""
-    return socketio.AsyncServer(
-        async_mode="aiohttp",
-        serializer="msgpack",
-        transports=["websocket"],
-        async_handlers=False,
-        max_http_buffer_size=MAX_MESSAGE_BYTES,
-        ping_interval=PING_INTERVAL_S,
-        ping_timeout=ping_timeout_s,
-        logger=wire_logger(),
-        engineio_logger=wire_logger(),
-    )
-
-
 class Listener:
     """A web application on one address and port.
 
@@ -118,8 +103,8 @@ class Listener:
     ----------
     application
         The application.
-    keys
-        Names the settings to change, for the error when the address cannot be used.
+    entrance
+        Who connects, for the errors.
     busy
         Whether a session is under way that crowds of strangers would disturb.
     most
@@ -129,14 +114,14 @@ class Listener:
     def __init__(
         self,
         application: web.Application,
-        keys: str = "host and port of [link]",
+        entrance: Entrance = FOLLOWERS,
         busy: Callable[[], bool] = lambda: False,
         most: int | None = None,
     ) -> None:
         self._application = application
         self._listening = ("", Access())
         application.middlewares.insert(0, own_pages_only(lambda: self._listening))
-        self._keys = keys
+        self._entrance = entrance
         self._acceptor = Acceptor(busy, most)
         watch_connections(application, self._acceptor)
         self._runner: web.AppRunner | None = None
@@ -165,7 +150,7 @@ class Listener:
         MmtError
             The host or the port cannot be used.
         """
-        check_listening(host, port, access, allowed=allowed)
+        check_listening(host, port, access, self._entrance, allowed=allowed)
         context = access.server_context()
         self._listening = (host, access)
         runner = web.AppRunner(
@@ -183,7 +168,7 @@ class Listener:
             why = str(error.strerror or error).partition(" (while")[0]  # the address is said
             raise MmtError(
                 f"cannot listen on {host} port {port} ({why}): "
-                f"set {self._keys} to an address of this machine and a free port"
+                f"set {self._entrance.address} to an address of this machine and a free port"
             ) from error
         self._runner = runner
 
@@ -196,7 +181,7 @@ class Listener:
 
 
 class LinkServer:
-    """The leader's Socket.IO server and pages on one port.
+    """A Socket.IO server and pages on one port, with the link's transport and bounds.
 
     Parameters
     ----------
@@ -206,22 +191,45 @@ class LinkServer:
         What clients must present.
     pages
         Pages served beside Socket.IO.
-    busy
-        Whether a session is under way.
+    entrance
+        Who connects, for the errors.
+    busy, most
+        See `Listener`.
+    manager
+        The client manager of the Socket.IO server, None for that of one process.
     """
 
     def __init__(
-        self, settings: Link, access: Access, pages: Iterable[Page], busy: Callable[[], bool]
+        self,
+        settings: ServedTable,
+        access: Access,
+        pages: Iterable[Page] = (),
+        *,
+        entrance: Entrance = FOLLOWERS,
+        busy: Callable[[], bool] = lambda: False,
+        most: int | None = None,
+        manager: socketio.AsyncManager | None = None,
     ) -> None:
         self._settings = settings
         self._access = access
-        self.server = make_server(PING_TIMEOUT_S)
+        self.server = socketio.AsyncServer(
+            client_manager=manager,
+            async_mode="aiohttp",
+            serializer="msgpack",
+            transports=["websocket"],
+            async_handlers=False,
+            max_http_buffer_size=MAX_MESSAGE_BYTES,
+            ping_interval=PING_INTERVAL_S,
+            ping_timeout=PING_TIMEOUT_S,
+            logger=wire_logger(),
+            engineio_logger=wire_logger(),
+        )
         self.application = guarded_application(access)
         self.server.attach(self.application)
         for add_page in pages:
             add_page(self.application, access)
         self.sockets = ServerSockets(self.server, self.application)
-        self._listener = Listener(self.application, busy=busy)
+        self._listener = Listener(self.application, entrance, busy, most)
 
     @property
     def port(self) -> int:

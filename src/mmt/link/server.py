@@ -103,7 +103,7 @@ class LeaderServer:
             extra=extra,
         )
         self.clock = ClockResponder(endpoint.reader, endpoint.outbox, endpoint.notify_jump)
-        self._host = LinkServer(settings, access, pages, lambda: self._slot.in_session)
+        self._host = LinkServer(settings, access, pages, busy=lambda: self._slot.in_session)
         self._backfill = BackfillReceiver(
             self._host.server, dtype, events, self._slot.expects, endpoint.reader
         )

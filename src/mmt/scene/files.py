@@ -12,6 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from mmt.core.errors import InputError
 from mmt.scene import Scene
+from mmt.scene.sharing_tables import HubScene
 
 AnyTable = TypeVar("AnyTable", bound=BaseModel)
 
@@ -30,7 +31,7 @@ _READ: Final = (
     ("replay", "file"),
     *(
         (table, key)
-        for table in ("link", "sharing", "listening")
+        for table in ("link", "sharing", "listening", "control", "operating")
         for key in ("token_file", "certificate", "key", "authority")
     ),
 )
@@ -46,6 +47,8 @@ def load_scene(
     force: bool = False,
     monitor: bool = False,
     share: bool = False,
+    control: bool = False,
+    operate: bool = False,
 ) -> Scene:
     """Read and validate a scene; the environment, then `overrides`, take precedence.
 
@@ -69,6 +72,10 @@ def load_scene(
         Whether the leader serves its monitor, also where the scene has none.
     share
         Whether the leader shares its model, also where the scene does not say so.
+    control
+        Whether control may be handed to a listener, also where the scene does not say so.
+    operate
+        Whether a listener asks for control, also where its scene does not say so.
 
     Raises
     ------
@@ -77,23 +84,21 @@ def load_scene(
         the message names the key, the value and what is allowed.
     """
     path = find_scene(Path(path))
-    try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"scene {path}: {error.strerror or error}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"scene {path}: not valid TOML: {error}") from error
-    except RecursionError as error:
-        raise InputError(
-            f"scene {path}: it is nested too deep; a scene is tables of keys"
-        ) from error
+    tables = _read_tables(path)
     _change_parts(tables, replay, record)
-    for name, wanted in (("monitor", monitor), ("sharing", share)):
+    for name, wanted in (
+        *(("monitor", monitor), ("sharing", share)),
+        *(("control", control), ("operating", operate)),
+    ):
         if wanted:
             tables.setdefault(name, {})
     _look_beside(path, tables)
     flags = {key: value for key, value in (overrides or {}).items() if value is not None}
-    variables = environment_overrides(os.environ)
+    variables = {
+        key: value
+        for key, value in environment_overrides(os.environ).items()
+        if not key.startswith("hub.")  # for a hub that is started from the same shell
+    }
     merged = {**variables, **flags}
     if force and ("recording" in tables or any(key.startswith("recording.") for key in merged)):
         merged["recording.existing"] = "replace"
@@ -106,6 +111,54 @@ def load_scene(
         added = {key for key in variables if key not in flags}
         origin = _origin(problems, str(path), tables, added)
         raise InputError(f"{origin}: {explain_problems(problems, Scene)}") from problems
+
+
+def load_hub_scene(path: Path | None, overrides: Mapping[str, Any]) -> HubScene:
+    """Read and validate the tables of a hub; the environment, then `overrides`, take precedence.
+
+    Parameters
+    ----------
+    path
+        A TOML file, None for the defaults.
+    overrides
+        Values by ``"table.key"``; a value of None changes nothing.
+
+    Raises
+    ------
+    InputError
+        The file is missing or no TOML, or a key or a value is not allowed.
+    """
+    tables: dict[str, Any] = {}
+    if path is not None:
+        tables = _read_tables(path)
+        _look_beside(path, tables)
+    own = tuple(f"{name}." for name in HubScene.model_fields)
+    flags = {key: value for key, value in overrides.items() if value is not None}
+    variables = {
+        key: value
+        for key, value in environment_overrides(os.environ).items()
+        if key.startswith(own)
+    }
+    try:
+        return HubScene.model_validate(_resolved(tables, {**variables, **flags}))
+    except ValidationError as error:
+        added = set(variables) - set(flags)
+        origin = _origin(error, str(path or "mmt hub"), tables, added)
+        raise InputError(f"{origin}: {explain_problems(error, HubScene)}") from error
+
+
+def _read_tables(path: Path) -> dict[str, Any]:
+    """Return the tables of a TOML file, unchecked."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"scene {path}: {error.strerror or error}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"scene {path}: not valid TOML: {error}") from error
+    except RecursionError as error:
+        raise InputError(
+            f"scene {path}: it is nested too deep; a scene is tables of keys"
+        ) from error
 
 
 def _change_parts(
@@ -194,20 +247,25 @@ def scene_from_tables(
     InputError
         A key, a value or a combination is not allowed.
     """
+    try:
+        return Scene.model_validate(_resolved(tables, overrides or {}))
+    except ValidationError as error:
+        raise InputError(f"{origin}: {explain_problems(error, Scene)}") from error
+
+
+def _resolved(tables: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """Return tables with what takes precedence, by ``"table.key"``."""
     resolved: dict[str, Any] = {
         name: dict(table) if isinstance(table, Mapping) else table for name, table in tables.items()
     }
-    for key, value in (overrides or {}).items():
+    for key, value in overrides.items():
         if value is None:
             continue
         table_name, _, field = key.partition(".")
         table = resolved.setdefault(table_name, {})
         if isinstance(table, dict):
             table[field] = value
-    try:
-        return Scene.model_validate(resolved)
-    except ValidationError as error:
-        raise InputError(f"{origin}: {explain_problems(error, Scene)}") from error
+    return resolved
 
 
 def environment_overrides(environment: Mapping[str, str]) -> dict[str, str]:

@@ -17,7 +17,7 @@ from mmt.scene.motion_limits import MotionLimits
 from mmt.scene.network_table import Network
 from mmt.scene.recording_tables import Recording, Replay
 from mmt.scene.rendering_tables import Playout, Rendering
-from mmt.scene.sharing_tables import Listening, Sharing
+from mmt.scene.sharing_tables import Control, Listening, Operating, Sharing
 from mmt.scene.simulated_tables import Hand, Simulated
 from mmt.scene.table import Part, Service, Table
 from mmt.scene.texture_table import Texture
@@ -52,7 +52,9 @@ class Scene(Table):
     metrics: Metrics | None = None
     monitor: Monitor | None = None
     sharing: Sharing | None = None
+    control: Control | None = None
     listening: Listening | None = None
+    operating: Operating | None = None
 
     @model_validator(mode="after")
     def _combinations(self) -> Self:
@@ -159,6 +161,7 @@ def _impossible(scene: Scene) -> list[str]:
         *_interface_rules(scene),
         *_rendering_rules(scene),
         *_sharing_rules(scene),
+        *_control_rules(scene),
     ]
     return [problem for holds, problem in rules if holds]
 
@@ -166,7 +169,8 @@ def _impossible(scene: Scene) -> list[str]:
 def _source_rules(scene: Scene) -> Rules:
     sources = [n for n in ("simulated", "replay", "devices") if getattr(scene, n) is not None]
     parts = (
-        *("network", "metrics", "monitor", "texture", "playout", "force_feedback", "recording"),
+        *("network", "metrics", "monitor", "texture", "playout", "recording"),
+        *(("force_feedback",) if scene.operating is None else ()),
         *sources,
     )
     needs_link = [n for n in parts if getattr(scene, n) is not None]
@@ -270,5 +274,31 @@ def _sharing_rules(scene: Scene) -> Rules:
         (
             scene.listening is not None and not scene.commands,
             "[listening] is felt by a hand: add [hand] or [handle]",
+        ),
+    ]
+
+
+def _control_rules(scene: Scene) -> Rules:
+    feedback = scene.force_feedback
+    return [
+        (
+            scene.control is not None
+            and (scene.sharing is None or scene.link is None or not scene.commands),
+            "[control] hands a robot from the leader's hand to a listener: add [sharing], [link], "
+            "and [hand] or [handle]",
+        ),
+        (
+            scene.control is not None and feedback is not None and feedback.method == "passive",
+            "[control] lets several hands move the robot, and the passive method accounts for the "
+            'energy of one: set method of [force_feedback] to "model" or "streamed"',
+        ),
+        (
+            scene.operating is not None and scene.listening is None,
+            "[operating] asks the leader that is listened to: add [listening]",
+        ),
+        (
+            scene.operating is not None and feedback is not None and feedback.method != "model",
+            "[operating] renders its force from the leader's model of the contact: set method of "
+            '[force_feedback] to "model", or leave [force_feedback] out',
         ),
     ]

@@ -1,45 +1,55 @@
-"""The tables of a model that is shared: ``[sharing]`` of its leader, ``[listening]`` of others."""
+"""The tables of a model that is shared: of its leader, of listeners, and of the hubs between."""
 
 from pathlib import Path
-from typing import Self
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from mmt.scene.table import PartTable
-
-
-class _Secured(PartTable):
-    token_file: Path | None = None
-    certificate: Path | None = None
-    key: Path | None = None
-    authority: Path | None = None
-
-    @model_validator(mode="after")
-    def _pair(self) -> Self:
-        if (self.certificate is None) != (self.key is None):
-            raise ValueError("certificate and key belong together: give both or neither")
-        return self
+from mmt.scene.secured_table import SecuredTable, ServedTable
+from mmt.scene.table import PartTable, Table
 
 
-class Sharing(_Secured):
+class Sharing(ServedTable):
     """``[sharing]``: the leader lets others feel the model that it builds."""
 
-    host: str = "127.0.0.1"
     port: int = Field(8766, ge=0, le=65_535)
     most: int = Field(200, ge=1, le=10_000)
-    open: bool = False
     store: Path | None = None
     accept: bool = False
 
-    def url(self, port: int) -> str:
-        """Return the address for listeners."""
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"{'https' if self.certificate is not None else 'http'}://{host}:{port}"
+
+class Control(PartTable):
+    """``[control]``: a listener that shows a token may be given control of the robot."""
+
+    token_file: Path | None = None
+    silence_ms: float = Field(200.0, ge=50, le=5000)
 
 
-class Listening(_Secured):
+class Operating(PartTable):
+    """``[operating]``: this listener asks for control of the leader's robot."""
+
+    token_file: Path | None = None
+
+
+class Listening(SecuredTable):
     """``[listening]``: render the model that another machine's leader shares."""
 
     url: str = "http://127.0.0.1:8766"
     name: str | None = Field(None, max_length=64)
     patience_s: float = Field(10.0, ge=0.5, le=3600)
+
+
+class Hub(Table):
+    """``[hub]``: hubs that share one leader's model find each other at a Redis server."""
+
+    redis: str = Field("redis://127.0.0.1:6379", pattern=r"^(rediss?|unix)://", max_length=1024)
+    group: str | None = Field(None, min_length=1, max_length=256)
+    address: str | None = Field(None, pattern=r"^https?://", max_length=256)
+    states_hz: float = Field(20.0, gt=0, le=20)
+
+
+class HubScene(Table):
+    """The tables of ``mmt hub``: its Redis server, its listeners, and the leader."""
+
+    hub: Hub = Hub()
+    sharing: Sharing = Sharing()
+    listening: Listening = Listening()

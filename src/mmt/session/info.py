@@ -1,10 +1,12 @@
 """Describe what a session file holds."""
 
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from mmt.core.frames import Channel
-from mmt.session.data import RecordedSession, duration_s, missing_frames
+from mmt.core.printable import printable
+from mmt.session.data import JsonObject, RecordedSession, duration_s, missing_frames
 from mmt.session.files import read_session
 from mmt.session.mcap_reader import scan_mcap, scanned_session
 
@@ -29,8 +31,13 @@ class SessionInfo:
     """Whether the follower attached annotations, such as the simulated truth."""
     models: int
     events: int
+    hand_overs: tuple[str, ...]
+    """What happened to the control of the robot, a sentence each with its session time."""
     outputs: int
     """Samples of the leader's output."""
+    listeners: tuple[JsonObject, ...]
+    """What is known of each that listened to the shared model, in the order in which they left;
+    only its ``id`` and ``name`` where its leaving was not recorded."""
     complete: bool
     """False for a file that was cut off, recovered or not."""
 
@@ -60,9 +67,30 @@ def info(path: str | Path) -> SessionInfo:
         truth=bool(session.annotations),
         models=len(session.models),
         events=len(session.events),
+        hand_overs=tuple(_hand_overs(session)),
         outputs=sum(len(output.vibration_m_s2) for output in session.outputs),
+        listeners=_listeners(session.events),
         complete=session.complete,
     )
+
+
+def _listeners(events: Iterable[JsonObject]) -> tuple[JsonObject, ...]:
+    joined: dict[object, JsonObject] = {}
+    left: dict[object, JsonObject] = {}
+    for event in events:
+        listener = event.get("listener")
+        if not isinstance(listener, Mapping):
+            continue
+        where = left if event.get("kind") == "listener left" else joined
+        where[listener.get("id")] = dict(listener)
+    return (*left.values(), *(each for key, each in joined.items() if key not in left))
+
+
+def _hand_overs(session: RecordedSession) -> Iterator[str]:
+    for event in session.events:
+        time_s, sentence = event.get("time_s"), event.get("event")
+        if "control" in event and isinstance(time_s, int | float):
+            yield f"{time_s:.3f} s: {printable(str(sentence))}"
 
 
 def _rate_hz(session: RecordedSession) -> float | None:

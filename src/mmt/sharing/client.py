@@ -2,38 +2,60 @@
 
 import asyncio
 import logging
+import random
+import time
 from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
 from mmt.link.access import Access
-from mmt.link.connection import Connection
+from mmt.link.connection import Connection, check_url
 from mmt.link.protocol import peer_text
 from mmt.link.rate_limit import RateLimit
 from mmt.link.websocket import Send
 from mmt.scene.sharing_tables import Listening
+from mmt.sharing.lag import Have
 from mmt.sharing.messages import (
     AGAIN,
     CHANGE,
     END,
+    HAVE,
+    HUBS,
+    LONGEST_ADDRESS,
     LONGEST_MESSAGE,
     MODEL,
+    MOST_HUBS,
     SHARING_VERSION,
     STATE,
     STATE_DTYPE,
     TOKEN_VARIABLE,
     WELCOME,
+    About,
     Hello,
 )
 from mmt.sharing.replica import ModelReplica
+
+if TYPE_CHECKING:
+    from mmt.sharing.operator import OperatorClient
+    from mmt.texture.model.texture_model import TextureModel
 
 LOG: Final = logging.getLogger("mmt.sharing")
 
 _MESSAGES_HZ: Final = 50.0
 """500 messages a second may come, and 1 MB: more than any leader sends."""
+_FIRST_ANSWERS: Final = 8
+"""As many as the leader needs to tell the clocks apart."""
+_ANSWER_PERIOD_S: Final = 1.0
+
+
+class SharedState(NamedTuple):
+    """A state of a shared model: what is said of it, and the model, None where it is not ready."""
+
+    about: About
+    model: "TextureModel | None"
 
 
 class ListenerClient:
@@ -44,11 +66,15 @@ class ListenerClient:
     settings
         The scene's ``[listening]``.
     on_model
-        Called when the copy has changed.
+        Called when the copy has changed; `next_state` gives its models.
     on_state
         Called with the newest state of the hand that strokes, a record of `STATE_DTYPE`.
     on_event
         Called with a sentence whenever something happens that a person wants to know.
+    operator
+        Asks for control over the same connection; None for a listener that does not.
+    on_message
+        Called with the event and the argument of each message that was taken.
 
     Raises
     ------
@@ -60,9 +86,11 @@ class ListenerClient:
         self,
         settings: Listening,
         *,
-        on_model: Callable[[], None],
+        on_model: Callable[[], None] = lambda: None,
         on_state: Callable[[RecordArray], None] = lambda _: None,
         on_event: Callable[[str], None] = lambda _: None,
+        operator: "OperatorClient | None" = None,
+        on_message: Callable[[str, Any], None] = lambda _, __: None,
     ) -> None:
         self.replica = ModelReplica()
         self.session: dict[str, Any] = {}
@@ -71,12 +99,20 @@ class ListenerClient:
         """Messages taken."""
         self.rejected = 0
         self._settings = settings
+        self._operator = operator
         self._on_model, self._on_state, self._on_event = on_model, on_state, on_event
+        self._on_message = on_message
+        self._hubs: list[str] = []
+        self._news = asyncio.Event()
         self._asked = False
-        self._asking: asyncio.Task[None] | None = None
+        self._answers, self._answered_s = 0, 0.0
+        self._emitting: set[asyncio.Task[None]] = set()
         self._connection = Connection(
             settings.url,
-            Hello(settings.name or "").as_auth(),
+            {
+                **Hello(settings.name or "", operator is not None).as_auth(),
+                **({} if operator is None else operator.auth),
+            },
             Access.of(settings, variable=TOKEN_VARIABLE),
             RateLimit(_MESSAGES_HZ, lambda _: None, lambda _: None),
             on_open=self._on_open,
@@ -84,6 +120,7 @@ class ListenerClient:
             role="listener",
             tables="[sharing] there and [listening] here",
             longest_message=LONGEST_MESSAGE,
+            alternatives=self._other_hubs,
         )
 
     @property
@@ -104,20 +141,55 @@ class ListenerClient:
             WELCOME: self._welcome,
             MODEL: self._take_whole,
             CHANGE: self._take_change,
+            HUBS: self._take_hubs,
             END: self._take_end,
+            **({} if self._operator is None else self._operator.handlers),
         }
         await self._connection.open(handlers, {STATE: self._take_state}, self._settings.patience_s)
+
+    async def next_state(self) -> SharedState:
+        """Wait for a state that is new since the last call; its model is built in a thread.
+
+        Of several the newest is returned. One that cannot be built is told and passed over.
+        """
+        while True:
+            await self._news.wait()
+            self._news.clear()
+            about = self.replica.about
+            if about is None:
+                continue
+            if not about.ready:
+                return SharedState(about, None)
+            try:
+                return SharedState(about, await asyncio.to_thread(self.replica.build))
+            except InputError as error:
+                self._on_event(f"the shared model cannot be rendered: {error}")
 
     async def close(self) -> None:
         """Leave."""
         await self._connection.close()
+        if self._operator is not None:
+            self._operator.close()
+
+    def ask(self) -> None:
+        """Ask for the whole model, once until it comes."""
+        if self._connection.line is not None and not self._asked:
+            self._asked = True
+            asking = self._emit(AGAIN, None)
+            if asking is not None and self._operator is not None:
+                asking.add_done_callback(self._operator.welcome)
 
     # --- what comes
 
-    def _on_open(self, _: Send) -> None:
+    def _on_open(self, send: Send) -> None:
         self._asked = False
+        self._answers = 0
+        if self._operator is not None:
+            self._operator.open(send)
 
     def _on_broken(self, reason: str) -> None:
+        if self._operator is not None:
+            self._operator.close()
         self._on_event(f"the leader's model is cut off ({reason}): the last state stays")
 
     def _welcome(self, message: object = None, *_: object) -> None:
@@ -127,27 +199,32 @@ class ListenerClient:
         self.session = {
             name: peer_text(str(message.get(name, ""))) for name in ("session_id", "name")
         }
+        self._take_hubs(message.get(HUBS))
         self._on_event(f"listening to {self.session['name'] or 'a session'}")
-        self._ask()
+        self._on_message(WELCOME, message)
+        self._asked = False
+        self.ask()
 
     def _take_whole(self, message: object = None, *_: object) -> None:
         self._asked = False
         self.wholes += 1
-        self._take(self.replica.take_whole, message)
+        self._take(self.replica.take_whole, MODEL, message)
 
     def _take_change(self, message: object = None, *_: object) -> None:
         if not self._asked:  # else it follows a state that is not here
             self.changes += 1
-            self._take(self.replica.take_change, message)
+            self._take(self.replica.take_change, CHANGE, message)
 
-    def _take(self, take: Callable[[object], None], message: object) -> None:
+    def _take(self, take: Callable[[object], None], event: str, message: object) -> None:
         try:
             take(message)
         except InputError as error:
             self.rejected += 1
             LOG.info("a message of the model was not taken: %s", error)
-            self._ask()
+            self.ask()
         else:
+            self._news.set()
+            self._on_message(event, message)
             self._on_model()
 
     def _take_state(self, data: bytes) -> None:
@@ -155,21 +232,54 @@ class ListenerClient:
             self.rejected += 1
             return
         self.states += 1
-        self._on_state(np.frombuffer(data, STATE_DTYPE)[0])
+        state = np.frombuffer(data, STATE_DTYPE)[0]
+        self._answer(float(state["time_s"]), time.monotonic_ns())
+        self._on_message(STATE, data)
+        self._on_state(state)
+
+    def _take_hubs(self, addresses: object = None, *_: object) -> None:
+        given = addresses if isinstance(addresses, list) else []
+        self._hubs = [url for url in given[:MOST_HUBS] if self._may_turn_to(url)]
+
+    def _may_turn_to(self, url: object) -> bool:
+        """Whether this is the address of a hub, as safe as that which was given."""
+        if not isinstance(url, str) or len(url) > LONGEST_ADDRESS:
+            return False
+        try:
+            check_url(url)
+        except InputError:
+            return False
+        return url.partition(":")[0] == self._settings.url.partition(":")[0]
+
+    def _other_hubs(self) -> list[str]:
+        """Return where else the model is to be had, in any order, so that not all go to one."""
+        return random.sample(self._hubs, len(self._hubs))
 
     def _take_end(self, message: object = None, *_: object) -> None:
         outcome = message.get("outcome") if isinstance(message, Mapping) else None
+        self._on_message(END, message)
         self._on_event(f"the shared session has ended: {peer_text(str(outcome))}")
 
-    def _ask(self) -> None:
-        """Ask for the whole model, once until it comes."""
-        line = self._connection.line
-        if line is not None and not self._asked:
-            self._asked = True
-            self._asking = asyncio.get_running_loop().create_task(self._emit(line.client))
+    def _answer(self, time_s: float, now_ns: int) -> None:
+        """Say what is here, at a low rate."""
+        now_s = 1e-9 * now_ns
+        if self._answers >= _FIRST_ANSWERS and now_s - self._answered_s < _ANSWER_PERIOD_S:
+            return
+        self._answers, self._answered_s = self._answers + 1, now_s
+        self._emit(HAVE, Have(self.replica.number % 2**32, now_ns, time_s).pack())
 
-    async def _emit(self, client: Any) -> None:
-        try:
-            await client.emit(AGAIN, None)
-        except Exception as error:  # noqa: BLE001 - the library's own; the connection is restored
-            LOG.info("the model could not be asked for: %s", error)
+    def _emit(self, event: str, argument: object) -> asyncio.Task[None] | None:
+        line = self._connection.line
+        if line is None:
+            return None
+        task = asyncio.get_running_loop().create_task(_sent(line.client, event, argument))
+        self._emitting.add(task)
+        task.add_done_callback(self._emitting.discard)
+        return task
+
+
+async def _sent(client: Any, event: str, argument: object) -> None:
+    try:
+        await client.emit(event, argument)
+    except Exception as error:  # noqa: BLE001 - the library's own; the connection is restored
+        LOG.info("%s could not be sent: %s", event, error)

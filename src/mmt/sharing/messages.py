@@ -19,7 +19,8 @@ SHARING_VERSION: Final = 1
 TOKEN_VARIABLE: Final = "MMT_SHARING_TOKEN"  # noqa: S105 - the variable's name
 
 WELCOME: Final = "welcome"
-"""To a listener, once: ``{"sharing": int, "session_id": str, "name": str, "rate_hz": int}``."""
+"""To a listener, as each session begins: ``{"sharing": int, "session_id": str, "name": str,
+"rate_hz": int}``."""
 MODEL: Final = "model"
 """To a listener: the model as it is, a map of ``number``, `About`, and ``file``, a model file."""
 CHANGE: Final = "change"
@@ -30,6 +31,16 @@ END: Final = "end"
 """To a listener: ``{"outcome": str}``; the session is over."""
 AGAIN: Final = "again"
 """From a listener, after `WELCOME` and wherever it lacks a change: send the whole model."""
+
+HAVE: Final = "have"
+"""From a listener, to the first eight states and then to one a second: `mmt.sharing.lag.Have`."""
+HUBS: Final = "hubs"
+"""From a hub to a listener: a list of the other hubs' addresses, whenever it has changed. The same
+list is in `WELCOME`, as ``hubs``."""
+MOST_HUBS: Final = 64
+"""Most addresses that a listener keeps."""
+
+LONGEST_ADDRESS: Final = 256
 
 LONGEST_NAME: Final = 64
 LONGEST_MESSAGE: Final = 4 << 20
@@ -55,13 +66,17 @@ class Hello:
     ----------
     name
         What a person calls it, at most 64 characters; may be empty.
+    operates
+        Whether it may ask for control, and so has shown the token for that.
     """
 
     name: str = ""
+    operates: bool = False
 
     def as_auth(self) -> dict[str, Any]:
         """Return the ``auth`` of its connection, without a token."""
-        return {"sharing": SHARING_VERSION, "role": "listener", "name": self.name}
+        role = "operator" if self.operates else "listener"
+        return {"sharing": SHARING_VERSION, "role": role, "name": self.name}
 
     @classmethod
     def from_auth(cls, auth: object) -> Self:
@@ -72,15 +87,19 @@ class Hello:
         InputError
             It is none of this version; the message is for its user.
         """
-        if not isinstance(auth, dict) or auth.get("role") != "listener":
-            raise InputError('this port is for listeners: the role must be "listener"')
+        role = auth.get("role") if isinstance(auth, dict) else None
+        if not isinstance(auth, dict) or role not in ("listener", "operator"):
+            raise InputError(
+                'this port is for listeners: the role must be "listener" or "operator"'
+            )
         if auth.get("sharing") != SHARING_VERSION:
             raise InputError(
                 f"the listener has version {printable(str(auth.get('sharing'))[:20])} of sharing, "
                 f"this leader {SHARING_VERSION}: use the same release of mmt on both"
             )
         name = auth.get("name", "")
-        return cls(printable(name[:LONGEST_NAME]) if isinstance(name, str) else "")
+        text = printable(name[:LONGEST_NAME]) if isinstance(name, str) else ""
+        return cls(text, role == "operator")
 
 
 @dataclass(frozen=True)
@@ -141,10 +160,9 @@ class About:
             raise InputError(f"the model's message is malformed: {error}") from error
 
 
-def encode_model(number: int, made_ns: int, about: About, file: bytes) -> bytes:
-    """Return the message of a whole model, which was made at this time of the leader's clock."""
-    head = {"number": number, "made_ns": made_ns}
-    return encode_event(MODEL, {**head, **about.as_dict(), "file": file})
+def model_message(number: int, made_ns: int, about: About, file: bytes) -> dict[str, Any]:
+    """Return the argument of `MODEL`, for a model made at this time of the leader's clock."""
+    return {"number": number, "made_ns": made_ns, **about.as_dict(), "file": file}
 
 
 def encode_change(number: int, made_ns: int, about: About, change: dict[str, Any]) -> bytes:

@@ -1,9 +1,14 @@
 """The process that serves listeners, so that none of them costs the leader's ticks anything.
 
 It is a child of the leader, which writes msgpack maps to its standard input: ``{"model": [number,
-whole, change]}``, ``{"state": bytes}`` and ``{"end": outcome}``; all but the outcome are messages
-ready to be sent. It ends with that input, so that no leader leaves one behind. To standard output
-it writes JSON lines: its port, and a sentence whenever a listener has come or gone.
+whole, change]}``, ``{"state": [message, session time, ns of its making]}`` and ``{"end":
+outcome}``; models and states are messages ready to be sent. It ends with that input, so that no
+leader leaves one behind. To standard output it writes JSON lines: its port, an event whenever a
+listener has come or gone, and once a second the figures of those who listen.
+
+Where control may be handed over, what operators send goes to standard output too, a line with
+``control`` and ``who``, and from standard input come ``{"to": [operator, message]}`` and
+``{"admit": operator}``, whose motion alone is handed on.
 """
 
 import asyncio
@@ -16,12 +21,13 @@ from typing import Any, Final
 import msgpack
 
 from mmt.core.errors import MmtError
-from mmt.scene.sharing_tables import Sharing
+from mmt.scene.sharing_tables import Control, Sharing
 from mmt.sharing.messages import LONGEST_MESSAGE
 from mmt.sharing.relay import Relay
 from mmt.sharing.server import SharingServer
 
 _CHUNK: Final = 65_536
+_FIGURES_PERIOD_S: Final = 1.0
 
 
 async def _input() -> AsyncIterator[dict[str, Any]]:
@@ -40,36 +46,60 @@ def _say(**line: object) -> None:
     print(json.dumps(line), flush=True)
 
 
-async def serve(settings: Sharing, welcome: dict[str, Any]) -> None:
+async def serve(settings: Sharing, welcome: dict[str, Any], control: Control | None = None) -> None:
     """Serve listeners until standard input is closed."""
     relay = Relay()
     try:
         server = SharingServer(
-            settings, relay, welcome, lambda text, count: _say(event=text, listening=count)
+            settings, relay, welcome, lambda text, details: _say(event=text, details=details)
         )
+        if control is not None:
+            from mmt.sharing.control_messages import control_access
+
+            server.admit_operators(control_access(control.token_file), _say)
         await server.start()
     except MmtError as error:
         _say(problem=str(error))
         return
     _say(port=server.port)
+    telling = asyncio.create_task(_tell(server))
     outcome = "the leader has gone"
     async for message in _input():
         if "model" in message:
             relay.offer_model(*message["model"])
         elif "state" in message:
-            relay.offer_state(message["state"])
+            relay.offer_state(*message["state"])
         elif "end" in message:
             outcome = message["end"]
+        elif server.operators is not None and "to" in message:
+            server.operators.send(*message["to"])
+        elif server.operators is not None and "admit" in message:
+            server.operators.admit_motion(message["admit"])
+    telling.cancel()
     relay.finish(outcome)
     await server.stop()
-    _say(sent={**relay.sent, "listened_s": round(server.listened_s, 3)})
+    if server.operators is not None:
+        _say(control="refused", who=0, count=server.operators.refused)
+    _say(figures=server.figures(), listened_s=round(server.listened_s, 3))
+
+
+async def _tell(server: SharingServer) -> None:
+    """Tell the figures once a second, as long as they change."""
+    told: dict[str, Any] = {}
+    while True:
+        await asyncio.sleep(_FIGURES_PERIOD_S)
+        figures = server.figures()
+        if figures != told:
+            _say(figures=figures)
+        told = figures
 
 
 def main() -> None:
     """Run the process; the first argument is the scene's table and the welcome as JSON."""
     given = json.loads(sys.argv[1])
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the leader says when it ends
-    asyncio.run(serve(Sharing.model_validate(given["sharing"]), given["welcome"]))
+    control = None if given["control"] is None else Control.model_validate(given["control"])
+    asyncio.run(serve(Sharing.model_validate(given["sharing"]), given["welcome"], control))
 
 
 if __name__ == "__main__":

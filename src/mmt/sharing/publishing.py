@@ -3,9 +3,11 @@
 import time
 from typing import Any, NamedTuple
 
-from mmt.sharing.messages import About, encode_change, encode_model
+from mmt.link.protocol import encode_event
+from mmt.sharing.messages import MODEL, About, encode_change, model_message
 from mmt.texture.model.difference import difference
 from mmt.texture.model.file import arrays_of
+from mmt.texture.model.file_arrays import pack_arrays
 from mmt.texture.model.texture_model import TextureModel
 
 
@@ -38,5 +40,5 @@ class ModelPublisher:
         change = None
         if before:
             change = encode_change(self._number, now_ns, about, difference(before, after))
-        whole = encode_model(self._number, now_ns, about, model.to_bytes())
-        return Published(self._number, whole, change)
+        whole = model_message(self._number, now_ns, about, pack_arrays(after))
+        return Published(self._number, encode_event(MODEL, whole), change)

@@ -6,14 +6,19 @@ for anybody.
 """
 
 import asyncio
+from collections import OrderedDict, deque
 from collections.abc import Awaitable, Callable
-from typing import Final
+from typing import Any, Final
 
 from mmt.link.protocol import encode_event
+from mmt.sharing.lag import Have, Lag
 from mmt.sharing.messages import END
 
 _KINDS: Final = ("wholes", "changes", "states")
+_REMEMBERED: Final = 600
+"""States whose time of making is known: half a minute of them."""
 
+_OWN_MESSAGES: Final = 20
 STALLED_S: Final = 10.0
 """A listener that takes no message for this long is let go."""
 
@@ -24,25 +29,69 @@ class Relay:
     def __init__(self) -> None:
         self.number = 0
         """Number of the model."""
-        self.whole: bytes | None = None
+        self._whole: bytes | Callable[[], bytes] | None = None
         self.change: bytes | None = None
         self.states = 0
         """Number of the newest state of the hand."""
         self.state: bytes | None = None
         self.end: bytes | None = None
         self.listeners: dict[str, Listener] = {}
-        self.sent = dict.fromkeys((*_KINDS, *(f"{kind}_bytes" for kind in _KINDS)), 0)
-        """Messages that all listeners have been given, together, and their bytes, by kind."""
+        self.sent = dict.fromkeys((*_KINDS, *(f"{kind}_bytes" for kind in _KINDS), "skipped"), 0)
+        """Messages that all listeners have been given, together, and their bytes, by kind; and how
+        many they skipped."""
+        self._made_ns: OrderedDict[float, int | None] = OrderedDict()
 
-    def offer_model(self, number: int, whole: bytes, change: bytes | None) -> None:
-        """Let every listener have a new state of the model."""
-        self.number, self.whole, self.change = number, whole, change
+    @property
+    def whole(self) -> bytes | None:
+        """The message of the whole model, None before there is one."""
+        if callable(self._whole):
+            self._whole = self._whole()
+        return self._whole
+
+    def offer_model(
+        self, number: int, whole: bytes | Callable[[], bytes], change: bytes | None
+    ) -> None:
+        """Let every listener have a new state of the model.
+
+        Parameters
+        ----------
+        number
+            Of this state.
+        whole
+            Its message, or what makes it, which is called once somebody needs it.
+        change
+            The message that leads here from the number before, None where there is none.
+        """
+        self.number, self._whole, self.change = number, whole, change
         self._tell()
 
-    def offer_state(self, message: bytes) -> None:
-        """Let every listener have a new state of the hand."""
+    def begin(self) -> None:
+        """Forget the model and its end: another session begins, whose model has its own numbers."""
+        self.number, self._whole, self.change = 0, None, None
+        self.end = None
+        for listener in self.listeners.values():
+            listener.again()
+
+    def offer_state(self, message: bytes, time_s: float, made_ns: int) -> None:
+        """Let every listener have a new state of the hand.
+
+        Parameters
+        ----------
+        message
+            Ready to be sent.
+        time_s, made_ns
+            Its session time, and when it was made by this machine's monotonic clock.
+        """
         self.states, self.state = self.states + 1, message
+        # before the first frame the session's time stands still: such states are not told apart
+        self._made_ns[time_s] = None if time_s in self._made_ns else made_ns
+        if len(self._made_ns) > _REMEMBERED:
+            self._made_ns.popitem(last=False)
         self._tell()
+
+    def made_ns(self, time_s: float) -> int | None:
+        """Return when the state of a session time was made, None where that is not known."""
+        return self._made_ns.get(time_s)
 
     def finish(self, outcome: str) -> None:
         """Let every listener know that the session is over."""
@@ -67,24 +116,47 @@ class Listener:
         self._relay = relay
         self._number = self._states = 0
         self._ended = False
+        self.sent = dict.fromkeys(relay.sent, 0)
+        """What it has been given, as in `Relay.sent`."""
+        self.lag = Lag()
+        self._own: deque[bytes] = deque(maxlen=_OWN_MESSAGES)
         self.news = asyncio.Event()
         self.news.set()
 
     def again(self) -> None:
-        """Let it have the whole model next."""
+        """Let it have the whole model next, and the end of the session where it is over."""
         self._number = 0
+        self._ended = False
+        self.news.set()
+
+    def has(self, have: Have, now_ns: int) -> None:
+        """Take its answer of what it has, which came at this time of the monotonic clock."""
+        self.lag.take(have, self._relay.made_ns(have.time_s), now_ns)
+
+    def figures(self, now_ns: int) -> dict[str, Any]:
+        """Return what it was given and how far it is behind, for a table."""
+        return {**self.lag.figures(now_ns), **self.sent}
+
+    def tell(self, message: bytes) -> None:
+        """Let it have a message that is for it alone; of too many the oldest are left out."""
+        self._own.append(message)
         self.news.set()
 
     def next(self) -> bytes | None:
         """Return the next message, None where it has all."""
         relay = self._relay
+        if self._own:
+            return self._own.popleft()
         if relay.number != self._number:
             follows = self._number == relay.number - 1 and relay.change is not None
+            if self._number:
+                self._count("skipped", relay.number - self._number - 1)
             self._number = relay.number
             if follows:
                 return self._given("changes", relay.change)
             return self._given("wholes", relay.whole)
         if relay.states != self._states:
+            self._count("skipped", relay.states - self._states - 1)
             self._states = relay.states
             return self._given("states", relay.state)
         if relay.end is not None and not self._ended:
@@ -94,10 +166,13 @@ class Listener:
 
     def _given(self, kind: str, message: bytes | None) -> bytes | None:
         """Count a message that is given to it."""
-        sent = self._relay.sent
-        sent[kind] += 1
-        sent[f"{kind}_bytes"] += len(message or b"")
+        self._count(kind, 1)
+        self._count(f"{kind}_bytes", len(message or b""))
         return message
+
+    def _count(self, kind: str, more: int) -> None:
+        self.sent[kind] += more
+        self._relay.sent[kind] += more
 
     async def serve(self, send: Callable[[bytes], Awaitable[None]]) -> None:
         """Send what is newest, until the session is over.
@@ -109,6 +184,7 @@ class Listener:
         TimeoutError
             It has taken no message for `STALLED_S`.
         """
+        self._states = max(0, self._relay.states - 1)  # the newest is the first that it gets
         while not self._ended:
             await self.news.wait()
             self.news.clear()

@@ -1,13 +1,15 @@
 """A listener's copy of a shared model, kept up to date by messages that are not trusted."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mmt.core.errors import InputError
-from mmt.sharing.messages import About
+from mmt.sharing.messages import About, model_message
 from mmt.texture.model.difference import apply
-from mmt.texture.model.file import contents_of, file_arrays
-from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.model.file_arrays import file_arrays, pack_arrays
+
+if TYPE_CHECKING:
+    from mmt.texture.model.texture_model import TextureModel
 
 
 class ModelReplica:
@@ -59,7 +61,19 @@ class ModelReplica:
         self._arrays = apply(self._arrays, message)
         (self.number, self.made_ns), self.about = stamp, about
 
-    def build(self) -> TextureModel:
+    def message(self) -> dict[str, Any]:
+        """Return the message of the whole model as it is here; some 5 ms, for its compression.
+
+        Raises
+        ------
+        InputError
+            There is none yet.
+        """
+        if self.about is None:
+            raise InputError("no model has come yet")
+        return model_message(self.number, self.made_ns, self.about, pack_arrays(self._arrays))
+
+    def build(self) -> "TextureModel":
         """Return the model; some 30 ms, from any thread.
 
         Raises
@@ -67,6 +81,10 @@ class ModelReplica:
         InputError
             The arrays are no model.
         """
+        # a hub hands models on and renders none
+        from mmt.texture.model.file import contents_of
+        from mmt.texture.model.texture_model import TextureModel
+
         return TextureModel.from_contents(contents_of(self._arrays))
 
 

@@ -5,37 +5,87 @@ import logging
 import time
 from collections.abc import Callable, Coroutine, Mapping
 from contextlib import suppress
-from typing import Any, Final
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
 
 import socketio
 from aiohttp import web
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.logs import RepeatLimit
-from mmt.link.access import Access, check_listening
-from mmt.link.http import CLOSE_TIMEOUT_S, guarded_application, make_server
-from mmt.link.http import Listener as HttpListener
-from mmt.link.protocol import MAX_SENTENCE, PING_TIMEOUT_S, peer_text
+from mmt.link.access import Access, Entrance
+from mmt.link.http import CLOSE_TIMEOUT_S, LinkServer, Page
+from mmt.link.protocol import MAX_SENTENCE, loss_of, peer_text
 from mmt.link.rate_limit import RateLimit
-from mmt.link.websocket import Send, ServerSockets
+from mmt.link.websocket import Send
 from mmt.scene.sharing_tables import Sharing
-from mmt.sharing.messages import AGAIN, SHARING_VERSION, TOKEN_VARIABLE, WELCOME, Hello
-from mmt.sharing.relay import Listener, Relay
-from mmt.sharing.store import ModelStore
-from mmt.sharing.store_pages import store_pages
+from mmt.sharing.lag import Have
+from mmt.sharing.messages import (
+    AGAIN,
+    HAVE,
+    HUBS,
+    SHARING_VERSION,
+    TOKEN_VARIABLE,
+    WELCOME,
+    Hello,
+)
+from mmt.sharing.relay import STALLED_S, Listener, Relay
+
+if TYPE_CHECKING:
+    from mmt.sharing.operators import Operators
 
 LOG: Final = logging.getLogger("mmt.sharing")
 
-SHARING_KEYS: Final = (
-    f"set a token ({TOKEN_VARIABLE}, or token_file of [sharing]), or certificates "
-    "(certificate, key and authority of [sharing]), or allow it by open = true of [sharing]"
-)
+_LISTENERS: Final = Entrance.of_table("a listener", "sharing", TOKEN_VARIABLE)
 _REFUSED: Final = (
     "the token is missing or wrong: give the listener the leader's token, "
     f"in {TOKEN_VARIABLE} or token_file of [listening]"
 )
+_NO_CONTROL: Final = (
+    "no control is given to this listener: the leader's scene needs [control], and the listener "
+    "the leader's token for it, in MMT_CONTROL_TOKEN or token_file of [operating]"
+)
 _MESSAGES_HZ: Final = 1.0
 """A listener may send ten messages a second, of 20 kB in all: it has little to say."""
+
+
+_MOST_SHOWN: Final = 30
+"""Listeners of which the figures are told every second: those that are furthest behind."""
+
+
+@dataclass
+class _Guest:
+    """A listener that is connected; it is served from its first `AGAIN` on."""
+
+    number: int
+    name: str
+    send: Send
+    listener: Listener
+    joined_s: float = field(default_factory=time.monotonic)
+    serving: asyncio.Task[None] | None = None
+    rejected: int = 0
+    why: str = ""
+    """Why it is to be let go."""
+
+    @property
+    def text(self) -> str:
+        """What a person calls it."""
+        return f"listener {self.name}" if self.name else "a listener"
+
+    def figures(self) -> dict[str, Any]:
+        """Return what is known of it, for a table."""
+        return {
+            "id": self.number,
+            "name": self.name,
+            "listened_s": round(time.monotonic() - self.joined_s, 3),
+            **self.listener.figures(time.monotonic_ns()),
+            "rejected": self.rejected,
+        }
+
+    def reject(self, _: str) -> None:
+        """Count a message of it that could not be used."""
+        self.rejected += 1
 
 
 class SharingServer:
@@ -50,7 +100,10 @@ class SharingServer:
     welcome
         What a listener is told first: ``session_id``, ``name`` and ``rate_hz`` of the session.
     on_change
-        Called when a listener has come or gone, with a sentence and how many there are.
+        Called when a listener has come or gone, with a sentence and details: ``kind``, "listener
+        joined" or "listener left"; how many there are, ``listeners``; and the ``listener``.
+    manager
+        The client manager, None for that of one process.
 
     Raises
     ------
@@ -63,75 +116,84 @@ class SharingServer:
         settings: Sharing,
         relay: Relay,
         welcome: Mapping[str, Any],
-        on_change: Callable[[str, int], None],
+        on_change: Callable[[str, dict[str, Any]], None],
+        manager: socketio.AsyncManager | None = None,
     ) -> None:
         self._settings = settings
         self._access = Access.of(settings, variable=TOKEN_VARIABLE)
         self._relay = relay
         self._welcome = {"sharing": SHARING_VERSION, **welcome}
         self._on_change = on_change
-        self._names: dict[str, str] = {}
-        self._joined_s: dict[str, float] = {}
+        self._guests: dict[str, _Guest] = {}
+        self._joined = 0
         self.listened_s = 0.0
         """Seconds that all listeners have listened, together, but for those who still do."""
-        self._sends: dict[str, Send] = {}
-        self._serving: dict[str, asyncio.Task[None]] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._refusals = RepeatLimit()
-        self._server = make_server(PING_TIMEOUT_S)
-        self._server.on("connect", self._on_connect)
-        self._server.on("disconnect", self._on_disconnect)
-        self._server.on(AGAIN, self._on_again)
-        application = guarded_application(self._access)
-        self._server.attach(application)
-        application.router.add_get("/", _explain)
-        if settings.store is not None:
-            store_pages(ModelStore(settings.store), accepts=settings.accept)(
-                application, self._access
-            )
-        self._sockets = ServerSockets(self._server, application)
-        self._listener = HttpListener(
-            application, "host and port of [sharing]", most=2 * settings.most
+        self._host = LinkServer(
+            settings,
+            self._access,
+            _pages(settings),
+            entrance=_LISTENERS,
+            most=2 * settings.most,
+            manager=manager,
         )
+        self._host.server.on("connect", self._on_connect)
+        self._host.server.on("disconnect", self._on_disconnect)
+        self._host.server.on(AGAIN, self._on_again)
+        self._host.server.on(HAVE, self._on_have)
+        self.operators: Operators | None = None
+        """Those who may ask for control, None where nobody may."""
+
+    def admit_operators(self, token: Access, tell: Callable[..., None]) -> None:
+        """Let who shows this token ask for control; see `Operators`."""
+        from mmt.sharing.operators import Operators
+
+        self.operators = Operators(self._host.server, token, tell)
 
     @property
     def port(self) -> int:
         """The port that is listened on, 0 before `start`."""
-        return self._listener.port
+        return self._host.port
 
     async def start(self) -> None:
-        """Listen.
-
-        Raises
-        ------
-        InputError
-            Anyone could listen and the scene does not allow it, or a certificate cannot be used.
-        MmtError
-            The host or the port cannot be used.
-        """
-        settings = self._settings
-        check_listening(
-            settings.host,
-            settings.port,
-            self._access,
-            allowed=settings.open,
-            role="a listener",
-            remedy=SHARING_KEYS,
-        )
-        await self._listener.start(settings.host, settings.port, self._access, allowed=True)
+        """Listen; see `LinkServer.start` for the errors."""
+        await self._host.start()
 
     async def stop(self) -> None:
         """Let every listener have its last messages, within a second, and close."""
-        if self._serving:
-            _, late = await asyncio.wait(self._serving.values(), timeout=CLOSE_TIMEOUT_S)
+        serving = [guest.serving for guest in self._guests.values() if guest.serving is not None]
+        if serving:
+            _, late = await asyncio.wait(serving, timeout=CLOSE_TIMEOUT_S)
             for task in late:
                 task.cancel()
-        for sid in list(self._names):
+        for sid in list(self._guests):
             self._on_disconnect(sid, "the session is over")
-        if self.port:
-            await self._sockets.close(CLOSE_TIMEOUT_S)
-            await self._server.shutdown()
-            await self._listener.stop()
+        await self._host.stop()
+
+    async def welcome(self, **changed: object) -> None:
+        """Welcome everyone anew, with what has changed."""
+        self._welcome.update(changed)
+        await self._host.server.emit(WELCOME, self._welcome, ignore_queue=True)
+
+    async def tell_hubs(self, addresses: list[str]) -> None:
+        """Tell everyone where else the same model is to be had."""
+        self._welcome[HUBS] = addresses
+        await self._host.server.emit(HUBS, addresses, ignore_queue=True)
+
+    def figures(self) -> dict[str, Any]:
+        """Return the figures of all listeners together, and ``rows`` of 30 that are behind most."""
+        guests = self._guests.values()
+        behind = sorted(guests, key=_behind, reverse=True)
+        lags = sorted(lag for each in guests if (lag := each.listener.lag.last_ms) is not None)
+        return {
+            "listeners": len(guests),
+            "joined": self._joined,
+            "sent": dict(self._relay.sent),
+            "lag_median_ms": lags[len(lags) // 2] if lags else None,
+            "lag_most_ms": lags[-1] if lags else None,
+            "rows": [each.figures() for each in behind[:_MOST_SHOWN]],
+        }
 
     def _admit(self, auth: object) -> Hello:
         """Return the hello of a listener that may connect.
@@ -144,7 +206,11 @@ class SharingServer:
         if not self._access.admits(auth.get("token") if isinstance(auth, dict) else None):
             raise MmtError(_REFUSED)
         hello = Hello.from_auth(auth)
-        if len(self._names) >= self._settings.most:
+        if hello.operates:
+            token = auth.get("control_token") if isinstance(auth, dict) else None
+            if self.operators is None or not self.operators.access.admits(token):
+                raise MmtError(_NO_CONTROL)
+        if len(self._guests) >= self._settings.most:
             raise InputError(
                 f"{self._settings.most} are listening already: raise most of [sharing], or wait"
             )
@@ -158,41 +224,68 @@ class SharingServer:
             if times:
                 LOG.warning("refused a listener: %s", peer_text(str(error), MAX_SENTENCE))
             raise socketio.exceptions.ConnectionRefusedError(str(error)) from error
-        self._names[sid] = hello.name
-        self._joined_s[sid] = time.monotonic()
-        limit = RateLimit(_MESSAGES_HZ, lambda _: None, lambda _: None)
-        self._sockets.admit(environ, {}, limit)
-        self._sends[sid] = self._sockets.send(sid, environ)
-        self._start(self._server.emit(WELCOME, self._welcome, to=sid))
-        self._tell(hello.name, "joined")
+        self._joined += 1
+        guest = self._guests[sid] = _Guest(
+            self._joined, hello.name, self._host.sockets.send(sid, environ), Listener(self._relay)
+        )
 
-    def _on_disconnect(self, sid: str, _: str) -> None:
-        name = self._names.pop(sid, None)
-        if sid in self._joined_s:
-            self.listened_s += time.monotonic() - self._joined_s.pop(sid)
-        self._sends.pop(sid, None)
+        def let_go(error: MmtError) -> None:
+            guest.why = str(error)
+
+        messages_hz = _MESSAGES_HZ
+        handlers: dict[str, Callable[[bytes], None]] = {HAVE: partial(self._on_have, sid)}
+        if hello.operates and self.operators is not None:
+            handlers |= self.operators.join(sid, guest.number, hello.name, guest.listener)
+            messages_hz += self.operators.messages_hz
+        limit = RateLimit(messages_hz, guest.reject, let_go)
+        self._host.sockets.admit(environ, handlers, limit)
+        self._start(self._host.server.emit(WELCOME, self._welcome, to=sid, ignore_queue=True))
+        self._tell(f"{guest.text} joined", "listener joined", id=guest.number, name=guest.name)
+
+    def _on_disconnect(self, sid: str, reason: str) -> None:
+        guest = self._guests.pop(sid, None)
+        if guest is None:
+            return
+        figures = guest.figures()
+        self.listened_s += figures["listened_s"]
         self._relay.listeners.pop(sid, None)
-        task = self._serving.pop(sid, None)
-        if task is not None:
-            task.cancel()
-        if name is not None:
-            self._tell(name, "left")
+        if self.operators is not None:
+            self.operators.leave(sid)
+        if guest.serving is not None:
+            guest.serving.cancel()
+        why = guest.why or loss_of(reason)
+        text = f"{guest.text} left after {figures['listened_s']:.0f} s ({why})"
+        self._tell(text, "listener left", why=why, **figures)
 
     def _on_again(self, sid: str, *_: object) -> None:
-        listener, send = self._relay.listeners.get(sid), self._sends.get(sid)
-        if listener is not None:
-            listener.again()
-        elif send is not None:
-            listener = self._relay.listeners[sid] = Listener(self._relay)
-            self._serving[sid] = self._start(self._serve(sid, listener, send))
+        guest = self._guests.get(sid)
+        if guest is None:
+            return
+        guest.listener.again()
+        if guest.serving is None:
+            self._relay.listeners[sid] = guest.listener
+            guest.serving = self._start(self._serve(sid, guest))
 
-    async def _serve(self, sid: str, listener: Listener, send: Send) -> None:
+    def _on_have(self, sid: str, data: object = None, *_: object) -> None:
+        guest = self._guests.get(sid)
+        if guest is None:
+            return
+        try:
+            guest.listener.has(Have.unpack(data), time.monotonic_ns())
+        except InputError as error:
+            guest.reject(str(error))
+
+    async def _serve(self, sid: str, guest: _Guest) -> None:
         with suppress(ConnectionError):
             try:
-                await listener.serve(send)
+                await guest.listener.serve(guest.send)
             except TimeoutError:
                 LOG.warning("a listener has stalled and is let go")
-                await self._server.disconnect(sid)
+                guest.why = f"it took nothing for {STALLED_S:g} s"
+                await self._host.server.disconnect(sid)
+                return
+        guest.serving = None  # it has the end, and may ask again
+        self._relay.listeners.pop(sid, None)
 
     def _start(self, coroutine: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
         task = asyncio.get_running_loop().create_task(coroutine)
@@ -200,10 +293,29 @@ class SharingServer:
         task.add_done_callback(self._tasks.discard)
         return task
 
-    def _tell(self, name: str, what: str) -> None:
-        count = len(self._names)
-        who = f"listener {name}" if name else "a listener"
-        self._on_change(f"{who} {what}, {count} listening", count)
+    def _tell(self, text: str, kind: str, **listener: object) -> None:
+        count = len(self._guests)
+        details = {"kind": kind, "listeners": count, "listener": listener}
+        self._on_change(f"{text}, {count} listening", details)
+
+
+def _behind(guest: _Guest) -> tuple[bool, float]:
+    lag_ms = guest.listener.lag.last_ms
+    return lag_ms is not None, lag_ms or 0.0
+
+
+def _pages(settings: Sharing) -> list[Page]:
+    pages: list[Page] = [_front_page]
+    if settings.store is not None:  # which needs the compiled numerics
+        from mmt.sharing.store import ModelStore
+        from mmt.sharing.store_pages import store_pages
+
+        pages.append(store_pages(ModelStore(settings.store), accepts=settings.accept))
+    return pages
+
+
+def _front_page(application: web.Application, _: Access) -> None:
+    application.router.add_get("/", _explain)
 
 
 async def _explain(_: web.Request) -> web.Response:

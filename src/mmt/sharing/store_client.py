@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import logging
 import ssl
 import urllib.error
 import urllib.parse
@@ -15,7 +16,11 @@ from mmt.core.errors import InputError, MmtError
 from mmt.core.printable import printable
 from mmt.link.access import Access, check_scheme
 from mmt.link.connection import check_url
+from mmt.scene.sharing_tables import Listening
+from mmt.sharing.messages import TOKEN_VARIABLE
 from mmt.sharing.store import Entry
+
+LOG: Final = logging.getLogger("mmt.sharing")
 
 _TIMEOUT_S: Final = 20.0
 _CHUNK: Final = 65_536
@@ -43,6 +48,53 @@ class RemoteStore:
         self._url = url.rstrip("/")
         self._token = access.token
         self._tls = access.client_context()
+
+    @classmethod
+    def from_environment(cls, url: str) -> "RemoteStore":
+        """Return the store, with the token that the environment has for shared models.
+
+        Raises
+        ------
+        InputError
+            The URL is not valid, or the token is too short.
+        """
+        return cls(url, Access.of(Listening(), variable=TOKEN_VARIABLE))
+
+    def newest(self, folder: Path) -> list[tuple[Entry, Path]]:
+        """Return the newest model of each name, and its file in a folder.
+
+        What the folder has is not fetched again. Where the store does not answer, the models
+        that it had the last time are returned, and a warning says so.
+
+        Raises
+        ------
+        MmtError
+            The store does not answer, and nothing of it was fetched before.
+        InputError
+            A file cannot be written.
+        """
+        folder = folder / hashlib.sha256(self._url.encode()).hexdigest()[:16]
+        listing = folder / "listing.json"
+        try:
+            named: dict[str, Entry] = {}
+            for entry in self.entries():
+                named.setdefault(entry.name, entry)
+            folder.mkdir(parents=True, exist_ok=True)
+            for entry in named.values():
+                if not (folder / f"{entry.hash}.npz").exists():
+                    self.fetch(entry.hash, folder / f"{entry.hash}.npz")
+            found = list(named.values())
+            listing.write_text(json.dumps([entry.as_dict() for entry in found]))
+        except OSError as error:
+            raise InputError(f"{folder}: {error.strerror or error}") from error
+        except InputError:
+            raise
+        except MmtError as error:
+            if not listing.exists():
+                raise
+            LOG.warning("%s: its models as they were the last time are used", error)
+            found = [Entry(**each) for each in json.loads(listing.read_text())]
+        return [(entry, folder / f"{entry.hash}.npz") for entry in found]
 
     def entries(self) -> list[Entry]:
         """Return what is known of all its models, the newest first.

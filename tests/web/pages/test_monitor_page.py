@@ -1,6 +1,7 @@
 """The monitor's page in a real browser: what is on the screen while a leader runs."""
 
 import asyncio
+import re
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +19,14 @@ from page_browser import (
     inked,
     shows,
 )
+from sharing_samples import listening, until
 
+from mmt.follower.service import Follower
 from mmt.leader.service import Leader
 from mmt.link.access import TOKEN_VARIABLE
 from mmt.scene import Scene
 from mmt.scene.files import scene_from_tables
+from mmt.sharing.control_messages import MOTION_DTYPE
 from mmt.testing.simulation.offline import simulate_session
 from mmt.texture.model.texture_model import TextureModel
 
@@ -45,6 +49,7 @@ def scene(
     inputs: str = "isotropic",
     surfaces: dict[str, Any] | None = None,
     texture: dict[str, Any] | None = None,
+    more: dict[str, Any] | None = None,
 ) -> Scene:
     return scene_from_tables(
         {
@@ -63,6 +68,7 @@ def scene(
             "actuator": {},
             "monitor": {},
             "network": {"profile": "lan"},
+            **(more or {}),
         }
     )
 
@@ -76,8 +82,9 @@ class Leading:
         inputs: str = "isotropic",
         surfaces: dict[str, Any] | None = None,
         texture: dict[str, Any] | None = None,
+        more: dict[str, Any] | None = None,
     ) -> None:
-        self.service = Leader(scene(port, inputs, surfaces, texture))
+        self.service = Leader(scene(port, inputs, surfaces, texture, more))
 
     async def __aenter__(self) -> "Leading":
         ready = asyncio.Event()
@@ -105,6 +112,16 @@ class Leading:
         for second in np.array_split(frames, round(seconds)):
             self.service.parts.on_frames(second, 0)
             await modelling.finish(10.0)
+
+
+async def operate(control: Any, who: int) -> None:
+    """Send the motion of a hand at rest, as an operator at another machine does."""
+    records = np.zeros(1, MOTION_DTYPE)
+    while True:
+        records["time_ns"] += 20_000_000
+        data = (1).to_bytes(4, "little") + records.tobytes()
+        control.receive({"control": "motion", "who": who, "data": data.hex()})
+        await asyncio.sleep(0.02)
 
 
 @pytest.mark.parametrize(
@@ -135,6 +152,7 @@ async def test_a_person_sees_the_model_grow(
         for canvas in PICTURES:
             assert await inked(page, canvas) > 100, canvas
         await api.expect(page.locator("#surface")).to_be_hidden()
+        await api.expect(page.locator("#listeners-panel")).to_be_hidden()
         await fits(page, scheme)
         assert problems == []
 
@@ -258,6 +276,42 @@ async def test_a_person_controls_the_run(
         assert problems == []
 
 
+async def test_a_person_hands_control_over_and_takes_it_back(
+    browser: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MMT_CONTROL_TOKEN", TOKEN)
+    tables = {"sharing": {"port": 0}, "control": {"silence_ms": 5000}}
+    async with a_page(browser, TABLET) as (page, problems), Leading(more=tables) as leading:
+        control = leading.service.parts.find("control")
+        await page.goto(leading.url)
+        await shows(page, "#control-text", "The leader's hand moves the robot.")
+        await api.expect(page.locator("#take-back")).to_be_disabled()
+        for who, name in ((1, "ann"), (2, "<b>bob")):
+            control.receive({"control": "ask", "who": who, "name": name})
+        await shows(page, "#asking", "<b>bob asks for control")
+        await page.get_by_role("button", name="Refuse: <b>bob").click()
+        await shows(page, "#answer", "control is refused")
+        await api.expect(page.locator("#asking li")).to_have_count(1)
+        follower = Follower(leading.service.scene, leading.origin)
+        following = asyncio.create_task(follower.run())
+        await shows(page, "#events", "follower connected")
+        while leading.service.time_s < 0.1:  # until a robot is commanded
+            await asyncio.sleep(0.01)
+        await page.get_by_role("button", name="Give: ann").click()
+        moving = asyncio.create_task(operate(control, 1))
+        await shows(page, "#control-text", "ann moves the robot.")
+        await api.expect(page.locator("#asking li")).to_have_count(0)
+        await fits(page, "light")
+        await page.click("#take-back")
+        await shows(page, "#control-text", "The leader's hand moves the robot.")
+        await shows(page, "#events", "control taken from ann: the leader has taken it back")
+        moving.cancel()
+        follower.stop()
+        await following
+        assert problems == []
+
+
 async def test_a_person_sees_the_headings_of_an_anisotropic_model(browser: Any) -> None:
     async with a_page(browser) as (page, problems), Leading(inputs="anisotropic") as leading:
         await page.goto(leading.url)
@@ -325,3 +379,38 @@ async def test_legends_stay_in_their_cards_on_a_telephone(browser: Any) -> None:
         await page.set_viewport_size({"width": 300, "height": 844})
         await page.wait_for_timeout(300)
         assert await page.evaluate(OUTSIDE) == []
+
+
+async def test_a_person_sees_who_listens(browser: Any) -> None:
+    shared = Leader(scene(more={"sharing": {"port": 0}}))
+    ready = asyncio.Event()
+    running = asyncio.create_task(shared.run(ready.set))
+    await ready.wait()
+    part = shared.parts.find("sharing")
+    follower = Follower(scene(), f"http://127.0.0.1:{shared.port}")
+    async with a_page(browser, DESKTOP, "light") as (page, problems):
+        await page.goto(f"http://127.0.0.1:{shared.port}/monitor/")
+        await shows(page, "#connection", "live")
+        await shows(page, "#listeners-text", "0 listening")
+        await until(lambda: part.port is not None)
+        url = f"http://127.0.0.1:{part.port}"
+        async with listening(url, name="<b>ann</b>"), listening(url):
+            await shows(page, "#listeners-text", "2 listening, 2 have joined.")
+            await shows(page, "#listeners", "<b>ann</b>")  # as text
+            await shows(page, "#listeners", "listener 2")
+            await shows(page, "#events", "listener <b>ann</b> joined, 1 listening")
+            rows = page.locator("#listeners tr")
+            await api.expect(rows).to_have_count(2)
+            following = asyncio.create_task(follower.run())  # from now on there are states
+            await until(lambda: (part.listeners.figures["lag_median_ms"] or -1.0) >= 0.0)
+            for row in (0, 1):
+                lag, messages = (rows.nth(row).locator("td").nth(k) for k in (1, 5))
+                await api.expect(lag).to_have_text(re.compile(r"\d+\.\d"))
+                await api.expect(messages).to_have_text(re.compile(r"\d\d+"))
+            await fits(page, "light")
+        await shows(page, "#listeners-text", "0 listening, 2 have joined.")
+        await api.expect(rows).to_have_count(0)
+        assert problems == []
+    follower.stop()
+    shared.stop()
+    await asyncio.gather(following, running)

@@ -15,6 +15,7 @@ _FOLDER: Final = Path("mmt-monitor")
 """Where files go in a scene that names no recording."""
 
 MODES: Final = ("auto", "streamed", "synthesized")
+DECISIONS: Final = ("give", "refuse", "take back")
 
 
 class Controls:
@@ -36,6 +37,7 @@ class Controls:
             "mode": self._mode,
             "record": self._record,
             "save": self._save,
+            "control": self._control,
         }
 
     def state(self) -> dict[str, Any]:
@@ -50,6 +52,7 @@ class Controls:
             "renders": leader.renders,
             "forced": leader.forced or "auto",
             "network": leader.scene.network is not None,
+            "control": leader.control,
         }
 
     async def answer(self, text: str) -> tuple[str, bytes]:
@@ -132,6 +135,21 @@ class Controls:
         self._leader.tell(f"model saved as {path}")
         return f"saved {len(model.points)} samples as {path}"
 
+    async def _control(self, order: dict[str, Any]) -> str:
+        if self._leader.control is None:
+            raise InputError("this scene hands control to nobody: it has no [control]")
+        decision, who = order.get("decision"), order.get("who", 0)
+        if decision not in DECISIONS:
+            raise InputError(f"decision is {decision!r}: allowed are {', '.join(DECISIONS)}")
+        if not isinstance(who, int):
+            raise InputError("who is the number of a listener that asks")
+        self._leader.decide(decision, who)
+        return {
+            "give": "control is given: the robot holds first",
+            "refuse": "control is refused",
+            "take back": "control is taken back: the robot holds first",
+        }[decision]
+
     # ---
 
     def _require_modelling(self) -> None:
@@ -166,7 +184,7 @@ def _parse(text: str) -> dict[str, Any]:
     number, what = order.get("id"), order.get("do")
     if not isinstance(number, int) or not 0 <= number < 2**31:
         raise InputError("id of an order is a number from 0")
-    known = ("mark", "reset", "freeze", "mode", "record", "save")
+    known = ("mark", "reset", "freeze", "mode", "record", "save", "control")
     if what not in known:
         raise InputError(f"do is {what!r}: allowed are {', '.join(known)}")
     return order

@@ -1,7 +1,7 @@
 """What the monitor sees of a running leader, and may ask of it."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from mmt.scene import Scene
 
@@ -87,8 +87,19 @@ class LeaderView(Protocol):
         """The surface under the tool and how many are known; None where not told apart."""
 
     @property
+    def listeners(self) -> dict[str, Any] | None:
+        """Figures of those who listen, a new object with each change; None without sharing."""
+
+    @property
     def recording(self) -> Path | None:
         """The file that is recorded into, None where none is."""
+
+    @property
+    def control(self) -> dict[str, Any] | None:
+        """Who moves the robot (``state``, ``operator``) and who asks to (``asking``).
+
+        None where it cannot be handed over.
+        """
 
     # --- orders
 
@@ -103,6 +114,15 @@ class LeaderView(Protocol):
 
     def force(self, mode: Literal["streamed", "synthesized"] | None) -> None:
         """Hold on to one vibration, or let the criterion decide (None)."""
+
+    def decide(self, order: Literal["give", "refuse", "take back"], who: int) -> None:
+        """Give control to who asks, refuse it, or take it back (from whomever).
+
+        Raises
+        ------
+        InputError
+            It does not ask, or no robot is there.
+        """
 
     async def start_recording(self, path: Path) -> None:
         """Record into a new file."""

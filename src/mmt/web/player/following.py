@@ -3,7 +3,6 @@
 import asyncio
 from collections.abc import Callable
 
-from mmt.core.errors import InputError
 from mmt.scene.sharing_tables import Listening
 from mmt.sharing.client import ListenerClient
 from mmt.texture.model.texture_model import TextureModel
@@ -27,8 +26,7 @@ class SharedTexture:
     """
 
     def __init__(self, settings: Listening, on_event: Callable[[str], None]) -> None:
-        self._news = asyncio.Event()
-        self._client = ListenerClient(settings, on_model=self._news.set, on_event=on_event)
+        self._client = ListenerClient(settings, on_event=on_event)
         self._on_event = on_event
 
     @property
@@ -46,7 +44,7 @@ class SharedTexture:
         """
         await self._client.connect()
         while True:
-            model = await self._next()
+            _, model = await self._client.next_state()
             if model is not None:
                 return model
             self._on_event("the model is not ready yet: the surface is still being touched")
@@ -54,23 +52,10 @@ class SharedTexture:
     async def follow(self, player: Player) -> None:
         """Let the player have each new state of the model, until cancelled."""
         while True:
-            model = await self._next()
+            _, model = await self._client.next_state()
             if model is not None:
                 await asyncio.to_thread(player.use, [model])
 
     async def close(self) -> None:
         """Leave."""
         await self._client.close()
-
-    async def _next(self) -> TextureModel | None:
-        """Wait for the next state; return its model, None where it cannot be rendered."""
-        await self._news.wait()
-        self._news.clear()
-        replica = self._client.replica
-        if replica.about is None or not replica.about.ready:
-            return None
-        try:
-            return await asyncio.to_thread(replica.build)
-        except InputError as error:
-            self._on_event(f"the shared model cannot be rendered: {error}")
-            return None

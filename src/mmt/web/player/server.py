@@ -10,7 +10,7 @@ from typing import Any, Final
 from aiohttp import WSMsgType, web
 
 from mmt.core.errors import InputError, MmtError
-from mmt.link.access import TOKEN_VARIABLE, Access, check_listening
+from mmt.link.access import TOKEN_VARIABLE, Access, Entrance
 from mmt.link.http import Listener
 from mmt.web.binary_messages import pack
 from mmt.web.page_server import add_page, open_socket, player_files
@@ -23,7 +23,11 @@ from mmt.web.player.study import BEST
 TAKEN_OVER: Final = 4409
 """Close code: another page plays now."""
 _MOST_BYTES: Final = 32_768
-_REMEDY: Final = f"set a token ({TOKEN_VARIABLE} or --token-file), or allow everyone by --open"
+_PLAYERS: Final = Entrance(
+    "the player",
+    "--host and --port",
+    f"set a token ({TOKEN_VARIABLE} or --token-file), or allow everyone by --open",
+)
 
 _STATUS_S: Final = 1.0
 _MOST_ORDERS: Final = 8
@@ -57,7 +61,7 @@ class PlayerServer:
         application.router.add_get("/", self._redirect)
         application.router.add_get("/player/socket", self._receive)
         add_page(application, "/player", player_files())
-        self._listener = Listener(application, "--host and --port")
+        self._listener = Listener(application, _PLAYERS)
 
     @property
     def port(self) -> int:
@@ -81,10 +85,7 @@ class PlayerServer:
         MmtError
             The host or the port cannot be had.
         """
-        check_listening(
-            host, port, self._access, allowed=everyone, role="the player", remedy=_REMEDY
-        )
-        await self._listener.start(host, port, self._access, allowed=True)
+        await self._listener.start(host, port, self._access, allowed=everyone)
 
     async def stop(self) -> list[tuple[Path, float]]:
         """Stop listening, and end recordings; return each with its seconds."""

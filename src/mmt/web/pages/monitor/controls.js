@@ -6,6 +6,12 @@ const ANSWER_MS = 15000;
 const NETWORKS = ["none", "lan", "wifi", "wan", "bad", "outage"];
 const FOCUSED = { m: "mark", v: "force" };
 const PRESSED = { r: "record", s: "save", f: "freeze" };
+const CONTROL = {
+  own: () => "The leader's hand moves the robot.",
+  giving: (operator) => `The robot holds for ${operator}.`,
+  given: (operator) => `${operator} moves the robot.`,
+  returning: () => "The robot holds for the leader's hand.",
+};
 const $ = (id) => document.getElementById(id);
 
 export class Controls {
@@ -21,6 +27,7 @@ export class Controls {
     $("reset").onclick = () => {
       if (confirm("Forget the model and begin anew?")) this.order({ do: "reset" });
     };
+    $("take-back").onclick = () => this.order({ do: "control", decision: "take back" });
     $("force").onchange = async () => {
       await this.order({ do: "mode", mode: $("force").value });
       $("force").value = this.state.forced; // as it is, should the leader have refused
@@ -47,8 +54,35 @@ export class Controls {
     $("force").value = state.forced;
     $("network").disabled = !state.network;
     $("network").title = state.network ? "" : "the scene has no [network]";
+    $("control").hidden = !state.control;
+    if (state.control) this.#showControl(state.control);
     $("controls").hidden = false;
     if (first && state.network) this.#readNetwork();
+  }
+
+  /** Show who moves the robot, and each who asks to with what may be answered. */
+  #showControl({ state, operator, asking }) {
+    $("control-text").textContent = CONTROL[state](operator);
+    $("take-back").disabled = operator === "";
+    $("asking").replaceChildren(
+      ...asking.map(([who, name]) => {
+        const item = document.createElement("li");
+        item.append(
+          `${name} asks for control `,
+          this.#decision("Give", "give", who, name),
+          this.#decision("Refuse", "refuse", who, name),
+        );
+        return item;
+      }),
+    );
+  }
+
+  #decision(label, decision, who, name) {
+    const button = document.createElement("button");
+    button.textContent = label;
+    button.setAttribute("aria-label", `${label}: ${name}`);
+    button.onclick = () => this.order({ do: "control", decision, who });
+    return button;
   }
 
   /** Send an order, and show the answer. */

@@ -3,6 +3,7 @@
 import { Controls } from "./controls.js";
 import { offerHelp } from "./help.js";
 import { Link } from "./link.js";
+import { showListeners } from "./listeners.js";
 import { Panels, figures, number, showLatencies, text } from "./panels.js";
 import { drawBars } from "./plots.js";
 
@@ -57,6 +58,10 @@ const take = {
       "over 1 ms late": message.late_share_1ms === null ? "–" : `${(100 * message.late_share_1ms).toFixed(2)} %`,
       "playout delay": number(message.playout_delay_ms, 1, " ms"),
     });
+  },
+
+  listeners({ figures }) {
+    showListeners(figures);
   },
 
   events(message) {

@@ -1,0 +1,87 @@
+"""The motion of an operator at another machine, evened out from messages that come with jitter."""
+
+from collections import deque
+from typing import Final
+
+from mmt.core.arrays import RecordArray
+from mmt.devices.protocols import InterfaceState, Vector
+
+_WINDOW: Final = 200
+"""Messages whose lateness is remembered: two seconds of a hundred a second."""
+_MOST_RECORDS: Final = 4000
+_STRETCH: Final = 0.1
+"""The motion is played by at most this share slower or faster to follow the network's delay."""
+
+
+class OperatorMotion:
+    """Records of a hand, given out at the leader's times.
+
+    A record is given out so long after its own time that of the last two seconds' messages the
+    latest would have been in time for its first record. Between records the motion is
+    interpolated; after the newest it stands still.
+
+    Parameters
+    ----------
+    longest_ns
+        Messages that are later than the quickest by more are not waited for.
+    """
+
+    def __init__(self, longest_ns: int) -> None:
+        self._longest_ns = longest_ns
+        self._records: deque[tuple[int, Vector, Vector, float, bool]] = deque(maxlen=_MOST_RECORDS)
+        self._lags_ns: deque[int] = deque(maxlen=_WINDOW)
+        self._newest_ns = -1
+        self._due_ns: float | None = None
+        self._now_ns = 0
+
+    @property
+    def delay_ms(self) -> float:
+        """How long the motion waits here, counted from the quickest message."""
+        lags = self._lags_ns
+        return (self._lag_ns() - min(lags)) / 1e6 if lags else 0.0
+
+    def add(self, records: RecordArray, arrival_ns: int) -> None:
+        """Take records (n,), n >= 1; those that are not newer than what came are left out."""
+        added = False
+        columns = [records[name].tolist() for name in records.dtype.names or ()]
+        for time_ns, (x, y, z), (u, v, w), force_n, contact in zip(*columns, strict=True):
+            if time_ns > self._newest_ns:
+                if not added:
+                    self._lags_ns.append(arrival_ns - time_ns)
+                    added = True
+                self._newest_ns = time_ns
+                pressed_n = max(force_n, 0.0)
+                self._records.append((time_ns, (x, y, z), (u, v, w), pressed_n, contact != 0))
+
+    def at(self, now_ns: int) -> InterfaceState | None:
+        """Return the hand as it is to be taken now, None before anything came."""
+        if not self._records:
+            return None
+        self._advance(now_ns)
+        records, due_ns = self._records, self._due_ns or 0.0
+        while len(records) > 1 and records[1][0] <= due_ns:
+            records.popleft()
+        time_ns, position, velocity, force_n, contact = records[0]
+        if len(records) == 1:
+            still = velocity if due_ns <= time_ns else (0.0, 0.0, 0.0)
+            return InterfaceState(position, still, force_n, contact)
+        share = max(0.0, (due_ns - time_ns) / (records[1][0] - time_ns))
+        a, b, c = position
+        x, y, z = records[1][1]
+        between = (a + share * (x - a), b + share * (y - b), c + share * (z - c))
+        return InterfaceState(between, velocity, force_n, contact)
+
+    def _lag_ns(self) -> int:
+        quickest_ns = min(self._lags_ns)
+        return max(lag for lag in self._lags_ns if lag - quickest_ns <= self._longest_ns)
+
+    def _advance(self, now_ns: int) -> None:
+        """Go on in the operator's time, so that it nears the instant that is due now."""
+        wanted_ns = float(now_ns - self._lag_ns())
+        step_ns = now_ns - self._now_ns
+        self._now_ns = now_ns
+        if self._due_ns is None or abs(wanted_ns - self._due_ns) > 2 * self._longest_ns:
+            self._due_ns = wanted_ns
+            return
+        low, high = (1.0 - _STRETCH) * step_ns, (1.0 + _STRETCH) * step_ns
+        self._due_ns += min(max(wanted_ns - self._due_ns, low), high)

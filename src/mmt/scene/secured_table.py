@@ -1,0 +1,37 @@
+"""What the tables of connections have in common: who may connect, and where to."""
+
+from pathlib import Path
+from typing import Self
+
+from pydantic import Field, model_validator
+
+from mmt.scene.table import PartTable
+
+
+class SecuredTable(PartTable):
+    """A table of one side of a connection: what it presents to the other, and requires of it."""
+
+    token_file: Path | None = None
+    certificate: Path | None = None
+    key: Path | None = None
+    authority: Path | None = None
+
+    @model_validator(mode="after")
+    def _pair(self) -> Self:
+        if (self.certificate is None) != (self.key is None):
+            raise ValueError("certificate and key belong together: give both or neither")
+        return self
+
+
+class ServedTable(SecuredTable):
+    """A table of the side that listens."""
+
+    host: str = "127.0.0.1"
+    port: int = Field(0, ge=0, le=65_535)
+    open: bool = False
+
+    def url(self, port: int | None = None) -> str:
+        """Return the address for the other side; `port` where it is not the table's own."""
+        secure = self.certificate is not None or self.authority is not None
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{'https' if secure else 'http'}://{host}:{self.port if port is None else port}"

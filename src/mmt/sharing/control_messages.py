@@ -1,0 +1,231 @@
+"""Messages by which control of a robot is asked for, given, used; ``docs/reference/sharing.md``.
+
+They go between a leader with ``[control]`` and listeners that have shown its token for control.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Final, Self
+
+import numpy as np
+
+from mmt.contact.estimation import ContactModel
+from mmt.core.arrays import RecordArray, Vector
+from mmt.core.errors import InputError
+from mmt.core.printable import printable
+from mmt.link.access import Access
+from mmt.link.protocol import encode_event
+from mmt.scene.secured_table import SecuredTable
+
+CONTROL_VARIABLE: Final = "MMT_CONTROL_TOKEN"
+
+ASK: Final = "ask"
+"""From an operator: may this hand have control? No argument."""
+RELEASE: Final = "release"
+"""From an operator: it asks no more, or gives control back. No argument."""
+MOTION: Final = "motion"
+"""From an operator that has control: number of its grant (u4), then records of `MOTION_DTYPE`."""
+CONTROL: Final = "control"
+"""To an operator: what has become of its control, `ControlNews`."""
+CONTACT: Final = "contact"
+"""To the operator that has control, 20 times a second: `SharedContact`."""
+
+MOST_RECORDS: Final = 100
+"""Records of one message of an operator's motion, at most."""
+MOTION_HZ: Final = 30.0
+"""An operator may send 300 messages a second, of 600 kB in all."""
+FARTHEST_MM: Final = 10_000.0
+"""No hand is farther from its origin."""
+_LARGEST: Final = {"position_mm": FARTHEST_MM, "velocity_mm_s": 100_000.0, "force_n": 1000.0}
+_LONGEST_SENTENCE: Final = 200
+_GRANT: Final = np.dtype("<u4")
+
+MOTION_DTYPE: Final = np.dtype(
+    [
+        ("time_ns", "<i8"),
+        ("position_mm", "<f4", 3),
+        ("velocity_mm_s", "<f4", 3),
+        ("force_n", "<f4"),
+        ("contact", "u1"),
+    ]
+)
+"""A hand at one moment of its own monotonic clock, 37 bytes: where it asks the robot to be, its
+velocity, its normal force, whether it presses."""
+
+
+def control_access(token_file: Path | None) -> Access:
+    """Return the access that the token for control gives, from its file or `CONTROL_VARIABLE`.
+
+    Raises
+    ------
+    InputError
+        There is no such token, it is too short, or its file cannot be read.
+    """
+    access = Access.of(SecuredTable(token_file=token_file), variable=CONTROL_VARIABLE)
+    if access.token is None:
+        raise InputError(
+            "control of a robot needs a token of its own: set one by "
+            f"{CONTROL_VARIABLE}=$(openssl rand -hex 32), or by token_file of [control] at the "
+            "leader and of [operating] at the listener"
+        )
+    return access
+
+
+STATES: Final = ("asked", "refused", "given", "ended")
+
+
+@dataclass(frozen=True)
+class ControlNews:
+    """What has become of an operator's control.
+
+    Attributes
+    ----------
+    state
+        One of `STATES`: it was heard, refused, given, or is over.
+    grant
+        Number of the grant, 0 before there is one; every grant of a session has another one.
+    hold_mm
+        Where the robot holds; the operator's first position must be there.
+    recovery_mm_s
+        Speed at which the difference between robot and hand may shrink.
+    why
+        A sentence, may be empty.
+    """
+
+    state: str
+    grant: int = 0
+    hold_mm: Vector = (0.0, 0.0, 0.0)
+    recovery_mm_s: float = 50.0
+    why: str = ""
+
+    def encode(self) -> bytes:
+        """Return the message."""
+        return encode_event(CONTROL, {**vars(self), "hold_mm": list(self.hold_mm)})
+
+    @classmethod
+    def from_message(cls, message: object) -> Self:
+        """Return what a message says, which is not trusted.
+
+        Raises
+        ------
+        InputError
+            It is malformed.
+        """
+        match message:
+            case {
+                "state": str(state),
+                "grant": int(grant),
+                "hold_mm": [x, y, z],
+                "recovery_mm_s": float(recovery) | int(recovery),
+                "why": str(why),
+            } if state in STATES and 0 <= grant < 2**32 and 0 < recovery <= 1000:
+                hold = _vector((x, y, z))
+                return cls(state, grant, hold, recovery, printable(why[:_LONGEST_SENTENCE]))
+        raise InputError("a message about control is malformed")
+
+
+@dataclass(frozen=True)
+class SharedContact:
+    """The contact as the operator's own force is to be rendered from.
+
+    Attributes
+    ----------
+    model
+        In the robot's coordinates, along the normal; None where it is not known.
+    normal
+        Index of the normal axis.
+    limit_n
+        Largest force that the leader shows to its own hand.
+    """
+
+    model: ContactModel | None
+    normal: int
+    limit_n: float
+
+    def encode(self) -> bytes:
+        """Return the message."""
+        model = self.model
+        given = None if model is None else {name: getattr(model, name) for name in _MODEL}
+        return encode_event(
+            CONTACT, {"model": given, "normal": self.normal, "limit_n": self.limit_n}
+        )
+
+    @classmethod
+    def from_message(cls, message: object) -> Self:
+        """Return what a message says, which is not trusted.
+
+        Raises
+        ------
+        InputError
+            It is malformed.
+        """
+        match message:
+            case {
+                "model": model,
+                "normal": int(normal),
+                "limit_n": float(limit_n) | int(limit_n),
+            } if 0 <= normal <= 2 and 0 <= limit_n <= 40:
+                return cls(_contact_model(model), normal, limit_n)
+        raise InputError("a message about the contact is malformed")
+
+
+_MODEL: Final[Mapping[str, tuple[float, float]]] = {
+    "surface_m": (-10.0, 10.0),
+    "stiffness_n_m": (0.0, 1e12),
+    "exponent": (0.5, 3.0),
+    "damping_n_s_m": (0.0, 1e4),
+    "dissipation_s_m": (0.0, 100.0),
+}
+"""Parameters of a contact's model, and between which values they may be."""
+
+
+def _contact_model(given: object) -> ContactModel | None:
+    if given is None:
+        return None
+    if isinstance(given, Mapping) and all(
+        isinstance(value := given.get(name), float | int) and low <= value <= high
+        for name, (low, high) in _MODEL.items()
+    ):
+        model = ContactModel(**{name: float(given[name]) for name in _MODEL})
+        if model.stiffness_n_m > 0.0:
+            return model
+    raise InputError("the model of a contact is malformed")
+
+
+def _vector(given: tuple[Any, Any, Any]) -> Vector:
+    if all(isinstance(x, float | int) and abs(x) <= FARTHEST_MM for x in given):
+        x, y, z = map(float, given)
+        return (x, y, z)
+    raise InputError("a position is malformed")
+
+
+def encode_motion(grant: int, records: RecordArray) -> bytes:
+    """Return the message of an operator's motion, records (n,) of `MOTION_DTYPE`."""
+    return encode_event(MOTION, _GRANT.type(grant).tobytes() + records.tobytes())
+
+
+def decode_motion(data: bytes) -> tuple[int, RecordArray]:
+    """Return the number of the grant and the records (n,), n >= 1, of what is not trusted.
+
+    Raises
+    ------
+    InputError
+        Their number, their times or a value is not possible.
+    """
+    count, rest = divmod(len(data) - _GRANT.itemsize, MOTION_DTYPE.itemsize)
+    if rest or not 1 <= count <= MOST_RECORDS:
+        raise InputError(f"an operator's motion has 1 to {MOST_RECORDS} whole records")
+    grant = int(np.frombuffer(data, _GRANT, 1)[0])
+    records: RecordArray = np.frombuffer(data, MOTION_DTYPE, offset=_GRANT.itemsize)
+    times = records["time_ns"].tolist()
+    if times[0] < 0 or any(b <= a for a, b in pairwise(times)):
+        raise InputError("the times of an operator's motion grow")
+    within = all(
+        bool((np.abs(records[name]) <= most).all())  # not a number is not within
+        for name, most in _LARGEST.items()
+    )
+    if not within:
+        raise InputError("an operator's motion is out of range")
+    return grant, records

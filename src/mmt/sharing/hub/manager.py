@@ -1,0 +1,127 @@
+"""What joins hubs: python-socketio's own client manager over Redis."""
+
+import asyncio
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, Final
+
+import redis.asyncio
+import socketio
+from redis.asyncio.retry import Retry
+from redis.backoff import ConstantBackoff, NoBackoff
+from redis.exceptions import RedisError
+
+from mmt.core.errors import InputError, MmtError
+
+HUBS_NAMESPACE: Final = "/hubs"
+"""Of what hubs tell each other; no listener can connect to it."""
+
+START_IT: Final = (
+    "start one there (`apt install redis-server`, or `redis-server --port 6379`), "
+    "and check --redis, or redis of [hub]"
+)
+
+_ANSWER_S: Final = 1.0
+"""How long Redis may take to answer, and to take a message."""
+_RETRY_S: Final = 0.5
+_SILENCE_S: Final = 5.0
+"""Every hub's own beats come back from Redis once a second: a connection without them is dead."""
+
+
+class _LocalDelivery(socketio.AsyncManager):  # type: ignore[misc] # the library has no types
+    """What the manager over Redis calls to deliver an event to this process.
+
+    Events of hubs go to the hub, which has room for the newest of each alone. To the listeners
+    they would go through the library's queues, which grow where a listener stalls.
+    """
+
+    deliver: Callable[[str, Any], None]
+
+    async def emit(self, event: str, data: Any, namespace: str, *args: Any, **options: Any) -> None:
+        if namespace == HUBS_NAMESPACE:
+            self.deliver(event, data)
+        else:
+            await super().emit(event, data, namespace, *args, **options)
+
+
+class HubManager(socketio.AsyncRedisManager, _LocalDelivery):  # type: ignore[misc]
+    """The client manager of a hub's server.
+
+    Parameters
+    ----------
+    url
+        Of the Redis server.
+    group
+        Hubs of the same group hear each other.
+    deliver
+        Called with each event of a hub, this one included, and its argument.
+
+    Raises
+    ------
+    InputError
+        The URL is not valid.
+    """
+
+    def __init__(self, url: str, group: str, deliver: Callable[[str, Any], None]) -> None:
+        options: dict[str, Any] = {
+            "socket_timeout": _SILENCE_S,
+            "socket_connect_timeout": _ANSWER_S,
+        }
+        forever = {"retry": Retry(ConstantBackoff(_RETRY_S), -1)}
+        super().__init__(url, channel=f"mmt-hubs {group}", redis_options=options | forever)
+        self.deliver = deliver
+        self._begun = False
+        once: dict[str, Any] = {"retry": Retry(NoBackoff(), 0)}
+        try:
+            self._probe = redis.asyncio.Redis.from_url(url, **options, **once)
+        except ValueError as error:
+            raise InputError(f"--redis: {error}; allowed is redis://HOST:PORT") from error
+        self.reached = False
+        """Whether Redis answered when it was last asked."""
+
+    def initialize(self) -> None:
+        """Listen to the other hubs; the server asks for it once more at its first listener."""
+        if not self._begun:
+            self._begun = True
+            super().initialize()
+
+    async def check(self) -> str | None:
+        """Ask Redis for an answer; return None, or why there was none."""
+        try:
+            async with asyncio.timeout(_ANSWER_S):
+                await self._probe.ping()
+        except (RedisError, OSError, TimeoutError) as error:
+            self.reached = False
+            return str(error).rstrip(".") or "no answer"
+        self.reached = True
+        return None
+
+    async def require(self) -> None:
+        """Check that Redis is there.
+
+        Raises
+        ------
+        MmtError
+            It is not.
+        """
+        problem = await self.check()
+        if problem is not None:
+            raise MmtError(f"no Redis server answers ({problem}): {START_IT}")
+
+    async def tell(self, event: str, data: Any) -> None:
+        """Deliver an event to every hub; to this one alone while Redis is lost."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(_ANSWER_S):
+                await self.emit(
+                    event, data, namespace=HUBS_NAMESPACE, ignore_queue=not self.reached
+                )
+
+    async def close(self) -> None:
+        """Hear and tell no more."""
+        if self._begun:
+            self.thread.cancel()
+            await asyncio.gather(self.thread, return_exceptions=True)
+        for each in (self.pubsub, self.redis, self._probe):
+            if each is not None:
+                with suppress(RedisError, OSError):
+                    await each.aclose()
