@@ -3,17 +3,14 @@
 import asyncio
 import multiprocessing
 import os
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-from mmt.cli.demo import DemoRun, run_services
-from mmt.core.errors import MmtError
+from mmt.cli.demo import DemoRun
 from mmt.core.realtime import require_real_time
-from mmt.scene.files import example_scenes, load_scene
 from mmt_lab.bench.measuring import Figure, single_figures
+from mmt_lab.harness.demo_services import run_demo_services
 from mmt_lab.harness.experiment import Duration, Experiment, RealTime
 from mmt_lab.harness.findings import Findings, Records, median_of_known
 
@@ -39,7 +36,7 @@ def run(duration: Duration = 20.0, realtime: RealTime = False) -> Findings:
 
 def measure(duration_s: float) -> Findings:
     """Run the demo's scene once, with both services as processes."""
-    run = _run(duration_s, False)
+    run = asyncio.run(run_demo_services(duration_s))
     leader, follower = run.leader, run.follower
     link, ticks = leader["link"], leader["ticks"]
     wrong = link["lost"] + link["out_of_order"]
@@ -90,7 +87,8 @@ def compare(duration_s: float) -> Findings:
     with _busy_processes(os.cpu_count() or 1):
         for _ in range(rounds):
             for realtime, done in runs.items():
-                done.append(_run(duration_s / rounds, realtime))
+                once = run_demo_services(duration_s / rounds, realtime=realtime)
+                done.append(asyncio.run(once))
     rows, figures = [], {}
     for service, table, key, what in _FIGURES:
         ordinary, real_time = (
@@ -108,20 +106,6 @@ def compare(duration_s: float) -> Findings:
     title = "Services by ordinary and by real-time scheduling"
     records = (Records("realtime", title, tuple(rows)),)
     return Findings(title, about, records=records, figures=figures)
-
-
-def _run(duration_s: float, realtime: bool) -> DemoRun:
-    scene_file = example_scenes()["demo"]
-    with tempfile.TemporaryDirectory() as directory:
-        overrides: dict[str, Any] = {
-            "session.duration_s": duration_s,
-            "recording.file": str(Path(directory) / "session.mcap"),
-        }
-        scene = load_scene(scene_file, overrides)
-        run = asyncio.run(run_services(scene_file, scene, duration_s, None, realtime=realtime))
-    if run.failed:
-        raise MmtError("the services did not end well: " + "; ".join(run.errors))
-    return run
 
 
 def _figure(run: DemoRun, service: str, table: str, key: str) -> float | None:

@@ -3,69 +3,99 @@
 The demo's scene, leader and follower as processes, first with one listener and then with many. They
 join within one second as soon as the model is ready, take each of its changes, and render nothing;
 the time to the first model includes building it, one listener at a time. All runs on this machine.
+
+With ``--network`` ten listeners are behind an emulated network, and what they feel is compared with
+what the operator feels at the same motion. With ``--minutes`` the session lasts so long, while
+listeners join and leave, vanish, stall, and send what makes no sense.
 """
 
 import asyncio
 import json
 import os
 import sys
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 import typer
 
-from mmt.cli.child import Child
 from mmt.core.errors import MmtError
+from mmt.core.extras import require
 from mmt_lab.bench.measuring import Figure, single_figures
-from mmt_lab.harness.experiment import Duration, Experiment
+from mmt_lab.harness.demo_services import run_demo_services
+from mmt_lab.harness.experiment import Duration, Experiment, Seed
 from mmt_lab.harness.findings import Findings
+from mmt_lab.sharing.hubs import findings
+from mmt_lab.sharing.lasting import behind_network, lasting
 
-_SCENE: Final = "demo"
 _LAST_S: Final = 30.0
+
+
+class _Crowd:
+    """Listeners in a process of their own, who join when the model is ready."""
+
+    def __init__(self, count: int, longest_s: float) -> None:
+        self._arguments = (str(count), str(longest_s))
+        self._process: asyncio.subprocess.Process | None = None
+
+    async def open(self, url: str) -> str:
+        """Start the process; return that it waits."""
+        self._process = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-m", "mmt_lab.sharing.crowd", url, *self._arguments),
+            stdout=asyncio.subprocess.PIPE,
+            start_new_session=os.name == "posix",
+        )
+        return f"listeners who wait for the model: {self._arguments[0]}"
+
+    async def found(self) -> list[dict[str, Any]]:
+        """Return what each has found, after the session."""
+        if self._process is None:
+            raise MmtError("no session was shared")
+        printed, _ = await asyncio.wait_for(self._process.communicate(), _LAST_S)
+        found: list[dict[str, Any]] = json.loads(printed)
+        return found
+
+    async def close(self) -> None:
+        """End the process, if it has not ended."""
+        if self._process is not None and self._process.returncode is None:
+            self._process.kill()
+            await self._process.wait()
 
 
 async def _session(duration_s: float, count: int) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """Run one session with a crowd; return the leader's summary and what the crowd has found."""
     environment = {**os.environ, "MMT_SHARING__PORT": "0"}
-    common = [_SCENE, "--json-lines"]
-    leader = await Child.start(
-        "leader",
-        "mmt.cli.entry",
-        ["leader", *common, "--share", "--port", "0", "--duration", str(duration_s)],
-        environment,
-    )
-    children, summary, url = [leader], {}, ""
-    crowd: asyncio.subprocess.Process | None = None
+    crowd = _Crowd(count, duration_s + _LAST_S)
     try:
-        async for line in leader.lines():
-            event = str(line.get("event", ""))
-            if line["kind"] == "ready":
-                where = f"http://127.0.0.1:{line['port']}"
-                follower = ["follower", *common, "--leader", where]
-                children.append(await Child.start("follower", "mmt.cli.entry", follower))
-            elif event.startswith("shared at "):
-                url = event.removeprefix("shared at ")
-            elif event.startswith("start criterion"):
-                crowd = await asyncio.create_subprocess_exec(
-                    *(sys.executable, "-m", "mmt_lab.sharing.crowd", url),
-                    *(str(count), str(duration_s + _LAST_S)),
-                    stdout=asyncio.subprocess.PIPE,
-                )
-            elif line["kind"] == "summary":
-                summary = line
-        if crowd is None or not summary:
-            raise MmtError(f"no session was shared: {leader.messages}")
-        printed, _ = await asyncio.wait_for(crowd.communicate(), _LAST_S)
-        return summary, json.loads(printed)
+        run = await run_demo_services(duration_s, environment=environment, visitors=crowd)
+        return run.leader, await crowd.found()
     finally:
-        await asyncio.gather(*(child.kill() for child in children))
+        await crowd.close()
 
 
 def run(
     duration: Duration = 18.0,
     listeners: Annotated[int, typer.Option(min=2, help="How many join at once.")] = 100,
+    network: Annotated[
+        Literal["lan", "wifi", "wan"] | None,
+        typer.Option(help="Listeners behind this emulated network: what they feel."),
+    ] = None,
+    minutes: Annotated[
+        float | None,
+        typer.Option(min=1.0, max=1400.0, help="So long, with listeners that make trouble."),
+    ] = None,
+    seed: Seed = 1,
+    hubs: Annotated[
+        int, typer.Option(min=0, max=64, help="Share through so many hubs; needs redis-server.")
+    ] = 0,
 ) -> Findings:
     """Share the demo's model with one listener, and with many who join at once."""
+    if network is not None:
+        return behind_network(network, duration)
+    if minutes is not None:
+        return lasting(60.0 * minutes, seed)
+    if hubs:
+        require("redis")
+        return findings(hubs, listeners, duration)
     one, _ = asyncio.run(_session(duration, 1))
     leader, found = asyncio.run(_session(duration, listeners))
     sent, texture = leader["sharing"]["sent"], leader["texture"]
@@ -78,8 +108,8 @@ def run(
     change_bytes = sent["changes_bytes"] / sent["changes"]
     a_second = leader["sharing"]["models"] / (texture["stop_s"] or duration)
     ratio = leader["ticks"]["period_p99_ms"] / one["ticks"]["period_p99_ms"]
-    first_50, first_99 = np.percentile(firsts, [50, 99])
-    lag_50, lag_99 = np.percentile(lags, [50, 99])
+    first_50, first_99 = np.percentile(firsts, [50, 99]).tolist()
+    lag_50, lag_99 = np.percentile(lags, [50, 99]).tolist()
     rows: dict[str, Figure] = {
         "tick_p99_ratio": (
             "leader's tick, p99, over that with one listener",

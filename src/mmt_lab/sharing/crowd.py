@@ -1,7 +1,8 @@
 """Many listeners in one process, which take a shared model and render nothing.
 
-``python -m mmt_lab.sharing.crowd URL COUNT SECONDS`` lets so many join within one second, listens
-until the leader ends its session, or for so long, and prints as JSON what each has found.
+``python -m mmt_lab.sharing.crowd URL COUNT SECONDS`` waits until the model is ready, lets so many
+join within one second, listens until the leader ends its session, or for so long in all, and prints
+as JSON what each has found.
 """
 
 import asyncio
@@ -50,7 +51,7 @@ async def listen(url: str, after_s: float, ended: asyncio.Event, building: async
             found.lags_ms.append(1e-6 * (time.monotonic_ns() - replica.made_ns))
 
     def say(text: str) -> None:
-        if "has ended" in text or "cut off" in text:
+        if _is_end(text):
             ended.set()
 
     client = ListenerClient(Listening(url=url), on_model=take, on_event=say)
@@ -76,6 +77,41 @@ async def listen(url: str, after_s: float, ended: asyncio.Event, building: async
     return found
 
 
+async def wait_until_ready(url: str) -> None:
+    """Listen until the shared model is ready, and leave.
+
+    Raises
+    ------
+    MmtError
+        Nobody shares a model there, or the session has ended before.
+    """
+    ended = asyncio.Event()
+    client = ListenerClient(
+        Listening(url=url), on_event=lambda text: ended.set() if _is_end(text) else None
+    )
+
+    async def ready() -> None:
+        while (await client.next_state()).model is None:
+            pass
+
+    waiting = asyncio.create_task(ready())
+    over = asyncio.create_task(ended.wait())
+    try:
+        await client.connect()
+        await asyncio.wait([waiting, over], return_when=asyncio.FIRST_COMPLETED)
+        if not waiting.done():
+            raise MmtError("the session ended before its model was ready")
+    finally:
+        waiting.cancel()
+        over.cancel()
+        await client.close()
+
+
+def _is_end(text: str) -> bool:
+    """Whether a listener's event says that nothing more will come."""
+    return "has ended" in text or "cut off" in text
+
+
 async def crowd(url: str, count: int, longest_s: float) -> list[Found]:
     """Let listeners join within one second; return what each has found."""
     ended, building = asyncio.Event(), asyncio.Lock()
@@ -85,10 +121,22 @@ async def crowd(url: str, count: int, longest_s: float) -> list[Found]:
     )
 
 
+async def waiting_crowd(url: str, count: int, longest_s: float) -> list[Found]:
+    """Let the crowd join when the model is ready; if it never is, that is the problem of each."""
+    begun_s = time.monotonic()
+    try:
+        async with asyncio.timeout(longest_s):
+            await wait_until_ready(url)
+    except (MmtError, TimeoutError) as error:
+        problem = str(error) or f"no model was ready within {longest_s:g} s"
+        return [Found(problem=problem) for _ in range(count)]
+    return await crowd(url, count, longest_s - (time.monotonic() - begun_s))
+
+
 def main() -> None:
     """Run the crowd of the command line."""
     url, count, longest_s = sys.argv[1], int(sys.argv[2]), float(sys.argv[3])
-    found = asyncio.run(crowd(url, count, longest_s))
+    found = asyncio.run(waiting_crowd(url, count, longest_s))
     print(json.dumps([asdict(each) for each in found]))
 
 

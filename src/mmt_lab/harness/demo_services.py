@@ -1,0 +1,54 @@
+"""The demo's services as processes, for the experiments that measure them."""
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from mmt.cli.demo import DemoRun, Visitors, run_services
+from mmt.core.errors import MmtError
+from mmt.scene.files import example_scenes, load_scene
+
+
+async def run_demo_services(
+    duration_s: float,
+    *,
+    realtime: bool = False,
+    environment: Mapping[str, str] | None = None,
+    visitors: Visitors | None = None,
+) -> DemoRun:
+    """Run the services of the demo's scene, which record to a temporary file.
+
+    Parameters
+    ----------
+    duration_s
+        How long the session lasts.
+    realtime, environment
+        See `mmt.cli.demo.run_services`.
+    visitors
+        Let in as soon as the leader shares its model; None where it shares none.
+
+    Raises
+    ------
+    MmtError
+        A service failed.
+    """
+    scene_file = example_scenes()["demo"]
+    with tempfile.TemporaryDirectory() as directory:
+        overrides: dict[str, Any] = {
+            "session.duration_s": duration_s,
+            "recording.file": str(Path(directory) / "session.mcap"),
+        }
+        scene = load_scene(scene_file, overrides, share=visitors is not None)
+        run = await run_services(
+            scene_file,
+            scene,
+            duration_s,
+            None,
+            environment=environment,
+            realtime=realtime,
+            visitors=visitors,
+        )
+    if run.failed:
+        raise MmtError("the services did not end well: " + "; ".join(run.errors))
+    return run

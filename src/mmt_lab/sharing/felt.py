@@ -1,0 +1,184 @@
+"""What listeners behind a network feel, against what the operator feels at the same motion.
+
+``python -m mmt_lab.sharing.felt URL COUNT SECONDS PROFILE`` lets one listener take the model on
+this machine, and so many behind an emulated network, until the leader ends its session or for so
+long, and prints as JSON what is found. Listeners render to the sample what the leader does at the
+same motion with the same model; so what differs is which model each has, moment by moment.
+"""
+
+import asyncio
+import json
+import sys
+import time
+from bisect import bisect_right
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AsyncExitStack
+from functools import cache
+from typing import Any, Final
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray, RecordArray
+from mmt.evaluation.levels import BAND_EDGES_HZ, band_errors_db
+from mmt.scene import Network
+from mmt.scene.sharing_tables import Listening
+from mmt.sharing.client import ListenerClient
+from mmt.texture.model.texture_model import TextureModel
+from mmt_lab.sharing.distant import DistantProxy
+
+STEP_NS: Final = 50_000_000
+"""From moment to moment."""
+_MOST_INPUTS: Final = 60
+_FREQUENCIES_HZ: Final = np.arange(BAND_EDGES_HZ[0], BAND_EDGES_HZ[-1] + 1.0)
+
+Course = Sequence[tuple[int, int]]
+"""When each state of the model was there (ns), and its number; in order."""
+
+
+def number_at(course: Course, time_ns: int) -> int:
+    """Return the number of the model that is there at a time, 0 before the first."""
+    place = bisect_right(course, time_ns, key=lambda each: each[0])
+    return course[place - 1][1] if place else 0
+
+
+def pairs(operator: Course, listener: Course, end_ns: int) -> Counter[tuple[int, int]]:
+    """Count the moments with each pair of models, from the listener's first one to the end."""
+    if not listener:
+        return Counter()
+    times = range(listener[0][0], end_ns, STEP_NS)
+    return Counter((number_at(operator, t), number_at(listener, t)) for t in times)
+
+
+def errors_db(
+    counts: Mapping[tuple[int, int], int],
+    models: Mapping[int, TextureModel],
+    inputs: FloatArray,
+) -> FloatArray:
+    """Return the root mean square over bands and inputs (k, 2) of each moment's error, in dB.
+
+    Shape (n,), one for each moment that is counted; moments before the operator has a model, or
+    with one that is not in `models`, are left out.
+    """
+
+    @cache
+    def density(number: int) -> FloatArray:
+        return models[number].spectrum(*inputs.T, frequencies_hz=_FREQUENCIES_HZ)
+
+    found = []
+    for (own, heard), moments in counts.items():
+        if own not in models or heard not in models:
+            continue
+        difference = band_errors_db(density(heard), density(own), _FREQUENCIES_HZ)
+        found += moments * [float(np.sqrt(np.mean(np.square(difference))))]
+    return np.array(found)
+
+
+class Ear:
+    """A listener that notes when it has which model.
+
+    Parameters
+    ----------
+    url
+        Where the model is shared.
+    on_end
+        Called when the session is over.
+    keeps
+        Whether it keeps the models and the hand's motion.
+    """
+
+    def __init__(self, url: str, on_end: Callable[[], None], *, keeps: bool = False) -> None:
+        self.made: list[tuple[int, int]] = []
+        self.had: list[tuple[int, int]] = []
+        self._building: dict[int, asyncio.Future[TextureModel]] = {}
+        self.inputs: list[tuple[float, float]] = []
+        self._keeps, self._on_end = keeps, on_end
+        self.client = ListenerClient(
+            Listening(url=url, patience_s=60.0),
+            on_model=self._take,
+            on_state=self._see,
+            on_event=self._hear,
+        )
+
+    async def models(self) -> dict[int, TextureModel]:
+        """Return the models by their numbers."""
+        return {number: await model for number, model in self._building.items()}
+
+    def _take(self) -> None:
+        replica = self.client.replica
+        if replica.about is None or not replica.about.ready:
+            return
+        self.made.append((replica.made_ns, replica.number))
+        self.had.append((time.monotonic_ns(), replica.number))
+        if self._keeps:  # in a thread: the others of this process listen on
+            self._building[replica.number] = asyncio.ensure_future(asyncio.to_thread(replica.build))
+
+    def _see(self, state: RecordArray) -> None:
+        speed_mm_s = float(np.hypot(*state["velocity_mm_s"][:2]))
+        if self._keeps and state["contact"] and speed_mm_s > 10.0:
+            self.inputs.append((speed_mm_s, float(state["force_n"])))
+
+    def _hear(self, text: str) -> None:
+        if "has ended" in text:
+            self._on_end()
+
+
+async def listen(url: str, count: int, longest_s: float, profile: str) -> dict[str, Any]:
+    """Listen until the end; return what was found."""
+    ended = asyncio.Event()
+    asyncio.get_running_loop().call_later(longest_s, ended.set)
+    settings = Network.model_validate({"profile": profile})
+    async with AsyncExitStack() as stack:
+        proxy = await stack.enter_async_context(DistantProxy(int(url.rpartition(":")[2]), settings))
+        operator = Ear(url, ended.set, keeps=True)
+        distant = [Ear(f"http://127.0.0.1:{proxy.port}", lambda: None) for _ in range(count)]
+        for ear in (operator, *distant):
+            await ear.client.connect()
+            stack.push_async_callback(ear.client.close)
+        await ended.wait()
+        end_ns = time.monotonic_ns()
+    found = judged(operator, distant, await operator.models(), end_ns)
+    return found | {"repeated": proxy.repeated}
+
+
+def judged(
+    operator: Ear, distant: Sequence[Ear], models: Mapping[int, TextureModel], end_ns: int
+) -> dict[str, Any]:
+    """Return the figures of all that are distant."""
+    step = max(1, len(operator.inputs) // _MOST_INPUTS)
+    inputs = np.array(operator.inputs[::step]).reshape(-1, 2)
+    counts = [pairs(operator.made, ear.had, end_ns) for ear in distant]
+    total: Counter[tuple[int, int]] = sum(counts, Counter())
+    moments = sum(total.values())
+    same = sum(n for (own, heard), n in total.items() if own == heard)
+    lags = [1e-6 * (had - made) for ear in distant for (had, _), (made, _) in _both(ear)]
+    return {
+        "listeners": sum(bool(ear.had) for ear in distant),
+        "behind_at_end": sum(
+            ear.had[-1:] != [] and _last(ear) != _last(operator) for ear in distant
+        ),
+        "same_share": same / moments if moments else None,
+        "errors_db": errors_db(total, models, inputs).tolist() if len(inputs) else [],
+        "lags_ms": lags,
+        "wholes": sum(ear.client.wholes for ear in distant),
+        "changes": sum(ear.client.changes for ear in distant),
+    }
+
+
+def _both(ear: Ear) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    # the first is as old as the leader's last change
+    return list(zip(ear.had, ear.made, strict=True))[1:]
+
+
+def _last(ear: Ear) -> int:
+    return ear.had[-1][1] if ear.had else 0
+
+
+def main() -> None:
+    """Listen as the command line says."""
+    url, count, longest_s, profile = sys.argv[1:5]
+    print(json.dumps(asyncio.run(listen(url, int(count), float(longest_s), profile))))
+
+
+if __name__ == "__main__":
+    main()

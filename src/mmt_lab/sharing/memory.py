@@ -1,0 +1,73 @@
+"""Memory of a leader and of the process that serves its listeners, and whether it grows."""
+
+import time
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+import psutil
+
+from mmt_lab.soak.drift import by_window, drift
+
+_EVERY_S: Final = 1.0
+_SETTLED_SHARE: Final = 0.3
+"""Share of the run before the memory is looked at: the model still grows, and pools fill."""
+
+Who = Literal["leader", "sharing"]
+
+
+@dataclass(frozen=True)
+class Growth:
+    """How the memory of a process went: what it held, and what it grew by.
+
+    ``least_mb`` is the lower end of the growth's 95 % confidence interval; None with too little
+    to tell.
+    """
+
+    span_s: float
+    typical_mb: float | None
+    slope_mb_h: float | None
+    least_mb: float | None
+
+
+class Memory:
+    """Resident memory, once a second."""
+
+    def __init__(self) -> None:
+        self._seen: dict[Who, list[tuple[float, float]]] = {"leader": [], "sharing": []}
+        self._due_s = 0.0
+
+    def look(self, pid: int) -> None:
+        """Note the memory of the leader with this process id, and of its child."""
+        now_s = time.monotonic()
+        if now_s < self._due_s:
+            return
+        self._due_s = now_s + _EVERY_S
+        try:
+            leader = psutil.Process(pid)
+            self.add("leader", now_s, leader.memory_info().rss / 1e6)
+            for child in leader.children():
+                if "mmt.sharing.process" in child.cmdline():
+                    self.add("sharing", now_s, child.memory_info().rss / 1e6)
+        except psutil.Error:
+            return  # it has just ended
+
+    def add(self, who: Who, time_s: float, memory_mb: float) -> None:
+        """Note the memory of a process."""
+        self._seen[who].append((time_s, memory_mb))
+
+    def growth(self, who: Who) -> Growth:
+        """Return how it went after the first 30 % of the run."""
+        seen = np.array(self._seen[who]).reshape(-1, 2)
+        seen = seen[int(_SETTLED_SHARE * len(seen)) :]
+        if len(seen) < 2:
+            return Growth(0.0, None, None, None)
+        times_s, values = seen.T
+        span_s = float(times_s[-1] - times_s[0])
+        found = drift(*by_window(times_s, values, max(1.0, span_s / 20.0), _median))
+        slope = None if found.growth is None else found.growth / span_s * 3600.0
+        return Growth(span_s, found.typical, slope, found.least_growth)
+
+
+def _median(values: np.ndarray) -> float:
+    return float(np.median(values))

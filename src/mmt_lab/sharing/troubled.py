@@ -1,0 +1,154 @@
+"""Listeners that stay, and others that join and leave, vanish, stall, and send rubbish.
+
+``python -m mmt_lab.sharing.troubled URL SECONDS SEED`` makes one such trouble every few seconds
+until the leader ends its session, or for so long, and prints as JSON how many there were of each.
+"""
+
+import asyncio
+import json
+import random
+import sys
+from collections import Counter
+from contextlib import suppress
+from typing import Any, Final
+
+import socketio
+
+from mmt.core.errors import MmtError
+from mmt.scene.sharing_tables import Listening
+from mmt.sharing.client import ListenerClient
+from mmt.sharing.messages import SHARING_VERSION
+from mmt_lab.soak.proxy import Proxy
+
+STEADY: Final = 5
+"""Listeners that stay."""
+EVERY_S: Final = 2.0
+"""From one trouble to the next."""
+_STALL_S: Final = 14.0
+"""Longer than the leader waits for a listener that takes nothing."""
+
+KINDS: Final = {
+    "visits": "listeners that came and left",
+    "vanished": "connections cut without a goodbye",
+    "stalled": "listeners that took nothing for 14 s",
+    "rubbish": "clients that sent what makes no sense",
+}
+"""Troubles by name, and what each is."""
+
+
+class Troubled:
+    """The troubles of one run.
+
+    Parameters
+    ----------
+    url
+        Where the model is shared.
+    seed
+        Of the order of the troubles.
+    """
+
+    def __init__(self, url: str, seed: int) -> None:
+        self._url, self._target = url, int(url.rpartition(":")[2])
+        self._random = random.Random(seed)  # noqa: S311 - no secret
+        self._ended = asyncio.Event()
+        self.counts: Counter[str] = Counter()
+
+    async def run(self, longest_s: float) -> dict[str, Any]:
+        """Make troubles until the end; return how many of each, and who has the last state."""
+        asyncio.get_running_loop().call_later(longest_s, self._ended.set)
+        steady = [await self._joined(self._url) for _ in range(STEADY)]
+        troubles: set[asyncio.Task[None]] = set()
+        while not self._ended.is_set():
+            kind = self._random.choice(list(KINDS))
+            task = asyncio.create_task(self.make(kind))
+            troubles.add(task)
+            task.add_done_callback(troubles.discard)
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._ended.wait(), EVERY_S)
+        for task in list(troubles):
+            task.cancel()
+        await asyncio.gather(*troubles, return_exceptions=True)
+        for client in steady:
+            await client.close()
+        newest = max(client.replica.number for client in steady)
+        same = sum(client.replica.number == newest > 0 for client in steady)
+        return {"steady": same, **{kind: self.counts[kind] for kind in KINDS}}
+
+    async def make(self, kind: str) -> None:
+        """Make one of `KINDS`, and wait until it is over."""
+        makers = {
+            "visits": self._visit,
+            "vanished": self._vanish,
+            "stalled": self._stall,
+            "rubbish": self._send_rubbish,
+        }
+        with suppress(MmtError, socketio.exceptions.SocketIOError):  # the session may have ended
+            self.counts[kind] += 1
+            await makers[kind]()
+
+    def _hear(self, text: str) -> None:
+        if "has ended" in text:
+            self._ended.set()
+
+    async def _joined(self, url: str) -> ListenerClient:
+        client = ListenerClient(Listening(url=url), on_model=_nothing, on_event=self._hear)
+        await client.connect()
+        return client
+
+    async def _visit(self) -> None:
+        client = await self._joined(self._url)
+        try:
+            await asyncio.sleep(self._random.uniform(0.1, 10.0))
+        finally:
+            await client.close()
+
+    async def _vanish(self) -> None:
+        async with Proxy(self._target) as proxy:
+            client = await self._joined(f"http://127.0.0.1:{proxy.port}")
+            try:
+                await asyncio.sleep(self._random.uniform(0.1, 5.0))
+                proxy.cut()
+            finally:
+                await client.close()
+
+    async def _stall(self) -> None:
+        async with Proxy(self._target) as proxy:
+            client = await self._joined(f"http://127.0.0.1:{proxy.port}")
+            try:
+                proxy.stall()
+                await asyncio.sleep(_STALL_S)
+            finally:
+                proxy.cut()
+                await client.close()
+
+    async def _send_rubbish(self) -> None:
+        client = socketio.AsyncClient(serializer="msgpack", reconnection=False)
+        hello = {"sharing": SHARING_VERSION, "role": "listener", "name": "rubbish"}
+        await client.connect(self._url, auth=hello, transports=["websocket"])
+        try:
+            for _ in range(2000):
+                event = self._random.choice(["again", "have", "frames", ""])
+                await client.emit(event, self._random.randbytes(self._random.randrange(5000)))
+                if not client.connected:
+                    break
+                await asyncio.sleep(0.002)
+        finally:
+            await client.disconnect()
+
+
+def _nothing() -> None:
+    """Take no notice of a model."""
+
+
+def main() -> None:
+    """Make the troubles of the command line."""
+    url, longest_s, seed = sys.argv[1:4]
+
+    async def run() -> dict[str, Any]:
+        return await Troubled(url, int(seed)).run(float(longest_s))
+
+    print(json.dumps(asyncio.run(run())))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,57 @@
+"""`mmt lab sharing`: what it makes of a session and of what the listeners have found."""
+
+import json
+from typing import Any
+
+import pytest
+
+from mmt.core.errors import MmtError
+from mmt_lab.experiments import sharing
+
+
+def found(first_s: float | None, lags_ms: list[float], problem: str = "") -> dict[str, Any]:
+    number = 8 if lags_ms else 0
+    return {
+        "first_s": first_s,
+        "lags_ms": lags_ms,
+        "number": number,
+        "rejected": 0,
+        "problem": problem,
+    }
+
+
+def leader(tick_ms: float) -> dict[str, Any]:
+    sent = {"wholes": 2, "wholes_bytes": 11_000, "changes": 4, "changes_bytes": 2400}
+    return {
+        "sharing": {"sent": sent, "models": 8},
+        "texture": {"stop_s": 4.0},
+        "ticks": {"period_p99_ms": tick_ms},
+    }
+
+
+def sessions(monkeypatch: pytest.MonkeyPatch, crowd: list[dict[str, Any]]) -> None:
+    async def session(_: float, count: int) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+        return leader(1.0 if count == 1 else 1.25), crowd[:count]
+
+    monkeypatch.setattr(sharing, "_session", session)
+
+
+def test_the_figures_are_those_of_the_crowd_and_fit_into_json(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    sessions(monkeypatch, [found(0.1, [10.0, 20.0]), found(0.3, [30.0])])
+    findings = sharing.run(18.0, listeners=2)
+    figures = json.loads(json.dumps(findings.as_dict()))["figures"]
+    assert figures["tick_p99_ratio"] == 1.25
+    assert (figures["joined"], figures["behind"], figures["rejected"]) == (2, 0, 0)
+    assert figures["model_bytes"] == 5500.0
+    assert figures["change_bytes_a_second"] == 1200.0
+    assert (figures["first_p50_s"], figures["lag_p50_ms"]) == (pytest.approx(0.2), 20.0)
+    missed = [target.what for target in findings.targets if not target.met]
+    assert missed == ["leader's tick, p99, over that with one listener"]
+
+
+def test_a_crowd_without_a_model_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    sessions(monkeypatch, [found(None, [], "the session ended before its model was ready")] * 2)
+    with pytest.raises(MmtError, match=r"no listener had a model .*: the session ended before"):
+        sharing.run(18.0, listeners=2)

@@ -1,0 +1,130 @@
+"""Listeners behind a network, and those that make trouble, as the experiment has them."""
+
+import asyncio
+import time
+from collections import Counter
+
+import numpy as np
+import pytest
+from sharing_samples import listening, model_of, shared, until
+
+from mmt.evaluation.levels import BAND_EDGES_HZ, band_errors_db
+from mmt.scene import Network
+from mmt_lab.sharing.distant import DistantProxy
+from mmt_lab.sharing.felt import STEP_NS, errors_db, listen, number_at, pairs
+from mmt_lab.sharing.memory import Memory
+from mmt_lab.sharing.troubled import STEADY, Troubled
+
+INPUTS = np.array([[50.0, 0.5], [150.0, 1.5], [250.0, 2.5]])
+
+
+async def echoed(proxy: DistantProxy, parts: list[bytes]) -> tuple[bytes, list[float]]:
+    """Send parts through a proxy to a server that echoes; return what came, and each way's ms."""
+    reader, writer = await asyncio.open_connection("127.0.0.1", proxy.port)
+    received, times_ms = b"", []
+    for part in parts:
+        began_s = time.monotonic()
+        writer.write(part)
+        received += await asyncio.wait_for(reader.readexactly(len(part)), 60.0)
+        times_ms.append(1e3 * (time.monotonic() - began_s))
+    writer.close()
+    await writer.wait_closed()
+    return received, times_ms
+
+
+async def echo(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    while data := await reader.read(65536):
+        writer.write(data)
+    writer.close()
+    await writer.wait_closed()
+
+
+@pytest.mark.parametrize(
+    ("settings", "least_ms", "repeats"),
+    [({"delay_ms": 30.0}, 60.0, False), ({"delay_ms": 2.0, "loss": 0.3}, 4.0, True)],
+)
+async def test_a_distant_proxy_delays_and_loses_nothing(
+    settings: dict[str, float], least_ms: float, repeats: bool
+) -> None:
+    server = await asyncio.start_server(echo, "127.0.0.1", 0)
+    port = server.sockets[0].getsockname()[1]
+    parts = [bytes([k]) * 1000 for k in range(20)]
+    async with DistantProxy(port, Network.model_validate(settings)) as proxy:
+        received, times_ms = await echoed(proxy, parts)
+    server.close()
+    assert received == b"".join(parts)
+    assert min(times_ms) >= least_ms
+    assert (proxy.repeated > 0) == repeats
+    if repeats:
+        assert max(times_ms) >= 200.0  # a repetition takes so long
+
+
+def test_moments_are_counted_by_the_models_of_both() -> None:
+    operator = [(0, 1), (4 * STEP_NS, 2)]
+    listener = [(2 * STEP_NS, 1), (5 * STEP_NS, 2)]
+    assert [number_at(operator, t) for t in (-1, 0, 4 * STEP_NS)] == [0, 1, 2]
+    counted = pairs(operator, listener, 10 * STEP_NS)
+    assert counted == Counter({(1, 1): 2, (2, 1): 1, (2, 2): 5})
+    assert pairs(operator, [], 10 * STEP_NS) == Counter()
+
+
+def test_the_error_is_that_of_the_spectra_by_bands() -> None:
+    models = {1: model_of(6), 2: model_of(40)}
+    found = errors_db({(1, 1): 3, (2, 1): 2, (7, 1): 4}, models, INPUTS)
+    frequencies = np.arange(BAND_EDGES_HZ[0], BAND_EDGES_HZ[-1] + 1.0)
+    old, new = (models[n].spectrum(*INPUTS.T, frequencies_hz=frequencies) for n in (1, 2))
+    expected = np.sqrt(np.mean(band_errors_db(old, new, frequencies) ** 2))
+    assert expected > 0.1
+    np.testing.assert_allclose(found, [0.0, 0.0, 0.0, expected, expected])
+
+
+async def test_listeners_behind_a_network_are_compared_with_the_one_here() -> None:
+    async with shared() as sharing:
+        finding = asyncio.create_task(listen(sharing.url, 2, 30.0, "wan"))
+        await until(lambda: len(sharing.relay.listeners) == 3)
+        for count in (6, 40):
+            sharing.publish(count)
+            for k in range(5):
+                state = 0.1 * count + 0.01 * k
+                sharing.offer_state(state, force_n=1.0, speed_mm_s=100.0)
+                await asyncio.sleep(0.1)
+        sharing.relay.finish("completed")
+        found = await finding
+    assert (found["listeners"], found["behind_at_end"]) == (2, 0)
+    assert (found["wholes"], found["changes"]) == (2, 2)
+    assert min(found["lags_ms"]) >= 30.0
+    errors = np.array(found["errors_db"])
+    assert 0.0 < found["same_share"] < 1.0
+    assert (errors == 0.0).mean() >= found["same_share"]
+
+
+async def test_troubles_disturb_nobody() -> None:
+    async with shared() as sharing, listening(sharing.url) as heard:
+        sharing.publish(10)
+        troubled = Troubled(sharing.url, 1)
+        running = asyncio.create_task(troubled.run(60.0))
+        await until(lambda: len(sharing.relay.listeners) >= STEADY + 1)
+        for kind in ("rubbish", "visits", "vanished"):
+            await troubled.make(kind)
+        sharing.publish(11)
+        await until(lambda: heard.models[-1:] == [2])
+        await asyncio.sleep(0.5)
+        sharing.relay.finish("completed")
+        found = await running
+        assert heard.client.rejected == 0
+    assert found["steady"] == STEADY
+    assert all(found[kind] >= 1 for kind in ("rubbish", "visits", "vanished"))
+
+
+@pytest.mark.parametrize("slope_mb_h", [0.0, 60.0])
+def test_memory_that_grows_is_told(slope_mb_h: float) -> None:
+    memory = Memory()
+    rng = np.random.default_rng(3)
+    for second in range(600):
+        noise_mb = 0.1 * rng.standard_normal()
+        memory.add("leader", float(second), 190.0 + slope_mb_h / 3600.0 * second + noise_mb)
+    grown = memory.growth("leader")
+    assert grown.slope_mb_h == pytest.approx(slope_mb_h, abs=2.0)
+    assert grown.least_mb is not None
+    assert (grown.least_mb > 1.0) == (slope_mb_h > 0.0)
+    assert memory.growth("sharing").typical_mb is None
