@@ -94,7 +94,7 @@ def test_commands_come_down_and_are_followed(run: Run) -> None:
 
 def test_the_vibration_switches_to_the_model_at_the_start_criterion(run: Run) -> None:
     texture, vibration = run.leader.summary()["texture"], run.leader.summary()["vibration"]
-    assert texture["samples"] > 3
+    assert texture["samples"] >= 3  # a triangle
     assert 0.0 < texture["start_s"] < DURATION_S
     assert [switch["mode"] for switch in vibration["switches"]] == ["fading", "synthesized"]
     assert vibration["switches"][0]["time_s"] >= texture["start_s"]
@@ -113,7 +113,7 @@ def test_the_recording_holds_scene_truth_models_and_events(run: Run) -> None:
     start_s = run.leader.summary()["texture"]["start_s"]
     assert recording.models[0][0] == pytest.approx(start_s, abs=1e-3)
     for _, model in recording.models:
-        assert len(np.load(BytesIO(model))["speed_mm_s"]) > 3
+        assert len(np.load(BytesIO(model))["speed_mm_s"]) >= 3  # a triangle
     sentences = [event["event"] for event in recording.events]
     assert "follower connected (simulated)" in sentences
     assert f"start criterion met at {start_s:.1f} s" in sentences

@@ -1,9 +1,27 @@
 """The end of a session: it comes once, with one outcome."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from typing import Any, Final
 
 from mmt.core.errors import FAILED, MmtError
+
+_ASK_AGAIN_S: Final = 1.0
+
+
+async def cancel_until_ended(tasks: Iterable[asyncio.Future[Any]]) -> None:
+    """Cancel tasks and wait for their end, whatever it is.
+
+    A task is asked again once a second: a library that turns the cancellation of one step into a
+    timeout of its own would otherwise go on for good.
+    """
+    every = set(tasks)
+    pending = every
+    while pending:
+        for task in pending:
+            task.cancel()
+        _, pending = await asyncio.wait(pending, timeout=_ASK_AGAIN_S)
+    await asyncio.gather(*every, return_exceptions=True)
 
 
 class Ending:

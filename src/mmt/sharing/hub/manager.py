@@ -11,6 +11,7 @@ from redis.asyncio.retry import Retry
 from redis.backoff import ConstantBackoff, NoBackoff
 from redis.exceptions import RedisError
 
+from mmt.core.ending import cancel_until_ended
 from mmt.core.errors import InputError, MmtError
 
 HUBS_NAMESPACE: Final = "/hubs"
@@ -119,8 +120,7 @@ class HubManager(socketio.AsyncRedisManager, _LocalDelivery):  # type: ignore[mi
     async def close(self) -> None:
         """Hear and tell no more."""
         if self._begun:
-            self.thread.cancel()
-            await asyncio.gather(self.thread, return_exceptions=True)
+            await cancel_until_ended([self.thread])
         for each in (self.pubsub, self.redis, self._probe):
             if each is not None:
                 with suppress(RedisError, OSError):

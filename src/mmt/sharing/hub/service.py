@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Coroutine
 from typing import Any, Final
 
+from mmt.core.ending import cancel_until_ended
 from mmt.core.errors import InputError, MmtError
 from mmt.scene.sharing_tables import HubScene
 from mmt.sharing.client import ListenerClient
@@ -118,9 +119,7 @@ class Hub:
 
     async def stop(self) -> None:
         """Leave the other hubs and the listeners; without `start`, do nothing."""
-        for task in self._tasks:
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await cancel_until_ended(self._tasks)
         if self.address:
             await self.manager.tell(_BEAT, self._own_beat(leaving=True).as_dict())
         await self._stop_feeding()
@@ -246,8 +245,7 @@ class Hub:
     async def _stop_feeding(self) -> None:
         connecting, self._connecting = self._connecting, None
         if connecting is not None:
-            connecting.cancel()
-            await asyncio.gather(connecting, return_exceptions=True)
+            await cancel_until_ended([connecting])
         feed, self._feed = self._feed, None
         if feed is not None:
             await feed.close()
