@@ -71,7 +71,7 @@ def test_measured_it_fits_80_columns_and_cuts_nothing(
     assert "…" not in said
     for word in ("1.50 (1.50 to 1.50)", "numpy", "websocket_wait", "(at", "MainThread"):
         assert word in said
-    assert ("kB/s" in said) == (name not in {"model-only", "listener"})
+    assert ("kB/s" in said) == (name not in {"model-only", "listener", "operator"})
 
 
 def test_a_part_that_costs_is_told_from_those_that_do_not(explain: Callable[..., str]) -> None:

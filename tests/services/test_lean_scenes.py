@@ -138,6 +138,16 @@ EXPECTED: dict[str, set[str]] = {
         HAND,
         ACTUATOR,
     },
+    "leader operator": {
+        *NETWORK,
+        *MODEL - {"mmt.texture.online.modeller"},
+        *SHARING,
+        *CONTROL - {"mmt.leader.control"},
+        "mmt.contact.passivity",
+        "mmt.contact.estimation",
+        HAND,
+        ACTUATOR,
+    },
     "leader devices": {*NETWORK, ACTUATOR},
     "follower devices": {*NETWORK, DEVICE_SOURCE},
 }
@@ -221,7 +231,7 @@ def modules(directory: Path) -> dict[str, set[str]]:
             text=True,
             cwd=own,
             timeout=LONGEST_S,
-            env={**os.environ, **with_drivers(directory)},
+            env={**os.environ, **with_drivers(directory), "MMT_CONTROL_TOKEN": "f" * 32},
         )
 
     with ThreadPoolExecutor(max_workers=2) as pool:
@@ -251,7 +261,7 @@ def test_the_numerics_are_where_a_model_is() -> None:
     """Holds the table above: streaming and devices need neither numba nor scipy."""
     with_numerics = {name for name, expected in EXPECTED.items() if expected & NUMERICS}
     names = ("demo", "replay", "model-only", "virtual-lab", "anisotropic", "two-surfaces")
-    names += ("listener", *MODELLING)
+    names += ("listener", "operator", *MODELLING)
     assert with_numerics == {f"leader {name}" for name in names}
 
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import secrets
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -15,6 +16,7 @@ from mmt.cli.scene.costs import SceneRun, ServiceRun
 from mmt.core.errors import MmtError
 from mmt.scene import Replay, Scene
 from mmt.scene.files import ENVIRONMENT_PREFIX
+from mmt.sharing.control_messages import CONTROL_VARIABLE
 
 _MARGIN_S = 2.0
 """A recording made for a replay is so much longer than the run."""
@@ -41,6 +43,7 @@ class SceneRunner:
             for name, value in os.environ.items()
             if not (name.startswith(ENVIRONMENT_PREFIX) and "__" in name)
         }
+        self._environment.setdefault(CONTROL_VARIABLE, secrets.token_hex(32))  # for nobody
 
     def prepare(self, scene: Scene) -> Scene:
         """Return the scene as it is run: its duration, its recording, what it replays."""
