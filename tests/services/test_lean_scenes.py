@@ -143,6 +143,7 @@ EXPECTED: dict[str, set[str]] = {
         *MODEL - {"mmt.texture.online.modeller"},
         *SHARING,
         *CONTROL - {"mmt.leader.control"},
+        "mmt.leader.feedback_model",
         "mmt.contact.passivity",
         "mmt.contact.estimation",
         HAND,
