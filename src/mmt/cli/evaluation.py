@@ -74,7 +74,7 @@ def _show(evaluations: "list[Evaluation]") -> None:
         output.print(by_heading)
     for evaluation in evaluations:
         output.print(
-            f"{evaluation.name}: {evaluation.coverage.remark} Evaluated "
+            f"{evaluation.name}: {evaluation.remark} Evaluated "
             f"{evaluation.times_real_time:.0f} times faster than real time.",
             highlight=False,
         )

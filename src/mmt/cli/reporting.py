@@ -54,8 +54,8 @@ def report_recording(
 
 
 def remark(evaluation: Evaluation, beside: Sequence[Evaluation]) -> str:
-    """Return a remark on an evaluation's coverage, with its name where there are several."""
-    return f"{evaluation.name}: " * (len(beside) > 1) + evaluation.coverage.remark
+    """Return the remark on an evaluation, with its name where there are several."""
+    return f"{evaluation.name}: " * (len(beside) > 1) + evaluation.remark
 
 
 def surface_section(parts: SurfaceParts | None) -> list[Block]:

@@ -106,19 +106,21 @@ def info(
 ) -> None:
     """Show what a session file holds."""
     from mmt.session.info import info as session_info
+    from mmt.session.operators import control_sentence
 
+    found = session_info(source)
     content: dict[str, Any] = {
         name: str(value) if isinstance(value, Path) else value
-        for name, value in asdict(session_info(source)).items()
+        for name, value in asdict(found).items()
     }
+    content["control"] = [period.as_dict() for period in found.control]
     listeners, hand_overs = content["listeners"], content["hand_overs"]
-    shown = {
-        name: value for name, value in content.items() if name not in ("listeners", "hand_overs")
-    }
+    apart = ("listeners", "control", "hand_overs")
+    shown = {name: value for name, value in content.items() if name not in apart}
     output.print(summary_table(source.name, {"session": shown}))
     if listeners:
         output.print(_listener_table(listeners))
-    for sentence in hand_overs:
+    for sentence in (control_sentence(found.control), *hand_overs) if hand_overs else ():
         output.print(sentence, highlight=False, markup=False)
     write_json(json_file, content)
 

@@ -130,7 +130,7 @@ def _remark(
             f"{settings.least_speed_mm_s:g} mm/s and {settings.least_force_n:g} N."
         )
     hand = (
-        f"the hand stroked at {speed[0]:.0f} to {speed[1]:.0f} mm/s "
+        f"the tool stroked at {speed[0]:.0f} to {speed[1]:.0f} mm/s "
         f"with {force[0]:.2f} to {force[1]:.2f} N (5th to 95th percentile)"
     )
     if stopped:

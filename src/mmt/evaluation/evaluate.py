@@ -26,6 +26,7 @@ from mmt.evaluation.truth import KnownTexture, known_texture
 from mmt.scene import Scene, Texture
 from mmt.scene.files import scene_from_tables
 from mmt.session.data import missing_frames
+from mmt.session.operators import control_periods
 from mmt.session.stream import Recording, blocks_of, in_memory
 from mmt.texture.online.history import ModelHistory, build, stream_blocks
 from mmt.texture.settings import Inputs, ModellingSettings
@@ -173,6 +174,7 @@ def evaluate_session(
         course=np.array([(u.time_s, u.progress.value) for u in leader.updates]),
         models=leader,
         power_map=errors,
+        control=control_periods(session.events, duration_s),
         processing_s=time.perf_counter() - started,
     )
 
@@ -225,6 +227,7 @@ def evaluate_surfaces(
             evaluate(part),
             name=f"{name}, surface {number}",
             missing_frames=parts.missing[number],
+            control=control_periods(session.events, session.duration_s),
         )
         for number, part in parts.sessions.items()
     ]

@@ -169,7 +169,8 @@ def _session(evaluation: Evaluation, prefix: str) -> list[Block]:
     blocks: list[Block] = [
         Heading(f"Session {evaluation.name}"),
         Paragraph(tables.account(evaluation)),
-        Paragraph(evaluation.coverage.remark),
+        Paragraph(evaluation.remark),
+        *([tables.control(evaluation)] if evaluation.control else []),
         tables.moments(evaluation),
         picture(
             f"{prefix}model",

@@ -8,6 +8,7 @@ from typing import Any, Literal
 from mmt.core.arrays import FloatArray
 from mmt.evaluation.definitions import DEFINITIONS
 from mmt.evaluation.grid_errors import HeadingErrors
+from mmt.session.operators import ControlPeriod, control_sentence
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.online.history import ModelHistory
 from mmt.texture.settings import ModellingSettings
@@ -139,6 +140,9 @@ class Evaluation:
     these moments. ``models`` holds the leader's model after each update with its time;
     ``course`` (k, 2) time and value of the completion criterion of every update;
     ``by_heading`` is empty but on a texture that depends on the heading.
+    ``control`` says who moved the robot when, in times of the whole session, and is empty where
+    control was never handed over. No figure depends on it: all are of the surface, by what the
+    robot measured, whoever moved it.
     """
 
     name: str
@@ -168,6 +172,7 @@ class Evaluation:
     course: FloatArray = field(repr=False)
     models: ModelHistory = field(repr=False)
     power_map: PowerMap | None = field(repr=False)
+    control: tuple[ControlPeriod, ...] = ()
 
     @property
     def times_real_time(self) -> float:
@@ -178,6 +183,14 @@ class Evaluation:
     def final(self) -> Score:
         """The figures at the stop criterion, or at the end where it was never met."""
         return self.at_stop or self.at_end
+
+    @property
+    def remark(self) -> str:
+        """What was stroked, and by whose hands where control was handed over."""
+        if not self.control:
+            return self.coverage.remark
+        hands = control_sentence(self.control)
+        return f"{self.coverage.remark} {hands} The figures are by the strokes of all of them."
 
     def model_at(self, time_s: float) -> TextureModel | None:
         """Return the model that the leader had at a session time, None before the first."""
@@ -216,6 +229,7 @@ class Evaluation:
             "at_end": _plain(asdict(self.at_end)),
             "worst": [_plain(asdict(worst)) for worst in self.worst],
             "by_heading": [_plain(asdict(errors)) for errors in self.by_heading],
+            "control": [period.as_dict() for period in self.control],
             "coverage": _plain(asdict(self.coverage)),
             "held_out": [_held_out(segment) for segment in self.held_out],
             "period_s": self.period_s,

@@ -83,6 +83,15 @@ def _met(time_s: float | None) -> str:
     return "never met" if time_s is None else f"met at {time_s:.1f} s"
 
 
+def control(evaluation: Evaluation) -> Table:
+    """Return a row for each period in which one hand, or none, moved the robot."""
+    rows = [
+        (period.hand, number(period.from_s, 2), number(period.to_s, 2))
+        for period in evaluation.control
+    ]
+    return Table(("hand that moved the robot", "from (s)", "to (s)"), rows)
+
+
 def moments(evaluation: Evaluation) -> Table:
     """Return the figures at the start criterion, at the stop criterion and at the end."""
     scores = {

@@ -9,6 +9,7 @@ from mmt.core.printable import printable
 from mmt.session.data import JsonObject, RecordedSession, duration_s, missing_frames
 from mmt.session.files import read_session
 from mmt.session.mcap_reader import scan_mcap, scanned_session
+from mmt.session.operators import ControlPeriod, control_periods
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,8 @@ class SessionInfo:
     """Whether the follower attached annotations, such as the simulated truth."""
     models: int
     events: int
+    control: tuple[ControlPeriod, ...]
+    """Who moved the robot when, empty where control was never handed over."""
     hand_overs: tuple[str, ...]
     """What happened to the control of the robot, a sentence each with its session time."""
     outputs: int
@@ -67,6 +70,7 @@ def info(path: str | Path) -> SessionInfo:
         truth=bool(session.annotations),
         models=len(session.models),
         events=len(session.events),
+        control=control_periods(session.events, duration_s(frames)),
         hand_overs=tuple(_hand_overs(session)),
         outputs=sum(len(output.vibration_m_s2) for output in session.outputs),
         listeners=_listeners(session.events),

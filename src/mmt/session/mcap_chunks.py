@@ -2,7 +2,7 @@
 
 import os
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import IO, Final, NamedTuple
@@ -16,10 +16,11 @@ from mcap.stream_reader import MAGIC_SIZE, get_chunk_data_stream
 
 from mmt.core.errors import InputError
 from mmt.session.data import JsonObject
-from mmt.session.mcap_reader import DAMAGE, checked_frame_schema, parse_json
+from mmt.session.mcap_reader import DAMAGE, checked_frame_schema, parse_event, parse_json
 from mmt.session.mcap_writer import (
     ANNOTATIONS_ATTACHMENT,
     BACKFILL_TOPIC,
+    EVENTS_TOPIC,
     FRAMES_TOPIC,
     RECOVERY_METADATA,
     SCENE_METADATA,
@@ -35,12 +36,13 @@ _MESSAGE_HEAD: Final = 22
 
 
 class InOrder(NamedTuple):
-    """What a session file holds beside its frames."""
+    """What a session file holds beside its frames; events only where control could change hands."""
 
     schema: bytes
     scene: JsonObject | None
     annotations: bytes
     complete: bool
+    events: Sequence[JsonObject]
 
 
 def open_in_order(path: Path) -> InOrder | None:
@@ -63,17 +65,22 @@ def open_in_order(path: Path) -> InOrder | None:
             attached = [
                 a.data for a in reader.iter_attachments() if a.name == ANNOTATIONS_ATTACHMENT
             ]
+            text = metadata.get(SCENE_METADATA, {}).get("json")
+            scene = None if text is None else parse_json(path, text, "the scene")
+            handed_over = scene is not None and "control" in scene
+            messages = reader.iter_messages(topics=EVENTS_TOPIC) if handed_over else ()
+            events = [parse_event(path, message.data, channel) for _, channel, message in messages]
     except (*DAMAGE, EndOfFile, OSError):
         return None
     schemas = {c.topic: summary.schemas.get(c.schema_id) for c in summary.channels.values()}
     if BACKFILL_TOPIC in schemas:
         return None
-    scene = metadata.get(SCENE_METADATA, {}).get("json")
     return InOrder(
         checked_frame_schema(path, schemas, metadata.get(SESSION_METADATA, {})),
-        None if scene is None else parse_json(path, scene, "the scene"),
+        scene,
         attached[-1] if attached else b"",
         not metadata.get(RECOVERY_METADATA),
+        events,
     )
 
 

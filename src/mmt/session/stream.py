@@ -1,6 +1,6 @@
 """A session file read from its beginning to its end, a chunk at a time: hours need no memory."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -22,6 +22,8 @@ class SessionStream:
     scene: JsonObject | None = None
     annotations: bytes = b""
     complete: bool = True
+    events: Sequence[JsonObject] = ()
+    """Only where control of the robot could change hands."""
 
     def blocks(self) -> Iterator[RecordArray]:
         """Yield the frames (n,) of one chunk after the other; every call begins anew.

@@ -1,0 +1,110 @@
+"""Who moved the robot of a recording, by its events."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+import mmt
+from mmt.cli.main import app
+from mmt.evaluation import tables
+from mmt.session import read_session, write_session
+from mmt.session.operators import ControlPeriod, control_periods, control_sentence
+from mmt.session.stream import SessionStream, open_recording
+
+
+def event(time_s: float, control: object, operator: object = "ann") -> dict[str, Any]:
+    return {"time_s": time_s, "event": "a sentence", "control": control, "operator": operator}
+
+
+HANDED = [
+    event(0.5, "asked"),
+    event(1.0, "giving"),
+    event(1.1, "moves"),
+    event(2.0, "asked", "bob"),
+    event(3.0, "ended"),
+    event(3.0, "giving", "bob"),
+    event(3.2, "moves", "bob"),
+    event(4.5, "ended", "bob"),
+    {"time_s": 4.6, "event": "a sentence", "control": "back"},
+]
+PERIODS = (
+    ControlPeriod("own", None, 0.0, 1.0),
+    ControlPeriod("held", None, 1.0, 1.1),
+    ControlPeriod("given", "ann", 1.1, 3.0),
+    ControlPeriod("held", None, 3.0, 3.2),
+    ControlPeriod("given", "bob", 3.2, 4.5),
+    ControlPeriod("held", None, 4.5, 4.6),
+    ControlPeriod("own", None, 4.6, 6.0),
+)
+
+
+def test_every_moment_belongs_to_one_hand_or_to_none() -> None:
+    assert control_periods(HANDED, 6.0) == PERIODS
+    assert control_sentence(PERIODS) == (
+        "Hands that moved the robot: the leader's for 2.4 s, none for 0.4 s, listener ann for "
+        "1.9 s, listener bob for 1.3 s."
+    )
+
+
+def test_a_recording_that_ends_while_control_is_away_ends_with_that_hand() -> None:
+    assert control_periods(HANDED[:3], 2.5)[-1] == ControlPeriod("given", "ann", 1.1, 2.5)
+
+
+def test_who_was_given_control_and_never_moved_is_no_operator() -> None:
+    periods = control_periods([event(1.0, "giving"), event(2.0, "ended"), event(2.1, "back")], 3.0)
+    assert [period.state for period in periods] == ["own", "held", "own"]
+
+
+@pytest.mark.parametrize("events", [[], [event(1.0, "asked"), event(2.0, "refused")]])
+def test_without_a_hand_over_nothing_is_said(events: list[dict[str, Any]]) -> None:
+    assert control_periods(events, 3.0) == ()
+    assert control_sentence(()) == ""
+
+
+def test_malformed_events_make_no_impossible_period() -> None:
+    odd = [
+        event(1.0, ["giving"]),
+        event(float("nan"), "giving"),
+        event("soon", "giving"),  # type: ignore[arg-type] # as a file may have it
+        event(-5.0, "moves", "\x1b[31m"),
+        event(99.0, "ended"),
+    ]
+    periods = control_periods(odd, 3.0)
+    assert [(period.from_s, period.to_s) for period in periods] == [(0, 0), (0, 0), (0, 3), (3, 3)]
+    assert "\x1b" not in control_sentence(periods)
+
+
+def shown_by(*arguments: object) -> str:
+    result = CliRunner().invoke(app, list(map(str, arguments)))
+    assert result.exit_code == 0, result.output
+    return " ".join(result.output.split())
+
+
+def test_evaluation_and_info_say_who_operated_and_judge_all_strokes_alike(tmp_path: Path) -> None:
+    frames, truth = mmt.simulate_session(mmt.Scene(), surface="wood", duration_s=6.0)
+    scene = {**mmt.Scene().dump(), "texture": {"order": 8}}
+    given = {"link": {}, "simulated": {}, "hand": {}, "sharing": {}, "control": {}}
+    alone, shared = tmp_path / "alone.mcap", tmp_path / "shared.mcap"
+    write_session(alone, frames, scene=scene | given, annotations=truth)
+    write_session(shared, frames, scene=scene | given, annotations=truth, events=HANDED)
+    assert isinstance(open_recording(shared), SessionStream)
+
+    figures = []
+    for path, periods in ((alone, []), (shared, [period.as_dict() for period in PERIODS])):
+        written = tmp_path / "written.json"
+        assert ("listener ann for 1.9 s" in shown_by("evaluate", path, "--json", written)) == bool(
+            periods
+        )
+        content = json.loads(written.read_text("utf-8"))
+        assert content.pop("control") == periods
+        figures.append([content[name] for name in ("steps", "at_end", "coverage", "held_out")])
+        said = shown_by("session", "info", path, "--json", written)
+        assert ("none for 0.4 s" in said) == bool(periods)
+        assert json.loads(written.read_text("utf-8"))["control"] == periods
+    assert figures[0] == figures[1]
+
+    evaluation = mmt.evaluate_session(read_session(shared))
+    assert tables.control(evaluation).rows[2] == ("listener ann", "1.10", "3.00")
