@@ -388,6 +388,44 @@ def test_motion_of_another_grant_or_listener_is_refused_and_counted(
         robot.part.give(5)
 
 
+def test_the_metrics_say_whose_hand_moves_the_robot(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = Robot(monkeypatch, silence_ms=200)
+
+    def values() -> dict[str, float]:
+        return {
+            " ".join([sample.name, *sample.labels.values()]): sample.value
+            for metric in robot.part.metrics()
+            for sample in metric.samples
+        }
+
+    def hands() -> dict[str, float]:
+        return {name.split()[1]: value for name, value in values().items() if " " in name}
+
+    robot.step((0.0, 0.0, 0.0))
+    assert hands() == {"leader": 1, "listener": 0, "none": 0}
+    for who in (1, 2):
+        robot.part.receive({"control": "ask", "who": who, "name": "ann"})
+    robot.part.refuse(2)
+    robot.part.give(1)
+    for _ in range(FADE_TICKS):
+        assert hands() == {"leader": 0, "listener": 0, "none": 1}
+        robot.step((0.0, 0.0, 0.0))
+    robot.send(2, 1, motion([1.0], [0.0]))
+    robot.send(1, 1, motion([1.0], [0.0]))
+    assert hands() == {"leader": 0, "listener": 1, "none": 0}
+    for _ in range(202 + FADE_TICKS):  # silence, and a hold
+        robot.step((0.0, 0.0, 0.0))
+    found = values()
+    assert hands() == {"leader": 1, "listener": 0, "none": 0}
+    assert found["mmt_hand_overs_total"] == found["mmt_control_refusals_total"] == 1
+    assert found["mmt_control_refused_messages_total"] == 1
+    assert found["mmt_control_holds_total"] == 2
+    assert found["mmt_control_held_seconds_total"] == pytest.approx(2e-3 * FADE_TICKS, abs=0.01)
+    assert found["mmt_control_given_seconds_total"] == pytest.approx(
+        0.2 + 2e-3 * FADE_TICKS, abs=0.01
+    )
+
+
 def test_control_is_not_given_where_there_is_no_robot(monkeypatch: pytest.MonkeyPatch) -> None:
     robot = Robot(monkeypatch)
     robot.part.receive({"control": "ask", "who": 1, "name": "ann"})

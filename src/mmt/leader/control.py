@@ -22,6 +22,10 @@ from mmt.sharing.control_messages import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from prometheus_client.core import Metric
+
     from mmt.leader.sharing import SharingPart
 
 _CONTACT_TICKS: Final = 50
@@ -269,16 +273,25 @@ class ControlPart(Part):
         """Return who moves the robot."""
         return {"control": self._over.name or self._over.state}
 
+    def metrics(self) -> "Iterable[Metric]":
+        """Return whose hand moves the robot, and how often that has changed."""
+        from mmt.leader.metrics import control_metrics
+
+        return control_metrics(self._over.state, self._figures())
+
     def summary(self, duration_s: float) -> dict[str, Any]:
         """Return how often control was given, and what came."""
         _ = duration_s
+        delay_ms = round(self._motion.delay_ms, 1)
+        return {"control": {**self._figures(), "delay_ms": delay_ms}}
+
+    def _figures(self) -> dict[str, Any]:
         return {
-            "control": {
-                "grants": self._grants,
-                "given_s": round(self._given_ticks * self._period_s, 3),
-                "held_s": round(self._held_ticks * self._period_s, 3),
-                "messages": self._messages,
-                "refused_messages": self._refused,
-                "delay_ms": round(self._motion.delay_ms, 1),
-            }
+            "grants": self._grants,
+            "refusals": self._over.refusals,
+            "holds": self._over.holds,
+            "given_s": round(self._given_ticks * self._period_s, 3),
+            "held_s": round(self._held_ticks * self._period_s, 3),
+            "messages": self._messages,
+            "refused_messages": self._refused,
         }

@@ -56,6 +56,8 @@ class HandOver:
         """Number of the listener that control is given to."""
         self.asking: dict[int, str] = {}
         """Names of the listeners that ask, by number, who waits longest first."""
+        self.holds = self.refusals = 0
+        """How often the robot was held between two hands, and how often somebody was refused."""
         self.changes: deque[Change] = deque()
         """What has happened and was not taken from here yet."""
 
@@ -152,9 +154,11 @@ class HandOver:
         self._hold("returning")
 
     def _hold(self, state: State) -> None:
+        self.holds += self.state in {"own", "given"}
         self.state = state
         self._held_ticks = self._silent_ticks = 0
         self._may_move = False
 
     def _tell(self, what: What, who: int, name: str, why: str = "") -> None:
+        self.refusals += what == "refused"
         self.changes.append(Change(what, who, name, self.grant, why))
