@@ -165,7 +165,10 @@ class Connection:
     longest_message
         Bytes of a message beyond which the connection is closed.
     alternatives
-        Gives further URLs at which the same is to be had, tried in turn after a break.
+        Gives further URLs at which the same is to be had, tried in turn after a break, and after a
+        refusal.
+    on_refused
+        Called with what a refusal holds beside its message.
 
     Raises
     ------
@@ -187,6 +190,7 @@ class Connection:
         tables: str = "[link] on both",
         longest_message: int = MAX_MESSAGE_BYTES,
         alternatives: Callable[[], Sequence[str]] = tuple,
+        on_refused: Callable[[object], None] = lambda _: None,
     ) -> None:
         check_url(url)
         check_scheme(url, access)
@@ -199,7 +203,9 @@ class Connection:
         self._role, self._tables = role, tables
         self._longest_message = longest_message
         self._alternatives = alternatives
-        self._newest_url = url
+        self._take_refusal = on_refused
+        self.url = url
+        """Where the connection was made last."""
         self._refusal: str | None = None
         self._handlers: dict[str, Callable[..., None]] = {}
         self._frequent: Handlers = {}
@@ -234,8 +240,10 @@ class Connection:
             problem = await self._attempt(self._url, min(ATTEMPT_S, max(timeout_s, 0.1)))
             if problem is None:
                 return
-            if self._refusal is not None:
-                raise MmtError(f"the leader at {self._url} refused: {self._refusal}")
+            if (refusal := self._refusal) is not None:
+                if await self._elsewhere({self._url}):
+                    return
+                raise MmtError(f"the leader at {self._url} refused: {refusal}")
             if is_certificate_problem(problem):
                 raise MmtError(
                     f"the leader at {self._url} and this {self._role} do not trust each other "
@@ -300,7 +308,7 @@ class Connection:
                 self.line = None
                 await line.close()
         if self.connected:  # also where the last of it took too long
-            self._newest_url = url
+            self.url = url
             return None
         return problem or "the connection was closed"
 
@@ -309,11 +317,21 @@ class Connection:
         await broken.close()
         for pause_s in _pauses_s():
             await asyncio.sleep(pause_s)
-            for url in dict.fromkeys((self._newest_url, self._url, *self._alternatives())):
-                if await self._attempt(url, ATTEMPT_S) is None:
-                    return
-                if self._refusal is not None:
-                    LOG.warning("refused by the leader: %s", self._refusal)
+            if await self._elsewhere(set(), self.url, self._url):
+                return
+
+    async def _elsewhere(self, tried: set[str], *first: str) -> bool:
+        """Try each URL that is known once, and those that a refusal names; whether one works."""
+        while True:
+            known = (*first, *self._alternatives())
+            url = next((url for url in known if url not in tried), None)
+            if url is None:
+                return False
+            tried.add(url)
+            if await self._attempt(url, ATTEMPT_S) is None:
+                return True
+            if self._refusal is not None:
+                LOG.warning("refused by %s: %s", url, self._refusal)
 
     def _on_connect(self) -> None:
         if self.line is not None:
@@ -323,6 +341,7 @@ class Connection:
     def _on_refused(self, problem: object = None) -> None:
         if isinstance(problem, Mapping) and "message" in problem:
             self._refusal = peer_text(str(problem["message"]), MAX_SENTENCE)
+            self._take_refusal(problem.get("data"))
 
     def _on_disconnect(self, reason: str) -> None:
         line, self.line = self.line, None

@@ -121,6 +121,7 @@ class ListenerClient:
             tables="[sharing] there and [listening] here",
             longest_message=LONGEST_MESSAGE,
             alternatives=self._other_hubs,
+            on_refused=self._take_refusal,
         )
 
     @property
@@ -146,6 +147,8 @@ class ListenerClient:
             **({} if self._operator is None else self._operator.handlers),
         }
         await self._connection.open(handlers, {STATE: self._take_state}, self._settings.patience_s)
+        if self._connection.url != self._settings.url:
+            self._on_event(f"{self._settings.url} is full: connected to {self._connection.url}")
 
     async def next_state(self) -> SharedState:
         """Wait for a state that is new since the last call; its model is built in a thread.
@@ -240,6 +243,10 @@ class ListenerClient:
     def _take_hubs(self, addresses: object = None, *_: object) -> None:
         given = addresses if isinstance(addresses, list) else []
         self._hubs = [url for url in given[:MOST_HUBS] if self._may_turn_to(url)]
+
+    def _take_refusal(self, data: object) -> None:
+        if isinstance(data, Mapping):  # of a hub that has its most
+            self._take_hubs(data.get(HUBS))
 
     def _may_turn_to(self, url: object) -> bool:
         """Whether this is the address of a hub, as safe as that which was given."""

@@ -35,6 +35,11 @@ from mmt.sharing.relay import STALLED_S, Listener, Relay
 if TYPE_CHECKING:
     from mmt.sharing.operators import Operators
 
+
+class FullError(InputError):
+    """As many listen as may."""
+
+
 LOG: Final = logging.getLogger("mmt.sharing")
 
 _LISTENERS: Final = Entrance.of_table("a listener", "sharing", TOKEN_VARIABLE)
@@ -211,7 +216,7 @@ class SharingServer:
             if self.operators is None or not self.operators.access.admits(token):
                 raise MmtError(_NO_CONTROL)
         if len(self._guests) >= self._settings.most:
-            raise InputError(
+            raise FullError(
                 f"{self._settings.most} are listening already: raise most of [sharing], or wait"
             )
         return hello
@@ -223,7 +228,9 @@ class SharingServer:
             times = self._refusals.allow("refusal")
             if times:
                 LOG.warning("refused a listener: %s", peer_text(str(error), MAX_SENTENCE))
-            raise socketio.exceptions.ConnectionRefusedError(str(error)) from error
+            elsewhere = self._welcome.get(HUBS) if isinstance(error, FullError) else None
+            data = [{HUBS: elsewhere}] if elsewhere else []
+            raise socketio.exceptions.ConnectionRefusedError(str(error), *data) from error
         self._joined += 1
         guest = self._guests[sid] = _Guest(
             self._joined, hello.name, self._host.sockets.send(sid, environ), Listener(self._relay)
