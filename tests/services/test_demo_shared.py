@@ -3,12 +3,15 @@
 import asyncio
 import re
 import signal
+import sys
+from contextlib import suppress
 from pathlib import Path
 
 import aiohttp
 import numpy as np
 from player_samples import Browserless
 from service_processes import Service, scene, session
+from sharing_samples import LONGEST_S, shared, until
 
 from mmt.cli.visiting import VisitorsPage, qr_code
 
@@ -66,6 +69,39 @@ async def test_a_page_that_cannot_be_served_says_why() -> None:
         assert page.address is None
     finally:
         page.close()
+
+
+STARTER = """
+import asyncio, sys
+from mmt.cli.visiting import VisitorsPage
+page = VisitorsPage()
+print(asyncio.run(page.open(sys.argv[1], code=False)), flush=True)
+page.wait()
+"""
+
+
+async def test_the_page_ends_with_whoever_started_it_and_is_killed() -> None:
+    async with shared() as leader:
+        leader.publish(6)
+        starter = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-c", STARTER, leader.url), stdout=asyncio.subprocess.PIPE
+        )
+        try:
+            assert starter.stdout is not None
+            said = (await starter.stdout.readline()).decode()
+            assert said.startswith("feel it at http://"), said
+            await until(lambda: len(leader.said) == 1)
+        finally:
+            starter.kill()
+            await starter.wait()
+        await until(lambda: len(leader.said) == 2)  # the page has left
+        port = said.rpartition(":")[2].partition("/")[0]
+        async with asyncio.timeout(LONGEST_S):
+            with suppress(ConnectionRefusedError):
+                while True:
+                    _, writer = await asyncio.open_connection("127.0.0.1", int(port))
+                    writer.close()
+                    await asyncio.sleep(0.05)
 
 
 def test_a_qr_code_is_a_square_of_blocks() -> None:

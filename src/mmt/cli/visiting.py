@@ -1,7 +1,8 @@
 """The page of a model that is shared: an address, and its QR code, for whoever comes by.
 
 It is `mmt play --from URL` as a process, open to the network that this machine is in: visitors feel
-the surface, and can move nothing.
+the surface, and can move nothing. It ends when its standard input is closed, as it is where whoever
+started it is killed.
 """
 
 import asyncio
@@ -11,10 +12,12 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 from contextlib import suppress
 from io import StringIO
 from typing import IO, Final
 
+from mmt.cli.entry import start
 from mmt.core.errors import InputError
 from mmt.link.access import Access
 from mmt.scene.sharing_tables import Sharing
@@ -51,9 +54,10 @@ class VisitorsPage:
         port = _free_port()
         self._process = subprocess.Popen(  # noqa: S603 - our own program; returns at once
             [
-                *(sys.executable, "-m", "mmt.cli.entry", "main", "play", "--from", url),
+                *(sys.executable, "-m", "mmt.cli.visiting", "play", "--from", url),
                 *("--host", "0.0.0.0", "--port", str(port), "--open"),  # noqa: S104 - it is asked for
             ],
+            stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=self._errors,
             env=os.environ | ({} if self._token is None else {TOKEN_VARIABLE: self._token}),
@@ -81,7 +85,8 @@ class VisitorsPage:
         process, self._process = self._process, None
         if process is None:
             return
-        process.send_signal(signal.SIGINT)
+        assert process.stdin is not None  # noqa: S101 - it was asked for
+        process.stdin.close()
         try:
             process.wait(_LONGEST_S)
         except subprocess.TimeoutExpired:
@@ -127,6 +132,13 @@ def qr_code(text: str) -> str:
     return f"\n{lines.getvalue().rstrip()}"
 
 
+def _end_with_starter() -> None:
+    """Interrupt this process as soon as its standard input is closed."""
+    while os.read(sys.stdin.fileno(), 1):
+        pass
+    os.kill(os.getpid(), signal.SIGINT)
+
+
 def _free_port() -> int:
     """Return the usual port, or any free one where it is taken."""
     for port in (_PORT, 0):
@@ -135,3 +147,8 @@ def _free_port() -> int:
             connection.bind(("", port))
             return int(connection.getsockname()[1])
     return _PORT
+
+
+if __name__ == "__main__":
+    threading.Thread(target=_end_with_starter, daemon=True).start()
+    start("main")
