@@ -268,14 +268,22 @@ def _resolved(tables: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[s
     return resolved
 
 
-def environment_overrides(environment: Mapping[str, str]) -> dict[str, str]:
-    """Return the overrides that ``MMT_TABLE__KEY`` variables ask for."""
-    overrides = {}
+def environment_overrides(environment: Mapping[str, str]) -> dict[str, Any]:
+    """Return the overrides that ``MMT_TABLE__KEY`` variables ask for; a list is one of TOML."""
+    overrides: dict[str, Any] = {}
     for name, value in environment.items():
         if name.startswith(ENVIRONMENT_PREFIX) and "__" in name:
             table, _, key = name.removeprefix(ENVIRONMENT_PREFIX).lower().partition("__")
-            overrides[f"{table}.{key}"] = value
+            overrides[f"{table}.{key}"] = _value(value)
     return overrides
+
+
+def _value(text: str) -> Any:
+    """Return the list that a text is in TOML, else the text, such as the host ``[::1]``."""
+    try:
+        return tomllib.loads(f"it = {text}")["it"] if text.startswith("[") else text
+    except (tomllib.TOMLDecodeError, RecursionError):
+        return text
 
 
 def table_from(model: type[AnyTable], name: str, payload: object) -> AnyTable:
