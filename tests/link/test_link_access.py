@@ -15,10 +15,15 @@ import yarl
 from link_samples import CHANNELS, FollowerNotes, LeaderNotes, frames, hello, until
 
 from mmt.core.errors import InputError, MmtError
-from mmt.link.access import FOLLOWERS, TOKEN_VARIABLE, Access, check_listening
+from mmt.link.access import FOLLOWERS, TOKEN_VARIABLE, Access, check_listening, check_scheme
 from mmt.link.client import FollowerClient
 from mmt.link.server import LeaderServer
 from mmt.scene import Link
+from mmt.scene.secured_table import SecuredTable
+from mmt.scene.sharing_tables import Listening, Sharing
+from mmt.sharing.client import ListenerClient
+from mmt.sharing.relay import Relay
+from mmt.sharing.server import SharingServer
 
 TOKEN = "a token that nobody guesses"
 
@@ -183,6 +188,31 @@ def test_a_token_that_can_be_guessed_or_not_be_read_is_refused(tmp_path: Path) -
         Access.of(Link(token_file=tmp_path / "token"), {})
     with pytest.raises(InputError, match="nothing: No such file"):
         Access.of(Link(token_file=tmp_path / "nothing"), {})
+
+
+@pytest.mark.parametrize(
+    ("table", "settings"), [("link", Link), ("sharing", Sharing), ("listening", Listening)]
+)
+def test_what_is_wrong_with_certificates_names_the_table(
+    table: str, settings: type[SecuredTable]
+) -> None:
+    access = Access.of(settings(authority=Path("lab.pem")), {}, table=table)
+    with pytest.raises(InputError, match=rf"set certificate and key of \[{table}\]"):
+        access.server_context()
+    with pytest.raises(InputError, match=rf"\[{table}\] has certificates, give an https:// URL"):
+        check_scheme("http://lab:8766", access)
+
+
+def test_a_shared_models_errors_name_its_own_tables() -> None:
+    lab = Path("lab.pem")
+    with pytest.raises(InputError, match=r"\[listening\] has certificates"):
+        ListenerClient(Listening(authority=lab))
+
+
+async def test_a_server_of_a_shared_model_names_its_own_table() -> None:
+    server = SharingServer(Sharing(port=0, authority=Path("lab.pem")), Relay(), {}, lambda *_: None)
+    with pytest.raises(InputError, match=r"authority of \[sharing\]"):
+        await server.start()
 
 
 def test_the_token_is_neither_shown_nor_dumped(token_file: Path) -> None:

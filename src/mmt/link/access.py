@@ -42,12 +42,15 @@ class Access:
     authority
         PEM file of the authority that has signed the other side's certificate. A leader that
         has one accepts only followers with such a certificate.
+    table
+        The scene's table that these come from, for errors.
     """
 
     token: str | None = field(default=None, repr=False)
     certificate: Path | None = None
     key: Path | None = None
     authority: Path | None = None
+    table: str = "link"
 
     @classmethod
     def of(
@@ -55,8 +58,9 @@ class Access:
         settings: SecuredTable,
         environment: Mapping[str, str] = os.environ,
         variable: str = TOKEN_VARIABLE,
+        table: str = "link",
     ) -> "Access":
-        """Return the access that a scene's table and a variable of the environment configure.
+        """Return the access that a scene's table, of this name, and a variable configure.
 
         Raises
         ------
@@ -72,7 +76,7 @@ class Access:
                 f"the token in {origin} has {len(token)} characters, at least {SHORTEST_TOKEN} "
                 "are needed: make one by `openssl rand -hex 32`"
             )
-        return cls(token, settings.certificate, settings.key, settings.authority)
+        return cls(token, settings.certificate, settings.key, settings.authority, table)
 
     def admits(self, offered: object) -> bool:
         """Whether this is the token, compared in constant time; always true without a token."""
@@ -92,18 +96,18 @@ class Access:
         return self.token is not None or self.authority is not None
 
     def server_context(self) -> ssl.SSLContext | None:
-        """Return the leader's TLS context, None without TLS.
+        """Return the TLS context of the side that listens, None without TLS.
 
         Raises
         ------
         InputError
-            A file cannot be used, or a leader has an authority but no certificate.
+            A file cannot be used, or there is an authority but no certificate.
         """
         if self.certificate is None:
             if self.authority is not None:
                 raise InputError(
-                    "a leader that asks for its follower's certificate (authority of [link]) "
-                    "needs its own: set certificate and key of [link]"
+                    f"who asks the other side for a certificate (authority of [{self.table}]) "
+                    f"needs its own: set certificate and key of [{self.table}]"
                 )
             return None
         context = _at_least_tls_1_2(ssl.create_default_context(ssl.Purpose.CLIENT_AUTH))
@@ -216,7 +220,7 @@ def check_scheme(url: str, access: Access) -> None:
     wanted = access.certificate is not None or access.authority is not None
     if wanted and not url.startswith(("https:", "wss:")):
         raise InputError(
-            f"leader's URL {url!r}: the scene's [link] has certificates, give an https:// URL"
+            f"leader's URL {url!r}: [{access.table}] has certificates, give an https:// URL"
         )
 
 

@@ -113,7 +113,7 @@ class ListenerClient:
                 **Hello(settings.name or "", operator is not None).as_auth(),
                 **({} if operator is None else operator.auth),
             },
-            Access.of(settings, variable=TOKEN_VARIABLE),
+            Access.of(settings, variable=TOKEN_VARIABLE, table="listening"),
             RateLimit(_MESSAGES_HZ, lambda _: None, lambda _: None),
             on_open=self._on_open,
             on_broken=self._on_broken,

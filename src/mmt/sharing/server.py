@@ -125,7 +125,7 @@ class SharingServer:
         manager: socketio.AsyncManager | None = None,
     ) -> None:
         self._settings = settings
-        self._access = Access.of(settings, variable=TOKEN_VARIABLE)
+        self._access = Access.of(settings, variable=TOKEN_VARIABLE, table="sharing")
         self._relay = relay
         self._welcome = {"sharing": SHARING_VERSION, **welcome}
         self._on_change = on_change

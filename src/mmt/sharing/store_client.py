@@ -58,7 +58,7 @@ class RemoteStore:
         InputError
             The URL is not valid, or the token is too short.
         """
-        return cls(url, Access.of(Listening(), variable=TOKEN_VARIABLE))
+        return cls(url, Access.of(Listening(), variable=TOKEN_VARIABLE, table="listening"))
 
     def newest(self, folder: Path) -> list[tuple[Entry, Path]]:
         """Return the newest model of each name, and its file in a folder.
