@@ -16,7 +16,10 @@ import mmt.cli  # noqa: F401 - before NumPy: linear algebra in one thread, as th
 from mmt.core.process import ask_for_short_turns
 
 SLOWEST_FIRST = (
+    "test_first_start.py",
     "test_service_processes.py",
+    "test_compiled.py",
+    "test_control_services.py",
     "test_bench_stages.py",
     "test_service_interruption.py",
     "test_service_soak.py",

@@ -59,6 +59,30 @@ print(json.dumps([told, compiled]))
 """
 """Have what a scene needs compiled, load its parts, and tell what was compiled in this process."""
 
+ASKED_FOR = """
+import json, sys
+from pathlib import Path
+from numba.core.dispatcher import Dispatcher
+from mmt.core.kernel_cache import compile_kernels
+from mmt.leader.part import Session
+from mmt.leader.parts import build_parts, numerics_of
+from mmt.scene.files import load_scene
+
+whole, names = Dispatcher.compile, []
+
+def compile_noted(self, signature):
+    names.append(self.py_func.__qualname__)
+    return whole(self, signature)
+
+Dispatcher.compile = compile_noted
+scene = load_scene(Path(sys.argv[1]))
+compile_kernels(numerics_of(scene), lambda _: None)
+asked = len(names)
+build_parts(Session(scene))
+print(json.dumps([asked, names[asked:]]))
+"""
+"""Ask for a scene's kernels, load its parts, and tell what these needed beside."""
+
 DOUBLED = """
 from mmt.core.compiled import kernel
 
@@ -102,11 +126,8 @@ def test_kernels_that_are_collected_are_compiled_when_they_are_asked_for(
     assert collect_kernels(["doubled_numerics"]) == {}
 
 
-@pytest.mark.parametrize("scene", [SAVED_MODEL, MODELLING], ids=["saved model", "modelling"])
-def test_a_scene_finds_its_kernels_compiled_by_processes_beside_each_other(
-    tmp_path: Path, scene: str
-) -> None:
-    (tmp_path / "scene.toml").write_text(scene)
+def test_a_scene_finds_its_kernels_compiled_by_processes_beside_each_other(tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text(SAVED_MODEL)
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
     runs = [
         subprocess.run(
@@ -124,6 +145,21 @@ def test_a_scene_finds_its_kernels_compiled_by_processes_beside_each_other(
     assert told[0].startswith("compiling the numerics, at the first start only")
     assert compiled == []
     assert (told_again, compiled_again) == ([], [])
+
+
+@pytest.mark.parametrize("scene", [SAVED_MODEL, MODELLING], ids=["saved model", "modelling"])
+def test_a_scene_asks_for_every_kernel_that_it_uses(tmp_path: Path, scene: str) -> None:
+    (tmp_path / "scene.toml").write_text(scene)
+    ended = subprocess.run(
+        [sys.executable, "-c", ASKED_FOR, tmp_path / "scene.toml"],
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=150,
+    )
+    asked, loaded_later = json.loads(ended.stdout)
+    assert asked > 5
+    assert loaded_later == []
 
 
 def test_kernels_are_compiled_in_the_program_where_the_processes_fail(

@@ -4,6 +4,7 @@ import re
 import shlex
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, cast, get_args
 
@@ -156,13 +157,19 @@ def find(words: list[str]) -> tuple[Command, list[str]]:
     command, rest = PROGRAMS[words[0]], words[1:]
     while rest and re.match(r"[a-z]", rest[0]) and subcommands(command):
         assert rest[0] in subcommands(command), f"{' '.join(words)}: no command {rest[0]!r}"
-        command, rest = command.get_command(None, rest[0]), rest[1:]
+        command, rest = subcommand(command, rest[0]), rest[1:]
     return command, rest
 
 
+@cache
 def subcommands(command: Command) -> list[str]:
     """Return the names of a group's commands, some of which it loads when they are asked for."""
     return list(command.list_commands(None)) if hasattr(command, "commands") else []
+
+
+@cache
+def subcommand(command: Command, name: str) -> Command:
+    return command.get_command(None, name)
 
 
 def options(command: Command) -> set[str]:
@@ -180,7 +187,7 @@ def leaves(words: tuple[str, ...], command: Command) -> Iterator[tuple[str, Comm
         yield " ".join(words), command
         return
     for name in subcommands(command):
-        yield from leaves((*words, name), command.get_command(None, name))
+        yield from leaves((*words, name), subcommand(command, name))
 
 
 def test_a_command_that_does_not_exist_would_be_found() -> None:

@@ -123,9 +123,9 @@ def test_a_recorded_stroke_is_followed_for_as_long_as_the_session_lasts(tmp_path
 @pytest.mark.parametrize("kind", HAND_KINDS)
 def test_a_course_is_gone_through_by_every_kind_of_hand(kind):
     surfaces = [SURFACES["plastic"], SURFACES["felt"], SURFACES["sandpaper"]]
-    course = SurfaceCourse.draw(surfaces, stay_s=4.0, when="either", duration_s=60.0, seed=2)
+    course = SurfaceCourse.draw(surfaces, stay_s=4.0, when="either", duration_s=32.0, seed=2)
     assert {change.in_contact for change in course.changes} == {True, False}
-    frames, _ = simulate_session(Scene(hand=Hand(kind=kind)), course, 60.0, 2)
+    frames, _ = simulate_session(Scene(hand=Hand(kind=kind)), course, 32.0, 2)
     gone = np.flatnonzero(np.diff(course.along(frames["force_n"][:, 2].astype(np.float64))))
     assert len(gone) >= 0.6 * len(course.changes)
 

@@ -15,6 +15,9 @@ from sharing_samples import LONGEST_S, shared, until
 
 from mmt.cli.visiting import VisitorsPage, qr_code
 
+SOON = {"MMT_SHARING__PORT": "0", "MMT_TEXTURE__METHOD": "published"}
+"""By the sum of distances a model is ready after 4 s, whatever the surface."""
+
 
 def page_of(service: Service) -> str:
     """Wait until visitors are let in, and return where their page's socket is."""
@@ -35,8 +38,8 @@ async def felt_at(url: str) -> float:
 
 
 def test_a_visitor_feels_the_surface_until_the_demo_is_interrupted(tmp_path: Path) -> None:
-    arguments = ("demo", "--share", "--duration", 20, "--output", tmp_path / "out")
-    with Service("main", *arguments, cwd=tmp_path, MMT_SHARING__PORT="0") as demo:
+    arguments = ("demo", "--share", "--duration", 9, "--output", tmp_path / "out")
+    with Service("main", *arguments, cwd=tmp_path, **SOON) as demo:
         assert asyncio.run(felt_at(page_of(demo))) > 0.01
         demo.wait_for(lambda: "until Ctrl-C it can be felt" in demo.stderr + demo.stdout)
         demo.signal(signal.SIGINT)
@@ -47,7 +50,7 @@ def test_a_visitor_feels_the_surface_until_the_demo_is_interrupted(tmp_path: Pat
 def test_a_leader_lets_visitors_in_while_it_runs(tmp_path: Path) -> None:
     token = tmp_path / "token"
     token.write_text(32 * "a")
-    secured = {"MMT_SHARING__PORT": "0", "MMT_SHARING__TOKEN_FILE": str(token)}
+    secured = {**SOON, "MMT_SHARING__TOKEN_FILE": str(token)}
     with session(tmp_path, "demo", "--page", "--duration", 60, **secured) as (leader, _):
         assert asyncio.run(felt_at(page_of(leader))) > 0.01
         leader.signal(signal.SIGINT)

@@ -16,22 +16,35 @@ from mmt.scene.files import load_scene
 from mmt.session import write_session
 
 PROGRAM = """
-import asyncio, importlib, json, pathlib, sys
-service, scene, changes = sys.argv[1], pathlib.Path(sys.argv[2]), json.loads(sys.argv[3])
+import asyncio, importlib, json, os, pathlib, sys
+service, runs = sys.argv[1], json.loads(sys.argv[2])
 importlib.import_module(f"mmt.cli.{service}")
 from mmt.scene.files import load_scene
 
-async def main():
+async def main(scene, changes):
     module = importlib.import_module(f"mmt.{service}.service")
     name = service.capitalize()
     make = getattr(module, name, None) or getattr(module, f"{name}Service")
-    running = make(load_scene(scene, changes))
+    running = make(load_scene(pathlib.Path(scene), changes))
     await running.run(running.stop)
 
-asyncio.run(main())
-print(json.dumps(sorted(sys.modules)))
+def run(folder, scene, changes):
+    os.chdir(folder)
+    asyncio.run(main(scene, changes))
+    pathlib.Path("modules.json").write_text(json.dumps(sorted(sys.modules)))
+
+for each in runs:
+    child = os.fork()
+    if child == 0:
+        run(*each)
+        sys.stdout.flush()
+        os._exit(0)
+    os.waitpid(child, 0)
 """
-"""Run a service, end it as soon as it is ready, and print what it has imported."""
+"""Run a service in each scene, end it as soon as it is ready, and write what it has imported.
+
+Each run is a child of a process that has imported the command line alone.
+"""
 
 DEVICES = """
 [link]
@@ -215,30 +228,33 @@ def modules(directory: Path) -> dict[str, set[str]]:
         if service == "leader" or scene.source is not None
     ]
 
-    def run(service_and_name: tuple[str, str]) -> subprocess.CompletedProcess[str]:
-        service, name = service_and_name
-        port = {"leader": 0, "follower": 1}[service]
+    def prepared(service: str, name: str) -> tuple[str, str, dict[str, object]]:
         own = directory / f"{service}-{name}"  # two scenes may record into the same file
         own.mkdir()
         changes: dict[str, object] = {}
         if loaded[name].link is not None:
-            changes["link.port"] = port
+            changes["link.port"] = {"leader": 0, "follower": 1}[service]
         if loaded[name].replay is not None:
             changes["replay.file"] = str(directory / "made.mcap")
+        return str(own), str(scenes[name]), changes
+
+    def run(service: str) -> subprocess.CompletedProcess[str]:
+        own = [prepared(*each) for each in runs if each[0] == service]
         return subprocess.run(
-            [sys.executable, "-c", PROGRAM, service, scenes[name], json.dumps(changes)],
+            [sys.executable, "-c", PROGRAM, service, json.dumps(own)],
             check=False,
             capture_output=True,
             text=True,
-            cwd=own,
-            timeout=LONGEST_S,
+            timeout=2 * LONGEST_S,
             env={**os.environ, **with_drivers(directory), "MMT_CONTROL_TOKEN": "f" * 32},
         )
 
     with ThreadPoolExecutor(max_workers=2) as pool:
-        ended = dict(zip(map(" ".join, runs), pool.map(run, runs), strict=True))
-    assert {name: process.stderr for name, process in ended.items() if process.returncode} == {}
-    return {name: set(json.loads(process.stdout)) for name, process in ended.items()}
+        ended = list(pool.map(run, ("leader", "follower")))
+    found = {each: directory / "-".join(each) / "modules.json" for each in runs}
+    errors = "".join(process.stderr for process in ended)
+    assert [each for each, file in found.items() if not file.exists()] == [], errors
+    return {" ".join(each): set(json.loads(file.read_text())) for each, file in found.items()}
 
 
 def among(modules: Iterable[str], names: Iterable[str]) -> set[str]:
