@@ -278,6 +278,6 @@ async def test_a_slow_listener_holds_up_nobody_and_gets_what_is_newest(redis: Re
                 await until(lambda count=count: is_model_of(quick, count))
             assert slow.models == [1]
             listeners[0].next = given  # type: ignore[method-assign]
-            listeners[0].news.set()
+            listeners[0].give()
             await until(lambda: is_model_of(slow, 13))
             assert slow.models == [1, 4]

@@ -122,7 +122,6 @@ async def test_the_end_is_told() -> None:
 def test_a_slow_listener_gets_what_is_newest_and_nothing_waits_for_it() -> None:
     relay, publisher = Relay(), ModelPublisher()
     listener = Listener(relay)
-    relay.listeners["one"] = listener
     messages = [publisher.publish(model_of(count), about(count)) for count in (10, 11, 12, 13)]
     relay.offer_model(*messages[0])
     assert listener.next() == messages[0].whole
@@ -155,6 +154,52 @@ async def test_a_listener_that_takes_nothing_is_let_go(monkeypatch: pytest.Monke
     relay.offer_state(b"a state", 0.0, 0)
     with pytest.raises(TimeoutError):
         await listener.serve(stall)
+
+
+async def test_one_that_waits_gets_what_is_newest_by_then_and_the_others_all() -> None:
+    relay, gate = Relay(), asyncio.Event()
+    got: dict[str, list[bytes]] = {"slow": [], "quick": []}
+
+    async def slowly(message: bytes) -> None:
+        await gate.wait()
+        got["slow"].append(message)
+
+    async def quickly(message: bytes) -> None:
+        got["quick"].append(message)
+
+    serving = []
+    for name, send in (("slow", slowly), ("quick", quickly)):
+        relay.listeners[name] = Listener(relay)
+        serving.append(asyncio.create_task(relay.listeners[name].serve(send)))
+    await asyncio.sleep(0)
+    states = [b"%d" % number for number in range(5)]
+    for number, message in enumerate(states):
+        relay.offer_state(message, float(number), 0)
+        await until(lambda number=number: len(got["quick"]) == number + 1)
+    gate.set()
+    await until(lambda: len(got["slow"]) == 2)
+    relay.finish("completed")
+    await asyncio.gather(*serving)
+    assert got["quick"] == [*states, relay.end]
+    assert got["slow"] == [states[0], states[-1], relay.end]
+    assert relay.sent["skipped"] == 3
+
+
+async def test_one_that_has_gone_is_served_no_more() -> None:
+    relay = Relay()
+    listener = relay.listeners["one"] = Listener(relay)
+
+    async def gone(_: bytes) -> None:
+        raise ConnectionResetError("it has gone")
+
+    serving = asyncio.create_task(listener.serve(gone))
+    await asyncio.sleep(0)
+    relay.offer_state(b"a state", 0.0, 0)
+    with pytest.raises(ConnectionResetError):
+        await serving
+    relay.offer_state(b"another", 1.0, 0)
+    await asyncio.sleep(0)
+    assert relay.sent["states"] == 1
 
 
 @pytest.mark.parametrize("given", [None, "", "another0123456789abcd"])

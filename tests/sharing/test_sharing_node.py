@@ -10,13 +10,17 @@ from hub_samples import needs_redis, redis_server, serving
 from node_programs import NEEDS_NODE, run_node
 from sharing_samples import WELCOME, Shared, about, model_of, shared, until
 
-from mmt.sharing.relay import Relay
+from mmt.sharing.relay import Listener, Relay
 
 PROGRAM = Path(__file__).with_name("stock_listener.cjs")
 
 WELCOMED = {"sharing": 1, **WELCOME}
 
 pytestmark = NEEDS_NODE
+
+
+def models_given(listener: Listener) -> int:
+    return listener.sent["wholes"] + listener.sent["changes"]
 
 
 async def heard_under_node(sharing: Shared, url: str, relay: Relay) -> dict[str, Any]:
@@ -29,7 +33,7 @@ async def heard_under_node(sharing: Shared, url: str, relay: Relay) -> dict[str,
     models = [model_of(6, order=8), *(model_of(count) for count in (6, 8, 9))]
     for number, model in enumerate(models, start=1):
         sharing.offer(model, about(number))
-        await until(lambda number=number: relay.number == number and not listener.news.is_set())
+        await until(lambda number=number: models_given(listener) == number)
     code, printed, complaints = await running
     assert code == 0, complaints
     heard: dict[str, Any] = json.loads(printed)

@@ -36,7 +36,7 @@ class SendQueue:
     def __init__(self, capacity: int) -> None:
         self._capacity = capacity
         self._waiting: deque[tuple[int, bytes]] = deque()
-        self._suspended: tuple[int, bytes, _Suspended] | None = None
+        self._suspended: tuple[int, bytes, SuspendedSend] | None = None
         self._send: Callable[[bytes], Sending] | None = None
         self._stalled = False
         self._wake = asyncio.Event()
@@ -120,14 +120,11 @@ class SendQueue:
 
     def _begin(self, sending: Sending, records: int, message: bytes) -> None:
         """Run the send until it first has to wait; leave the rest to the task."""
-        try:
-            awaited = sending.send(None)
-        except StopIteration:
+        suspended = begin_send(sending)
+        if suspended is None:
             self._count(records, message)
             return
-        except Exception as error:  # noqa: BLE001 - raised again in the task
-            sending, awaited = _raise(error), None
-        self._suspended = records, message, _Suspended(sending, awaited)
+        self._suspended = records, message, suspended
         self._stalled = True
         self._wake.set()
 
@@ -164,8 +161,23 @@ class SendQueue:
         self._count(records, message)
 
 
-class _Suspended:
-    """The rest of a coroutine that was run up to its first wait.
+def begin_send(sending: Sending) -> "SuspendedSend | None":
+    """Run a send until it first has to wait, without a task.
+
+    Returns the rest of it, for a task to await, and None where nothing is left. An error is raised
+    by the rest.
+    """
+    try:
+        awaited = sending.send(None)
+    except StopIteration:
+        return None
+    except Exception as error:  # noqa: BLE001 - raised again in the task
+        return SuspendedSend(_raise(error), None)
+    return SuspendedSend(sending, awaited)
+
+
+class SuspendedSend:
+    """The rest of a send that was run up to its first wait.
 
     Parameters
     ----------
@@ -191,7 +203,7 @@ class _Suspended:
                 awaited = self._coroutine.throw(error)
             except StopIteration:
                 return
-            yield from _Suspended(self._coroutine, awaited).__await__()
+            yield from SuspendedSend(self._coroutine, awaited).__await__()
         else:
             yield from self._coroutine.__await__()
 

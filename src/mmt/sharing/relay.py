@@ -1,24 +1,29 @@
 """What listeners are to have, and who of them has what.
 
-Every message is made once. A listener has room for no queue: when it can take the next message, it
-gets what is newest by then. So a slow one skips states, the memory does not grow, and nobody waits
-for anybody.
+Every message is made once, and one task gives it to all who can take it, since waking a task for
+each costs several times the sending. A listener has room for no queue: when it can take the next
+message, it gets what is newest by then. So a slow one skips states, the memory does not grow, and
+nobody waits for anybody.
 """
 
 import asyncio
 from collections import OrderedDict, deque
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from typing import Any, Final
 
 from mmt.link.protocol import encode_event
+from mmt.link.queue import Sending, SuspendedSend, begin_send
 from mmt.sharing.lag import Have, Lag
 from mmt.sharing.messages import END
 
 _KINDS: Final = ("wholes", "changes", "states")
+_BYTES_OF: Final = {kind: f"{kind}_bytes" for kind in _KINDS}
 _REMEMBERED: Final = 600
 """States whose time of making is known: half a minute of them."""
 
 _OWN_MESSAGES: Final = 20
+_TURN: Final = 64
+"""Listeners that are given something before the event loop runs its other tasks; some 1 ms."""
 STALLED_S: Final = 10.0
 """A listener that takes no message for this long is let go."""
 
@@ -36,10 +41,12 @@ class Relay:
         self.state: bytes | None = None
         self.end: bytes | None = None
         self.listeners: dict[str, Listener] = {}
-        self.sent = dict.fromkeys((*_KINDS, *(f"{kind}_bytes" for kind in _KINDS), "skipped"), 0)
+        self.sent = dict.fromkeys((*_KINDS, *_BYTES_OF.values(), "skipped"), 0)
         """Messages that all listeners have been given, together, and their bytes, by kind; and how
         many they skipped."""
         self._made_ns: OrderedDict[float, int | None] = OrderedDict()
+        self._news = False
+        self._giving: asyncio.Task[None] | None = None
 
     @property
     def whole(self) -> bytes | None:
@@ -99,8 +106,21 @@ class Relay:
         self._tell()
 
     def _tell(self) -> None:
-        for listener in self.listeners.values():
-            listener.news.set()
+        self._news = True
+        if self.listeners and self._giving is None:
+            self._giving = asyncio.get_running_loop().create_task(self._give())
+
+    async def _give(self) -> None:
+        """Give all listeners what is newest, as often as there has been something new meanwhile."""
+        try:
+            while self._news:
+                self._news = False
+                for place, listener in enumerate(tuple(self.listeners.values()), 1):
+                    listener.give()
+                    if place % _TURN == 0:
+                        await asyncio.sleep(0)
+        finally:
+            self._giving = None
 
 
 class Listener:
@@ -120,14 +140,15 @@ class Listener:
         """What it has been given, as in `Relay.sent`."""
         self.lag = Lag()
         self._own: deque[bytes] = deque(maxlen=_OWN_MESSAGES)
-        self.news = asyncio.Event()
-        self.news.set()
+        self._send: Callable[[bytes], Sending] | None = None
+        self._rest: SuspendedSend | None = None
+        self._wanted = asyncio.Event()
 
     def again(self) -> None:
         """Let it have the whole model next, and the end of the session where it is over."""
         self._number = 0
         self._ended = False
-        self.news.set()
+        self.give()
 
     def has(self, have: Have, now_ns: int) -> None:
         """Take its answer of what it has, which came at this time of the monotonic clock."""
@@ -140,7 +161,7 @@ class Listener:
     def tell(self, message: bytes) -> None:
         """Let it have a message that is for it alone; of too many the oldest are left out."""
         self._own.append(message)
-        self.news.set()
+        self.give()
 
     def next(self) -> bytes | None:
         """Return the next message, None where it has all."""
@@ -167,14 +188,25 @@ class Listener:
     def _given(self, kind: str, message: bytes | None) -> bytes | None:
         """Count a message that is given to it."""
         self._count(kind, 1)
-        self._count(f"{kind}_bytes", len(message or b""))
+        self._count(_BYTES_OF[kind], len(message or b""))
         return message
 
     def _count(self, kind: str, more: int) -> None:
-        self.sent[kind] += more
-        self._relay.sent[kind] += more
+        if more:
+            self.sent[kind] += more
+            self._relay.sent[kind] += more
 
-    async def serve(self, send: Callable[[bytes], Awaitable[None]]) -> None:
+    def give(self) -> None:
+        """Send what is newest, while it is served; what has to wait is left to `serve`."""
+        while self._send is not None and self._rest is None:
+            message = self.next()
+            if message is None:
+                return
+            self._rest = begin_send(self._send(message))
+            if self._rest is not None or self._ended:
+                self._wanted.set()
+
+    async def serve(self, send: Callable[[bytes], Sending]) -> None:
         """Send what is newest, until the session is over.
 
         Raises
@@ -185,9 +217,18 @@ class Listener:
             It has taken no message for `STALLED_S`.
         """
         self._states = max(0, self._relay.states - 1)  # the newest is the first that it gets
-        while not self._ended:
-            await self.news.wait()
-            self.news.clear()
-            while (message := self.next()) is not None:
-                async with asyncio.timeout(STALLED_S):
-                    await send(message)
+        self._send = send
+        try:
+            self.give()
+            while self._rest is not None or not self._ended:
+                await self._wanted.wait()
+                self._wanted.clear()
+                if self._rest is not None:
+                    async with asyncio.timeout(STALLED_S):
+                        await self._rest
+                    self._rest = None
+                    self.give()
+        finally:
+            rest, self._rest, self._send = self._rest, None, None
+            if rest is not None:
+                rest.close()
