@@ -46,9 +46,9 @@ LOG: Final = logging.getLogger("mmt.sharing")
 
 _MESSAGES_HZ: Final = 50.0
 """500 messages a second may come, and 1 MB: more than any leader sends."""
-_FIRST_ANSWERS: Final = 8
+FIRST_ANSWERS: Final = 8
 """As many as the leader needs to tell the clocks apart."""
-_ANSWER_PERIOD_S: Final = 1.0
+ANSWER_PERIOD_S: Final = 1.0
 
 
 class SharedState(NamedTuple):
@@ -270,7 +270,7 @@ class ListenerClient:
     def _answer(self, time_s: float, now_ns: int) -> None:
         """Say what is here, at a low rate."""
         now_s = 1e-9 * now_ns
-        if self._answers >= _FIRST_ANSWERS and now_s - self._answered_s < _ANSWER_PERIOD_S:
+        if self._answers >= FIRST_ANSWERS and now_s - self._answered_s < ANSWER_PERIOD_S:
             return
         self._answers, self._answered_s = self._answers + 1, now_s
         self._emit(HAVE, Have(self.replica.number % 2**32, now_ns, time_s).pack())

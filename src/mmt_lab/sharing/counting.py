@@ -1,6 +1,6 @@
 """Listeners that count what comes and keep no model, many in one process.
 
-``python -m mmt_lab.sharing.counting URL COUNT SECONDS`` lets so many join, twenty a second, prints
+``python -m mmt_lab.sharing.counting URL COUNT SECONDS`` lets so many join, ten at a time, prints
 ``{"joined_s": ...}`` as soon as all are there, and at the end of the leader's session, or after so
 many seconds, what each has found.
 """
@@ -13,14 +13,33 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
-from mmt.core.errors import InputError, MmtError
+import numpy as np
+
+from mmt.core.errors import InputError
+from mmt.link.access import Access
 from mmt.scene.sharing_tables import Listening
-from mmt.sharing.client import ListenerClient
+from mmt.sharing.client import ANSWER_PERIOD_S, FIRST_ANSWERS
+from mmt.sharing.lag import Have
+from mmt.sharing.messages import (
+    AGAIN,
+    CHANGE,
+    END,
+    HAVE,
+    MODEL,
+    STATE,
+    STATE_DTYPE,
+    TOKEN_VARIABLE,
+    WELCOME,
+    Hello,
+)
 from mmt.sharing.replica import ModelReplica
 from mmt.texture.model.difference import digest
 from mmt.texture.model.file_arrays import file_arrays
+from mmt_lab.sharing.plain_socket import PlainSocket
 
-_JOINING_HZ: Final = 20.0
+_JOINING: Final = 10
+"""Listeners of this process that connect at the same time."""
+_PATIENCE_S: Final = 30.0
 
 
 class CountingReplica(ModelReplica):
@@ -75,7 +94,7 @@ class Count:
     wholes, changes, states, rejected
         Messages; `rejected` of those that did not fit.
     problem
-        Why it could not connect, empty where it could.
+        Why it could not connect, or did not stay; empty where it did.
     """
 
     lags_ms: list[float] = field(default_factory=list)
@@ -95,56 +114,103 @@ class Counter:
     ----------
     url
         Where the model is shared.
+    auth
+        What it shows; see `auth_of`.
     """
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, auth: Mapping[str, Any]) -> None:
         self.replica = CountingReplica()
         self.ended = asyncio.Event()
-        self.problem = ""
-        self._lags_ms: list[float] = []
-        self._client = ListenerClient(
-            Listening(url=url, patience_s=60.0), on_model=self._take, on_event=self._say
-        )
-        self._client.replica = self.replica
+        self.found = Count()
+        self._url, self._auth = url, auth
+        self._asked = False
+        self._answers, self._answered_s = 0, 0.0
+        self._socket = PlainSocket(self._hear, self._lose)
 
-    async def join(self, after_s: float = 0.0) -> None:
-        """Connect after so many seconds."""
-        await asyncio.sleep(after_s)
-        try:
-            await self._client.connect()
-        except MmtError as error:
-            self.problem = str(error)
+    async def join(self) -> None:
+        """Connect."""
+        self.found.problem = await self._socket.open(self._url, self._auth, _PATIENCE_S)
+        if self.found.problem:
             self.ended.set()
 
     async def leave(self) -> Count:
         """Disconnect; return what was found."""
-        await self._client.close()
-        client, replica = self._client, self.replica
-        return Count(
-            self._lags_ms,
-            replica.number,
-            replica.digest(),
-            client.wholes,
-            client.changes,
-            client.states,
-            client.rejected,
-            self.problem,
-        )
+        self.ended.set()
+        self._socket.close()
+        self.found.number, self.found.digest = self.replica.number, self.replica.digest()
+        return self.found
 
-    def _take(self) -> None:
-        if self._client.changes:
-            self._lags_ms.append(1e-6 * (time.monotonic_ns() - self.replica.made_ns))
-
-    def _say(self, text: str) -> None:
-        if "has ended" in text:
+    def _lose(self) -> None:
+        if not self.ended.is_set():
+            self.found.problem = "the connection was lost"
             self.ended.set()
+
+    def _hear(self, event: str, argument: Any = None) -> None:
+        if event == STATE:
+            self.found.states += 1
+            self._answer(argument)
+        elif event == CHANGE and not self._asked:
+            self.found.changes += 1
+            self._take_change(argument)
+        elif event == MODEL:
+            self._asked = False
+            self.found.wholes += 1
+            self.replica.take_whole(argument)
+            self._note_lag()
+        elif event == WELCOME:
+            self._ask()
+        elif event == END:
+            self.ended.set()
+
+    def _take_change(self, message: object) -> None:
+        try:
+            self.replica.take_change(message)
+        except InputError:
+            self.found.rejected += 1
+            self._ask()
+        else:
+            self._note_lag()
+
+    def _note_lag(self) -> None:
+        if self.found.changes:
+            self.found.lags_ms.append(1e-6 * (time.monotonic_ns() - self.replica.made_ns))
+
+    def _ask(self) -> None:
+        self._asked = True
+        self._socket.emit(AGAIN, None)
+
+    def _answer(self, state: bytes) -> None:
+        """Say what is here, as often as a listener does."""
+        now_ns = time.monotonic_ns()
+        if self._answers < FIRST_ANSWERS or 1e-9 * now_ns - self._answered_s >= ANSWER_PERIOD_S:
+            self._answers, self._answered_s = self._answers + 1, 1e-9 * now_ns
+            time_s = float(np.frombuffer(state, STATE_DTYPE)[0]["time_s"])
+            self._socket.emit(HAVE, Have(self.replica.number, now_ns, time_s).pack())
+
+
+def auth_of(url: str) -> dict[str, Any]:
+    """Return what a listener shows there: its hello, and the token where there is one.
+
+    Raises
+    ------
+    InputError
+        The token in `TOKEN_VARIABLE` is too short.
+    """
+    token = Access.of(Listening(url=url), variable=TOKEN_VARIABLE).token
+    return Hello().as_auth() | ({} if token is None else {"token": token})
 
 
 async def count(url: str, listeners: int, longest_s: float) -> list[Count]:
     """Let listeners join, and count until the session has ended for each of them."""
     begun_s = time.monotonic()
-    crowd = [Counter(url) for _ in range(listeners)]
-    await asyncio.gather(*(one.join(index / _JOINING_HZ) for index, one in enumerate(crowd)))
+    auth, joining = auth_of(url), asyncio.Semaphore(_JOINING)
+    crowd = [Counter(url, auth) for _ in range(listeners)]
+
+    async def join(one: Counter) -> None:
+        async with joining:
+            await one.join()
+
+    await asyncio.gather(*(join(one) for one in crowd))
     print(json.dumps({"joined_s": time.monotonic() - begun_s}), flush=True)
     ends = [asyncio.create_task(one.ended.wait()) for one in crowd]
     _, late = await asyncio.wait(ends, timeout=longest_s)

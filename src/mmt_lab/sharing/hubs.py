@@ -18,7 +18,7 @@ from mmt.cli.child import Child
 from mmt.core.errors import InputError, MmtError
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.findings import Findings
-from mmt_lab.sharing.counting import Count, Counter
+from mmt_lab.sharing.counting import Count, Counter, auth_of
 
 _SCENE: Final = "demo"
 _LATEST_S: Final = 60.0
@@ -80,7 +80,7 @@ async def hold(hubs: int, listeners: int, duration_s: float) -> Session:
         port = (await _line(leader, told, "ready"))["port"]
         shared = (await _line(leader, told, "event", "shared at "))["event"]
         url = shared.removeprefix("shared at ")
-        direct = Counter(url)
+        direct = Counter(url, auth_of(url))
         await direct.join()
         served = [await _hub(stack, url, redis, listeners) for _ in range(hubs)]
         before = [_use(child) for child, _, _ in served]
