@@ -14,7 +14,7 @@ from mmt.leader.listeners import Listeners
 from mmt.sharing import relay as relay_module
 from mmt.sharing import server as server_module
 from mmt.sharing.lag import Have, Lag
-from mmt.sharing.messages import SHARING_VERSION
+from mmt.sharing.messages import PING_S, SHARING_VERSION
 from mmt.sharing.relay import Relay
 
 MS = 1_000_000
@@ -110,6 +110,7 @@ async def test_a_stock_client_that_answers_nothing_is_known_by_what_it_was_sent(
         stranger = socketio.AsyncClient(serializer="msgpack", reconnection=False)
         hello = {"sharing": SHARING_VERSION, "role": "listener", "name": "stock"}
         await stranger.connect(sharing.url, auth=hello, transports=["websocket"])
+        assert (stranger.eio.ping_interval, stranger.eio.ping_timeout) == PING_S
         await stranger.emit("again", None)
         await until(lambda: sharing.relay.listeners)
         sharing.offer_state(0.5)

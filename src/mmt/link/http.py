@@ -197,6 +197,9 @@ class LinkServer:
         See `Listener`.
     manager
         The client manager of the Socket.IO server, None for that of one process.
+    ping_s
+        Time between two pings of a client, and how long it may take to answer; None for those of
+        the link.
     """
 
     def __init__(
@@ -209,9 +212,11 @@ class LinkServer:
         busy: Callable[[], bool] = lambda: False,
         most: int | None = None,
         manager: socketio.AsyncManager | None = None,
+        ping_s: tuple[int, int] | None = None,
     ) -> None:
         self._settings = settings
         self._access = access
+        interval_s, timeout_s = ping_s or (PING_INTERVAL_S, PING_TIMEOUT_S)
         self.server = socketio.AsyncServer(
             client_manager=manager,
             async_mode="aiohttp",
@@ -219,8 +224,8 @@ class LinkServer:
             transports=["websocket"],
             async_handlers=False,
             max_http_buffer_size=MAX_MESSAGE_BYTES,
-            ping_interval=PING_INTERVAL_S,
-            ping_timeout=PING_TIMEOUT_S,
+            ping_interval=interval_s,
+            ping_timeout=timeout_s,
             logger=wire_logger(),
             engineio_logger=wire_logger(),
         )

@@ -8,8 +8,8 @@ WebSocket, they go through the library's queue.
 Receiving: python-engineio and python-socketio spend one to three tasks, a timer and several turns
 of the event loop on every message. Both ask their WebSocket for the next message by its public
 ``receive``; here that method hands frequent events to their handlers and returns only the rest,
-so that connecting, pings, acknowledgements and all other events stay with the library. Pings come
-every second, well within the time that the library waits for a message. Where a version asks its
+so that connecting, pings, acknowledgements and all other events stay with the library. Pings
+come well within the time that the library waits for a message. Where a version asks its
 WebSocket in another way, every event goes through the library, which has the same handlers.
 """
 

@@ -46,6 +46,10 @@ LONGEST_NAME: Final = 64
 LONGEST_MESSAGE: Final = 4 << 20
 """Most bytes of a message to a listener; a model of a thousand samples has some 200,000."""
 
+PING_S: Final = 5, 5
+"""Seconds between two pings of a listener, and how long it may take to answer. Each takes the
+library as long as ten states take; a connection that is closed is known at once."""
+
 STATE_DTYPE: Final = np.dtype(
     [
         ("time_s", "<f8"),

@@ -25,6 +25,7 @@ from mmt.sharing.messages import (
     AGAIN,
     HAVE,
     HUBS,
+    PING_S,
     SHARING_VERSION,
     TOKEN_VARIABLE,
     WELCOME,
@@ -142,6 +143,7 @@ class SharingServer:
             entrance=_LISTENERS,
             most=2 * settings.most,
             manager=manager,
+            ping_s=PING_S,
         )
         self._host.server.on("connect", self._on_connect)
         self._host.server.on("disconnect", self._on_disconnect)
