@@ -23,7 +23,7 @@ from link_samples import (
 )
 from socketio.msgpack_packet import MsgPackPacket
 
-import mmt.link.connection
+import mmt.link.socket_client
 import mmt.link.websocket
 from mmt.link.protocol import MAX_MESSAGE_BYTES, encode_event
 from mmt.link.rate_limit import HANDSHAKE_MESSAGES, HandshakeLimit, RateLimit
@@ -86,7 +86,7 @@ async def test_where_the_websocket_cannot_be_asked_the_library_hands_over_the_sa
 ) -> None:
     monkeypatch.setattr(mmt.link.websocket, "receive_directly", lambda *_: None)
     monkeypatch.setattr(
-        mmt.link.connection, "client_websocket", lambda *_: aiohttp.ClientWebSocketResponse
+        mmt.link.socket_client, "client_websocket", lambda *_: aiohttp.ClientWebSocketResponse
     )
     up, down = await exchange(40)
     assert decoded[socketio.packet.EVENT] == 82

@@ -14,8 +14,8 @@ import socketio
 from sharing_samples import LONGEST_S, about, listening, model_of, shared, until
 
 from mmt.core.errors import InputError, MmtError
-from mmt.link.connection import SocketClient
 from mmt.link.protocol import encode_event
+from mmt.link.socket_client import SocketClient
 from mmt.sharing import relay as relay_module
 from mmt.sharing.messages import SHARING_VERSION, STATE
 from mmt.sharing.publishing import ModelPublisher

@@ -13,7 +13,7 @@ from mmt.core.frames import COMMAND_DTYPE
 from mmt.core.ticking import TimeHistogram
 from mmt.link.access import Access
 from mmt.link.clock_exchange import ClockRequester
-from mmt.link.connection import ACKNOWLEDGE_S, CLOSE_TIMEOUT_S, Connection
+from mmt.link.connection import Connection
 from mmt.link.endpoint import Endpoint, ExtraEvent, FollowerEvents
 from mmt.link.frame_sender import FrameSender
 from mmt.link.protocol import (
@@ -33,6 +33,7 @@ from mmt.link.protocol import (
     reason_of,
 )
 from mmt.link.reader import BlockReader
+from mmt.link.socket_client import ACKNOWLEDGE_S, CLOSE_TIMEOUT_S
 from mmt.link.websocket import Send
 
 if TYPE_CHECKING:

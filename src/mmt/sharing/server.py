@@ -5,7 +5,6 @@ import logging
 import time
 from collections.abc import Callable, Coroutine, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
@@ -18,8 +17,8 @@ from mmt.link.access import Access, Entrance
 from mmt.link.http import CLOSE_TIMEOUT_S, LinkServer, Page
 from mmt.link.protocol import MAX_SENTENCE, loss_of, peer_text
 from mmt.link.rate_limit import RateLimit
-from mmt.link.websocket import Send
 from mmt.scene.sharing_tables import Sharing
+from mmt.sharing.guest import Guest
 from mmt.sharing.lag import Have
 from mmt.sharing.messages import (
     AGAIN,
@@ -60,40 +59,6 @@ _MOST_SHOWN: Final = 30
 """Listeners of which the figures are told every second: those that are furthest behind."""
 
 
-@dataclass
-class _Guest:
-    """A listener that is connected; it is served from its first `AGAIN` on."""
-
-    number: int
-    name: str
-    send: Send
-    listener: Listener
-    joined_s: float = field(default_factory=time.monotonic)
-    serving: asyncio.Task[None] | None = None
-    rejected: int = 0
-    why: str = ""
-    """Why it is to be let go."""
-
-    @property
-    def text(self) -> str:
-        """What a person calls it."""
-        return f"listener {self.name}" if self.name else "a listener"
-
-    def figures(self) -> dict[str, Any]:
-        """Return what is known of it, for a table."""
-        return {
-            "id": self.number,
-            "name": self.name,
-            "listened_s": round(time.monotonic() - self.joined_s, 3),
-            **self.listener.figures(time.monotonic_ns()),
-            "rejected": self.rejected,
-        }
-
-    def reject(self, _: str) -> None:
-        """Count a message of it that could not be used."""
-        self.rejected += 1
-
-
 class SharingServer:
     """Serve a relay's messages to listeners.
 
@@ -130,7 +95,7 @@ class SharingServer:
         self._relay = relay
         self._welcome = {"sharing": SHARING_VERSION, **welcome}
         self._on_change = on_change
-        self._guests: dict[str, _Guest] = {}
+        self._guests: dict[str, Guest] = {}
         self._joined = 0
         self.listened_s = 0.0
         """Seconds that all listeners have listened, together, but for those who still do."""
@@ -191,7 +156,7 @@ class SharingServer:
     def figures(self) -> dict[str, Any]:
         """Return the figures of all listeners together, and ``rows`` of 30 that are behind most."""
         guests = self._guests.values()
-        behind = sorted(guests, key=_behind, reverse=True)
+        behind = sorted(guests, key=Guest.lag_order, reverse=True)
         lags = sorted(lag for each in guests if (lag := each.listener.lag.last_ms) is not None)
         return {
             "listeners": len(guests),
@@ -234,7 +199,7 @@ class SharingServer:
             data = [{HUBS: elsewhere}] if elsewhere else []
             raise socketio.exceptions.ConnectionRefusedError(str(error), *data) from error
         self._joined += 1
-        guest = self._guests[sid] = _Guest(
+        guest = self._guests[sid] = Guest(
             self._joined, hello.name, self._host.sockets.send(sid, environ), Listener(self._relay)
         )
 
@@ -284,7 +249,7 @@ class SharingServer:
         except InputError as error:
             guest.reject(str(error))
 
-    async def _serve(self, sid: str, guest: _Guest) -> None:
+    async def _serve(self, sid: str, guest: Guest) -> None:
         with suppress(ConnectionError):
             try:
                 await guest.listener.serve(guest.send)
@@ -306,11 +271,6 @@ class SharingServer:
         count = len(self._guests)
         details = {"kind": kind, "listeners": count, "listener": listener}
         self._on_change(f"{text}, {count} listening", details)
-
-
-def _behind(guest: _Guest) -> tuple[bool, float]:
-    lag_ms = guest.listener.lag.last_ms
-    return lag_ms is not None, lag_ms or 0.0
 
 
 def _pages(settings: Sharing) -> list[Page]:
