@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import requiring
-from mmt.scene.files import explain_problems
+from mmt.scene.problems import explain_problems
 
 Role = Literal["robot", "force_sensor", "accelerometer", "handle", "actuator", "board"]
 """What a device can be in a scene: in ``[devices]``, as ``[handle]``, as ``[actuator]``, or the
