@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from mmt.cli.child import Child
+from mmt.core.errors import MmtError
 from mmt.scene.sharing_tables import HubScene
 from mmt.sharing.hub.service import Hub
 
@@ -83,6 +84,13 @@ class Served:
     @property
     def url(self) -> str:
         return self.hub.address
+
+    async def ends_by(self, sentence: str) -> None:
+        """Wait until it has ended by an error that says so."""
+        assert self.running is not None
+        with pytest.raises(MmtError, match=sentence):
+            await self.running
+        self.running = asyncio.create_task(asyncio.sleep(0))
 
 
 @asynccontextmanager
