@@ -10,7 +10,7 @@ import numpy as np
 from image_files import write
 from matplotlib.figure import Figure
 
-from mmt.cli.demo import run_services
+from mmt.cli.scene_services import run_services
 from mmt.core.arrays import FloatArray
 from mmt.evaluation import figures
 from mmt.scene import Hand

@@ -12,12 +12,12 @@ import pytest
 import tomli_w
 from typer.testing import CliRunner
 
-from mmt.cli.demo import DemoRun
 from mmt.cli.main import app
 from mmt.cli.scene import costs as scene_costs
 from mmt.cli.scene import runs as scene_runs
 from mmt.cli.scene.costs import SceneRun, ServiceRun
 from mmt.cli.scene.runs import SceneRunner
+from mmt.cli.scene_services import DemoRun
 from mmt.core.errors import InputError, MmtError
 from mmt.scene import Scene
 from mmt.scene.files import example_scenes, load_scene

@@ -10,7 +10,7 @@ from service_processes import Service, session, streamed_s
 
 from mmt.cli import follower, leader, main
 from mmt.cli.common import run_app
-from mmt.cli.demo import DemoRun
+from mmt.cli.scene_services import DemoRun
 from mmt.core.errors import MmtError
 from mmt.core.realtime import require_real_time
 from mmt_lab.experiments import services

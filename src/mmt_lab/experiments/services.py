@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Final
 
-from mmt.cli.demo import DemoRun
+from mmt.cli.scene_services import DemoRun
 from mmt.core.realtime import require_real_time
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.demo_services import run_demo_services

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from mmt.cli.demo import DemoRun, Visitors, run_services
+from mmt.cli.scene_services import DemoRun, Visitors, run_services
 from mmt.core.errors import MmtError
 from mmt.scene.files import example_scenes, load_scene
 
@@ -24,7 +24,7 @@ async def run_demo_services(
     duration_s
         How long the session lasts.
     realtime, environment
-        See `mmt.cli.demo.run_services`.
+        See `mmt.cli.scene_services.run_services`.
     visitors
         Let in as soon as the leader shares its model; None where it shares none.
 

@@ -11,8 +11,8 @@ from typing import Any
 import tomli_w
 from rich.console import Console
 
-from mmt.cli.demo import DemoRun, run_services
 from mmt.cli.scene.costs import SceneRun, ServiceRun
+from mmt.cli.scene_services import DemoRun, run_services
 from mmt.core.errors import MmtError
 from mmt.scene import Replay, Scene
 from mmt.scene.files import ENVIRONMENT_PREFIX

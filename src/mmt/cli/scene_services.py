@@ -1,0 +1,240 @@
+"""A scene's services as two processes on loopback, until both have ended."""
+
+import asyncio
+import signal
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn
+
+from mmt.cli.child import Child
+from mmt.cli.common import messages, shared_at
+from mmt.scene import Scene
+
+_LAST_SECONDS: Final = 5.0
+
+
+class Visitors(Protocol):
+    """Whoever comes as soon as the leader shares its model."""
+
+    async def open(self, url: str) -> str:
+        """Let them in at this address; return a text for the terminal."""
+
+
+@dataclass
+class DemoRun:
+    """What the two services said of themselves."""
+
+    leader: dict[str, Any] = field(default_factory=dict)
+    follower: dict[str, Any] = field(default_factory=dict)
+    errors: list[str] = field(default_factory=list)
+    failed: bool = False
+    interrupted: bool = False
+    start_s: dict[str, float] = field(default_factory=dict)
+    """By service: from the start of its process until it was ready."""
+    inventories: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """By service: its tasks, threads and modules."""
+
+    def tables(self) -> dict[str, Any]:
+        """Return the summaries that arrived."""
+        return {
+            name: table
+            for name, table in (("leader", self.leader), ("follower", self.follower))
+            if table
+        }
+
+
+async def run_services(
+    scene_file: Path,
+    scene: Scene,
+    duration_s: float | None,
+    replay: Path | None,
+    *,
+    console: Console = messages,
+    environment: Mapping[str, str] | None = None,
+    realtime: bool = False,
+    visitors: Visitors | None = None,
+) -> DemoRun:
+    """Run the services of a scene as processes until both have ended.
+
+    Parameters
+    ----------
+    scene_file, duration_s, replay
+        What the services are given.
+    scene
+        What they make of it.
+    console
+        Shows the live progress.
+    environment
+        Environment of the processes; None for this process's own.
+    realtime
+        Whether they tick by real-time scheduling.
+    visitors
+        Let in as soon as the leader shares its model.
+    """
+    return await _Demo(
+        scene_file,
+        scene,
+        duration_s,
+        replay,
+        console,
+        environment,
+        realtime=realtime,
+        visitors=visitors,
+    ).run()
+
+
+class _Demo:
+    def __init__(
+        self,
+        scene_file: Path,
+        scene: Scene,
+        duration_s: float | None,
+        replay: Path | None,
+        console: Console,
+        environment: Mapping[str, str] | None,
+        *,
+        realtime: bool,
+        visitors: Visitors | None,
+    ) -> None:
+        self._scene = scene
+        self._visitors = visitors
+        self._opening: asyncio.Task[None] | None = None
+        self._environment = environment
+        self._run = DemoRun()
+        self._arguments = [str(scene_file), "--json-lines"]
+        if realtime:
+            self._arguments += ["--realtime"]
+        if replay is not None:
+            self._arguments += ["--replay", str(replay)]
+        self._leader_arguments = list(self._arguments)
+        if duration_s is not None:
+            self._leader_arguments += ["--duration", str(duration_s)]
+        if scene.link is not None:
+            self._leader_arguments += ["--port", "0"]
+        if scene.monitor is not None:
+            self._leader_arguments += ["--monitor"]
+        if scene.sharing is not None:
+            self._leader_arguments += ["--share"]
+        if scene.recording is not None:
+            self._leader_arguments += ["--record", str(scene.recording.file)]
+            if scene.recording.existing == "replace":
+                self._leader_arguments += ["--force"]
+        self._children: list[Child] = []
+        self._progress = Progress(
+            TextColumn("{task.fields[status]}"),
+            BarColumn(bar_width=None),
+            console=console,
+            expand=True,
+        )
+        self._bar = self._progress.add_task(
+            "leader", total=scene.session.duration_s, status="starting"
+        )
+
+    async def run(self) -> DemoRun:
+        loop = asyncio.get_running_loop()
+        with suppress(NotImplementedError):  # Windows passes Ctrl-C to the children by itself
+            for number in (signal.SIGINT, signal.SIGTERM):
+                loop.add_signal_handler(number, self._interrupt)
+        try:
+            with self._progress:
+                leader = await self._start("leader", self._leader_arguments)
+                await self._watch_leader(leader)
+        finally:
+            if self._opening is not None:
+                self._opening.cancel()
+            await asyncio.gather(*(child.kill() for child in self._children))
+        return self._run
+
+    async def _start(self, name: str, arguments: list[str]) -> Child:
+        child = await Child.start(
+            name,
+            "mmt.cli.entry",
+            [name, *arguments],
+            self._environment,
+            lambda sentence: self._progress.console.print(f"{name}: {sentence}", highlight=False),
+        )
+        self._children.append(child)
+        if self._run.interrupted:
+            child.interrupt()
+        return child
+
+    def _interrupt(self) -> None:
+        self._run.interrupted = True
+        for child in self._children:
+            child.interrupt()
+
+    async def _watch_leader(self, leader: Child) -> None:
+        follower: Child | None = None
+        async for line in leader.lines():
+            self._take(leader, line)
+            self._take_leader(line)
+            if line["kind"] == "ready" and self._scene.link is not None:
+                url = self._scene.link.url(line["port"])
+                if self._scene.monitor is not None:
+                    self._progress.console.print(f"monitor: {url}/monitor/", highlight=False)
+                follower = await self._start("follower", [*self._arguments, "--leader", url])
+                following = asyncio.create_task(self._watch_follower(follower, leader))
+        failed = await self._note_end(leader) != 0
+        if follower is not None:
+            await asyncio.wait([following], timeout=0.0 if failed else _LAST_SECONDS)
+            follower.interrupt()  # else it would wait for a leader that has ended
+            await asyncio.wait([following], timeout=_LAST_SECONDS)
+            await follower.kill()
+            await following
+
+    async def _watch_follower(self, follower: Child, leader: Child) -> None:
+        async for line in follower.lines():
+            self._take(follower, line)
+            if line["kind"] == "event":
+                self._progress.console.print(f"follower: {line['event']}", highlight=False)
+            elif line["kind"] == "summary":
+                self._run.follower = {key: v for key, v in line.items() if key != "kind"}
+        if await self._note_end(follower) != 0:
+            leader.interrupt()  # else it would wait for a follower that has ended
+
+    async def _note_end(self, child: Child) -> int:
+        code = await child.wait()
+        if code != 0:
+            self._run.failed = True
+            self._run.errors.append(f"{child.name} ended with exit code {code}: {child.messages}")
+        return code
+
+    def _take(self, child: Child, line: dict[str, Any]) -> None:
+        if line["kind"] == "ready":
+            self._run.start_s[child.name] = child.age_s
+        elif line["kind"] == "inventory":
+            self._run.inventories[child.name] = {k: v for k, v in line.items() if k != "kind"}
+
+    async def _let_in(self, visitors: Visitors, url: str) -> None:
+        self._progress.console.print(await visitors.open(url), highlight=False, soft_wrap=True)
+
+    def _take_leader(self, line: dict[str, Any]) -> None:
+        kind = line["kind"]
+        if kind == "status":
+            self._progress.update(self._bar, completed=line["time_s"], status=status_text(line))
+        elif kind == "event":
+            self._progress.console.print(f"leader: {line['event']}", highlight=False)
+            url = shared_at(line["event"])
+            if self._visitors is not None and url is not None:
+                self._opening = asyncio.create_task(self._let_in(self._visitors, url))
+        elif kind == "ready":
+            self._progress.update(self._bar, status=f"ready after {line['ready_s']} s")
+        elif kind == "summary":
+            self._run.leader = {key: value for key, value in line.items() if key != "kind"}
+            self._progress.update(self._bar, completed=self._run.leader["session"]["duration_s"])
+
+
+def status_text(status: dict[str, Any]) -> str:
+    """Return the live line: mode, samples, completion, frames lost, tick jitter."""
+    late = status["tick_p99_ms"]
+    return (
+        f"{status['time_s']:5.1f} s {status['mode']:<11}  samples {status['samples']:2d}  "
+        f"{status['completion'] or 'no model yet'}  "
+        f"lost {status['frames_lost']}  "
+        f"tick p99 {'-' if late is None else format(late, '.2f')} ms"
+    )
