@@ -306,6 +306,21 @@ def test_commands_that_come_in_bunches_are_followed_at_the_pace_of_the_hand() ->
     assert robot.newest[0] == pytest.approx(0.3 * 899, abs=1.5)
 
 
+def test_a_robot_that_is_behind_is_not_hastened_by_uneven_stamps() -> None:
+    robot = Guarded(measured=(0.0, 0.0, 0.0))
+    robot.run(1, (0.0, 0.0, 0.0))
+    robot.guard.receive(*command(60.0, 0.0, 0.0, time_ns=SECOND_NS))  # the hand is ahead
+    for tick in range(1, 401):
+        # ticks of the leader in pairs: two together, late, and the next pair right after it
+        if tick % 2 == 0:
+            late_ns = 900_000 if tick % 4 == 0 else 0
+            place = (60.0 + 0.2 * tick, 0.0, 0.0)
+            robot.guard.receive(*command(*place, time_ns=SECOND_NS + tick * 1_000_000 + late_ns))
+        robot.run(1)
+    travelled_mm = robot.newest[0] - robot.positions[100][0]  # type: ignore[index]
+    assert 60.0 < travelled_mm < (0.2 + 0.05) * 300 + 0.5  # the hand's motion, and the recovery
+
+
 def test_a_fast_stroke_along_the_surface_does_not_hasten_the_way_to_it() -> None:
     robot = Guarded()
     for k in range(200):

@@ -2,6 +2,7 @@
 
 import math
 import struct
+from collections import deque
 from collections.abc import Callable
 from typing import Any, Final, Literal
 
@@ -15,6 +16,10 @@ _COMMAND: Final = struct.Struct("<Iqqq3f")
 """The layout of `mmt.core.frames.COMMAND_DTYPE`; NumPy takes over twice as long to read it."""
 
 _AT_REST: Final[Vector] = (0.0, 0.0, 0.0)
+
+_REMEMBERED: Final = 50
+"""Commands over which a robot that is behind takes the hand's speed: their own stamps are uneven
+where the leader's ticks are late, by as much as two ticks taken for one."""
 
 _NORMALS: Final[dict[str, Vector]] = {
     "x": (1.0, 0.0, 0.0),
@@ -85,6 +90,7 @@ class CommandGuard:
         self._target = _AT_REST
         self._motion = _AT_REST  # of the hand, in a tick
         self._command_ns = self._target_ns = 0  # by the leader's clock
+        self._before: deque[tuple[int, Vector]] = deque(maxlen=_REMEMBERED)
         self._position: Vector | None = None
         self._age_ticks = 0
         self._silent = False
@@ -199,12 +205,20 @@ class CommandGuard:
                     f"at {self._link.recovery_mm_s:g} mm/s"
                 )
         else:
-            ticks = max(1.0, (self._command_ns - self._target_ns) / self._period_ns)
-            x, y, z = difference(command, self._target)
-            self._motion = (x / ticks, y / ticks, z / ticks)
+            self._motion = self._since(self._target_ns, self._target, command)
+            if self._position is not self._target and self._before:
+                # the slower of both: neither a jump nor two commands close in time is speed
+                self._motion = min(self._motion, self._since(*self._before[0], command), key=_norm)
         self._target, self._target_ns = command, self._command_ns
+        self._before.append((self._command_ns, command))
         self._command = None
         self._age_ticks = 0
+
+    def _since(self, before_ns: int, before: Vector, command: Vector) -> Vector:
+        """Return the hand's motion in a tick since a command."""
+        ticks = max(1.0, (self._command_ns - before_ns) / self._period_ns)
+        x, y, z = difference(command, before)
+        return (x / ticks, y / ticks, z / ticks)
 
     def _fall_silent(self) -> None:
         assert self._position is not None  # noqa: S101 - there is none to hold before a command
@@ -217,6 +231,7 @@ class CommandGuard:
     def _let_be(self, position: Vector, does: Literal["hold", "retract"]) -> None:
         """Go to where the robot is to be without commands."""
         self._silent = True
+        self._before.clear()
         away_mm = self._link.retract_mm if does == "retract" else 0.0
         x, y, z = position
         u, v, w = self._normal
@@ -235,3 +250,7 @@ class CommandGuard:
         self._position = towards(position, wanted, self._limit_mm)
         if self._position is not self._target:
             self._slowed += elapsed
+
+
+def _norm(vector: Vector) -> float:
+    return math.hypot(*vector)
