@@ -125,8 +125,9 @@ def recorded(file: Path) -> None:
     ended, back = moments(session, "ended"), moments(session, "back")
     assert (len(given), len(moved), len(ended), len(back)) == (2, 2, 2, 2)
     for begin, end in [*zip(given, moved, strict=True), *zip(ended, back, strict=True)]:
-        held = position[end - 10 : end + 1]
-        assert np.abs(held - held[0]).max() < 0.1, (begin, end)
+        moved_mm = np.linalg.norm(position[end] - position[end - 10])
+        # what a robot lacks after a stall of the machine it works off at recovery_mm_s, 50
+        assert moved_mm < 0.6, (begin, end)
         after = steps[end : end + 200]
         assert after.max() < 0.6  # a hand of 300 mm/s, and what the difference shrinks by
     written = file.with_suffix(".json")
