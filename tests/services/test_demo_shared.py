@@ -38,7 +38,7 @@ async def felt_at(url: str) -> float:
 
 
 def test_a_visitor_feels_the_surface_until_the_demo_is_interrupted(tmp_path: Path) -> None:
-    arguments = ("demo", "--share", "--duration", 9, "--output", tmp_path / "out")
+    arguments = ("demo", "--share", "--duration", 12, "--output", tmp_path / "out")
     with Service("main", *arguments, cwd=tmp_path, **SOON) as demo:
         assert asyncio.run(felt_at(page_of(demo))) > 0.01
         demo.wait_for(lambda: "until Ctrl-C it can be felt" in demo.stderr + demo.stdout)

@@ -144,6 +144,9 @@ class _Demo:
             with self._progress:
                 leader = await self._start("leader", self._leader_arguments)
                 await self._watch_leader(leader)
+                if self._opening is not None and not self._run.interrupted:
+                    # on a busy machine the visitors' page may be ready after a short session
+                    await asyncio.wait([self._opening], timeout=_LAST_SECONDS)
         finally:
             if self._opening is not None:
                 self._opening.cancel()
