@@ -76,7 +76,7 @@ def run(
     duration: Duration = 18.0,
     listeners: Annotated[int, typer.Option(min=2, help="How many join at once.")] = 100,
     network: Annotated[
-        Literal["lan", "wifi", "wan"] | None,
+        Literal["lan", "wifi", "wan", "bad"] | None,
         typer.Option(help="Listeners behind this emulated network: what they feel."),
     ] = None,
     minutes: Annotated[
