@@ -21,6 +21,7 @@ from typing import Any, Final
 import msgpack
 
 from mmt.core.errors import MmtError
+from mmt.core.process import step_back
 from mmt.scene.sharing_tables import Control, Sharing
 from mmt.sharing.messages import LONGEST_MESSAGE
 from mmt.sharing.relay import Relay
@@ -98,6 +99,7 @@ def main() -> None:
     """Run the process; the first argument is the scene's table and the welcome as JSON."""
     given = json.loads(sys.argv[1])
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the leader says when it ends
+    step_back()  # the leader's ticks do not wait for what listeners take
     control = None if given["control"] is None else Control.model_validate(given["control"])
     asyncio.run(serve(Sharing.model_validate(given["sharing"]), given["welcome"], control))
 

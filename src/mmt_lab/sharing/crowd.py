@@ -12,6 +12,7 @@ import time
 from dataclasses import asdict, dataclass, field
 
 from mmt.core.errors import MmtError
+from mmt.core.process import step_back
 from mmt.scene.sharing_tables import Listening
 from mmt.sharing.client import ListenerClient
 
@@ -134,7 +135,8 @@ async def waiting_crowd(url: str, count: int, longest_s: float) -> list[Found]:
 
 
 def main() -> None:
-    """Run the crowd of the command line."""
+    """Run the crowd of the command line, which stands for other machines: it steps back."""
+    step_back()
     url, count, longest_s = sys.argv[1], int(sys.argv[2]), float(sys.argv[3])
     found = asyncio.run(waiting_crowd(url, count, longest_s))
     print(json.dumps([asdict(each) for each in found]))
