@@ -22,6 +22,8 @@ PACKAGES: Final[dict[str, tuple[str, str]]] = {
     "matplotlib": ("report", "reports and figures need matplotlib"),
     "serial": ("devices", "serial ports need pyserial"),
     "usb": ("devices", "devices at USB need pyusb"),
+    "rtde_control": ("ur", "arms by Universal Robots need ur-rtde"),
+    "rtde_receive": ("ur", "arms by Universal Robots need ur-rtde"),
     "sounddevice": ("sound", "the sound card needs sounddevice"),
     "pyarrow": ("export", "Parquet needs pyarrow"),
     "h5py": ("export", "HDF5 needs h5py"),

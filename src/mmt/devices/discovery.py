@@ -89,6 +89,16 @@ def missing_for(driver: str) -> str:
         )
     if driver in {"labjack-u6", "adxl335-u6"} and not _has_libusb():
         return NO_LIBUSB
+    if driver == "ur":
+        return _missing_package("rtde_control")
+    return ""
+
+
+def _missing_package(name: str) -> str:
+    try:
+        require(name)
+    except MmtError as error:
+        return str(error)
     return ""
 
 

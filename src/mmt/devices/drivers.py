@@ -45,6 +45,10 @@ DRIVERS: Final[dict[str, Mapping[Role, str]]] = {
         "robot": "mmt.devices.openhaptics.robot:OpenHapticsRobot",
         "handle": "mmt.devices.openhaptics.handle:OpenHapticsHandle",
     },
+    "ur": {
+        "robot": "mmt.devices.universal_robots.robot:UrRobot",
+        "force_sensor": "mmt.devices.universal_robots.force:UrForceSensor",
+    },
 }
 """Name -> role -> ``module:factory`` of the drivers of real devices that are part of mmt."""
 

@@ -1,0 +1,1 @@
+"""A Universal Robots arm that is not there, behind the ports of its controller."""
