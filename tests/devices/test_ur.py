@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ from mmt.devices.drivers import load_device
 from mmt.devices.protocols import Vector
 from mmt.devices.source import DeviceSource
 from mmt.devices.universal_robots import sharing
+from mmt.testing.emulated import drivers as lab_drivers
+from mmt.testing.emulated.universal_robots import drivers as ur_drivers
 from mmt.testing.emulated.universal_robots.arm import PLAYING, POWER_OFF, STOPPED
 from mmt.testing.emulated.universal_robots.controller import EmulatedUrController
 from mmt.testing.emulated.universal_robots.ports import RtdeConnection
@@ -309,8 +312,10 @@ def test_what_is_not_connected_is_lost_and_what_is_not_installed_is_told(lab: La
             device.read()
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(sys.modules, "rtde_control", None)
-        with pytest.raises(InputError, match=r"need ur-rtde, which is not installed.*\[ur\]"):
-            lab.make("robot")
+        for driver in ("ur", "virtual-ur"):
+            options = {} if driver == "virtual-ur" else {"host": lab.controller.host}
+            with pytest.raises(InputError, match=r"need ur-rtde, which is not installed.*\[ur\]"):
+                load_device(driver, options)
 
 
 class Running:
@@ -359,3 +364,34 @@ def test_frames_cease_in_a_protective_stop_and_go_on_after_it(lab: Lab) -> None:
         assert [sentence for _, sentence in running.told if "force" in sentence] == []
     finally:
         running.source.close()
+
+
+def test_the_virtual_arm_strokes_the_simulated_surface_of_the_lab() -> None:
+    robot = load_device("virtual-ur", {"surface": "wood"}, role="robot")
+    force = load_device("virtual-ur", role="force_sensor")
+    accelerometer = load_device("virtual-adxl335", role="accelerometer")
+    devices = (robot, force, accelerometer)
+    try:
+        for device in devices:
+            device.connect()
+            device.calibrate()
+        robot.write((5.0, 0.0, -2.0))
+        deadline = time.monotonic() + PATIENCE_S
+        while force.read()[2] < 1.0 or robot.read()[0] < 4.0:
+            assert time.monotonic() < deadline
+            time.sleep(0.001)
+        assert accelerometer.read()
+    finally:
+        for device in devices:
+            device.close()
+    assert lab_drivers.LAB._process is None
+
+
+def test_a_virtual_arm_beside_another_robot_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    left: list[object] = []
+    lab = SimpleNamespace(enter=lambda *_: {"robot": {"port": 1}}, leave=left.append)
+    monkeypatch.setattr(ur_drivers, "LAB", lab)
+    force = load_device("virtual-ur", role="force_sensor")
+    with pytest.raises(MmtError, match="has another robot already"):
+        force.connect()
+    assert left == [force]

@@ -335,7 +335,8 @@ def test_options_that_are_not_allowed_are_named(role, options, told) -> None:
 
 def test_the_list_of_drivers_says_where_the_library_is_missing(monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "rtde_control", None)
-    assert "need ur-rtde, which is not installed" in discovery.missing_for("ur")
+    for driver in ("ur", "virtual-ur"):
+        assert "need ur-rtde, which is not installed" in discovery.missing_for(driver)
 
 
 def test_frames_of_both_kinds_go_both_ways() -> None:

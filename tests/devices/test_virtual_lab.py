@@ -82,7 +82,7 @@ def test_the_devices_share_a_lab_which_ends_with_the_last_of_them() -> None:
         for device in devices:
             device.connect()
             device.calibrate()
-        process = drivers_module._LAB._process
+        process = drivers_module.LAB._process
         assert process is not None
         assert robot.read() == pytest.approx((0.0, 0.0, 5.0), abs=0.01)
         robot.write((0.0, 0.0, -2.0))
@@ -111,14 +111,14 @@ def test_the_devices_share_a_lab_which_ends_with_the_last_of_them() -> None:
         for device in devices:
             device.close()
     assert process.poll() == 0
-    assert drivers_module._LAB._process is None
+    assert drivers_module.LAB._process is None
 
 
 def test_a_lab_that_dies_is_a_lost_robot_and_comes_back() -> None:
     robot = VirtualRobot()
     try:
         robot.connect()
-        process = drivers_module._LAB._process
+        process = drivers_module.LAB._process
         assert process is not None
         process.kill()
         process.wait()

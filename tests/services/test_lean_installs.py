@@ -105,6 +105,7 @@ def test_the_base_shows_help_scenes_and_devices(tmp_path: Path, command: tuple[s
         (("main", "session", "info", "a.mcap"), "recording"),
         (("main", "lab", "burg"), "leader"),
         (("main", "device", "test", "labjack-u6"), "devices"),
+        (("main", "device", "test", "virtual-ur"), "ur"),
         (("main", "hub", "http://127.0.0.1:9"), "hub"),
         (("leader", "demo"), "leader"),
         (("leader", "stream-only", "--record", "a.mcap"), "recording"),

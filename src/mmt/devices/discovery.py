@@ -89,7 +89,7 @@ def missing_for(driver: str) -> str:
         )
     if driver in {"labjack-u6", "adxl335-u6"} and not _has_libusb():
         return NO_LIBUSB
-    if driver == "ur":
+    if driver in {"ur", "virtual-ur"}:
         return _missing_package("rtde_control")
     return ""
 

@@ -17,6 +17,10 @@ DRIVERS: Final[dict[str, Mapping["Role", str]]] = {
     "virtual-haptuator": {"actuator": "mmt.testing.emulated.drivers:VirtualHaptuator"},
     "virtual-haptuator-sound": {"actuator": "mmt.testing.emulated.haptuator:emulated_haptuator"},
     "virtual-net-ft": {"force_sensor": "mmt.testing.emulated.drivers:VirtualNetFt"},
+    "virtual-ur": {
+        "robot": "mmt.testing.emulated.universal_robots.drivers:VirtualUrRobot",
+        "force_sensor": "mmt.testing.emulated.universal_robots.drivers:VirtualUrForceSensor",
+    },
     "virtual-robot": {"robot": "mmt.testing.emulated.drivers:VirtualRobot"},
 }
 """Name -> role -> ``module:factory``."""

@@ -52,7 +52,8 @@ class HandleLabOptions(BaseModel):
         return (str(self.seed),)
 
 
-_LAB: Final = LabProcess("mmt.testing.emulated.lab")
+LAB: Final = LabProcess("mmt.testing.emulated.lab")
+"""The world and what measures it; the handle's lab is another one."""
 _HANDLE_LAB: Final = LabProcess("mmt.testing.emulated.handle_lab")
 
 
@@ -66,7 +67,7 @@ class VirtualRobot:
     def connect(self) -> None:
         """Start the lab, and wait for the first position."""
         self.close()
-        port = _LAB.enter(self, *self._options.arguments)["robot"]["port"]
+        port = LAB.enter(self, *self._options.arguments)["robot"]["port"]
         self._robot = DatagramRobot(port)
         self._robot.connect()
 
@@ -86,7 +87,7 @@ class VirtualRobot:
         if self._robot is not None:
             self._robot.close()
             self._robot = None
-            _LAB.leave(self)
+            LAB.leave(self)
 
     def _connected(self) -> DatagramRobot:
         if self._robot is None:
@@ -117,7 +118,7 @@ class VirtualSensor:
         driver: str,
         address: str,
         options: Mapping[str, Any],
-        lab: LabProcess = _LAB,
+        lab: LabProcess = LAB,
         lab_options: type[LabOptions | HandleLabOptions] = LabOptions,
     ) -> None:
         lab_keys = set(lab_options.model_fields)

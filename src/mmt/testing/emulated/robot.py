@@ -39,6 +39,11 @@ class RobotLink:
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="robot", daemon=True)
 
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options by which the driver finds it."""
+        return {"port": self.port}
+
     def start(self) -> None:
         """Begin to listen."""
         self._thread.start()
