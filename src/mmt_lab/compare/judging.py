@@ -112,7 +112,7 @@ def judge(case: Case, methods: Sequence[str], blocks: Sequence[RecordArray]) -> 
     for number, method in enumerate(methods):
         history = build(blocks, ModellingSettings(inputs=case.inputs, **METHODS[method]))
         if number == 0:
-            times = _moments(history)
+            times = moments_of(history)
         for moment, time_s in times.items():
             update = history.number(time_s)
             model = history.model(update)
@@ -129,21 +129,22 @@ def judge(case: Case, methods: Sequence[str], blocks: Sequence[RecordArray]) -> 
                     moment=moment,
                     time_s=time_s,
                     samples=len(model.samples),
-                    figures=_figures(errors),
+                    figures=figures_of(errors),
                     bands_db=tuple(np.sqrt(np.mean(np.square(errors.bands_db), axis=0)).tolist()),
                 )
             )
     return judged
 
 
-def _moments(history: ModelHistory) -> dict[str, float]:
-    """Return the session times of the moments that a session came to."""
+def moments_of(history: ModelHistory) -> dict[str, float]:
+    """Return the session time of each of `MOMENTS` that a session came to."""
     times = {"3 s": 3.0, "start": history.start_s, "stop": history.stop_s, "30 s": 30.0}
     end_s = history.updates[-1].time_s
     return {name: at for name, at in times.items() if at is not None and at <= end_s}
 
 
-def _figures(errors: GridErrors) -> dict[str, float]:
+def figures_of(errors: GridErrors) -> dict[str, float]:
+    """Return `FIGURES` of errors over strokes."""
     values = (
         within_jnd(errors.power_error_db),
         root_mean_square(errors.power_error_db),

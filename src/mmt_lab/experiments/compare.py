@@ -6,7 +6,6 @@ session, with their noise. Methods that state their own uncertainty are checked 
 """
 
 from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -15,7 +14,6 @@ import typer
 from mmt.evaluation.document import Block, Heading, Table
 from mmt.evaluation.levels import BAND_EDGES_HZ
 from mmt.evaluation.report_files import picture
-from mmt.evaluation.texts import number
 from mmt_lab.compare.cases import Case, recorded_cases, simulated_cases
 from mmt_lab.compare.certainty import Certainty, has_certainty, judge_certainty
 from mmt_lab.compare.certainty_tables import DEFINITIONS as CERTAINTY_DEFINITIONS
@@ -27,22 +25,19 @@ from mmt_lab.compare.certainty_tables import (
     deviation_table,
 )
 from mmt_lab.compare.judging import (
-    FIGURES,
     METHODS,
-    MOMENTS,
     Judged,
     blocks_of,
     check_methods,
     judge,
 )
-from mmt_lab.compare.summary import (
-    ALL_RUN_TO_RUN_DB,
-    RUN_TO_RUN_DB,
-    STANDARD_ERRORS,
-    Difference,
-    MethodComparison,
-    Row,
+from mmt_lab.compare.method_tables import (
+    bands_table,
+    difference_sentences,
+    figures_table,
+    shares_table,
 )
+from mmt_lab.compare.summary import ALL_RUN_TO_RUN_DB, STANDARD_ERRORS, MethodComparison
 from mmt_lab.harness.experiment import (
     Experiment,
     HandKind,
@@ -90,15 +85,13 @@ _CRITERIA: Final = "what time each criterion takes and what error it leaves, med
 _CALIBRATION: Final = "true shares by expected ones, over all updates."
 _DEVIATIONS: Final = "standardised error by predicted standard deviation."
 
-_DIGITS: Final = dict(zip(FIGURES, (2, 2, 3, 2, 2), strict=True))
-
 
 def method_tables(comparison: MethodComparison) -> list[Table]:
     """Return, for each group, the shares by texture and moment, and all figures of the group."""
     tables = []
     for group in comparison.groups:
-        tables.append(_shares(comparison, group))
-        tables.append(_figures(comparison, group))
+        tables.append(shares_table(comparison, group))
+        tables.append(figures_table(comparison, group))
         for method, sure in comparison.sure(group).items():
             tables.append(criteria_table(sure, f"{group}, {method}: {_CRITERIA}"))
     for method, sure in comparison.sure().items():
@@ -111,7 +104,6 @@ def verdicts(comparison: MethodComparison) -> list[str]:
     """Return in words where a method misses what it should reach, for each but the first."""
     sentences = []
     first = comparison.methods[0]
-    names = [name for group in comparison.groups for name in comparison.names(group)]
     simulated = [
         name
         for group in comparison.groups
@@ -127,16 +119,7 @@ def verdicts(comparison: MethodComparison) -> list[str]:
             f"{method} has {GOAL:g} of the plane within one JND at the stop criterion: "
             f"{_but(low, simulated)}.",
         ]
-        every = [d for name in names for d in comparison.differences(name) if d.method == method]
-        for figure in FIGURES:
-            mine = [d for d in every if d.figure == figure]
-            worse = [f"{d.name} at {d.moment} by {_change(d)}" for d in mine if _is(d, "worse")]
-            better = sum(_is(d, "better") for d in mine)
-            sentences.append(
-                f"{figure}: {method} is better than {first} beyond noise in {better} of "
-                f"{len(mine)} comparisons, worse in {len(worse)}"
-                + (f" ({'; '.join(worse)})." if worse else ".")
-            )
+        sentences += difference_sentences(comparison, method)
     return sentences + [
         calibration_sentence(sure, method) for method, sure in comparison.sure().items()
     ]
@@ -146,10 +129,10 @@ def method_blocks(comparison: MethodComparison) -> list[Block]:
     """Return every table and figure, for a report."""
     blocks: list[Block] = []
     for group in comparison.groups:
-        blocks += [Heading(group.capitalize()), _shares(comparison, group)]
-        blocks += [_figures(comparison, group), _bands(comparison, group)]
+        blocks += [Heading(group.capitalize()), shares_table(comparison, group)]
+        blocks += [figures_table(comparison, group), bands_table(comparison, group)]
         blocks += [Heading("By texture" if group != "recorded strokes" else "By stroke", 3)]
-        blocks += [_figures(comparison, name) for name in comparison.names(group)]
+        blocks += [figures_table(comparison, name) for name in comparison.names(group)]
     return blocks + certainty_blocks(comparison)
 
 
@@ -173,83 +156,6 @@ def certainty_blocks(comparison: MethodComparison) -> list[Block]:
             criteria_table(comparison.sure(name)[method], f"{name}: {_CRITERIA}") for name in names
         ]
     return blocks
-
-
-def _shares(comparison: MethodComparison, group: str) -> Table:
-    """Return the median share within one JND, a row for each texture or stroke."""
-    rows = []
-    for name in [*comparison.names(group), group]:
-        by_moment = {(row.moment, row.method): row for row in comparison.rows(name)}
-        cells = []
-        for moment in MOMENTS:
-            present = [by_moment.get((moment, method)) for method in comparison.methods]
-            cells.append(" / ".join(_share(row) for row in present))
-        rows.append([name if name != group else f"all {group}", *cells])
-    caption = f"Share of the plane within one JND, medians: {' / '.join(comparison.methods)}."
-    return Table(["session", *MOMENTS], rows, caption)
-
-
-def _share(row: Row | None) -> str:
-    return "-" if row is None else f"{row.spread['within_jnd'].median:.2f}"
-
-
-def _figures(comparison: MethodComparison, name: str) -> Table:
-    """Return all figures of a texture, stroke or group, a row for each moment and method."""
-    differences = {
-        (d.moment, d.method, d.figure): d
-        for d in comparison.differences(name)
-        if d.figure == "within_jnd"
-    }
-    rows = []
-    for row in comparison.rows(name):
-        spread = row.spread["within_jnd"]
-        difference = differences.get((row.moment, row.method, "within_jnd"))
-        rows.append(
-            [
-                row.moment,
-                row.method,
-                str(row.sessions),
-                f"{spread.median:.2f}",
-                f"{spread.low:.2f}-{spread.high:.2f}",
-                *(number(row.spread[f].median, _DIGITS[f]) for f in FIGURES[1:]),
-                number(row.spread["band_error_db"].median / ALL_RUN_TO_RUN_DB, 1),
-                "" if difference is None else f"{difference.mean:+.3f}",
-                "" if difference is None else f"{difference.standard_error:.3f}",
-            ]
-        )
-    columns = ["moment", "method", "of", "share", "10-90 %", "level (dB)", "GFC"]
-    columns += ["spectrum (dB)", "bands (dB)", "times run-to-run", "share less first", "noise"]
-    return Table(columns, rows, f"{name}: medians over sessions.")
-
-
-def _bands(comparison: MethodComparison, group: str) -> Table:
-    rows = [
-        [
-            row.moment,
-            row.method,
-            *(
-                f"{number(value, 2)} ({number(value / run_db, 1)})"
-                for value, run_db in zip(row.bands_db, RUN_TO_RUN_DB, strict=True)
-            ),
-        ]
-        for row in comparison.rows(group)
-    ]
-    edges = [f"{edge:.0f}" for edge in BAND_EDGES_HZ]
-    columns = [f"{low}-{high} Hz" for low, high in pairwise(edges)]
-    caption = (
-        f"{group}: error of each band's power, dB rms over the grid, medians over sessions; in "
-        "brackets, over what a real surface scatters from run to run."
-    )
-    return Table(["moment", "method", *columns], rows, caption)
-
-
-def _change(difference: Difference) -> str:
-    digits = _DIGITS[difference.figure] + 1
-    return f"{difference.mean:+.{digits}f} ± {difference.standard_error:.{digits}f}"
-
-
-def _is(difference: Difference, verdict: str) -> bool:
-    return difference.verdict == verdict
 
 
 def _median(comparison: MethodComparison, name: str, method: str, moment: str) -> float:
