@@ -6,6 +6,7 @@ session, with their noise. Methods that state their own uncertainty are checked 
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -36,6 +37,12 @@ from mmt_lab.compare.method_tables import (
     difference_sentences,
     figures_table,
     shares_table,
+)
+from mmt_lab.compare.rendered_comparison import DEFINITIONS as RENDERED_DEFINITIONS
+from mmt_lab.compare.rendered_comparison import (
+    RenderedComparison,
+    check_generators,
+    compare_rendered,
 )
 from mmt_lab.compare.summary import ALL_RUN_TO_RUN_DB, STANDARD_ERRORS, MethodComparison
 from mmt_lab.harness.experiment import (
@@ -212,6 +219,13 @@ def run(
     seeds: Seeds = 10,
     textures: Textures = None,
     hand: HandKind = "strokes",
+    generators: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,MODULE:BUILDER",
+            help="Others' generators, judged beside the methods by what all of them render.",
+        ),
+    ] = None,
     workers: Workers = None,
 ) -> Findings:
     """Compare methods of texture modelling; the first one named is what the others differ from.
@@ -219,20 +233,24 @@ def run(
     Raises
     ------
     InputError
-        A method, texture or kind of hand is not known.
+        A method, generator, texture or kind of hand is not known.
     """
     names = [name.strip() for name in methods.split(",")]
+    others = [name.strip() for name in generators.split(",")] if generators is not None else []
     check_methods(names)
+    check_generators(others)
     chosen = chosen_textures(textures)
     recorded, remarks = recorded_cases(strokes or [], chosen)
-    simulated = simulated_cases(seeds, chosen, hand_of(hand).kind)
-    return findings(compare([*simulated, *recorded], names, remarks, workers))
+    cases = [*simulated_cases(seeds, chosen, hand_of(hand).kind), *recorded]
+    # First, since a generator may fail.
+    rendered = compare_rendered(cases, names, others, workers) if others else None
+    return findings(compare(cases, names, remarks, workers), rendered)
 
 
-def findings(comparison: MethodComparison) -> Findings:
+def findings(comparison: MethodComparison, rendered: RenderedComparison | None = None) -> Findings:
     """Return a comparison as tables, sentences, and what a report shows."""
     keys = [(name, str(dict(METHODS[name]))) for name in comparison.methods]
-    return Findings(
+    found = Findings(
         TITLE,
         tables=method_tables(comparison),
         sentences=[*verdicts(comparison), *comparison.remarks],
@@ -240,6 +258,21 @@ def findings(comparison: MethodComparison) -> Findings:
         definitions={**DEFINITIONS, **CERTAINTY_DEFINITIONS},
         settings=[Table(("method", "keys of [texture]"), keys)],
         data=comparison.as_dict(),
+    )
+    return found if rendered is None else _with_rendered(found, rendered)
+
+
+def _with_rendered(found: Findings, rendered: RenderedComparison) -> Findings:
+    """Return the findings with what generators and methods render."""
+    blocks = found.blocks or list
+    return replace(
+        found,
+        tables=[*found.tables, *rendered.tables()],
+        sentences=[*found.sentences, *rendered.sentences()],
+        blocks=lambda: [*blocks(), *rendered.blocks()],
+        definitions={**found.definitions, **RENDERED_DEFINITIONS},
+        data={**(found.data or {}), "rendered": rendered.as_dict()},
+        failures=rendered.failures(),
     )
 
 

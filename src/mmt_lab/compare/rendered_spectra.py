@@ -1,0 +1,179 @@
+"""Errors of what a generator renders, against a known texture.
+
+A generator has no spectrum in closed form. At points of the evaluation's plane it renders two runs
+of vibration with seeds of their own, at a steady stroke, in blocks of 10 ms. Spectra are estimated
+by Welch's method and compared with what the texture's own spectrum is through the same windows.
+The two runs scatter independently: the mean of the product of their errors is the square of the
+error without the scatter, and half their difference is the scatter.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.evaluation.grid_errors import (
+    COARSE_FORCE_N,
+    COARSE_SPEED_MM_S,
+    Strokes,
+    all_headings,
+)
+from mmt.evaluation.levels import band_errors_db, bounded_error_db
+from mmt.evaluation.truth import DENSITY_HZ, LOWEST_HZ, KnownTexture
+from mmt.texture.generators.guarded import GuardedGenerator
+from mmt.texture.signals.amplitude_spectra import amplitude_spectra, expected_amplitude
+from mmt.texture.signals.metrics import within_jnd
+from mmt_lab.compare.time_limit import time_limit
+
+RATE_HZ: Final = 1000.0
+BLOCK_SAMPLES: Final = 10
+RUN_S: Final = 6.0
+SETTLING_S: Final = 0.2
+"""What a run begins with, and is not judged by."""
+
+RUNS: Final = 2
+
+_FINE_SAMPLES: Final = 500  # windows for 2 Hz
+_COARSE_SAMPLES: Final = 64  # those of every measured GFC
+_FROM_LOWEST: Final = slice(LOWEST_HZ // 2, None)  # of 0 to 500 Hz in steps of 2 Hz
+_FINE: Final = slice(5, None)  # 10 to 500 Hz
+_BINS: Final = slice(1, None)  # of the coarse ones: 15.6 to 500 Hz
+
+
+class WindowedSpectra(NamedTuple):
+    """Densities (..., 251) at 2 Hz, and amplitudes (..., 33) at 15.6 Hz, as Welch gives them."""
+
+    density: FloatArray
+    amplitude: FloatArray
+
+    @property
+    def power(self) -> FloatArray:
+        """The power from 8 Hz up but for a factor, (...)."""
+        heard = self.density[..., _FROM_LOWEST]
+        return np.asarray(heard.sum(axis=-1) - 0.5 * (heard[..., 0] + heard[..., -1]))
+
+
+class RenderedErrors(NamedTuple):
+    """Errors over k strokes of what was rendered.
+
+    ``figures`` are those of `mmt_lab.compare.judging.FIGURES`, ``bands_db`` (9,) the root mean
+    square error of each band; ``scatter_db`` is how the estimate of a level scatters, root mean
+    square over the strokes.
+    """
+
+    figures: dict[str, float]
+    bands_db: tuple[float, ...]
+    scatter_db: float
+
+
+def rendered_strokes(*, isotropic: bool) -> Strokes:
+    """Return where generators are compared: 6 x 6 points of the plane.
+
+    At each point two headings, 90 degrees apart, where the texture depends on them: all 24 of
+    the evaluation's grid in turn.
+    """
+    if isotropic:
+        speed, force = np.meshgrid(COARSE_SPEED_MM_S, COARSE_FORCE_N)
+        return Strokes(speed.ravel(), force.ravel(), np.zeros(speed.size))
+    every = all_headings()
+    cells = len(COARSE_SPEED_MM_S) * len(COARSE_FORCE_N)
+    headings = len(every.force_n) // cells
+    cell = np.arange(cells)
+    first = 7 * cell % headings  # 7 and 24 have no common divisor
+    second = (first + headings // 4) % headings
+    chosen = headings * np.repeat(cell, 2) + np.column_stack([first, second]).ravel()
+    return Strokes(*(values[chosen] for values in every))
+
+
+def motion_of(strokes: Strokes, *, directed: bool) -> FloatArray:
+    """Return what a generator is asked by at strokes, shape (d, k), d 2 or 3."""
+    if not directed:
+        return np.array([strokes.speed_mm_s, strokes.force_n])
+    return np.array(
+        [
+            strokes.speed_mm_s * np.cos(strokes.heading_rad),
+            strokes.speed_mm_s * np.sin(strokes.heading_rad),
+            strokes.force_n,
+        ]
+    )
+
+
+def render_strokes(
+    source: GuardedGenerator, strokes: Strokes, seed: int, run_s: float = RUN_S
+) -> FloatArray:
+    """Return two runs of vibration at each of k strokes, shape (2, k, n).
+
+    Raises
+    ------
+    GeneratorFault
+        The generator has failed, or is slower than real time.
+    """
+    motion = motion_of(strokes, directed=source.directed)
+    settling = round(SETTLING_S * RATE_HZ / BLOCK_SAMPLES)
+    blocks = settling + round(run_s * RATE_HZ / BLOCK_SAMPLES)
+    lasts_s = blocks * BLOCK_SAMPLES / RATE_HZ
+    late = f"generator {source.name}: slower than real time, {lasts_s:g} s of vibration took longer"
+    rendered = np.empty((RUNS, motion.shape[1], blocks, BLOCK_SAMPLES))
+    for index in range(motion.shape[1]):
+        inputs = np.repeat(motion[:, index : index + 1], BLOCK_SAMPLES, axis=1)
+        for run in range(RUNS):
+            with time_limit(lasts_s, late):
+                source.reset((seed * motion.shape[1] + index) * RUNS + run)
+                for block in range(blocks):
+                    rendered[run, index, block] = source.render(*inputs)
+    return rendered[:, :, settling:].reshape(RUNS, motion.shape[1], -1)
+
+
+def spectra_of(vibration_m_s2: FloatArray) -> WindowedSpectra:
+    """Return the spectra of vibration (2, k, n), n at least 500."""
+    runs, strokes, samples = vibration_m_s2.shape
+    signals = vibration_m_s2.reshape(-1, samples)
+    _, fine = amplitude_spectra(signals, RATE_HZ, _FINE_SAMPLES)
+    _, coarse = amplitude_spectra(signals, RATE_HZ, _COARSE_SAMPLES)
+    return WindowedSpectra(
+        np.square(fine).reshape(runs, strokes, -1), coarse.reshape(runs, strokes, -1)
+    )
+
+
+def expected_spectra(truth: KnownTexture, strokes: Strokes) -> WindowedSpectra:
+    """Return the spectra that a texture has through the same windows, each (k, ...)."""
+    density = truth.spectrum(strokes, DENSITY_HZ)
+    return WindowedSpectra(
+        np.square(expected_amplitude(density, _FINE_SAMPLES)),
+        expected_amplitude(density, _COARSE_SAMPLES),
+    )
+
+
+def rendered_errors(rendered: WindowedSpectra, truth: WindowedSpectra) -> RenderedErrors:
+    """Compare two runs at each of k strokes with the texture."""
+    level_db = bounded_error_db(rendered.power, truth.power)
+    reference = np.broadcast_to(truth.density, rendered.density.shape)[..., _FINE]
+    own = rendered.density[..., _FINE]
+    spectrum_db = _root(np.prod(bounded_error_db(own, reference), axis=0).mean(axis=1))
+    frequencies_hz = DENSITY_HZ[10::2]
+    bands_db = [band_errors_db(run, reference[0], frequencies_hz) for run in own]
+    bands = np.prod(bands_db, axis=0)
+    return RenderedErrors(
+        figures={
+            "within_jnd": within_jnd(bounded_error_db(rendered.power.mean(axis=0), truth.power)),
+            "power_error_db": float(_root(np.prod(level_db, axis=0).mean())),
+            "gfc": float(_gfc(rendered.amplitude[..., _BINS], truth.amplitude[..., _BINS]).mean()),
+            "log_spectral_db": float(spectrum_db.mean()),
+            "band_error_db": float(_root(bands.mean())),
+        },
+        bands_db=tuple(_root(bands.mean(axis=0)).tolist()),
+        scatter_db=float(np.sqrt(np.mean(np.square(0.5 * (level_db[0] - level_db[1]))))),
+    )
+
+
+def _root(square: FloatArray) -> FloatArray:
+    """Return the root of mean products, which chance may make negative where there is no error."""
+    return np.sqrt(np.maximum(square, 0.0))
+
+
+def _gfc(amplitude: FloatArray, truth: FloatArray) -> FloatArray:
+    """Return the GFC (k,) of two runs (2, k, b), their own scatter not taken for power."""
+    both = amplitude.mean(axis=0)
+    square = np.sum(amplitude[0] * amplitude[1], axis=1) * np.sum(truth * truth, axis=1)
+    scores = np.sum(both * truth, axis=1) / np.sqrt(np.where(square > 0.0, square, 1.0))
+    return np.where(square > 0.0, np.minimum(scores, 1.0), 0.0)

@@ -1,0 +1,59 @@
+"""A time limit on calls of code that is not ours."""
+
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Final
+
+from mmt.texture.generators.guarded import GeneratorFault
+
+_AGAIN_S: Final = 1.0
+
+
+class _Expired(BaseException):
+    """Raised inside the code that takes too long; not an `Exception`, which it may catch."""
+
+
+@contextmanager
+def time_limit(seconds: float, fault: str) -> Iterator[None]:
+    """Interrupt the block, which is Python's, when it takes too long.
+
+    A call into compiled code ends first. Without signals (not Linux, not the main thread) the
+    block is not interrupted, and the fault is raised when it ends.
+
+    Parameters
+    ----------
+    seconds
+        How long it may take.
+    fault
+        The sentence to raise.
+
+    Raises
+    ------
+    GeneratorFault
+        It took longer.
+    """
+    started = time.monotonic()
+    if not (hasattr(signal, "SIGALRM") and threading.current_thread() is threading.main_thread()):
+        yield
+        if time.monotonic() - started > seconds:
+            raise GeneratorFault(fault)
+        return
+    handler = signal.signal(signal.SIGALRM, _expire)
+    left_s, interval_s = signal.setitimer(signal.ITIMER_REAL, seconds, _AGAIN_S)
+    try:
+        yield
+    except _Expired as error:
+        raise GeneratorFault(fault) from error
+    finally:
+        # A timer that ran before, such as that of a test's own limit, goes on.
+        rest_s = max(1e-3, left_s - (time.monotonic() - started)) if left_s else 0.0
+        signal.signal(signal.SIGALRM, handler)
+        signal.setitimer(signal.ITIMER_REAL, rest_s, interval_s)
+
+
+def _expire(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - as signal calls it
+    raise _Expired

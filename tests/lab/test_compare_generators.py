@@ -1,0 +1,257 @@
+"""Generators judged beside the methods: known answers, faults, and the command."""
+
+import json
+import re
+import signal
+import time
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from mmt.cli.main import app
+from mmt.core.errors import InputError
+from mmt.evaluation.grid_errors import all_headings
+from mmt.evaluation.truth import KnownTexture
+from mmt.testing.simulation.textures import get_surface
+from mmt.texture.generators.guarded import GeneratorFault, GuardedGenerator
+from mmt.texture.online.history import build as build_models
+from mmt.texture.settings import ModellingSettings
+from mmt_lab.compare import rendered_comparison
+from mmt_lab.compare.block_times import block_times_us
+from mmt_lab.compare.cases import Case
+from mmt_lab.compare.generators import ModelGenerator, judge_rendered
+from mmt_lab.compare.judging import FIGURES, METHODS, blocks_of, figures_of
+from mmt_lab.compare.rendered_comparison import RenderedComparison, check_generators
+from mmt_lab.compare.rendered_spectra import (
+    expected_spectra,
+    render_strokes,
+    rendered_errors,
+    rendered_strokes,
+    spectra_of,
+)
+from mmt_lab.compare.time_limit import time_limit
+
+GUIDE = Path(__file__).resolve().parents[2] / "docs" / "how-to" / "add-a-generator.md"
+CLOSE = {
+    "within_jnd": 0.09,
+    "power_error_db": 0.1,
+    "gfc": 0.003,
+    "log_spectral_db": 0.15,
+    "band_error_db": 0.12,
+}
+"""How far an estimate may be from a model's exact figure, three strokes of the 36 for the share;
+with 6 s a run on five textures at most 0.06, 0.05, 0.001, 0.05 and 0.05 were seen."""
+
+
+class Noise:
+    """White noise of 1 m/s2 rms over 0 to 500 Hz, times a gain."""
+
+    def __init__(self, gain=1.0, pause_s=0.0):
+        self._gain, self._pause_s = gain, pause_s
+
+    def reset(self, seed):
+        self._random = np.random.default_rng(seed)
+
+    def generate(self, *inputs):
+        time.sleep(self._pause_s)
+        return self._gain * self._random.standard_normal(len(inputs[0]))
+
+
+def build_noise(observed, previous):
+    return Noise() if observed.segments else None
+
+
+def build_late(observed, previous):
+    """Fail at the sixth second."""
+    if observed.time_s > 5.5:
+        raise RuntimeError("diverged")
+    return Noise(gain=50.0)
+
+
+def build_silent(observed, previous):
+    return None
+
+
+class White:
+    """A texture of white noise: 1 m/s2 rms over 0 to 500 Hz at any stroke."""
+
+    def spectrum(self, strokes, frequencies_hz):
+        return np.full((len(strokes.force_n), len(frequencies_hz)), 1.0 / 500.0)
+
+
+def errors_of(generator, run_s=2.0):
+    strokes = rendered_strokes(isotropic=True)
+    vibration = render_strokes(GuardedGenerator("noise", generator), strokes, 1, run_s)
+    return rendered_errors(spectra_of(vibration), expected_spectra(White(), strokes))
+
+
+def test_a_generator_that_is_the_texture_has_no_error_and_one_3_db_louder_has_3_db():
+    same = errors_of(Noise())
+    assert same.figures["within_jnd"] == 1.0
+    assert same.figures["power_error_db"] < 0.1
+    assert same.figures["gfc"] > 0.995
+    assert same.figures["log_spectral_db"] < 0.6
+    # White noise for 4 s has 1000 independent values in its band and half: 0.1 dB.
+    assert same.scatter_db == pytest.approx(4.34 / np.sqrt(2000), rel=0.4)
+    louder = errors_of(Noise(gain=np.sqrt(2.0)))
+    assert louder.figures["power_error_db"] == pytest.approx(3.01, abs=0.1)
+    assert louder.figures["band_error_db"] == pytest.approx(3.01, abs=0.15)
+    assert louder.figures["log_spectral_db"] == pytest.approx(3.01, abs=0.4)
+    assert louder.figures["gfc"] == pytest.approx(same.figures["gfc"], abs=0.005)
+    assert louder.figures["within_jnd"] == 0.0
+
+
+@pytest.mark.parametrize("texture", ["drawn-3", "corduroy"])
+def test_the_estimate_of_our_own_model_agrees_with_its_exact_figures(texture):
+    case = Case(texture, 1000)
+    settings = ModellingSettings(inputs=case.inputs, **METHODS["ours"])
+    model = build_models(blocks_of(case), settings).model_at(10.0)
+    truth = KnownTexture(get_surface(texture))
+    strokes = rendered_strokes(isotropic=truth.surface.isotropic)
+    source = GuardedGenerator("ours", ModelGenerator(model))
+    spectra = spectra_of(render_strokes(source, strokes, 1, 3.0))
+    rendered = rendered_errors(spectra, expected_spectra(truth, strokes))
+    exact = figures_of(truth.compare_at(model, strokes))
+    for figure in FIGURES:
+        assert rendered.figures[figure] == pytest.approx(exact[figure], abs=CLOSE[figure]), figure
+    assert 0.02 < rendered.scatter_db < 0.4
+
+
+def test_strokes_with_headings_are_of_the_grid_and_take_every_heading():
+    every = set(zip(*all_headings(), strict=True))
+    strokes = rendered_strokes(isotropic=False)
+    assert len(set(zip(*strokes, strict=True)) & every) == len(strokes.force_n) == 72
+    assert len(np.unique(strokes.heading_rad)) == 24
+    assert len(set(zip(strokes.speed_mm_s, strokes.force_n, strict=True))) == 36
+
+
+def stubborn():
+    with time_limit(0.05, "too long"):
+        while True:
+            with suppress(Exception):  # code that is not ours may do so
+                time.sleep(0.001)
+
+
+def test_a_block_that_never_ends_is_interrupted_and_an_earlier_timer_goes_on():
+    before = signal.getitimer(signal.ITIMER_REAL)[0]
+    handler = signal.getsignal(signal.SIGALRM)
+    with pytest.raises(GeneratorFault, match="too long"):
+        stubborn()
+    left = signal.getitimer(signal.ITIMER_REAL)[0]
+    assert (left > 0.0) == (before > 0.0)
+    assert left <= before
+    assert signal.getsignal(signal.SIGALRM) is handler
+
+
+def test_a_generator_slower_than_real_time_is_told():
+    with pytest.raises(GeneratorFault, match=r"generator noise: slower than real time, 0\.8 s of"):
+        errors_of(Noise(pause_s=0.02), run_s=0.6)
+
+
+def test_a_fault_ends_a_session_for_its_generator_alone():
+    names = [f"{__name__}:{name}" for name in ("build_late", "build_noise", "build_silent")]
+    late, noise, silent = names
+    session = judge_rendered(Case("wood", 1000), ["published"], names, 0.6)
+    moments = {name: [] for name in ("published", *names)}
+    for one in session.rendered:
+        moments[one.judged.method].append(one.judged.moment)
+    assert moments["published"] == moments[noise]
+    assert moments[late]
+    assert set(moments[late]) < set(moments[noise])
+    assert {one.method for one in session.times} == {"published", noise}
+    assert [fault.generator for fault in session.faults] == [late, silent]
+    clipped = {one.judged.method: one.clipped for one in session.rendered}
+    assert 0.1 < clipped[late] < 0.4
+    assert clipped[noise] == 0.0
+    exact = {one.judged.method: one.exact for one in session.rendered}
+    assert exact[noise] is None
+    assert exact["published"] is not None
+    found = RenderedComparison(("published",), tuple(names), (session, session))
+    assert [text.partition(" (in 2 of 2 sessions")[0] for text in found.failures()] == [
+        f"generator {late}: the builder raised RuntimeError: diverged",
+        f"generator {silent}: the builder returned None for the whole session",
+    ]
+    assert "beyond the actuator's limit" in " ".join(found.sentences())
+    assert len(found.tables()) == 3
+
+
+class Notes(Noise):
+    """Noise that keeps what it was asked by."""
+
+    def __init__(self, directed):
+        super().__init__()
+        self.directed, self.asked = directed, []
+
+    def generate(self, *inputs):
+        self.asked.append([each[0] for each in inputs])
+        return super().generate(*inputs)
+
+
+def test_a_grain_is_asked_by_velocity_or_by_speed():
+    strokes = rendered_strokes(isotropic=False)
+    by_speed, by_velocity = Notes(directed=False), Notes(directed=True)
+    for one in (by_speed, by_velocity):
+        assert render_strokes(GuardedGenerator("notes", one), strokes, 1, 0.01).shape == (2, 72, 10)
+    speed_mm_s, force_n = np.array(by_speed.asked).T
+    x_mm_s, y_mm_s, also_force_n = np.array(by_velocity.asked).T
+    np.testing.assert_allclose(np.hypot(x_mm_s, y_mm_s), speed_mm_s)
+    np.testing.assert_array_equal(also_force_n, force_n)
+    heading = np.unique(np.round(np.mod(np.arctan2(y_mm_s, x_mm_s), 2.0 * np.pi), 9))
+    np.testing.assert_allclose(heading, np.unique(strokes.heading_rad), atol=1e-8)
+
+
+def test_blocks_are_timed_along_the_motion_in_turns_and_a_fault_ends_its_own_turns():
+    motion = np.array([[5.0], [3.0], [4.0], [1.0]]) * np.arange(1.0, 101.0)
+    named = {
+        "speed": Notes(directed=False),
+        "velocity": Notes(directed=True),
+        "shy": Noise(gain=np.nan),
+    }
+    sources = {name: GuardedGenerator(name, one) for name, one in named.items()}
+    times_us, faults = block_times_us(sources, motion, 1)
+    assert named["speed"].asked == [[5.0 * n, 1.0 * n] for n in range(1, 101, 10)]
+    assert named["velocity"].asked == [[3.0 * n, 4.0 * n, 1.0 * n] for n in range(1, 101, 10)]
+    assert {name: len(times) for name, times in times_us.items()} == {"speed": 10, "velocity": 10}
+    assert min(times_us["speed"]) > 0.0
+    assert str(faults["shy"]) == "generator shy: generate gave a sample that is no number"
+
+
+def test_generators_are_named_once_and_not_as_a_method():
+    noise = f"{__name__}:build_noise"
+    with pytest.raises(InputError, match="name each once"):
+        check_generators([noise, noise])
+    with pytest.raises(InputError, match="'ours' is not known"):
+        check_generators(["ours"])
+
+
+def test_the_command_compares_the_guides_generator_and_goes_on_past_a_broken_one(
+    tmp_path, monkeypatch
+):
+    example = re.search(r"```python\n(.*?)^```$", GUIDE.read_text(), re.DOTALL | re.MULTILINE)
+    assert example is not None
+    (tmp_path / "replay.py").write_text(example[1])
+    monkeypatch.syspath_prepend(tmp_path)
+    file = tmp_path / "figures.json"
+    others = f"replay:build,{__name__}:build_late"
+    monkeypatch.setattr(rendered_comparison, "judge_rendered", partial(judge_rendered, run_s=1.0))
+    options = ["--generators", others, "--methods", "published,power", "--textures", "drawn-3"]
+    options += ["--seeds", "1", "--workers", "1"]
+    written = ["--json", str(file), "--report", str(tmp_path / "report")]
+    result = CliRunner().invoke(app, ["lab", "compare", *options, *written])
+    assert result.exit_code == 1, result.output
+    assert "the builder raised RuntimeError: diverged" in " ".join(result.output.split())
+    rendered = json.loads(file.read_text())["rendered"]
+    found = {(row["name"], row["method"], row["moment"]): row for row in rendered["rows"]}
+    of_replay = found["drawn-3", "replay:build", "30 s"]["spread"]
+    assert 0.9 < of_replay["gfc"]["median"] < 1.0
+    assert 0.5 < of_replay["power_error_db"]["median"] < 5.0
+    times = {one["method"]: one for one in rendered["times"]}
+    assert set(times) == {"published", "power", "replay:build"}
+    assert all(0.0 < one["block_p50_us"] <= one["block_p99_us"] for one in times.values())
+    page = (tmp_path / "report" / "report.html").read_text()
+    assert "what the estimate is worth" in page
+    assert "diverged" in page
