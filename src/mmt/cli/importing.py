@@ -97,10 +97,13 @@ def import_file(
             "(regular), or whichever fits the motion better (auto)."
         ),
     ] = Stamps.AUTO,
+    episode: Annotated[
+        int | None, typer.Option(help="Episode of a LeRobot data set; the first if absent.")
+    ] = None,
     force: Force = False,
     json_file: Annotated[Path | None, json_option("Write what was found there.")] = None,
 ) -> None:
-    """Import a recording at any rate: .npz, .csv, .txt, .xlsx, .mat, or a ROS bag."""
+    """Import a recording at any rate: a table, arrays, a ROS bag or a LeRobot data set."""
     from mmt.session import export_session
     from mmt.session.importing.options import ImportOptions, assignments
     from mmt.session.importing.recording import import_recording
@@ -113,6 +116,7 @@ def import_file(
         blanks_as_gaps=blanks_as_gaps,
         longest_gap_s=longest_gap,
         stamps=stamps.value,
+        episode=episode,
     )
     session, report = import_recording(source, options)
     export_session(session, target)

@@ -23,17 +23,19 @@ from mmt.cli.common import (
     summary_table,
     write_json,
 )
+from mmt.cli.exporting import export_file
 from mmt.cli.importing import import_file, inspect_file
 from mmt.core.existing_files import free_path, require_absent
 from mmt.core.kernel_cache import compile_kernels
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
-from mmt.session import export_session, read_session, write_session
+from mmt.session import write_session
 
 app = typer.Typer(no_args_is_help=True, help="Make, convert, view and recover sessions.")
 
 app.command("inspect")(inspect_file)
 app.command("import")(import_file)
+app.command("export")(export_file)
 
 SourceFile = Annotated[Path, typer.Argument(metavar="FILE")]
 TargetFile = Annotated[Path, typer.Argument(metavar="OUT")]
@@ -171,22 +173,6 @@ def view(
     from mmt.cli.sessions import view_file
 
     view_file(source, port=port, show=show)
-
-
-@app.command()
-def export(
-    source: SourceFile,
-    target: TargetFile,
-    scalars: Annotated[
-        bool, typer.Option("--scalars", help="In .mcap each frame also as numbers to plot.")
-    ] = False,
-    force: Force = False,
-) -> None:
-    """Export to .csv, .npz, .parquet, .h5 or .mcap, by the suffix of OUT."""
-    require_absent(target, force=force)
-    session = read_session(source)
-    export_session(session, target, scalars=scalars)
-    messages.print(f"{len(session.frames)} frames written to {target}", highlight=False)
 
 
 @app.command()

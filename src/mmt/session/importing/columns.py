@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from mmt.core.arrays import FloatArray
+from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, Channel
 from mmt.session.data import JsonObject, axis_columns
@@ -55,6 +55,10 @@ class Columns:
     scene: JsonObject | None = None
     annotations: bytes = b""
     events: Sequence[Any] = ()
+    frames: RecordArray | None = None
+    """The frames (n,) themselves, where the file is a session that mmt wrote."""
+    notes: Sequence[str] = ()
+    """What a person should know of how the file was read."""
 
 
 def wanted_names(options: ImportOptions) -> Callable[[str], bool]:

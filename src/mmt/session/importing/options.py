@@ -70,6 +70,8 @@ class ImportOptions:
     """Samples further apart are not joined; None is five median intervals, 5 to 100 ms."""
     stamps: StampChoice = "auto"
     """Whether times are the "kept" stamps or "regular" ones, see `assess_stamps`."""
+    episode: int | None = None
+    """The episode of a data set that has several; None is the first."""
 
     def __post_init__(self) -> None:
         for target in self.columns:

@@ -59,13 +59,15 @@ def propose(path: str | Path) -> Proposal:
         The file is missing, of another kind or not valid.
     """
     path = Path(path)
-    names = read_columns(path, lambda _: False).names
+    read = read_columns(path, lambda _: False)
+    names = read.names
     columns, units = _guess(names)
     if "time" in columns or STANDARD_NAMES["time"] in names:
         units = _with_time_unit(path, ImportOptions(columns, units))
     found = set(columns) | {target for target, name in STANDARD_NAMES.items() if name in names}
     of_messages = bool(columns) and any(text.startswith("/") for text in columns.values())
-    lacking = [] if "time" in found or of_messages else ["time"]
+    has_times = "time" in found or of_messages or bool(read.times)
+    lacking = [] if has_times else ["time"]
     lacking += [channel for channel in CHANNELS if not {channel, f"{channel}_x"} & found]
     return Proposal(names, ImportOptions(columns, units), tuple(lacking))
 
@@ -77,7 +79,7 @@ def _guess(names: Sequence[str]) -> tuple[dict[str, str], dict[str, str]]:
     standard = set(STANDARD_NAMES.values())
     for name in names:
         found = None if name in standard else _target(name)
-        if found is None or found[0] in columns:
+        if found is None or found[0] in columns or STANDARD_NAMES[found[0]] in names:
             continue
         target, quantity, unit = found
         columns[target] = name

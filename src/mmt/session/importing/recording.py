@@ -2,15 +2,22 @@
 
 import importlib
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
+from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError
+from mmt.core.frames import FIELD_OF_CHANNEL, Channel
 from mmt.session.data import RecordedSession
 from mmt.session.importing.checks import ImportReport, assess
 from mmt.session.importing.columns import Columns, to_samples, wanted_names
 from mmt.session.importing.options import ImportOptions
-from mmt.session.importing.resampling import to_frames
+from mmt.session.importing.resampling import on_the_grid, to_frames
+from mmt.session.importing.samples import Samples
+from mmt.session.importing.stamps import Stamps
 
 _TEXT = "mmt.session.importing.text_file:read_text"
 _BAG = "mmt.session.importing.ros_bag:read_bag"
@@ -20,10 +27,11 @@ READERS: Final = {
     **dict.fromkeys((".csv", ".txt", ".tsv", ".dat"), _TEXT),
     ".xlsx": "mmt.session.importing.spreadsheet:read_spreadsheet",
     ".mat": "mmt.session.importing.matlab_file:read_matlab",
+    ".parquet": "mmt.session.importing.parquet_file:read_parquet",
     **dict.fromkeys((".db3", ".mcap", ".bag"), _BAG),
 }
 """What is imported: a function of (path, whether a column of a name is wanted). A folder is a
-ROS 2 bag."""
+LeRobot data set or a ROS 2 bag."""
 
 
 def import_recording(
@@ -37,11 +45,15 @@ def import_recording(
         See `mmt.session.import_session`.
     """
     path, options = Path(path), options or ImportOptions()
-    columns = read_columns(path, wanted_names(options))
-    samples = to_samples(columns, options)
-    if options.blanks_as_gaps:
-        samples = samples.without_blanks()
-    frames, stamps, resampled = to_frames(samples, options.longest_gap_s, options.stamps)
+    columns = read_columns(path, wanted_names(options), options)
+    if columns.frames is not None and options == ImportOptions(episode=options.episode):
+        frames, resampled = columns.frames, False
+        samples, stamps = _of_frames(columns.origin, frames)
+    else:
+        samples = to_samples(columns, options)
+        if options.blanks_as_gaps:
+            samples = samples.without_blanks()
+        frames, stamps, resampled = to_frames(samples, options.longest_gap_s, options.stamps)
     session = RecordedSession(
         frames=frames,
         scene=columns.scene,
@@ -49,10 +61,24 @@ def import_recording(
         events=columns.events,
         path=path,
     )
-    return session, assess(frames, samples, stamps, options, resampled=resampled)
+    report = assess(frames, samples, stamps, options, resampled=resampled)
+    return session, replace(report, warnings=(*columns.notes, *report.warnings))
 
 
-def read_columns(path: Path, wanted: Callable[[str], bool]) -> Columns:
+def _of_frames(origin: str, frames: RecordArray) -> tuple[Samples, dict[Channel, Stamps]]:
+    """Return the samples and stamps of frames (n,), which are taken as they stand."""
+    if len(frames) == 0:
+        raise InputError(f"{origin}: it holds no frame")
+    whole = RecordedSession(frames)
+    values = {c: frames[FIELD_OF_CHANNEL[c]].astype(np.float64) for c in whole.channels}
+    stamps = on_the_grid(whole.time_s, frames["sequence"].astype(np.int64))
+    samples = Samples(origin, values, dict.fromkeys(values, whole.time_s))
+    return samples, dict.fromkeys(values, stamps)
+
+
+def read_columns(
+    path: Path, wanted: Callable[[str], bool], options: ImportOptions | None = None
+) -> Columns:
     """Read the columns of a file whose names are `wanted`.
 
     Raises
@@ -61,12 +87,20 @@ def read_columns(path: Path, wanted: Callable[[str], bool]) -> Columns:
         The file is missing, of another kind or not valid, or a package that reads it is not
         installed.
     """
+    options = options or ImportOptions()
+    if (path / "meta" / "info.json").is_file():
+        from mmt.session.importing.lerobot_folder import read_lerobot
+
+        return read_lerobot(path, wanted, options.episode, mapped=bool(options.columns))
+    if options.episode is not None:
+        raise InputError(f"--episode {options.episode}: {path} is no data set with episodes")
     name = _BAG if path.is_dir() else READERS.get(path.suffix.lower())
     if name is None:
         given = path.suffix or "a name without suffix"
         raise InputError(
             f"session {path}: {given} cannot be read; the suffix must be one of "
-            f"{', '.join(READERS)}, or the name that of a folder with a ROS 2 bag"
+            f"{', '.join(READERS)}, or the name that of a folder with a ROS 2 bag or a LeRobot "
+            "data set"
         )
     module, _, function = name.partition(":")
     read: Callable[[Path, Callable[[str], bool]], Columns]

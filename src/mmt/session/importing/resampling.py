@@ -96,6 +96,7 @@ def _stretches(time_s: FloatArray, longest_gap_s: float | None) -> Iterator[tupl
     if longest_gap_s is None:
         several_s = DEFAULT_GAP_INTERVALS * float(np.median(intervals_s))
         longest_gap_s = min(max(DEFAULT_GAP_S[0], several_s), DEFAULT_GAP_S[1])
+    longest_gap_s += _NEARLY / RATE_HZ
     cuts = (np.flatnonzero(intervals_s > longest_gap_s) + 1).tolist()
     yield from zip([0, *cuts], [*cuts, len(time_s)], strict=True)
 
@@ -154,7 +155,7 @@ def to_frames(
     if numbers is not None:
         time_s = next(iter(samples.times.values()))
         time_ns = np.rint((time_s - time_s[0]) * 1e9).astype(np.int64)
-        kept = dict.fromkeys(samples.values, _on_the_grid(time_s, numbers))
+        kept = dict.fromkeys(samples.values, on_the_grid(time_s, numbers))
         return _frames(samples, numbers, time_ns, samples.values), kept, False
     require("scipy")
     stamps = _stamps(samples, choice)
@@ -171,7 +172,8 @@ def to_frames(
     return _frames(samples, numbers, numbers * FRAME_PERIOD_NS, values), stamps, True
 
 
-def _on_the_grid(time_s: FloatArray, numbers: IntArray) -> Stamps:
+def on_the_grid(time_s: FloatArray, numbers: IntArray) -> Stamps:
+    """Return the stamps of frames: their times (n,), and how these lie to their numbers (n,)."""
     off_s = time_s - time_s[0] - (numbers - numbers[0]) / RATE_HZ
     off_s -= np.mean(off_s)
     return Stamps(

@@ -1,0 +1,72 @@
+"""``mmt session export``: sessions in the formats of other tools."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mmt.cli.common import Force, messages
+from mmt.core.errors import InputError
+from mmt.core.existing_files import require_absent
+from mmt.session import export_session, read_session
+
+
+class DataSet(StrEnum):
+    """What sessions are joined to where it is no file."""
+
+    LEROBOT = "lerobot"
+
+
+def export_file(
+    sources: Annotated[list[Path], typer.Argument(metavar="FILE...")],
+    target: Annotated[Path, typer.Argument(metavar="OUT")],
+    data_set: Annotated[
+        DataSet | None,
+        typer.Option("--to", help="Make the folder OUT a data set, with an episode of each FILE."),
+    ] = None,
+    fps: Annotated[
+        int | None, typer.Option(help="Rows a second of the data set; 50 if absent.")
+    ] = None,
+    task: Annotated[
+        str | None, typer.Option(help='What is done; "stroke the surface" if absent.')
+    ] = None,
+    scalars: Annotated[
+        bool, typer.Option("--scalars", help="In .mcap each frame also as numbers to plot.")
+    ] = False,
+    force: Force = False,
+) -> None:
+    """Export to .csv, .npz, .parquet, .h5 or .mcap, by the suffix of OUT, or to a data set."""
+    if data_set is not None:
+        if scalars:
+            raise InputError("--scalars: they are messages of .mcap files; leave it out")
+        _export_data_set(sources, target, fps, task, force=force)
+        return
+    for option, value in {"--fps": fps, "--task": task}.items():
+        if value is not None:
+            raise InputError(f"{option}: files have none, only a data set (--to lerobot)")
+    if len(sources) > 1:
+        raise InputError(
+            f"{target}: it is one file, and takes one session, not {len(sources)}; a data set "
+            "takes several (--to lerobot)"
+        )
+    require_absent(target, force=force)
+    session = read_session(sources[0])
+    export_session(session, target, scalars=scalars)
+    messages.print(f"{len(session.frames)} frames written to {target}", highlight=False)
+
+
+def _export_data_set(
+    sources: list[Path], target: Path, fps: int | None, task: str | None, *, force: bool
+) -> None:
+    from mmt.session.lerobot import DEFAULT_FPS, DEFAULT_TASK, export_lerobot
+
+    rows = export_lerobot(
+        map(read_session, sources),
+        target,
+        fps=DEFAULT_FPS if fps is None else fps,
+        task=DEFAULT_TASK if task is None else task,
+        replace=force,
+    )
+    episodes = f"{len(sources)} episode{'s' if len(sources) > 1 else ''}"
+    messages.print(f"{rows} rows in {episodes} written to {target}", highlight=False)

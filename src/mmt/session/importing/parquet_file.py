@@ -1,0 +1,146 @@
+"""Parquet files: columns of numbers and of lists of numbers, and sessions that mmt wrote."""
+
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mmt.core.arrays import RecordArray
+from mmt.core.errors import InputError, brief
+from mmt.core.extras import require
+from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, frame_dtype
+from mmt.session.data import axis_columns
+from mmt.session.importing.columns import Columns
+
+
+def read_parquet(path: Path, wanted: Callable[[str], bool]) -> Columns:
+    """Read the wanted columns of a ``.parquet`` file, and what belongs to a session in mmt's.
+
+    A column of lists, all of k numbers, is an array (n, k).
+
+    Raises
+    ------
+    InputError
+        pyarrow is not installed, the file is missing or not Parquet, or a wanted column does not
+        hold numbers.
+    """
+    origin = f"import {path}"
+    names, metadata = read_schema(path, origin)
+    values = read_numbers([path], [name for name in names if wanted(name)], origin)
+    scene, events = (_json(metadata, f"mmt.{what}", origin) for what in ("scene", "events"))
+    return Columns(
+        origin=origin,
+        values={name: column.astype(np.float64) for name, column in values.items()},
+        names=names,
+        scene=scene,
+        annotations=metadata.get(b"mmt.annotations", b""),
+        events=events or (),
+        frames=_frames(read_numbers([path], names, origin)) if _is_session(names) else None,
+    )
+
+
+def read_schema(path: Path, origin: str) -> tuple[list[str], Mapping[bytes, bytes]]:
+    """Return the names of a file's columns, and its metadata.
+
+    Raises
+    ------
+    InputError
+        As `read_parquet`.
+    """
+    schema = _read(lambda parquet: parquet.read_schema(path), origin)
+    return list(schema.names), schema.metadata or {}
+
+
+def read_numbers(
+    paths: Sequence[Path],
+    names: Iterable[str],
+    origin: str,
+    filters: Sequence[tuple[str, str, int]] | None = None,
+) -> dict[str, npt.NDArray[Any]]:
+    """Return columns (n,) and (n, k) of files that have the same, the rows of one after the other.
+
+    Parameters
+    ----------
+    paths
+        The files.
+    names
+        Columns; there may be none.
+    origin
+        What is read, for errors.
+    filters
+        Conditions on rows, as of `pyarrow.parquet.read_table`.
+
+    Raises
+    ------
+    InputError
+        As `read_parquet`.
+    """
+    names = list(names)
+    if not names:
+        return {}
+    files = [str(path) for path in paths]
+    table = _read(lambda parquet: parquet.read_table(files, columns=names, filters=filters), origin)
+    return {name: _numbers(table.column(name), name, origin) for name in names}
+
+
+def _read(read: Callable[[Any], Any], origin: str) -> Any:
+    require("pyarrow")
+    import pyarrow
+    import pyarrow.parquet
+
+    try:
+        return read(pyarrow.parquet)
+    except FileNotFoundError as error:
+        raise InputError(f"{origin}: No such file or directory") from error
+    except (OSError, pyarrow.ArrowException) as error:
+        raise InputError(f"{origin}: this is not a Parquet file: {brief(error)}") from error
+
+
+def _numbers(column: Any, name: str, origin: str) -> npt.NDArray[Any]:
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    kind, array = column.type, column.combine_chunks()
+    if isinstance(array, pa.ChunkedArray):  # of an empty table
+        array = pa.concat_arrays(array.chunks) if array.chunks else pa.array([], kind)
+    lists = pa.types.is_list(kind) or pa.types.is_large_list(kind)
+    if lists or pa.types.is_fixed_size_list(kind):
+        flat, rows = array.flatten(), len(array)
+        width = len(flat) // rows if rows else 0
+        if not set(pc.list_value_length(array).to_pylist()) <= {width}:
+            raise InputError(f"{origin}: the lists of {name} are not all of one length")
+        return _numbers(pa.chunked_array([flat]), name, origin).reshape(rows, width)
+    if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind)):
+        raise InputError(f"{origin}: {name} holds {kind}, not numbers")
+    numbers: npt.NDArray[Any] = array.to_numpy(zero_copy_only=False)
+    return numbers.astype(np.float64) if numbers.dtype == object else numbers
+
+
+def _is_session(names: Sequence[str]) -> bool:
+    return {"sequence", "time_ns", "time_s"} <= set(names)
+
+
+def _frames(columns: Mapping[str, npt.NDArray[Any]]) -> RecordArray | None:
+    """Return the frames (n,) of a session, None where the columns are not as mmt writes them."""
+    channels = [c for c in CHANNELS if set(axis_columns(c)) <= columns.keys()]
+    kinds: dict[str, type[np.generic]] = {"sequence": np.uint32, "time_ns": np.int64}
+    kinds |= dict.fromkeys((name for c in channels for name in axis_columns(c)), np.float32)
+    if not channels or any(columns[name].dtype != kind for name, kind in kinds.items()):
+        return None
+    frames = np.zeros(len(columns["sequence"]), dtype=frame_dtype(channels))
+    frames["sequence"], frames["time_ns"] = columns["sequence"], columns["time_ns"]
+    for channel in channels:
+        for axis, name in enumerate(axis_columns(channel)):
+            frames[FIELD_OF_CHANNEL[channel]][:, axis] = columns[name]
+    return frames
+
+
+def _json(metadata: Mapping[bytes, bytes], name: str, origin: str) -> Any:
+    text = metadata.get(name.encode())
+    try:
+        return None if text is None else json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{origin}: {name} is not valid JSON: {error}") from error

@@ -1,0 +1,103 @@
+"""A session at the rate of a LeRobot data set: rows of 1 / fps s, and their statistics."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from mmt.core.arrays import IntArray
+from mmt.core.errors import InputError
+from mmt.core.frames import FIELD_OF_CHANNEL
+from mmt.session.data import FRAME_PERIOD_NS, RecordedSession
+
+FRAMES_HZ: Final = 1_000_000_000 // FRAME_PERIOD_NS
+
+Column: TypeAlias = npt.NDArray[Any]
+"""Values (n,), or (n, k) of a feature with k components."""
+
+_LONGEST_GAP_S: Final = 600
+_FIGURES: Final[Mapping[str, Callable[..., Any]]] = {
+    "min": np.min,
+    "max": np.max,
+    "mean": np.mean,
+    "std": np.std,
+}
+_QUANTILES: Final = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
+
+
+def low_rate_rows(session: RecordedSession, fps: int) -> dict[str, Column]:
+    """Return the rows of a session, by feature, see `export_lerobot`.
+
+    Row k stands for the frames whose number, counted from the first, is at least k / `fps` and
+    below (k + 1) / `fps` seconds; the frames of an unfinished period at the end have none. Where
+    the numbers fall (the follower began anew) they are counted on.
+
+    Raises
+    ------
+    InputError
+        There is no whole row, a gap is longer than 10 minutes, or a value is not finite.
+    """
+    frames, where = session.frames, f"session {session.path}"
+    steps = np.diff(frames["sequence"].astype(np.int64))
+    steps[steps < 1] = 1
+    if len(steps) and steps.max() > _LONGEST_GAP_S * FRAMES_HZ:
+        raise InputError(
+            f"{where}: {steps.max() / FRAMES_HZ:.0f} s of frames are missing in one place; rows "
+            f"have no gaps, and no more than {_LONGEST_GAP_S} s are held"
+        )
+    numbers = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(steps)])
+    row_of_frame = numbers[: len(frames)] * fps // FRAMES_HZ
+    count = int(numbers[-1] + 1) * fps // FRAMES_HZ
+    if len(frames) == 0 or count == 0:
+        raise InputError(
+            f"{where}: its {len(frames)} frames make no row of {1000 / fps:.3g} ms, an episode "
+            "needs one"
+        )
+    newest = np.searchsorted(row_of_frame, np.arange(count), side="right") - 1
+    fields = [FIELD_OF_CHANNEL[c] for c in session.channels if c != "acceleration"]
+    states = [frames[name][newest] for name in fields]
+    if "acceleration" in session.channels:
+        states.append(_vibration(frames["acceleration_m_s2"], row_of_frame, count))
+    state = np.concatenate(states, axis=1)
+    bad = np.flatnonzero(~np.isfinite(state).all(axis=1))
+    if len(bad):
+        raise InputError(f"{where}: a value at {bad[0] / fps:.3f} s is not finite")
+    index = np.arange(count)
+    rows: dict[str, Column] = {"observation.state": state if state.shape[1] > 1 else state[:, 0]}
+    if "position" in session.channels:
+        rows["action"] = state[np.minimum(index + 1, count - 1), :3]
+    rows["mmt.frames"] = np.bincount(row_of_frame, minlength=count)[:count]
+    rows["timestamp"] = (index / fps).astype(np.float32)
+    rows["frame_index"] = index
+    return rows
+
+
+def _vibration(
+    acceleration_m_s2: npt.NDArray[np.float32], row_of_frame: IntArray, count: int
+) -> npt.NDArray[np.float32]:
+    """Return the rms (n, 1) over each row, its mean removed, of the three axes together."""
+    row = row_of_frame[row_of_frame < count]
+    frames = np.bincount(row, minlength=count)
+    filled = np.maximum(frames, 1)
+    variance = np.zeros(count)
+    for axis in acceleration_m_s2[: len(row)].astype(np.float64).T:
+        mean = np.bincount(row, axis, minlength=count) / filled
+        variance += np.bincount(row, (axis - mean[row]) ** 2, minlength=count) / filled
+    held = np.maximum.accumulate(np.where(frames > 0, np.arange(count), 0))
+    return np.sqrt(variance[held, None]).astype(np.float32)
+
+
+def statistics(rows: Mapping[str, Column]) -> dict[str, dict[str, list[Any]]]:
+    """Return what LeRobot normalises by: the figures of each component of each feature.
+
+    Quantiles are exact; LeRobot's own writer estimates them by histograms.
+    """
+    found = {}
+    for name, column in rows.items():
+        values = column.astype(np.float64).reshape(len(column), -1)
+        figures = {figure: f(values, axis=0).tolist() for figure, f in _FIGURES.items()}
+        figures["count"] = [len(values)]
+        figures |= {q: np.quantile(values, at, axis=0).tolist() for q, at in _QUANTILES.items()}
+        found[name] = figures
+    return found
