@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.io import wavfile
 from typer.testing import CliRunner, Result
+from wavelet_decoder import decode
 
 from mmt.cli.main import app
 from mmt.core.errors import InputError
@@ -58,12 +59,43 @@ def test_a_recorded_motion_becomes_sound(tmp_path: Path) -> None:
     assert len(wavfile.read(path)[1]) == pytest.approx(4000, abs=50)
 
 
+def test_a_stroke_becomes_haptics_of_the_same_vibration(tmp_path: Path) -> None:
+    for name in ("stroke.hjif", "stroke.wav"):
+        arguments = ("--speed", 150, "--seconds", 0.5, "--rate", 2000, "--full-scale", 20)
+        assert run("export", "oak", tmp_path / name, *arguments).exit_code == 0
+    decoded, document = decode(tmp_path / "stroke.hjif")
+    _, sound = wavfile.read(tmp_path / "stroke.wav")
+    np.testing.assert_allclose(decoded, sound / 32767.0, atol=2e-4)
+    assert document["description"] == "oak"
+
+
+def test_haptics_has_a_rate_of_its_own(tmp_path: Path) -> None:
+    result = run("export", MODEL, tmp_path / "stroke.hjif", "--seconds", 0.2)
+    assert "0.20 s at 8000 Hz" in result.output
+
+
+def test_a_stroke_becomes_a_pattern_with_its_sound(tmp_path: Path) -> None:
+    path = tmp_path / "stroke.ahap"
+    assert run("export", MODEL, path, "--seconds", 0.5, "--with-sound").exit_code == 0
+    events = [each["Event"] for each in json.loads(path.read_text())["Pattern"] if "Event" in each]
+    assert [event.get("EventWaveformPath") for event in events] == [None, "stroke.wav"]
+    assert len(wavfile.read(tmp_path / "stroke.wav")[1]) == 22_050
+    path.unlink()
+    refused = run("export", MODEL, path, "--with-sound")
+    assert "stroke.wav" in str(refused.exception)
+    assert not path.exists()
+    assert run("export", MODEL, path).exit_code == 0
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("export", MODEL, "out.mp3"), "must end in .xml or .wav"),
+        (("export", MODEL, "out.mp3"), "must end in .xml, .wav, .hjif or .ahap"),
         (("export", MODEL, "out.wav", "--full-scale", "-1"), "full scale"),
         (("export", "none.npz", "out.wav"), "No such file"),
+        (("export", MODEL, "out.hjif", "--rate", "44100"), "can have 1000, 2000"),
+        (("export", MODEL, "out.wav", "--with-sound"), "--with-sound is for .ahap"),
+        (("export", MODEL, "/proc/none/out.ahap"), "effect /proc/none/out.ahap"),
         (("import", MODEL, "out.npz"), "no XML"),
         (("import", MODEL, "out.xml"), "must end in .npz"),
         (("export", MODEL, "/proc/none/out.wav"), "sound /proc/none/out.wav"),

@@ -1,4 +1,4 @@
-"""``mmt model import`` and ``export``: models of other programs, and vibration as sound."""
+"""``mmt model import`` and ``export``: models of other programs, and vibration as files."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from mmt.texture.model.texture_model import TextureModel
 
 _LONGEST_S = 3600.0
+_VIBRATION = {".wav": 44_100, ".hjif": 8_000, ".ahap": 44_100}
+"""Files of vibration, and their samples a second by default."""
 
 
 def import_model(
@@ -55,7 +57,9 @@ def export_model(
     ],
     target: Annotated[
         Path,
-        typer.Argument(metavar="OUT", help="A .xml file (HaTT), or a .wav file of its vibration."),
+        typer.Argument(
+            metavar="OUT", help="A .xml file (HaTT), or its vibration: .wav, .hjif or .ahap."
+        ),
     ],
     material: Annotated[
         str | None, typer.Option(help="XML: the texture's name, by default the file's.")
@@ -64,50 +68,95 @@ def export_model(
         float | None, typer.Option(min=0.0, help="XML: coefficient of kinetic friction.")
     ] = None,
     motion: Annotated[
-        Path | None, typer.Option(help="WAV: move as in this recorded session.")
+        Path | None, typer.Option(help="Vibration: move as in this recorded session.")
     ] = None,
     speed: Annotated[
-        float, typer.Option(min=0.0, help="WAV: speed in mm/s, without --motion.")
+        float, typer.Option(min=0.0, help="Vibration: speed in mm/s, without --motion.")
     ] = 100.0,
     heading: Annotated[
-        float, typer.Option(help="WAV: in this direction, degrees from x towards y.")
+        float, typer.Option(help="Vibration: in this direction, degrees from x towards y.")
     ] = 0.0,
-    normal_force: Annotated[float, typer.Option(min=0.0, help="WAV: normal force in N.")] = 1.0,
+    normal_force: Annotated[
+        float, typer.Option(min=0.0, help="Vibration: normal force in N.")
+    ] = 1.0,
     seconds: Annotated[
-        float, typer.Option(min=0.001, max=_LONGEST_S, help="WAV: for so long.")
+        float, typer.Option(min=0.001, max=_LONGEST_S, help="Vibration: for so long.")
     ] = 5.0,
-    rate: Annotated[int, typer.Option(min=100, max=384_000, help="WAV: samples a second.")] = 44100,
+    rate: Annotated[
+        int | None,
+        typer.Option(
+            min=100, max=384_000, help="Samples a second, by default 44100; of .hjif 8000."
+        ),
+    ] = None,
     full_scale: Annotated[
         float | None,
-        typer.Option(help="WAV: m/s2 that the largest number stands for, else the loudest."),
+        typer.Option(help="m/s2 that the largest number stands for, else the loudest."),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="WAV: of the vibration.")] = 0,
+    with_sound: Annotated[
+        bool, typer.Option("--with-sound", help="AHAP: with a .wav file beside it, to be heard.")
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Vibration: its seed.")] = 0,
     force: Force = False,
 ) -> None:
-    """Write a model for the Penn toolkit (.xml), or its vibration as sound (.wav)."""
+    """Write a model for the Penn toolkit (.xml), or its vibration (.wav, .hjif, .ahap)."""
     from mmt.models import find_model
     from mmt.texture.model.texture_model import TextureModel
 
-    require_absent(target, force=force)
-    model = TextureModel.load(find_model(source))
     suffix = target.suffix.lower()
+    sound = target.with_suffix(".wav") if with_sound and suffix == ".ahap" else None
+    for path in (target, sound):
+        if path is not None:
+            require_absent(path, force=force)
+    if suffix not in {".xml", *_VIBRATION}:
+        raise InputError(
+            f"{target}: the name must end in .xml, .wav, .hjif or .ahap, which says what is written"
+        )
+    if with_sound and sound is None:
+        raise InputError(f"{target}: --with-sound is for .ahap")
+    model = TextureModel.load(find_model(source))
     if suffix == ".xml":
         _write_xml(model, target, material if material is not None else source.stem, friction)
         return
-    if suffix != ".wav":
-        raise InputError(f"{target}: the name must end in .xml or .wav, which says what is written")
-    from mmt.exchange.effects import effect, write_wav
+    from mmt.exchange.effects import effect
 
     velocity_mm_s, force_n, motion_hz = (
         _constant(speed, heading, normal_force, seconds) if motion is None else _recorded(motion)
     )
+    rate = rate if rate is not None else _VIBRATION[suffix]
     samples = effect(model, velocity_mm_s, force_n, motion_hz=motion_hz, output_hz=rate, seed=seed)
-    written = write_wav(target, samples, rate, full_scale)
+    _write_vibration(target, samples, rate, full_scale, source.stem, sound)
+
+
+def _write_vibration(
+    target: Path,
+    samples: "FloatArray",
+    rate_hz: int,
+    full_scale_m_s2: float | None,
+    name: str,
+    sound: Path | None,
+) -> None:
+    if target.suffix.lower() == ".wav":
+        from mmt.exchange.effects import write_wav
+
+        kind, written = "sound", write_wav(target, samples, rate_hz, full_scale_m_s2)
+    elif target.suffix.lower() == ".hjif":
+        from mmt.exchange.hjif import write_hjif
+
+        written = write_hjif(target, samples, rate_hz, full_scale_m_s2, description=name)
+        kind = "haptics"
+    else:
+        from mmt.exchange.ahap import write_ahap
+
+        heard = None if sound is None else sound.name
+        kind = "pattern"
+        written = write_ahap(target, samples, rate_hz, full_scale_m_s2, sound=heard)
     messages.print(
-        f"sound: {target}, {written.seconds:.2f} s at {rate} Hz, full scale "
+        f"{kind}: {target}, {written.seconds:.2f} s at {rate_hz} Hz, full scale "
         f"{written.full_scale_m_s2:.4g} m/s2",
         highlight=False,
     )
+    if sound is not None:
+        _write_vibration(sound, samples, rate_hz, full_scale_m_s2, name, None)
 
 
 def _write_xml(model: "TextureModel", target: Path, material: str, friction: float | None) -> None:

@@ -1,5 +1,7 @@
-"""The vibration of a whole motion over a texture, as an array and as a WAV file."""
+"""The vibration of a whole motion over a texture, as an array, and as files of other programs."""
 
+import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -64,7 +66,7 @@ def effect(
     return np.concatenate(blocks)
 
 
-class SoundFile(NamedTuple):
+class EffectFile(NamedTuple):
     """What was written."""
 
     seconds: float
@@ -74,7 +76,7 @@ class SoundFile(NamedTuple):
 
 def write_wav(
     path: Path | str, samples_m_s2: FloatArray, rate_hz: int, full_scale_m_s2: float | None = None
-) -> SoundFile:
+) -> EffectFile:
     """Write vibration as 16 bit samples.
 
     Parameters
@@ -96,13 +98,41 @@ def write_wav(
     """
     path = Path(path)
     largest = float(np.abs(samples_m_s2).max(initial=0.0))
-    full_scale = (largest or 1.0) if full_scale_m_s2 is None else full_scale_m_s2
-    if not (np.isfinite(full_scale) and full_scale > 0):
-        raise InputError(f"a full scale of {full_scale} m/s2: it must be positive and finite")
+    full_scale = checked_full_scale(full_scale_m_s2, largest)
     scaled = np.clip(samples_m_s2 / full_scale, -1.0, 1.0)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         wavfile.write(path, rate_hz, np.round(scaled * 32767.0).astype(np.int16))
     except OSError as error:
         raise InputError(f"sound {path}: {error.strerror or error}") from error
-    return SoundFile(len(samples_m_s2) / rate_hz, full_scale)
+    return EffectFile(len(samples_m_s2) / rate_hz, full_scale)
+
+
+def checked_full_scale(full_scale_m_s2: float | None, largest_m_s2: float) -> float:
+    """Return what stands for full scale in a file: as given, or the largest that there is.
+
+    Raises
+    ------
+    InputError
+        It is given and not positive.
+    """
+    full_scale = (largest_m_s2 or 1.0) if full_scale_m_s2 is None else full_scale_m_s2
+    if not (np.isfinite(full_scale) and full_scale > 0):
+        raise InputError(f"a full scale of {full_scale} m/s2: it must be positive and finite")
+    return float(full_scale)
+
+
+def write_document(path: Path | str, document: Mapping[str, object]) -> None:
+    """Write an effect that is JSON; replaces what is there.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    """
+    path = Path(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(document, separators=(",", ":"), allow_nan=False))
+    except OSError as error:
+        raise InputError(f"effect {path}: {error.strerror or error}") from error
