@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from mmt.core.errors import DeviceLost, InputError
 from mmt.devices.drivers import load_device
-from mmt.devices.openhaptics.handle import HandForce, OpenHapticsHandle
+from mmt.devices.hand_force import HandForce
+from mmt.devices.openhaptics.handle import OpenHapticsHandle
 from mmt.testing.emulated.hd import EmulatedHd
 
 emulated = emulated_arm

@@ -16,7 +16,7 @@ from mmt.devices.discovery import FoundPort
 from mmt.devices.drivers import load_device
 from mmt.devices.openhaptics.library import Stack
 from mmt.devices.openhaptics.robot import OpenHapticsRobot
-from mmt.devices.openhaptics.servo import JUMP, NOT_FINITE, OUT_OF_REACH
+from mmt.devices.plausibility import JUMP, NOT_FINITE, OUT_OF_REACH
 from mmt.testing.emulated.hd import EmulatedHd
 
 ENCODER_RESET, AUTO, INKWELL = 1, 2, 4
@@ -360,7 +360,7 @@ def run_alone(program: str) -> str:
 PROGRAM = """
 import sys
 from mmt.devices.openhaptics.library import Stack
-from mmt.devices.openhaptics.servo import JUMP, NOT_FINITE, OUT_OF_REACH
+from mmt.devices.plausibility import JUMP, NOT_FINITE, OUT_OF_REACH
 from mmt.devices.openhaptics.robot import OpenHapticsRobot
 from mmt.core.errors import MmtError
 for library in {libraries!r}:

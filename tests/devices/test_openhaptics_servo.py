@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mmt.devices.axes import Axes
 from mmt.devices.openhaptics.constants import (
     _SENTENCES,
     CONTINUE,
@@ -18,9 +19,10 @@ from mmt.devices.openhaptics.constants import (
     explain,
     only_force,
 )
-from mmt.devices.openhaptics.options import Axes, RobotOptions
+from mmt.devices.openhaptics.options import RobotOptions
 from mmt.devices.openhaptics.robot import PositionServo
-from mmt.devices.openhaptics.servo import JUMP, NOT_FINITE, OUT_OF_REACH, STUCK, Watch
+from mmt.devices.openhaptics.servo import STUCK
+from mmt.devices.plausibility import JUMP, NOT_FINITE, OUT_OF_REACH, Watch
 
 TICK_S = 1e-3
 

@@ -5,9 +5,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Generic
 
+from mmt.devices.axes import Axes
 from mmt.devices.openhaptics.device import AnyServo, HdDevice
 from mmt.devices.openhaptics.library import Stack
-from mmt.devices.openhaptics.options import Axes, HdOptions
+from mmt.devices.openhaptics.options import HdOptions
 from mmt.devices.protocols import Vector
 
 

@@ -1,0 +1,65 @@
+"""A device's axes and origin in those of a scene."""
+
+import re
+from collections.abc import Sequence
+from typing import Annotated, Final
+
+from pydantic import Field
+
+from mmt.devices.protocols import Vector
+
+Millimetres = Annotated[float, Field(ge=-1000, le=1000)]
+"""One coordinate of an origin, as an option."""
+
+_TERM: Final = re.compile(r"\s*([+-]?)([xyz])\s*")
+
+
+class Axes:
+    """A rotation by quarter turns and an origin.
+
+    Parameters
+    ----------
+    text
+        The device's axes that are the scene's x, y and z, such as ``x,-z,y``.
+    origin_mm
+        The point, in the scene's axes, where the scene's zero lies.
+
+    Raises
+    ------
+    ValueError
+        The text does not name each axis once, or mirrors.
+    """
+
+    def __init__(self, text: str, origin_mm: Vector = (0.0, 0.0, 0.0)) -> None:
+        terms = [_TERM.fullmatch(part) for part in text.split(",")]
+        names = [term[2] for term in terms if term is not None]
+        if len(terms) != 3 or sorted(names) != ["x", "y", "z"]:
+            raise ValueError(f"axes are {text!r}: name x, y and z once each, as in x,-z,y")
+        self._from = tuple("xyz".index(name) for name in names)
+        self._to = tuple(names.index(name) for name in "xyz")
+        self._signs = tuple(-1.0 if term is not None and term[1] == "-" else 1.0 for term in terms)
+        a, b, c = self._from
+        parity = (b - a) * (c - a) * (c - b) / 2.0
+        if parity * self._signs[0] * self._signs[1] * self._signs[2] < 0.0:
+            raise ValueError(f"axes are {text!r}, which mirrors: turn the sign of one of them")
+        self._origin = origin_mm
+
+    def to_scene(self, values: Sequence[float]) -> Vector:
+        """Turn a velocity or a force of the device into the scene's axes."""
+        (a, b, c), (p, q, r) = self._from, self._signs
+        return (p * values[a], q * values[b], r * values[c])
+
+    def to_device(self, vector: Vector) -> Vector:
+        """Turn a velocity or a force of the scene into the device's axes."""
+        (a, b, c), signs = self._to, self._signs
+        return (signs[a] * vector[a], signs[b] * vector[b], signs[c] * vector[c])
+
+    def place_in_scene(self, values: Sequence[float]) -> Vector:
+        """Turn a position of the device (mm) into one of the scene."""
+        (x, y, z), (u, v, w) = self.to_scene(values), self._origin
+        return (x - u, y - v, z - w)
+
+    def place_on_device(self, position_mm: Vector) -> Vector:
+        """Turn a position of the scene (mm) into one of the device."""
+        (x, y, z), (u, v, w) = position_mm, self._origin
+        return self.to_device((x + u, y + v, z + w))
