@@ -87,6 +87,8 @@ def missing_for(driver: str) -> str:
             "the vendor's library (libHD) is not where the system looks: install the vendor's "
             "OpenHaptics package, or give its path by the option 'library'"
         )
+    if driver == "franka":
+        return _missing_package("franky")
     if driver in {"labjack-u6", "adxl335-u6"} and not _has_libusb():
         return NO_LIBUSB
     if driver in {"ur", "virtual-ur"}:
@@ -97,6 +99,14 @@ def missing_for(driver: str) -> str:
 def _missing_package(name: str) -> str:
     try:
         require(name)
+    except MmtError as error:
+        return str(error)
+    return ""
+
+
+def _missing_package(package: str) -> str:
+    try:
+        require(package)
     except MmtError as error:
         return str(error)
     return ""

@@ -38,6 +38,10 @@ DRIVERS: Final[dict[str, Mapping[Role, str]]] = {
     "ati-digital-ft": {"force_sensor": "mmt.devices.ati.digital_ft:digital_ft"},
     "ati-gauges": {"force_sensor": "mmt.devices.ati.gauges:gauges"},
     "ati-net-ft": {"force_sensor": "mmt.devices.ati.net_ft:net_ft"},
+    "franka": {
+        "robot": "mmt.devices.franka.driver:FrankaRobot",
+        "force_sensor": "mmt.devices.franka.driver:FrankaForce",
+    },
     "haptuator-serial": {"actuator": "mmt.devices.haptuator.serial_driver:haptuator_serial"},
     "haptuator-sound": {"actuator": "mmt.devices.haptuator.sound:haptuator_sound"},
     "labjack-u6": {"board": "mmt.devices.labjack.board:labjack_u6"},

@@ -1,0 +1,101 @@
+"""What a Franka arm or its library reports, as sentences that say what to do."""
+
+from typing import Final
+
+from mmt.core.errors import brief
+
+
+class ArmProblem(Exception):  # noqa: N818 - a state of the arm, as a sentence without its name
+    """The arm is in no state to be used."""
+
+
+_USER_STOP: Final = "its user stop is pressed: see that nobody is in its reach, then release it"
+_REFLEX: Final = (
+    "it has stopped by a reflex: see what it has touched; it is recovered when it is connected "
+    "again, and takes commands from where it then is"
+)
+
+OF_MODE: Final = {
+    "Other": "it is not ready: unlock its joints and activate FCI in Desk, the robot's web page",
+    "Guiding": "it is guided by hand: let go of the buttons at its wrist",
+    "Reflex": _REFLEX,
+    "UserStopped": _USER_STOP,
+}
+"""By the name of the robot's mode: why it takes no commands."""
+
+_BY_TEXT: Final = (
+    ("user stop", _USER_STOP),
+    ("safety function", "a safety function is active: switch it off in Desk, or end its cause"),
+    (
+        "communication_constraints",
+        "it has stopped because commands came too late: use a kernel with PREEMPT_RT, a direct "
+        "cable and 'realtime = \"enforce\"', and end what loads this machine",
+    ),
+    (
+        "cartesian_reflex",
+        "it has stopped because the force at its tip was beyond 'collision_force_n': see what it "
+        "has touched, and press less",
+    ),
+    (
+        "joint_reflex",
+        "it has stopped because a joint's torque was beyond 'collision_torque_nm': see what it "
+        "has touched",
+    ),
+    (
+        "position_limits_violation",
+        "it has stopped at the end of its reach: move it back by hand, and keep commands inside "
+        "by 'workspace_mm' of [devices]",
+    ),
+    ("velocity_violation", "it has stopped because it was too fast: lower 'speed_limit_mm_s'"),
+    ("manual error recovery", "it must be recovered by hand: follow what Desk shows"),
+    ("reflex", _REFLEX),
+    (
+        "incompatible library version",
+        "robot and library speak different versions: install the wheel of franky-control for "
+        "your robot's version (timschneider42.github.io/franky, Installation)",
+    ),
+    (
+        "realtime capabilities",
+        "this machine's kernel has no PREEMPT_RT: install one, or set 'realtime = \"ignore\"' "
+        "for trials and a simulator",
+    ),
+    (
+        "scheduling",
+        "real-time scheduling is not permitted: allow rtprio 99 to your user in "
+        "/etc/security/limits.conf, or set 'realtime = \"ignore\"' for trials and a simulator",
+    ),
+    (
+        "refused",
+        "it takes no connection: check 'host', unlock its joints and activate FCI in Desk, and "
+        "end other programs that control it",
+    ),
+    ("host not found", "there is no machine of that name: check 'host'"),
+    ("singular", "it cannot start from where it stands: bend its elbow and wrist by hand"),
+)
+"""Words of the library's texts, the particular before the general, and what they mean."""
+
+_UNREACHABLE: Final = "it does not answer: check its power and its cable"
+
+
+def explain(error: Exception) -> str:
+    """Return what is the matter with the arm, after an exception of the library or of ours."""
+    text = str(error)
+    if isinstance(error, ArmProblem):
+        return text
+    lowered = text.lower()
+    meaning = next((means for word, means in _BY_TEXT if word in lowered), None)
+    if meaning is None and is_of_network(error):
+        meaning = _UNREACHABLE
+    said = brief(text.removeprefix("libfranka: "))
+    return f"the library reports: {said}" if meaning is None else f"{meaning} ({said})"
+
+
+def is_of_network(error: Exception) -> bool:
+    """Return whether an exception tells of the connection: some come without a class of theirs."""
+    return type(error).__name__ == "NetworkException" or "Net Exception" in str(error)
+
+
+def is_of_arm(error: Exception) -> bool:
+    """Return whether an exception tells of the arm, and not of a mistake in the driver."""
+    of_library = type(error).__module__.partition(".")[0] == "franky"
+    return of_library or isinstance(error, ArmProblem | RuntimeError)
