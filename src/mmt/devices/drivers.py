@@ -44,6 +44,10 @@ DRIVERS: Final[dict[str, Mapping[Role, str]]] = {
     },
     "haptuator-serial": {"actuator": "mmt.devices.haptuator.serial_driver:haptuator_serial"},
     "haptuator-sound": {"actuator": "mmt.devices.haptuator.sound:haptuator_sound"},
+    "inverse3": {
+        "robot": "mmt.devices.haply.robot:Inverse3Robot",
+        "handle": "mmt.devices.haply.handle:Inverse3Handle",
+    },
     "labjack-u6": {"board": "mmt.devices.labjack.board:labjack_u6"},
     "openhaptics": {
         "robot": "mmt.devices.openhaptics.robot:OpenHapticsRobot",

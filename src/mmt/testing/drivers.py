@@ -16,6 +16,10 @@ DRIVERS: Final[dict[str, Mapping["Role", str]]] = {
     },
     "virtual-haptuator": {"actuator": "mmt.testing.emulated.drivers:VirtualHaptuator"},
     "virtual-haptuator-sound": {"actuator": "mmt.testing.emulated.haptuator:emulated_haptuator"},
+    "virtual-inverse3": {
+        "robot": "mmt.testing.emulated.virtual_inverse3:VirtualInverse3Robot",
+        "handle": "mmt.testing.emulated.virtual_inverse3:VirtualInverse3Handle",
+    },
     "virtual-net-ft": {"force_sensor": "mmt.testing.emulated.drivers:VirtualNetFt"},
     "virtual-ur": {
         "robot": "mmt.testing.emulated.universal_robots.drivers:VirtualUrRobot",

@@ -1,0 +1,47 @@
+"""The options of the drivers, as a scene gives them."""
+
+from typing import Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from mmt.devices.axes import Axes, Millimetres
+from mmt.devices.hand_force import HandForceOptions
+
+
+class InverseOptions(BaseModel):
+    """What robot and handle share.
+
+    The service measures in metres with +x to the right, +y forward, away from the user, and +z up,
+    which are a scene's axes; its origin is the base of the device. The default zero of the scene
+    is about the middle of an Inverse3's space.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    address: str = Field("ws://localhost:10001", pattern=r"^wss?://[^\s/]+\S*$")
+    device: str | None = Field(None, min_length=1, max_length=63)
+    commands: Literal["auto", "3.1", "3.5"] = "auto"
+    axes: str = "x,y,z"
+    origin_mm: tuple[Millimetres, Millimetres, Millimetres] = (0.0, -150.0, 150.0)
+    stale_ms: float = Field(50.0, ge=5, le=1000)
+    timeout_ms: float = Field(100.0, ge=10, le=2000)
+    calibration_s: float = Field(5.0, ge=0, le=120)
+
+    @model_validator(mode="after")
+    def _right_axes(self) -> Self:
+        Axes(self.axes)
+        return self
+
+
+class RobotOptions(InverseOptions):
+    """Options of the robot: how the point moves that the service holds the tip at."""
+
+    speed_limit_mm_s: float = Field(500.0, gt=0, le=2000)
+    lead_limit_mm: float = Field(10.0, ge=1, le=100)
+
+
+class HandleOptions(HandForceOptions, InverseOptions):
+    """Options of the handle: the force that it displays, and how the hand's is known."""
+
+    force_limit_n: float = Field(3.0, gt=0, le=10)
+    ramp_ms: float = Field(100.0, ge=5, le=2000)
