@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.devices.ati.wrench import Matrix
 from mmt.devices.protocols import VoltageReading
+from mmt.devices.wrench import Matrix
 from mmt.testing.emulated import Truth
 
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmt.devices.ati.record_clocks import SequenceClock
+from mmt.devices.record_clocks import SequenceClock
 
 MS = 1_000_000
 

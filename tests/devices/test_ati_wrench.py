@@ -16,7 +16,7 @@ from mmt.devices.ati.calibration import (
     length_in_mm,
     torque_in_newton_mm,
 )
-from mmt.devices.ati.wrench import WrenchConverter, diagonal, matrix_of
+from mmt.devices.wrench import WrenchConverter, diagonal, matrix_of
 
 RANGE_N, RANGE_N_MM = (12.0, 12.0, 17.0), (120.0, 120.0, 120.0)
 FOUND = Calibration("FT00017", "SI-12-0.12", "N", "N-mm", RANGE_N, RANGE_N_MM)

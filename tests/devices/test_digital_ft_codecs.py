@@ -27,7 +27,7 @@ from mmt.devices.ati.digital_wire import (
     registers_of,
     write_request,
 )
-from mmt.devices.ati.record_clocks import CountingClock
+from mmt.devices.record_clocks import CountingClock
 
 MS = 1_000_000
 GAUGES = st.tuples(*[st.integers(-32768, 32767)] * 6)

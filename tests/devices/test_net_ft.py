@@ -9,8 +9,8 @@ import pytest
 from sensor_reading import read_some, read_until, read_until_fault
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
+from mmt.devices import wrench_sensor as sensor_module
 from mmt.devices.ati import net_ft as net_ft_module
-from mmt.devices.ati import sensor as sensor_module
 from mmt.devices.ati.net_ft import NetFt, NetFtOptions, net_ft
 from mmt.devices.ati.net_wire import (
     START,

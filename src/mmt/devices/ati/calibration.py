@@ -1,21 +1,15 @@
 """Options of a force sensor by ATI, and the contents of its calibration."""
 
 from dataclasses import dataclass
-from typing import Annotated, Final, Literal
-
-from pydantic import BaseModel, ConfigDict, Field
+from typing import Final
 
 from mmt.core.errors import InputError
 from mmt.devices.protocols import Vector
-
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Angle = Annotated[float, Field(ge=-360, le=360)]
+from mmt.devices.wrench import Positive, WrenchOptions
 
 
-class AtiOptions(BaseModel):
+class AtiOptions(WrenchOptions):
     """What the sensor is expected to be, and how it is mounted."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     serial: str | None = None
     """Serial number that the calibration must have, as ``FT12345``."""
@@ -25,16 +19,6 @@ class AtiOptions(BaseModel):
     """Unit of force that the device must be set to; any known one is converted where None."""
     range_n: tuple[Positive, Positive, Positive] | None = None
     """Calibrated range of Fx, Fy, Fz (N) that the device must have."""
-    mounted: Literal["tool", "surface"] = "tool"
-    """Whether the sensor carries the tool or the surface, whose force is of the other sign."""
-    rotation_deg: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
-    """Turns the sensor's axes into the scene's: about x, then y, then z of the scene."""
-    latency_ms: float | None = Field(default=None, ge=0, le=1000)
-    """From the force to the sensor's stamp; None for the driver's own figure."""
-    silence_ms: float = Field(default=200, ge=20, le=10_000)
-    """Time without a record after which the sensor is lost."""
-    stuck_ms: float = Field(default=500, ge=0, le=60_000)
-    """Time with exactly the same values after which the sensor is lost; 0 for never."""
 
 
 _FORCES_N: Final = {

@@ -14,7 +14,7 @@ from mmt.devices.ati.calibration import (
     length_in_mm,
     torque_in_newton_mm,
 )
-from mmt.devices.ati.wrench import Matrix, matrix_of
+from mmt.devices.wrench import Matrix, matrix_of
 
 _AXES: Final = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 _LARGEST: Final = 1 << 20

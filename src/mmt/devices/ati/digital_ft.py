@@ -23,10 +23,10 @@ from mmt.devices.ati.digital_registers import (
     parse_calibration,
 )
 from mmt.devices.ati.digital_wire import SIZE, Gauges, NoFrame, RecordStream
-from mmt.devices.ati.record_clocks import CountingClock
-from mmt.devices.ati.sensor import AtiSensor, Stamped
-from mmt.devices.ati.wrench import WrenchConverter
 from mmt.devices.drivers import read_options
+from mmt.devices.record_clocks import CountingClock
+from mmt.devices.wrench import WrenchConverter
+from mmt.devices.wrench_sensor import Stamped, WrenchSensor
 
 DRIVER: Final = "ati-digital-ft"
 
@@ -70,7 +70,7 @@ def digital_ft(**options: Any) -> "DigitalFt":
     return DigitalFt(read_options(DigitalFtOptions, DRIVER, options))
 
 
-class DigitalFt(AtiSensor):
+class DigitalFt(WrenchSensor):
     """A `SampledSensor` of forces on an RS-485 line."""
 
     def __init__(self, options: DigitalFtOptions) -> None:

@@ -7,7 +7,7 @@ from typing import Final
 
 from mmt.core.errors import MmtError
 from mmt.devices.ati.calibration import Calibration, force_in_newton, torque_in_newton_mm
-from mmt.devices.ati.wrench import Matrix, matrix_of
+from mmt.devices.wrench import Matrix, matrix_of
 
 DEVICE: Final = 10
 """Its Modbus number, always the same."""

@@ -8,10 +8,10 @@ from typing import Any, Final
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.ati.calibration import AtiOptions, check_calibration
 from mmt.devices.ati.calibration_file import FileCalibration, load_calibration_file
-from mmt.devices.ati.sensor import AtiSensor, Stamped
-from mmt.devices.ati.wrench import WrenchConverter
 from mmt.devices.drivers import load_device, read_options
 from mmt.devices.protocols import VoltageBoard
+from mmt.devices.wrench import WrenchConverter
+from mmt.devices.wrench_sensor import Stamped, WrenchSensor
 from mmt.scene import Driver
 
 DRIVER: Final = "ati-gauges"
@@ -42,7 +42,7 @@ def gauges(**options: Any) -> "Gauges":
     return Gauges(checked, load_device(checked.board.driver, checked.board.options, role="board"))
 
 
-class Gauges(AtiSensor):
+class Gauges(WrenchSensor):
     """A `SampledSensor` of forces behind an acquisition board.
 
     Parameters

@@ -24,11 +24,11 @@ from mmt.devices.ati.net_wire import (
     is_broken,
     request,
 )
-from mmt.devices.ati.record_clocks import SequenceClock
-from mmt.devices.ati.sensor import AtiSensor, Stamped
-from mmt.devices.ati.wrench import WrenchConverter
 from mmt.devices.datagrams import StampedSocket
 from mmt.devices.drivers import read_options
+from mmt.devices.record_clocks import SequenceClock
+from mmt.devices.wrench import WrenchConverter
+from mmt.devices.wrench_sensor import Stamped, WrenchSensor
 
 DRIVER: Final = "ati-net-ft"
 
@@ -64,7 +64,7 @@ def net_ft(**options: Any) -> "NetFt":
     return NetFt(read_options(NetFtOptions, DRIVER, options))
 
 
-class NetFt(AtiSensor):
+class NetFt(WrenchSensor):
     """A `SampledSensor` of forces behind a Net F/T box."""
 
     def __init__(self, options: NetFtOptions) -> None:
@@ -118,7 +118,7 @@ class NetFt(AtiSensor):
         self._await_first_record()
 
     def calibrate(self) -> None:
-        """Take the bias; see `AtiSensor.calibrate`."""
+        """Take the bias; see `WrenchSensor.calibrate`."""
         super().calibrate()
         if self.settings is not None:
             self._bias_in_box = self.settings.bias

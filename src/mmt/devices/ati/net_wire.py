@@ -9,8 +9,8 @@ from typing import Final, NamedTuple
 
 from mmt.core.errors import MmtError
 from mmt.devices.ati.calibration import Calibration, force_in_newton, torque_in_newton_mm
-from mmt.devices.ati.wrench import Matrix, diagonal
 from mmt.devices.protocols import Vector
+from mmt.devices.wrench import Matrix, diagonal
 
 PORT: Final = 49152
 

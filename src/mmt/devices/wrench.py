@@ -3,11 +3,33 @@
 import math
 import sys
 from collections.abc import Sequence
-from typing import Final
+from typing import Annotated, Final, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
 
 from mmt.core.errors import MmtError
-from mmt.devices.ati.calibration import AtiOptions
 from mmt.devices.protocols import Vector
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Angle = Annotated[float, Field(ge=-360, le=360)]
+
+
+class WrenchOptions(BaseModel):
+    """How a force sensor is mounted, and when it is lost."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    mounted: Literal["tool", "surface"] = "tool"
+    """Whether the sensor carries the tool or the surface, whose force is of the other sign."""
+    rotation_deg: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
+    """Turns the sensor's axes into the scene's: about x, then y, then z of the scene."""
+    latency_ms: float | None = Field(default=None, ge=0, le=1000)
+    """From the force to the sensor's stamp; None for the driver's own figure."""
+    silence_ms: float = Field(default=200, ge=20, le=10_000)
+    """Time without a record after which the sensor is lost."""
+    stuck_ms: float = Field(default=500, ge=0, le=60_000)
+    """Time with exactly the same values after which the sensor is lost; 0 for never."""
+
 
 Six = tuple[float, float, float, float, float, float]
 """Counts or volts of a record, in the order of the matrix's columns; or a wrench: Fx, Fy, Fz
@@ -53,7 +75,7 @@ def six_of(values: Sequence[float]) -> Six:
     return u, v, w, x, y, z
 
 
-def orientation(options: AtiOptions) -> tuple[Vector, Vector, Vector]:
+def orientation(options: WrenchOptions) -> tuple[Vector, Vector, Vector]:
     """Return the rows that turn a force in the sensor's axes into the scene's.
 
     Turns about the scene's x, then y, then z; a sensor that carries the surface feels the
@@ -85,7 +107,7 @@ class WrenchConverter:
     """
 
     def __init__(
-        self, matrix: Matrix, range_n: Vector, range_n_mm: Vector, options: AtiOptions
+        self, matrix: Matrix, range_n: Vector, range_n_mm: Vector, options: WrenchOptions
     ) -> None:
         self.overloads = 0
         """Records beyond the calibrated range."""

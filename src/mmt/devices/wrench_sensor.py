@@ -1,4 +1,4 @@
-"""What the drivers of ATI's force sensors share: bias, overload, silence, stuck values."""
+"""What the drivers of six-axis force sensors share: bias, overload, silence, stuck values."""
 
 import time
 from abc import ABC, abstractmethod
@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from mmt.core.errors import DeviceLost, MmtError
-from mmt.devices.ati.calibration import AtiOptions
-from mmt.devices.ati.wrench import Six, WrenchConverter
 from mmt.devices.overload import OverloadNotice
 from mmt.devices.protocols import SensorReading
+from mmt.devices.wrench import Six, WrenchConverter, WrenchOptions
 
 Stamped = tuple[int, Six]
 """The sensor's time of a record (ns), and its raw values."""
@@ -20,7 +19,7 @@ _BIAS_RECORDS: Final = 20
 """Least number of records that make a bias."""
 
 
-class AtiSensor(ABC):
+class WrenchSensor(ABC):
     """A `SampledSensor` of forces; a driver adds how records come.
 
     Parameters
@@ -31,7 +30,7 @@ class AtiSensor(ABC):
         How it is mounted and when it is lost.
     """
 
-    def __init__(self, name: str, options: AtiOptions) -> None:
+    def __init__(self, name: str, options: WrenchOptions) -> None:
         self.name = name
         self.latency_ns = 0
         self._converter: WrenchConverter | None = None
