@@ -1,17 +1,17 @@
 """Options that every way to read an ADXL335 shares."""
 
 from math import pi
-from typing import Final, Literal, Self
+from typing import Final
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field
 
-Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
+from mmt.devices.accelerometer_axes import AxesOptions
 
 _MICROFARAD_HZ: Final = 5.0
 """f = 5 uF / C: the filter of the sensor's 32 kOhm and the board's capacitor (data sheet)."""
 
 
-class Adxl335Options(BaseModel):
+class Adxl335Options(AxesOptions):
     """Options of the sensor and its board."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, coerce_numbers_to_str=True)
@@ -22,18 +22,10 @@ class Adxl335Options(BaseModel):
     """-3 dB, by the board's capacitors; breakout boards ship with 0.1 uF, which is 50 Hz."""
     band_hz: float = Field(500.0, gt=0.0, le=1600.0)
     """Highest frequency that the scene wants; half its rate."""
-    axes: tuple[Axis, Axis, Axis] = ("x", "y", "z")
-    """Which of the sensor's axes lies along x, y, z of the scene; z is the surface's normal."""
     serial: str | None = Field(None, min_length=1, max_length=64)
     """Names the stored calibration; None takes the number that USB gives."""
     stuck_s: float = Field(1.0, ge=0.05, le=3600.0)
     """After this time without a change of a single bit, the sensor counts as stuck."""
-
-    @model_validator(mode="after")
-    def _axes_differ(self) -> Self:
-        if {axis[-1] for axis in self.axes} != {"x", "y", "z"}:
-            raise ValueError("axes must name each of x, y, z once, each with or without a minus")
-        return self
 
     @property
     def filter_delay_ns(self) -> int:

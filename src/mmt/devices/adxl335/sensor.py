@@ -19,6 +19,7 @@ from mmt.devices.adxl335.gravity import (
     nominal,
 )
 from mmt.devices.adxl335.options import Adxl335Options
+from mmt.devices.accelerometer_axes import signed_axes
 from mmt.devices.calibrations import load_calibration
 from mmt.devices.overload import OverloadNotice
 from mmt.devices.protocols import SensorReading, Vector
@@ -53,8 +54,9 @@ class Converter:
         """``overload``: samples beyond 3 g along an axis."""
         self._notice = OverloadNotice()
         zero, gain = calibration.zero_v, calibration.gain_v_per_m_s2
-        axes = [("xyz".index(a[-1]), -1.0 if a[0] == "-" else 1.0) for a in options.axes]
-        self._axes = tuple((i, sign / gain[i], sign * zero[i] / gain[i]) for i, sign in axes)
+        self._axes = tuple(
+            (i, sign / gain[i], sign * zero[i] / gain[i]) for i, sign in signed_axes(options.axes)
+        )
         self._stuck_ns = round(1e9 * options.stuck_s)
         self.stuck_at = stuck_at
         """The volts that have stayed the same for too long, None where they change."""
