@@ -22,8 +22,11 @@ from mmt.testing.emulated.net_ft import EmulatedNetFt
 if sys.platform != "linux":
     pytest.skip("the emulated ports are for Linux", allow_module_level=True)
 
+from mmt.devices.bota.frames import INVALID
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
+from mmt.testing.emulated.bota import EmulatedBota
 from mmt.testing.emulated.digital_ft import EmulatedDigitalFt
+from mmt.testing.emulated.iio import EmulatedIio
 
 PRESSED = (0.0, 0.0, 2.0)
 
@@ -72,12 +75,28 @@ def adxl335(felt: Felt) -> Bench:
     return Bench(board, sensor, felt, "acceleration_m_s2", (0.0, 0.0, GRAVITY_M_S2))
 
 
+def bota(felt: Felt) -> Bench:
+    emulated = EmulatedBota(felt)
+    emulated.start()
+    sensor = load_device("bota-serial", emulated.options)
+    return Bench(emulated, sensor, felt, "force_n", (0.0, 0.0, 0.0))
+
+
+def iio(felt: Felt) -> Bench:
+    emulated = EmulatedIio(
+        lambda t: tuple(a + b for a, b in zip(felt(t), (0, 0, GRAVITY_M_S2), strict=True))
+    )
+    emulated.start()
+    sensor = load_device("iio-accelerometer", emulated.options)
+    return Bench(emulated, sensor, felt, "acceleration_m_s2", (0.0, 0.0, GRAVITY_M_S2))
+
+
 @pytest.fixture(autouse=True)
 def own_calibrations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
 
 
-@pytest.fixture(params=[net_ft, digital_ft, adxl335])
+@pytest.fixture(params=[net_ft, digital_ft, adxl335, bota, iio])
 def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
     made = request.param(Felt())
     yield made
@@ -118,6 +137,11 @@ def test_what_is_unplugged_is_lost_and_comes_back_with_its_zero(bench, running) 
     back_and_right(bench, running)
 
 
+NOTHING_USABLE = (
+    "status 0x80000400|no record was usable|no good frames|measurements are invalid|impossible time"
+)
+
+
 def faulty(bench: Bench, *, bad: bool) -> None:
     """Have nothing but garbage come, or no longer."""
     device = bench.device
@@ -125,6 +149,8 @@ def faulty(bench: Bench, *, bad: bool) -> None:
         device.status = 0x80000400 if bad else 0
     elif isinstance(device, EmulatedDigitalFt):
         device.error = bad
+    elif isinstance(device, EmulatedBota):
+        device.status = INVALID if bad else 0
     else:
         device.scramble(scrambled=bad)
 
@@ -132,7 +158,7 @@ def faulty(bench: Bench, *, bad: bool) -> None:
 def test_a_device_that_gives_nothing_usable_is_lost_and_comes_back(bench, running) -> None:
     running.run(lambda number: number >= 50)
     faulty(bench, bad=True)
-    running.run_until_told("status 0x80000400|no record was usable|no good frames")
+    running.run_until_told(NOTHING_USABLE)
     bench.felt.value = PRESSED
     faulty(bench, bad=False)
     back_and_right(bench, running)
@@ -141,7 +167,7 @@ def test_a_device_that_gives_nothing_usable_is_lost_and_comes_back(bench, runnin
 
 def test_a_stuck_device_stays_lost_until_its_value_changes(bench, running) -> None:
     running.run(lambda number: number >= 50)
-    if isinstance(bench.device, EmulatedAdxl335Board):
+    if isinstance(bench.device, EmulatedAdxl335Board | EmulatedIio):
         bench.device.stick()
         release = functools.partial(bench.device.stick, stuck=False)
     else:

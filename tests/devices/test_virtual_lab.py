@@ -146,3 +146,34 @@ def test_a_follower_on_devices_imports_neither_scipy_nor_numba() -> None:
     program = f"import sys, {modules}; print(sorted({{'numba', 'scipy'}} & set(sys.modules)))"
     ran = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True)
     assert ran.stdout.strip() == b"[]"
+
+
+def test_further_sensors_of_the_lab_measure_the_same_world() -> None:
+    robot = load_device("virtual-robot", {"surface": "wood"})
+    force = load_device("virtual-bota", {"sinc_length": 64})
+    accelerometer = load_device("virtual-iio", {"rate_hz": 1000})
+    devices = (robot, force, accelerometer)
+    try:
+        for device in devices:
+            device.connect()
+            device.calibrate()
+        assert drivers_module._LAB._process is not None
+        robot.write((0.0, 0.0, -2.0))
+        pressed: list[float] = []
+
+        def pressing() -> bool:
+            pressed.extend(reading.value[2] for reading in force.read())
+            return bool(pressed) and pressed[-1] > 1.0
+
+        until(pressing)
+        felt: list[float] = []
+
+        def resting() -> bool:
+            felt.extend(math.hypot(*reading.value) for reading in accelerometer.read())
+            return len(felt) > 50 and sorted(felt[-50:])[25] == pytest.approx(9.8, abs=1.0)
+
+        until(resting)
+    finally:
+        for device in devices:
+            device.close()
+    assert drivers_module._LAB._process is None

@@ -26,6 +26,7 @@ def list_all(json_file: Path | None) -> None:
     finders: dict[str, Callable[[], list[discovery.FoundPort]]] = {
         "serial ports": discovery.find_serial_ports,
         "USB devices": discovery.find_usb_devices,
+        "IIO accelerometers": discovery.find_iio_accelerometers,
         "sound outputs": discovery.find_sound_outputs,
     }
     found: dict[str, list[discovery.FoundPort]] = {}

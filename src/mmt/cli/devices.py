@@ -26,7 +26,7 @@ Settings = Annotated[
 def list_devices(
     json_file: Annotated[Path | None, json_option("Write what was found.")] = None,
 ) -> None:
-    """List drivers, serial ports, USB devices and sound outputs, and what is missing."""
+    """List drivers, ports, USB and IIO devices and sound outputs, and what is missing."""
     from mmt.cli.device_listing import list_all
 
     list_all(json_file)

@@ -168,6 +168,23 @@ def find_serial_ports() -> list[FoundPort]:
     ]
 
 
+def find_iio_accelerometers(
+    sysfs_root: Path = Path("/sys/bus/iio/devices"), dev_root: Path = Path("/dev")
+) -> list[FoundPort]:
+    """Return the accelerometers of Linux's industrial I/O."""
+    from mmt.devices.iio.attributes import NO_PERMISSION, accelerometers, name_of
+
+    found = []
+    for path in accelerometers(sysfs_root):
+        needed = {dev_root / path.name: os.R_OK, path / "buffer" / "enable": os.W_OK}
+        refused = [
+            file for file, way in needed.items() if file.exists() and not os.access(file, way)
+        ]
+        problem = NO_PERMISSION.format(path=refused[0]) if refused else ""
+        found.append(FoundPort(path.name, name_of(path), "", problem))
+    return found
+
+
 def find_usb_devices() -> list[FoundPort]:
     """Return the USB devices for which there may be a driver.
 

@@ -38,12 +38,14 @@ DRIVERS: Final[dict[str, Mapping[Role, str]]] = {
     "ati-digital-ft": {"force_sensor": "mmt.devices.ati.digital_ft:digital_ft"},
     "ati-gauges": {"force_sensor": "mmt.devices.ati.gauges:gauges"},
     "ati-net-ft": {"force_sensor": "mmt.devices.ati.net_ft:net_ft"},
+    "bota-serial": {"force_sensor": "mmt.devices.bota.driver:bota_serial"},
     "franka": {
         "robot": "mmt.devices.franka.driver:FrankaRobot",
         "force_sensor": "mmt.devices.franka.driver:FrankaForce",
     },
     "haptuator-serial": {"actuator": "mmt.devices.haptuator.serial_driver:haptuator_serial"},
     "haptuator-sound": {"actuator": "mmt.devices.haptuator.sound:haptuator_sound"},
+    "iio-accelerometer": {"accelerometer": "mmt.devices.iio.driver:iio_accelerometer"},
     "inverse3": {
         "robot": "mmt.devices.haply.robot:Inverse3Robot",
         "handle": "mmt.devices.haply.handle:Inverse3Handle",

@@ -1,4 +1,4 @@
-"""A sensor's clock from the number of its records, which each carries or which are counted."""
+"""A sensor's clock from its records: from the number or the time that each has, or by counting."""
 
 import math
 from typing import Final
@@ -96,6 +96,84 @@ class SequenceClock:
         self._arrival_ns = arrival_ns
         self._agreeing = 0
         return round(self._index * self.period_ns)
+
+
+_LEARNT_STEPS: Final = 9
+_LONG: Final = 1.5
+"""Periods; after a step longer than that, records have been lost."""
+
+
+class StampClock:
+    """Unwrap the microseconds that a record carries, and count the records that lie between two.
+
+    How long a period is comes from the first steps. A stamp that is ahead of what has passed on the
+    host, as after a restart, continues the time by what has passed there.
+
+    Parameters
+    ----------
+    bits
+        Width of the stamp.
+    """
+
+    def __init__(self, bits: int = 32) -> None:
+        self.period_ns = 0.0
+        """Time between two records, 0 while it is not known."""
+        self.lost = 0
+        self.repeated = 0
+        self.restarts = 0
+        self._modulus = 1 << bits
+        self._last_us: int | None = None
+        self._time_ns = 0
+        self._arrival_ns = 0
+        self._steps: list[int] = []
+        self._interrupted = False
+
+    def interrupt(self) -> None:
+        """Continue with the next record by what has passed on the host: it may have restarted."""
+        self._interrupted = True
+        self.period_ns = 0.0
+        self._steps.clear()
+
+    def stamp(self, time_us: int, arrival_ns: int) -> int | None:
+        """Return the sensor's time (ns) of a record, None where it is that of the last one.
+
+        Parameters
+        ----------
+        time_us
+            What it carries.
+        arrival_ns
+            The host's monotonic time.
+        """
+        last_us, self._last_us = self._last_us, time_us
+        last_arrival_ns, self._arrival_ns = self._arrival_ns, arrival_ns
+        if last_us is None:
+            self._interrupted = False
+            self._time_ns = time_us * 1000
+            return self._time_ns
+        step_ns = (time_us - last_us) % self._modulus * 1000
+        passed_ns = arrival_ns - last_arrival_ns
+        if self._interrupted:
+            self._interrupted = False
+            self._time_ns += max(1000, passed_ns)
+        elif step_ns == 0:
+            self.repeated += 1
+            return None
+        elif step_ns > passed_ns + _SLACK_NS:
+            self.restarts += 1
+            self._time_ns += max(1000, passed_ns)
+        else:
+            self._time_ns += step_ns
+            self._learn(step_ns)
+        return self._time_ns
+
+    def _learn(self, step_ns: int) -> None:
+        if self.period_ns:
+            if step_ns > _LONG * self.period_ns:
+                self.lost += round(step_ns / self.period_ns) - 1
+            return
+        self._steps.append(step_ns)
+        if len(self._steps) == _LEARNT_STEPS:
+            self.period_ns = float(sorted(self._steps)[_LEARNT_STEPS // 2])
 
 
 _SILENCE_NS: Final = 30_000_000

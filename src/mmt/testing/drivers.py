@@ -11,11 +11,13 @@ if TYPE_CHECKING:
 
 DRIVERS: Final[dict[str, Mapping["Role", str]]] = {
     "virtual-adxl335": {"accelerometer": "mmt.testing.emulated.drivers:VirtualAdxl335"},
+    "virtual-bota": {"force_sensor": "mmt.testing.emulated.drivers:VirtualBota"},
     "virtual-handle-adxl335": {
         "accelerometer": "mmt.testing.emulated.drivers:VirtualHandleAdxl335"
     },
     "virtual-haptuator": {"actuator": "mmt.testing.emulated.drivers:VirtualHaptuator"},
     "virtual-haptuator-sound": {"actuator": "mmt.testing.emulated.haptuator:emulated_haptuator"},
+    "virtual-iio": {"accelerometer": "mmt.testing.emulated.drivers:VirtualIio"},
     "virtual-inverse3": {
         "robot": "mmt.testing.emulated.virtual_inverse3:VirtualInverse3Robot",
         "handle": "mmt.testing.emulated.virtual_inverse3:VirtualInverse3Handle",

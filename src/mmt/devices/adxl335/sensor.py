@@ -10,6 +10,7 @@ from statistics import fmean, pstdev
 from typing import Final
 
 from mmt.core.errors import DeviceLost, MmtError
+from mmt.devices.accelerometer_axes import signed_axes
 from mmt.devices.adxl335.gravity import (
     GRAVITY_M_S2,
     Calibration,
@@ -19,7 +20,6 @@ from mmt.devices.adxl335.gravity import (
     nominal,
 )
 from mmt.devices.adxl335.options import Adxl335Options
-from mmt.devices.accelerometer_axes import signed_axes
 from mmt.devices.calibrations import load_calibration
 from mmt.devices.overload import OverloadNotice
 from mmt.devices.protocols import SensorReading, Vector

@@ -146,7 +146,7 @@ class VirtualSensor:
 
     def connect(self) -> None:
         """Start the lab, and connect the real driver to it."""
-        address = self._lab.enter(self, *self._lab_options.arguments)[self._address]
+        address = self._lab.address(self, self._address, *self._lab_options.arguments)
         if self._device is None or address != self._connected_to:
             self._device = load_device(self._driver, {**address, **self._options})
             self._connected_to = address
@@ -184,6 +184,20 @@ class VirtualAdxl335(VirtualSensor):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("virtual-adxl335", "adxl335-serial", "adxl335", options)
+
+
+class VirtualBota(VirtualSensor):
+    """Another force sensor of the virtual lab; it takes the options of ``bota-serial`` too."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__("virtual-bota", "bota-serial", "bota", options)
+
+
+class VirtualIio(VirtualSensor):
+    """Another accelerometer of the virtual lab; it takes those of ``iio-accelerometer`` too."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__("virtual-iio", "iio-accelerometer", "iio", options)
 
 
 class VirtualHandleAdxl335(VirtualSensor):

@@ -1,16 +1,19 @@
 """A lab in a process of its own: the world, and emulated devices that measure it.
 
 Its robot is moved by datagrams, or is an arm by Universal Robots where a third argument says
-``ur``. It prints its devices' addresses as one line of JSON, and ends when its standard input
-ends, as it does with the process that started it.
+``ur``. It prints its devices' addresses as one line of JSON, those of a further device when a line
+of its standard input names it, and ends when that input ends, as it does with the process that
+started it.
 """
 
 import json
 import sys
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from mmt.core.process import SWITCH_INTERVAL_S, ask_for_short_turns
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
+from mmt.testing.emulated.bota import EmulatedBota
+from mmt.testing.emulated.iio import EmulatedIio
 from mmt.testing.emulated.net_ft import EmulatedNetFt
 from mmt.testing.emulated.robot import RobotLink
 from mmt.testing.emulated.world import World
@@ -36,7 +39,7 @@ def main(surface: str, seed: int, kind: str = "datagrams") -> None:
         clock_ppm=-70.0,
         seed=seed,
     )
-    parts = (world, robot, box, board)
+    parts: list[Any] = [world, robot, box, board]
     for part in parts:
         part.start()
     addresses = {
@@ -44,9 +47,12 @@ def main(surface: str, seed: int, kind: str = "datagrams") -> None:
         "net_ft": box.options,
         "adxl335": {"port": board.address, "bandwidth_hz": ACCELEROMETER_BANDWIDTH_HZ},
     }
-    sys.stdout.write(json.dumps(addresses) + "\n")
-    sys.stdout.flush()
-    sys.stdin.read()
+    _say(addresses)
+    for line in sys.stdin:
+        device = _further_device(line.strip(), world, seed)
+        device.start()
+        parts.append(device)
+        _say({line.strip(): device.options})
     for part in reversed(parts):
         part.stop()
 
@@ -55,6 +61,18 @@ def _ur_controller(world: World, seed: int) -> "EmulatedUrController":
     from mmt.testing.emulated.universal_robots.controller import EmulatedUrController
 
     return EmulatedUrController(world, seed=seed)
+
+
+def _further_device(name: str, world: World, seed: int) -> Any:
+    """Return a device that not every lab has, and that costs nothing before it is named."""
+    if name == "bota":
+        return EmulatedBota(world.force_n, clock_ppm=25.0, seed=seed)
+    return EmulatedIio(world.acceleration_m_s2, clock_ppm=-120.0, seed=seed)
+
+
+def _say(addresses: dict[str, dict[str, Any]]) -> None:
+    sys.stdout.write(json.dumps(addresses) + "\n")
+    sys.stdout.flush()
 
 
 if __name__ == "__main__":

@@ -22,8 +22,8 @@ class LabProcess:
     Parameters
     ----------
     module
-        Runs the lab: it prints its devices' addresses as a line of JSON, and ends with its
-        standard input.
+        Runs the lab: it prints its devices' addresses as a line of JSON, further ones when a line
+        of its standard input names them, and ends with that input.
     """
 
     def __init__(self, module: str) -> None:
@@ -42,6 +42,17 @@ class LabProcess:
             self._users.add(id(user))
             return self._addresses
 
+    def address(self, user: object, device: str, *arguments: str) -> dict[str, Any]:
+        """Start it where it does not run, and the device in it; return the device's address."""
+        self.enter(user, *arguments)
+        with self._lock:
+            if device not in self._addresses and self._process is not None:
+                assert self._process.stdin is not None  # noqa: S101 - a pipe was asked for
+                self._process.stdin.write(device + "\n")
+                self._process.stdin.flush()
+                self._addresses |= self._answer(self._process)
+            return self._addresses[device]
+
     def leave(self, user: object) -> None:
         """End it after its last user."""
         with self._lock:
@@ -59,14 +70,19 @@ class LabProcess:
             text=True,
             start_new_session=True,  # Ctrl-C is for the service; schedulers share by session
         )
-        said = self._process.stdout
+        self._addresses = self._answer(self._process)
+
+    def _answer(self, process: "subprocess.Popen[str]") -> dict[str, dict[str, Any]]:
+        """Return the addresses of the next line that it prints."""
+        said = process.stdout
         assert said is not None  # noqa: S101 - a pipe was asked for
         line = said.readline() if select.select([said], [], [], _START_S)[0] else ""
         if not line:
-            reason = self._end(self._process)
+            reason = self._end(process)
             self._process = None
             raise MmtError(f"the virtual lab does not start: {reason or 'it printed nothing'}")
-        self._addresses = json.loads(line)
+        addresses: dict[str, dict[str, Any]] = json.loads(line)
+        return addresses
 
     def _end(self, process: "subprocess.Popen[str]") -> str:
         """End it and return the last line of what it said went wrong."""

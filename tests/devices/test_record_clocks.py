@@ -1,10 +1,10 @@
-"""A sensor's time from its records' numbers."""
+"""A sensor's time from its records' numbers or stamps."""
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmt.devices.record_clocks import SequenceClock
+from mmt.devices.record_clocks import SequenceClock, StampClock
 
 MS = 1_000_000
 
@@ -74,3 +74,56 @@ def test_an_interrupted_stream_that_went_on_keeps_its_count():
     clock.interrupt()
     assert clock.stamp(300, 303 * MS) == 300 * MS
     assert (clock.restarts, clock.lost) == (0, 200)
+
+
+# --- stamps
+
+
+def fed(clock: StampClock, stamps_us: list[int], period_ms: float = 1.0) -> list[int | None]:
+    """Stamps that arrive evenly."""
+    return [clock.stamp(us, round(i * period_ms * MS)) for i, us in enumerate(stamps_us)]
+
+
+def test_stamps_go_on_across_the_wrap_around():
+    clock = StampClock()
+    first = 2**32 - 2000
+    times = fed(clock, [(first + 1000 * i) % 2**32 for i in range(20)])
+    assert times == [(first + 1000 * i) * 1000 for i in range(20)]
+    assert clock.period_ns == MS
+    assert (clock.lost, clock.repeated, clock.restarts) == (0, 0, 0)
+
+
+@given(st.lists(st.integers(1, 50), min_size=1, max_size=30))
+def test_what_lies_between_two_stamps_is_counted(steps):
+    clock = StampClock()
+    fed(clock, [1000 * i for i in range(20)])
+    stamp, now_ns = 19_000, 19 * MS
+    for step in steps:
+        stamp, now_ns = stamp + 1000 * step, now_ns + step * MS
+        assert clock.stamp(stamp, now_ns) == 1000 * stamp
+    assert clock.lost == sum(steps) - len(steps)
+
+
+def test_records_that_waited_in_the_host_keep_their_times():
+    clock = StampClock()
+    times = [clock.stamp(1000 * i, 10 * 1000 * MS) for i in range(1, 200)]  # all at once
+    assert times == [MS * i for i in range(1, 200)]
+    assert clock.restarts == 0
+
+
+def test_a_stamp_that_comes_twice_is_left_out_and_one_that_starts_again_continues_the_time():
+    clock = StampClock()
+    assert fed(clock, [5_000_000, 5_001_000, 5_001_000]) == [5000 * MS, 5001 * MS, None]
+    assert clock.repeated == 1
+    assert clock.stamp(400, 10 * MS) == 5001 * MS + 8 * MS
+    assert clock.stamp(1400, 11 * MS) == 5001 * MS + 9 * MS
+    assert clock.restarts == 1
+
+
+def test_after_an_interruption_what_has_passed_counts_and_nothing_is_lost():
+    clock = StampClock()
+    times = fed(clock, [1000 * i for i in range(20)])
+    clock.interrupt()
+    assert clock.stamp(77, 5019 * MS) == times[-1] + 5000 * MS
+    assert clock.stamp(1077, 5020 * MS) == times[-1] + 5001 * MS
+    assert (clock.lost, clock.restarts) == (0, 0)

@@ -1,0 +1,1 @@
+"""Force sensors by Bota Systems, on a serial line."""

@@ -1,0 +1,1 @@
+"""Accelerometers of Linux's industrial I/O (IIO)."""

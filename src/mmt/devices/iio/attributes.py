@@ -1,0 +1,168 @@
+"""Files by which a device of industrial I/O is found and set, and what keeps one from it."""
+
+import contextlib
+import errno
+from pathlib import Path
+from typing import Final
+
+from mmt.core.errors import DeviceLost, InputError, MmtError
+
+NO_PERMISSION: Final = (
+    "no permission for {path}: files of industrial I/O belong to root until a udev rule gives them "
+    "to a group; write the one of docs/how-to/iio.md, and join the group"
+)
+
+
+class Attributes:
+    """The attributes below one directory; those that are changed can be put back.
+
+    Parameters
+    ----------
+    directory
+        As ``/sys/bus/iio/devices/iio:device0``.
+    name
+        What a person calls the device.
+    """
+
+    def __init__(self, directory: Path, name: str) -> None:
+        self.directory = directory
+        self._name = name
+        self._before: list[tuple[str, str]] = []
+
+    def has(self, attribute: str) -> bool:
+        """Return whether there is such a file."""
+        return (self.directory / attribute).exists()
+
+    def read(self, attribute: str) -> str:
+        """Return what a file says.
+
+        Raises
+        ------
+        MmtError
+            It cannot be read.
+        """
+        path = self.directory / attribute
+        try:
+            return path.read_text(encoding="ascii", errors="replace").strip()
+        except OSError as error:
+            raise self.explain(error, path) from error
+
+    def number(self, attribute: str) -> float:
+        """Return the number that a file holds.
+
+        Raises
+        ------
+        MmtError
+            It cannot be read, or holds none.
+        """
+        content = self.read(attribute)
+        try:
+            return float(content)
+        except ValueError as error:
+            raise MmtError(
+                f"{self._name}: {self.directory / attribute} holds {content!r} and no number; look "
+                "with dmesg what its driver says"
+            ) from error
+
+    def write(self, attribute: str, value: str) -> None:
+        """Write a value.
+
+        Raises
+        ------
+        MmtError
+            The kernel refuses, or it is not permitted.
+        """
+        path = self.directory / attribute
+        try:
+            path.write_text(value, encoding="ascii")
+        except OSError as error:
+            raise self.explain(error, path, value) from error
+
+    def set(self, attribute: str, value: str) -> None:
+        """Write a value where it is another, and remember what was there."""
+        before = self.read(attribute)
+        if before != value:
+            self.write(attribute, value)
+            self._before.append((attribute, before))
+
+    def restore(self) -> None:
+        """Put back what `set` has changed, the last first, as far as that is possible."""
+        while self._before:
+            attribute, before = self._before.pop()
+            with contextlib.suppress(MmtError):
+                self.write(attribute, before)
+
+    def explain(self, error: OSError, path: Path, value: str = "") -> MmtError:
+        """Return why a file of the device cannot be used, with what to do."""
+        if error.errno in {errno.EACCES, errno.EPERM, errno.EROFS}:
+            return MmtError(f"{self._name}: {NO_PERMISSION.format(path=path)}")
+        if error.errno == errno.EBUSY:
+            return MmtError(
+                f"{self._name}: {path.name} is in use: another program has it open (iio_readdev, "
+                "another follower); end that one"
+            )
+        if error.errno in {errno.ENOENT, errno.ENODEV, errno.ENXIO}:
+            return DeviceLost(
+                f"{self._name}: {path} is gone; check the wires, and with dmesg why the kernel has "
+                "let it go"
+            )
+        wrote = f" {value!r} in" if value else ""
+        return MmtError(
+            f"{self._name}: the kernel refuses{wrote} {path} ({error.strerror or error}); look "
+            "with dmesg what its driver says"
+        )
+
+
+def find_device(root: Path, wanted: str | None) -> Path:
+    """Return the directory of an accelerometer.
+
+    Parameters
+    ----------
+    root
+        As ``/sys/bus/iio/devices``.
+    wanted
+        Its name, as ``adxl355``, its number or its directory's name; None for the only one.
+
+    Raises
+    ------
+    InputError
+        There is none, or more than one.
+    """
+    devices = {path: name_of(path) for path in sorted(root.glob("iio:device*"))}
+    if wanted is None:
+        found = accelerometers(root)
+    else:
+        found = [
+            path
+            for path, name in devices.items()
+            if wanted in {name, path.name, path.name.removeprefix("iio:device")}
+        ]
+    if len(found) == 1:
+        return found[0]
+    names = ", ".join(f"{path.name} ({name})" for path, name in devices.items()) or "none"
+    what = "accelerometer" if wanted is None else f"device {wanted!r}"
+    if found:
+        raise InputError(
+            f"industrial I/O has {len(found)} of the {what}: name one by 'device'; there are "
+            f"{names}"
+        )
+    raise InputError(
+        f"industrial I/O has no {what} in {root}; there are {names}: check the overlay in "
+        "config.txt, that the kernel's module is loaded (lsmod), and with dmesg what it says"
+    )
+
+
+def accelerometers(root: Path) -> list[Path]:
+    """Return the directories of the accelerometers below `root`."""
+    return [
+        path
+        for path in sorted(root.glob("iio:device*"))
+        if any(path.glob("in_accel_x_*")) or any(path.glob("scan_elements/in_accel_x_*"))
+    ]
+
+
+def name_of(path: Path) -> str:
+    """Return the name of a device, empty where it has none."""
+    with contextlib.suppress(OSError):
+        return (path / "name").read_text(encoding="ascii", errors="replace").strip()
+    return ""

@@ -1,0 +1,141 @@
+"""How a scan lies in the buffer of industrial I/O: types of its elements, and their alignment.
+
+After the kernel's ``Documentation/iio/iio_devbuf.rst``: the elements lie in the order of their
+index, each aligned to its own size, and the whole to that of its largest, so that the next scan is
+aligned as well (``iio_compute_scan_bytes``).
+"""
+
+import re
+import struct
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from mmt.core.errors import MmtError
+
+TIMESTAMP: Final = "in_timestamp"
+
+_TYPE: Final = re.compile(r"([bl]e):([su])(\d+)/(8|16|32|64)(?:X(\d+))?(?:>>(\d+))?")
+_CODES: Final = {8: "B", 16: "H", 32: "I", 64: "Q"}
+
+
+@dataclass(frozen=True, slots=True)
+class Element:
+    """One value of a scan."""
+
+    name: str
+    """As ``in_accel_x``."""
+    index: int
+    bits: int
+    storage_bits: int
+    shift: int = 0
+    signed: bool = True
+    big_endian: bool = False
+
+    @property
+    def size(self) -> int:
+        """Bytes that it takes."""
+        return self.storage_bits // 8
+
+    @property
+    def bounds(self) -> tuple[int, int]:
+        """The least and the largest value that its bits hold."""
+        return (
+            (-(1 << self.bits - 1), (1 << self.bits - 1) - 1)
+            if self.signed
+            else (
+                0,
+                (1 << self.bits) - 1,
+            )
+        )
+
+
+def parse_element(name: str, index: str, kind: str) -> Element:
+    """Return an element by the contents of its files ``_index`` and ``_type``.
+
+    Parameters
+    ----------
+    name
+        As ``in_accel_x``.
+    index
+        As ``0``.
+    kind
+        As ``le:s12/16>>4``.
+
+    Raises
+    ------
+    MmtError
+        The type is none, or one that no accelerometer has.
+    """
+    parts = _TYPE.fullmatch(kind.strip())
+    if parts is None or not index.strip().isdigit():
+        raise MmtError(f"{name} has the type {kind.strip()!r} at {index.strip()!r}, which is none")
+    order, sign, bits, storage, repeat, shift = parts.groups()
+    if int(repeat or 1) > 1 or not 0 < int(bits) + int(shift or 0) <= int(storage):
+        raise MmtError(f"{name} has the type {kind.strip()!r}, which no accelerometer has")
+    return Element(
+        name,
+        int(index),
+        int(bits),
+        int(storage),
+        int(shift or 0),
+        sign == "s",
+        order == "be",
+    )
+
+
+class Layout:
+    """Where the elements of a scan lie.
+
+    Parameters
+    ----------
+    elements
+        All that are enabled.
+    wanted
+        Names of those that `decode` gives, in its order.
+    """
+
+    def __init__(self, elements: Sequence[Element], wanted: Sequence[str]) -> None:
+        offsets: dict[str, int] = {}
+        end = 0
+        for element in sorted(elements, key=lambda one: one.index):
+            start = _aligned(end, element.size)
+            offsets[element.name] = start
+            end = start + element.size
+        self.size = _aligned(end, max(element.size for element in elements))
+        """Bytes of a scan."""
+        by_name = {element.name: element for element in elements}
+        self._columns = [_Column(by_name[name], offsets[name], self.size) for name in wanted]
+
+    def decode(self, content: bytes) -> Iterator[tuple[int, ...]]:
+        """Return the wanted values of each scan.
+
+        Parameters
+        ----------
+        content
+            Whole scans.
+        """
+        return zip(*(column.values(content) for column in self._columns), strict=True)
+
+
+class _Column:
+    """One element of successive scans."""
+
+    def __init__(self, element: Element, offset: int, size: int) -> None:
+        order = ">" if element.big_endian else "<"
+        rest = size - offset - element.size
+        self._scan = struct.Struct(f"{order}{offset}x{_CODES[element.storage_bits]}{rest}x")
+        self._shift = element.shift
+        self._mask = (1 << element.bits) - 1
+        self._sign = 1 << (element.bits - 1) if element.signed else 0
+
+    def values(self, content: bytes) -> list[int]:
+        """Return the values, their padding removed."""
+        shift, mask, sign = self._shift, self._mask, self._sign
+        return [
+            ((word >> shift & mask) ^ sign) - sign for (word,) in self._scan.iter_unpack(content)
+        ]
+
+
+def _aligned(place: int, size: int) -> int:
+    return -(-place // size) * size

@@ -1,0 +1,90 @@
+"""What the kernel's drivers of two accelerometers offer, for emulated ones.
+
+After ``drivers/iio/accel/adxl355_core.c`` and ``adxl345_core.c`` of Linux: that of the ADXL355
+captures by a trigger and stamps, that of the ADXL345 empties the sensor's own FIFO and does not.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+
+@dataclass(frozen=True)
+class Chip:
+    """What the kernel's driver of a sensor offers."""
+
+    name: str
+    kind: str
+    """Type of an axis, as in ``in_accel_x_type``."""
+    scale: float
+    """m/s2 a count."""
+    rates_hz: tuple[str, ...]
+    stamped: bool
+    """Whether scans can have a time stamp."""
+    triggered: bool
+    warmth: bool = False
+    """Whether scans can have the temperature."""
+
+
+ADXL355: Final = Chip(
+    "adxl355",
+    "be:s20/32>>4",
+    0.000038245,
+    ("4000.000000", "2000.000000", "1000.000000", "500.000000"),
+    stamped=True,
+    triggered=True,
+    warmth=True,
+)
+ADXL345: Final = Chip(
+    "adxl345",
+    "le:s13/16>>0",
+    0.0383,
+    ("400.000000", "800.000000", "1600.000000", "3200.000000"),
+    stamped=False,
+    triggered=False,
+)
+
+_STAMP_KIND: Final = "le:s64/64>>0"
+
+
+def attributes(chip: Chip, buffer: str, scan: str) -> dict[str, str]:
+    """Return the files of its directory and what they hold, as the kernel's driver starts.
+
+    `buffer` and `scan` are the directories of the buffer's settings and of the elements.
+    """
+    kinds = {f"in_accel_{axis}": chip.kind for axis in "xyz"}
+    if chip.warmth:
+        kinds["in_temp"] = "be:u12/16>>0"
+    made = {
+        "name": chip.name,
+        "in_accel_scale": f"{chip.scale:.9f}",
+        "in_accel_sampling_frequency": chip.rates_hz[0],
+        "in_accel_sampling_frequency_available": " ".join(chip.rates_hz),
+        "in_accel_x_raw": "0",
+        f"{buffer}/enable": "0",
+        f"{buffer}/length": "2",
+        f"{buffer}/watermark": "1",
+    }
+    if chip.stamped:
+        kinds["in_timestamp"] = _STAMP_KIND
+        made["current_timestamp_clock"] = "realtime"
+    for index, (name, kind) in enumerate(kinds.items()):
+        made |= {
+            f"{scan}/{name}_en": "0",
+            f"{scan}/{name}_index": str(index),
+            f"{scan}/{name}_type": kind,
+        }
+    if chip.triggered:
+        made["trigger/current_trigger"] = f"{chip.name}-dev0"
+        made["../trigger0/name"] = f"{chip.name}-dev0"
+    return made
+
+
+def pack(kind: str, value: int) -> bytes:
+    """Return a value as its type says, cut off at the ends of its bits."""
+    order, _, rest = kind.partition(":")
+    bits, _, storage = rest[1:].partition("/")
+    storage, _, shift = storage.partition(">>")
+    span = 1 << int(bits)
+    least = -span // 2 if rest[0] == "s" else 0
+    word = (min(max(value, least), least + span - 1) % span) << int(shift or 0)
+    return word.to_bytes(int(storage) // 8, "big" if order == "be" else "little")
