@@ -1,5 +1,6 @@
 """The bench of the device path: its arithmetic on frames that are known, and one run of it."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -120,8 +121,11 @@ def test_a_child_that_fails_is_quoted() -> None:
         child.close()
 
 
-def test_a_run_on_emulated_devices_finds_what_holds_on_any_machine() -> None:
-    plan = devices.Plan(set_ups=(SetUp("both", "net_ft", "adxl335"),), duration_s=1.0, stops=1)
+@pytest.mark.parametrize(("force", "acceleration"), [("net_ft", "adxl335"), ("bota", "iio")])
+def test_a_run_on_emulated_devices_finds_what_holds_on_any_machine(
+    force: str, acceleration: str
+) -> None:
+    plan = devices.Plan(set_ups=(SetUp("both", force, acceleration),), duration_s=1.0, stops=1)
     result = devices.measure(plan)
     assert result.left_out == ()
     (cost,), (times,), (frames,), (clocks,) = (records.rows for records in result.records)
@@ -148,19 +152,25 @@ def test_targets_are_of_the_worst_set_up_and_what_cannot_run_is_left_out(
         0.0,
     )
 
+    late = dataclasses.replace(times, latency_p99_ms=9.0)
+
     def measured(set_up: SetUp, *_: object, **__: object) -> Measured:
         if set_up.name == "broken":
             raise MmtError("no compiler")
         share = 0.1 if set_up.name == "good" else 0.301
         sensors = {"force_sensor": 1.0, "accelerometer": 2.0}
-        return Measured(share, 0.05, 0.02, 100, 0, 0, times, sensors, [15.0, 16.0], 0.0, [])
+        seen = late if set_up.slow else times
+        return Measured(share, 0.05, 0.02, 100, 0, 0, seen, sensors, [15.0, 16.0], 0.0, [])
 
     monkeypatch.setattr(devices, "measure_set_up", measured)
     names = ("good", "worse", "broken")
-    result = devices.measure(devices.Plan(tuple(SetUp(name, "net_ft", "u6") for name in names)))
+    set_ups = [SetUp(name, "net_ft", "u6") for name in names]
+    set_ups.append(SetUp("slow", "bota", "iio", slow=True))
+    result = devices.measure(devices.Plan(tuple(set_ups)))
     by_name = {target.what: target for target in result.targets}
     share = by_name["share of a core, without emulation"]
     assert share.measured == pytest.approx(0.25 + 1e-3)
     assert not share.met
     assert by_name["stopped sensor seen after, longest (ms)"].met
+    assert by_name["latency sensor to frame, p99 (ms)"].measured == pytest.approx(1.5, abs=1e-3)
     assert [(out.name, out.reason) for out in result.left_out] == [("broken", "no compiler")]

@@ -1,6 +1,6 @@
 """The device path: cost, latency and truth of frames, by the real drivers on emulated devices."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,6 +15,8 @@ SET_UPS: Final = (
     SetUp("Digital F/T, ADXL335 on serial", "digital_ft", "adxl335"),
     SetUp("Net F/T, ADXL335 at a U6", "net_ft", "u6"),
     SetUp("OpenHaptics arm, Net F/T, ADXL335 on serial", "net_ft", "adxl335", "openhaptics"),
+    SetUp("Net F/T, accelerometer of industrial I/O", "net_ft", "iio"),
+    SetUp("Bota on serial, accelerometer of industrial I/O", "bota", "iio", slow=True),
 )
 
 CORE_SHARE: Final = 0.25
@@ -71,7 +73,9 @@ def measure(plan: Plan) -> Findings:
             "frame's time is from its median; apart: the instants of its two values. Ticks held "
             "up: those in pauses of more than 10 ms in which the process did not run, and no arm "
             "was read. Seen: from when a sensor stops to when the follower knows, the longest of "
-            f"{2 * plan.stops} times." + (" By real-time scheduling." if plan.realtime else "")
+            f"{2 * plan.stops} times. A force sensor whose frames are a millisecond apart and come "
+            "through a USB adapter cannot have the latency aimed at: its set-up is shown and not "
+            "judged by it." + (" By real-time scheduling." if plan.realtime else "")
         ),
         records=tuple(
             Records(key, title, tuple({"set-up": name, **row(one)} for name, one in found.items()))
@@ -82,7 +86,7 @@ def measure(plan: Plan) -> Findings:
                 ("clocks", "Clocks", _clocks),
             )
         ),
-        targets=_targets(found),
+        targets=_targets(found, {one.name for one in plan.set_ups if one.slow}),
         left_out=tuple(left_out),
     )
 
@@ -127,14 +131,15 @@ def _clocks(one: Measured) -> dict[str, Cell]:
     }
 
 
-def _targets(found: Mapping[str, Measured]) -> tuple[Target, ...]:
-    """Return what the worst set-up reaches."""
+def _targets(found: Mapping[str, Measured], slow: Set[str]) -> tuple[Target, ...]:
+    """Return what the worst set-up reaches; latency and jitter without the slow ones."""
 
     def worst(values: Sequence[float]) -> float | None:
         return max(values, default=None)
 
     every = list(found.values())
-    jitters = [value for one in every for value in one.times.jitter_p99_ms.values()]
+    quick = [one for name, one in found.items() if name not in slow]
+    jitters = [value for one in quick for value in one.times.jitter_p99_ms.values()]
     return (
         Target(
             "share of a core, without emulation",
@@ -144,13 +149,13 @@ def _targets(found: Mapping[str, Measured]) -> tuple[Target, ...]:
         ),
         Target(
             "latency sensor to frame, p99 (ms)",
-            worst([one.times.latency_p99_ms for one in every]),
+            worst([one.times.latency_p99_ms for one in quick]),
             "at most",
             LATENCY_MS,
         ),
         Target(
             "the same, of frames that were not held up (ms)",
-            worst([value for one in every if (value := one.times.running_p99_ms) is not None]),
+            worst([value for one in quick if (value := one.times.running_p99_ms) is not None]),
             "at most",
             LATENCY_MS,
         ),
@@ -177,7 +182,7 @@ def run(realtime: RealTime = False) -> Findings:
 
 EXPERIMENT = Experiment(
     shows="what reading devices costs, and how late and how true frames are",
-    duration="2 min",
+    duration="3 min",
     run=run,
     group="bench",
 )

@@ -20,7 +20,9 @@ from mmt.core.realtime import PRIORITY
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, nominal
 from mmt.devices.protocols import Vector
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
+from mmt.testing.emulated.bota import EmulatedBota
 from mmt.testing.emulated.digital_ft import EmulatedDigitalFt
+from mmt.testing.emulated.iio import EmulatedIio
 from mmt.testing.emulated.labjack_u6 import EmulatedU6
 from mmt.testing.emulated.net_ft import EmulatedNetFt
 from mmt.testing.emulated.remote_u6 import U6Server
@@ -93,6 +95,20 @@ def adxl335(truth: Motion) -> Emulated:
     return Emulated(board, options, lambda on: board.stall(stalled=on))
 
 
+def bota(truth: Motion) -> Emulated:
+    """Return a serial sensor by Bota Systems."""
+    sensor = EmulatedBota(truth, clock_ppm=FORCE_PPM, noise_n=1e-5)
+    sensor.start()
+    return Emulated(sensor, sensor.options, lambda on: sensor.stall(silent=on))
+
+
+def iio(truth: Motion) -> Emulated:
+    """Return an accelerometer of industrial I/O."""
+    device = EmulatedIio(truth, clock_ppm=ACCELERATION_PPM, noise_m_s2=0.0)
+    device.start()
+    return Emulated(device, {**device.options, **_STILL}, lambda on: device.stall(stalled=on))
+
+
 def u6(truth: Motion) -> Emulated:
     """Return an accelerometer at a LabJack U6."""
     calibration = nominal(_SUPPLY_V)
@@ -115,8 +131,8 @@ def u6(truth: Motion) -> Emulated:
     return Emulated(server, options, lambda on: box.stall(stalled=on))
 
 
-FORCES: Final = {"net_ft": net_ft, "digital_ft": digital_ft}
-ACCELERATIONS: Final = {"adxl335": adxl335, "u6": u6}
+FORCES: Final = {"net_ft": net_ft, "digital_ft": digital_ft, "bota": bota}
+ACCELERATIONS: Final = {"adxl335": adxl335, "u6": u6, "iio": iio}
 
 
 def leave_a_processor_to_others() -> None:

@@ -21,6 +21,8 @@ DRIVERS: Final = {
     "digital_ft": "ati-digital-ft",
     "adxl335": "adxl335-serial",
     "u6": "adxl335-u6",
+    "bota": "bota-serial",
+    "iio": "iio-accelerometer",
 }
 """By the names of the lab."""
 
@@ -29,6 +31,8 @@ _ANSWER_S: Final = 20.0
 _BARE_S: Final = 2.0
 _SETTLE_S: Final = 2.0
 _PAUSE_S: Final = 0.3
+_BY_THE_HOST: Final = {"iio-accelerometer"}
+"""Drivers whose readings are stamped by the host's own clock, which does not drift against it."""
 _PPM: Final = {"force_sensor": FORCE_PPM, "accelerometer": ACCELERATION_PPM}
 
 
@@ -41,6 +45,9 @@ class SetUp:
     acceleration: str
     arm: str = "datagrams"
     """Driver of the arm; ``openhaptics`` runs its emulation within the reader."""
+    slow: bool = False
+    """Whether a sensor's readings are too far apart for the latency and the jitter aimed at; such a
+    set-up is shown and not judged by them."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +137,7 @@ def _measure(job: dict[str, Any], lab: Child, duration_s: float, stops: int) -> 
     finally:
         reader.close()
     device_pauses_ns = np.array(pauses_ns, dtype=np.int64).reshape(-1, 2)
-    return _evaluate(Path(job["file"]), found, seen_after_ms, device_pauses_ns)
+    return _evaluate(job, found, seen_after_ms, device_pauses_ns)
 
 
 def _job(set_up: SetUp, addresses: dict[str, Any]) -> dict[str, Any]:
@@ -160,9 +167,12 @@ def _stop(lab: Child, reader: Child, sensor: str) -> float:
 
 
 def _evaluate(
-    file: Path, found: dict[str, Any], seen_after_ms: list[float], device_pauses_ns: IntArray
+    job: dict[str, Any],
+    found: dict[str, Any],
+    seen_after_ms: list[float],
+    device_pauses_ns: IntArray,
 ) -> Measured:
-    with np.load(file) as content:
+    with np.load(Path(job["file"])) as content:
         frames, formed_ns, ticked = content["frames"], content["formed_ns"], content["ticked"]
     if not len(frames):
         raise MmtError("no frame was formed: end what loads this machine, or use --realtime")
@@ -184,7 +194,11 @@ def _evaluate(
             max(found["latency_ns"].values()) / 1e6,
         ),
         drift_errors_ppm={
-            sensor: abs(found["devices"][sensor]["drift_ppm"] + ppm) for sensor, ppm in _PPM.items()
+            sensor: abs(
+                found["devices"][sensor]["drift_ppm"]
+                + (0.0 if job[sensor]["driver"] in _BY_THE_HOST else ppm)
+            )
+            for sensor, ppm in _PPM.items()
         },
         seen_after_ms=seen_after_ms,
         late_share_1ms=found["late_share_1ms"] or 0.0,
