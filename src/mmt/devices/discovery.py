@@ -104,14 +104,6 @@ def _missing_package(name: str) -> str:
     return ""
 
 
-def _missing_package(package: str) -> str:
-    try:
-        require(package)
-    except MmtError as error:
-        return str(error)
-    return ""
-
-
 def _missing_sound() -> str:
     from mmt.devices.haptuator.sound import load_sounddevice
 
