@@ -104,8 +104,8 @@ def test_a_folder_that_is_not_there_is_named(tmp_path, session, suffix):
 def test_unknown_suffixes_are_refused(tmp_path, session):
     with pytest.raises(InputError, match=r"\.bag cannot be written.*\.parquet"):
         export_session(session, tmp_path / "run.bag")
-    with pytest.raises(InputError, match="a name without suffix"):
-        export_session(session, tmp_path / "run")
+    with pytest.raises(InputError, match="or none for a ROS 2 bag"):
+        export_session(session, tmp_path / "run.2")
 
 
 def test_a_failed_export_leaves_nothing_behind(tmp_path, session, monkeypatch):

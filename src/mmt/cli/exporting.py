@@ -36,7 +36,7 @@ def export_file(
     ] = False,
     force: Force = False,
 ) -> None:
-    """Export to .csv, .npz, .parquet, .h5 or .mcap, by the suffix of OUT, or to a data set."""
+    """Export by the suffix of OUT: .csv, .npz, .parquet, .h5, .mcap, none for a ROS 2 bag."""
     if data_set is not None:
         if scalars:
             raise InputError("--scalars: they are messages of .mcap files; leave it out")

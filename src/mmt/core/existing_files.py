@@ -8,14 +8,14 @@ from mmt.core.errors import InputError
 
 
 def require_absent(path: Path, *, force: bool) -> None:
-    """Refuse to write to a file that exists; with `force` it may be replaced.
+    """Refuse to write to a file or a ROS 2 bag that exists; with `force` it may be replaced.
 
     Raises
     ------
     InputError
-        The file exists. Devices such as ``/dev/null`` may be written to.
+        It exists. Devices such as ``/dev/null`` may be written to.
     """
-    if path.is_file() and not force:
+    if not force and (path.is_file() or (path / "metadata.yaml").is_file()):
         raise exists_error(path)
 
 

@@ -28,8 +28,10 @@ WRITERS: Final = {
     ".parquet": "mmt.session.export_files:write_parquet",
     ".h5": "mmt.session.export_files:write_hdf5",
     ".hdf5": "mmt.session.export_files:write_hdf5",
+    "": "mmt.session.export_bag:write_bag",
 }
-"""Every format that is written: a function of (path, session)."""
+"""Every format that is written: a function of (path, session). A name without suffix is that of
+a folder, a ROS 2 bag."""
 
 
 def read_session(path: str | Path) -> RecordedSession:
@@ -118,7 +120,8 @@ def export_session(session: RecordedSession, path: str | Path, *, scalars: bool 
 
     MCAP holds everything, with `scalars` each frame and each sample of the output also as a
     message of its own, for tools that plot numbers; ``.npz``, ``.parquet``, ``.h5`` hold
-    frames, scene, annotations and events (HDF5 the models too), ``.csv`` the frames alone.
+    frames, scene, annotations and events (HDF5 the models too), ``.csv`` the frames alone. A
+    name without suffix becomes a folder with a ROS 2 bag: frames, scene and events.
 
     Raises
     ------
@@ -131,10 +134,9 @@ def export_session(session: RecordedSession, path: str | Path, *, scalars: bool 
     path = Path(path)
     name = WRITERS.get(path.suffix.lower())
     if name is None:
-        given = path.suffix or "a name without suffix"
         raise InputError(
-            f"session {path}: {given} cannot be written; the suffix must be one of "
-            f"{', '.join(WRITERS)}"
+            f"session {path}: {path.suffix} cannot be written; the suffix must be one of "
+            f"{', '.join(filter(None, WRITERS))}, or none for a ROS 2 bag"
         )
     if scalars and path.suffix.lower() != ".mcap":
         raise InputError(

@@ -59,7 +59,7 @@ def info(path: str | Path) -> SessionInfo:
     frames = session.frames
     return SessionInfo(
         path=path,
-        size_bytes=path.stat().st_size,
+        size_bytes=_size_bytes(path),
         duration_s=duration_s(frames),
         frames=len(frames),
         missing_frames=missing_frames(frames),
@@ -76,6 +76,11 @@ def info(path: str | Path) -> SessionInfo:
         listeners=_listeners(session.events),
         complete=session.complete,
     )
+
+
+def _size_bytes(path: Path) -> int:
+    files = path.rglob("*") if path.is_dir() else [path]
+    return sum(file.stat().st_size for file in files if file.is_file())
 
 
 def _listeners(events: Iterable[JsonObject]) -> tuple[JsonObject, ...]:

@@ -1,7 +1,7 @@
 """The columns of a recording as they stand in its file, and the samples that they are mapped to."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -59,6 +59,8 @@ class Columns:
     """The frames (n,) themselves, where the file is a session that mmt wrote."""
     notes: Sequence[str] = ()
     """What a person should know of how the file was read."""
+    began_utc_ns: int | None = None
+    """UTC of the earliest of `times` since 1970, None where the file has no dates."""
 
 
 def wanted_names(options: ImportOptions) -> Callable[[str], bool]:
@@ -88,6 +90,12 @@ def listed(names: Sequence[str]) -> str:
     return f"the first of {len(names)} columns are {shown}"
 
 
+def _shared(time_s: FloatArray, others: Iterable[FloatArray]) -> FloatArray:
+    """Return that of the others which has the same times (n,), these where none has."""
+    alike = (other for other in others if np.array_equal(other, time_s, equal_nan=True))
+    return next(alike, time_s)
+
+
 class _Mapping:
     def __init__(self, columns: Columns, options: ImportOptions) -> None:
         self._columns = columns
@@ -97,7 +105,6 @@ class _Mapping:
     def samples(self) -> Samples:
         values: dict[Channel, FloatArray] = {}
         times: dict[Channel, FloatArray] = {}
-        shared: dict[tuple[str, int], FloatArray] = {}
         for channel in CHANNELS:
             vectors = self._vectors(channel)
             if vectors is None:
@@ -109,7 +116,7 @@ class _Mapping:
                     f"({name}) {len(time_s)}"
                 )
             values[channel] = vectors
-            times[channel] = shared.setdefault((name, len(time_s)), time_s)
+            times[channel] = _shared(time_s, times.values())
         if not values:
             raise InputError(
                 f"{self._origin}: it holds none of {', '.join(FIELD_OF_CHANNEL.values())}, and "

@@ -54,12 +54,14 @@ def import_recording(
         if options.blanks_as_gaps:
             samples = samples.without_blanks()
         frames, stamps, resampled = to_frames(samples, options.longest_gap_s, options.stamps)
+    began_ns = columns.began_utc_ns
     session = RecordedSession(
         frames=frames,
         scene=columns.scene,
         annotations=columns.annotations,
         events=columns.events,
         path=path,
+        began_utc_ns=None if began_ns is None else began_ns + int(frames["time_ns"][0]),
     )
     report = assess(frames, samples, stamps, options, resampled=resampled)
     return session, replace(report, warnings=(*columns.notes, *report.warnings))

@@ -1,5 +1,9 @@
-"""ROS 2 bags (folders, ``.db3``, ``.mcap``) and ROS 1 bags: fields as ``topic.field``."""
+"""ROS 2 bags (folders, ``.db3``, ``.mcap``) and ROS 1 bags: fields as ``topic.field``.
 
+What `mmt.session.export_bag` has written has the names of an exported session as well.
+"""
+
+import json
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -9,10 +13,25 @@ import numpy as np
 
 from mmt.core.errors import InputError, brief
 from mmt.core.extras import require
+from mmt.core.frames import FIELD_OF_CHANNEL
+from mmt.session.data import JsonObject
+from mmt.session.export_bag import CHANNEL_TOPICS, EVENTS, SCENE, SEQUENCE
 from mmt.session.importing.columns import Columns
 
 _UNITS: Final = {"position": "m", "translation": "m", "point": "m"}
 """The last part of a name whose values ROS gives in metres (REP 103); else it uses SI."""
+
+_STANDARD_NAMES: Final = {
+    f"{SEQUENCE.name}.{SEQUENCE.field}": "sequence",
+    **{
+        f"{topic.name}.{topic.field}": FIELD_OF_CHANNEL[channel]
+        for channel, topic in CHANNEL_TOPICS.items()
+    },
+}
+"""The fields that mmt has written, and what they are called in an exported session."""
+
+_EARLIEST_DATE_NS: Final = 946_684_800_000_000_000
+"""The year 2000: earlier stamps are those of a simulation, which begins at zero."""
 
 
 def read_bag(path: Path, wanted: Callable[[str], bool]) -> Columns:
@@ -20,6 +39,7 @@ def read_bag(path: Path, wanted: Callable[[str], bool]) -> Columns:
 
     Fields with x, y and z, such as ``/sensor.wrench.force``, are arrays (n, 3); numbers are
     (n,). Times are those of the messages' headers, or of their receipt where these are zero.
+    A bag of mmt has its scene and events, and its fields under their standard names too.
 
     Raises
     ------
@@ -48,22 +68,39 @@ def _read(origin: str, reader: Any, wanted: Callable[[str], bool]) -> Columns:
     values: dict[str, list[Any]] = {}
     stamps: dict[str, list[int]] = {}
     names: set[str] = set()
+    units: dict[str, str] = {}
+    texts: dict[str, list[JsonObject]] = {SCENE.name: [], EVENTS.name: []}
     for connection, received_ns, data in reader.messages():
         message = reader.deserialize(data, connection.msgtype)
+        if connection.topic in texts and connection.msgtype == EVENTS.kind:
+            texts[connection.topic].append(_json_object(message.data))
         stamp_ns = _stamp_ns(message) or received_ns
-        for name, value in _numbers(connection.topic, message):
-            names.add(name)
-            if wanted(name):
-                values.setdefault(name, []).append(value)
-                stamps.setdefault(name, []).append(stamp_ns)
+        for field, value in _numbers(connection.topic, message):
+            for name in filter(None, (field, _STANDARD_NAMES.get(field))):
+                names.add(name)
+                if wanted(name):
+                    values.setdefault(name, []).append(value)
+                    stamps.setdefault(name, []).append(stamp_ns)
+                    units[name] = _UNITS.get(field.rsplit(".")[-1], "")
     origin_ns = min((column[0] for column in stamps.values()), default=0)
     return Columns(
         origin=origin,
         values={name: np.array(column, dtype=np.float64) for name, column in values.items()},
         names=sorted(names),
-        units={name: unit for name in values if (unit := _UNITS.get(name.rsplit(".")[-1]))},
+        units={name: unit for name, unit in units.items() if unit},
         times={name: (np.array(column) - origin_ns) / 1e9 for name, column in stamps.items()},
+        scene=next(iter(texts[SCENE.name]), None),
+        events=texts[EVENTS.name],
+        began_utc_ns=origin_ns if origin_ns >= _EARLIEST_DATE_NS else None,
     )
+
+
+def _json_object(text: str) -> JsonObject:
+    value = json.loads(text)
+    if not isinstance(value, dict):
+        message = "a scene or an event is not a JSON object"
+        raise TypeError(message)
+    return value
 
 
 def _stamp_ns(message: Any) -> int:

@@ -1,0 +1,233 @@
+"""Sessions as ROS 2 bags: read back to the bit, and as the tools of ROS read them."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
+from session_samples import made_frames
+from typer.testing import CliRunner
+
+from mmt.cli.main import app
+from mmt.core.errors import InputError, MmtError
+from mmt.session import export_session, import_session, read_session
+from mmt.session.data import RecordedSession
+from mmt.session.info import info
+
+BEGAN_NS = 1_765_000_000_123_456_789
+SCENE = {"session": {"name": "wood"}}
+EVENTS = [
+    {"time_s": 0.1, "event": "marked", "surface": {"number": 2}},
+    {"time_s": 0.25, "kind": "model", "samples": [1, 2]},
+]
+
+rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="needs the extra 'import'")
+
+
+@pytest.fixture
+def session():
+    steps = np.ones(299, dtype=int)
+    steps[10] = 6
+    frames = made_frames(300, steps=steps)
+    frames["sequence"] += 7
+    return RecordedSession(frames, SCENE, b"truth", [], EVENTS, began_utc_ns=BEGAN_NS)
+
+
+def same_bits(one, other):
+    np.testing.assert_array_equal(one.view("u4"), other.view("u4"))
+
+
+def test_what_was_exported_is_read_back_to_the_bit(tmp_path, session):
+    export_session(session, tmp_path / "bag")
+    back = read_session(tmp_path / "bag")
+    for name in "position_mm", "force_n", "acceleration_m_s2":
+        same_bits(back.frames[name], session.frames[name])
+    np.testing.assert_array_equal(back.frames["sequence"], session.frames["sequence"])
+    since_ns = session.frames["time_ns"] - session.frames["time_ns"][0]
+    np.testing.assert_array_equal(back.frames["time_ns"], since_ns)
+    assert back.began_utc_ns == BEGAN_NS
+    assert back.scene == SCENE
+    assert list(back.events) == EVENTS
+    assert sorted(file.name for file in (tmp_path / "bag").iterdir()) == [
+        "bag.mcap",
+        "metadata.yaml",
+    ]
+    assert [file.name for file in tmp_path.iterdir()] == ["bag"]
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    npst.arrays(
+        np.float32,
+        st.integers(1, 40),
+        elements=st.floats(width=32, allow_nan=False, allow_infinity=False),
+    )
+)
+def test_millimetres_survive_metres_to_the_bit(position_mm):
+    """The two roundings of export and import, over every single-precision number."""
+    position_m = position_mm.astype(np.float64) / 1e3
+    same_bits((1e3 * position_m).astype(np.float32), position_mm)
+
+
+@pytest.mark.parametrize("scale", [1e-44, 1e-30, 1e-3, 1.0, 1e6, 3e34])
+def test_tiny_and_huge_values_survive(tmp_path, scale):
+    session = RecordedSession(made_frames(50))
+    for name in "position_mm", "force_n", "acceleration_m_s2":
+        session.frames[name] *= np.float32(scale)
+    session.frames["position_mm"][3] = -0.0
+    export_session(session, tmp_path / "bag")
+    for name in "position_mm", "force_n", "acceleration_m_s2":
+        same_bits(read_session(tmp_path / "bag").frames[name], session.frames[name])
+
+
+def test_messages_are_standard_with_units_stamps_and_frames(tmp_path, session):
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    export_session(session, tmp_path / "bag")
+    found: dict[str, list[tuple[int, object]]] = {}
+    with AnyReader([tmp_path / "bag"], default_typestore=get_typestore(Stores.LATEST)) as reader:
+        kinds = {connection.topic: connection.msgtype for connection in reader.connections}
+        for connection, time_ns, data in reader.messages():
+            message = reader.deserialize(data, connection.msgtype)
+            found.setdefault(connection.topic, []).append((time_ns, message))
+    assert kinds == {
+        "/mmt/scene": "std_msgs/msg/String",
+        "/mmt/sequence": "std_msgs/msg/UInt32",
+        "/mmt/position": "geometry_msgs/msg/PointStamped",
+        "/mmt/force": "geometry_msgs/msg/WrenchStamped",
+        "/mmt/acceleration": "sensor_msgs/msg/Imu",
+        "/mmt/events": "std_msgs/msg/String",
+        "/mmt/log": "rcl_interfaces/msg/Log",
+    }
+    frame = session.frames[20]
+    stamp_ns = BEGAN_NS + int(frame["time_ns"] - session.frames["time_ns"][0])
+    messages = {}
+    for topic in "position", "force", "acceleration":
+        time_ns, message = found[f"/mmt/{topic}"][20]
+        header = message.header
+        assert time_ns == stamp_ns == header.stamp.sec * 10**9 + header.stamp.nanosec
+        messages[topic] = message
+    assert found["/mmt/sequence"][20][1].data == frame["sequence"]
+    point, force = messages["position"].point, messages["force"].wrench.force
+    np.testing.assert_allclose([1e3 * point.x, 1e3 * point.z], frame["position_mm"][[0, 2]])
+    np.testing.assert_array_equal([force.x, force.y, force.z], frame["force_n"])
+    imu = messages["acceleration"]
+    assert imu.linear_acceleration.y == frame["acceleration_m_s2"][1]
+    assert imu.orientation_covariance[0] == imu.angular_velocity_covariance[0] == -1.0
+    assert messages["position"].header.frame_id == "mmt_surface"
+    assert messages["force"].header.frame_id == imu.header.frame_id == "mmt_tool"
+    ((log_ns, log),) = found["/mmt/log"]
+    assert (log_ns, log.msg, log.level) == (BEGAN_NS + 100_000_000, "marked", 20)
+
+
+def test_the_stock_reader_of_mcap_lists_the_bag(tmp_path, session):
+    reading = pytest.importorskip("mcap.reader")
+    export_session(session, tmp_path / "bag")
+    with (tmp_path / "bag" / "bag.mcap").open("rb") as stream:
+        summary = reading.make_reader(stream).get_summary()
+    assert summary.statistics.message_count == 4 * 300 + len(EVENTS) + 2  # a scene, a sentence
+    assert {schema.encoding for schema in summary.schemas.values()} == {"ros2msg"}
+
+
+@pytest.mark.parametrize("channels", [("position",), ("force", "acceleration")])
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_small_and_partial_sessions_are_exported(tmp_path, channels, count):
+    frames = made_frames(count, channels)
+    export_session(RecordedSession(frames), tmp_path / "bag")
+    if count < 2:  # fewer than import takes
+        return
+    back = read_session(tmp_path / "bag")
+    assert back.channels == channels
+    np.testing.assert_array_equal(back.frames["sequence"], frames["sequence"])
+
+
+def test_topics_may_be_mapped_all_the_same(tmp_path, session):
+    export_session(session, tmp_path / "bag")
+    columns = {"force": "-/mmt/force", "position": "/mmt/position"}
+    frames = import_session(tmp_path / "bag", columns=columns).frames
+    same_bits(frames["position_mm"], session.frames["position_mm"])
+    np.testing.assert_array_equal(frames["force_n"], -session.frames["force_n"])
+    assert "acceleration_m_s2" in frames.dtype.names
+
+
+def test_an_imported_bag_keeps_its_date(tmp_path, session):
+    export_session(session, tmp_path / "bag")
+    result = CliRunner().invoke(
+        app, ["session", "import", str(tmp_path / "bag"), str(tmp_path / "back.mcap")]
+    )
+    assert result.exit_code == 0, result.output
+    assert read_session(tmp_path / "back.mcap").began_utc_ns == BEGAN_NS
+
+
+def exported(source: Path, target: Path, *options: str) -> tuple[int, str]:
+    result = CliRunner().invoke(app, ["session", "export", str(source), str(target), *options])
+    return result.exit_code, str(result.exception)
+
+
+def test_a_bag_is_replaced_only_with_force(tmp_path, session):
+    for name, count in ("long", 300), ("short", 200):
+        frames = session.frames[:count]
+        export_session(RecordedSession(frames), tmp_path / f"{name}.mcap")
+    assert exported(tmp_path / "long.mcap", tmp_path / "bag") == (0, "None")
+    code, said = exported(tmp_path / "short.mcap", tmp_path / "bag")
+    assert code != 0
+    assert "it exists already; choose another name, or --force replaces it" in said
+    assert len(read_session(tmp_path / "bag").frames) == 300
+    assert exported(tmp_path / "short.mcap", tmp_path / "bag", "--force") == (0, "None")
+    assert len(read_session(tmp_path / "bag").frames) == 200
+    size = sum(file.stat().st_size for file in (tmp_path / "bag").iterdir())
+    assert info(tmp_path / "bag").size_bytes == size
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "deep/more.mcap"])
+def test_what_is_no_bag_is_never_replaced(tmp_path, session, name):
+    folder = tmp_path / "folder"
+    (folder / name).parent.mkdir(parents=True)
+    (folder / name).write_text("kept")
+    (folder / "metadata.yaml").write_text("kept")
+    with pytest.raises(InputError, match="holds other things than a ROS 2 bag"):
+        export_session(session, folder)
+    assert (folder / name).read_text() == (folder / "metadata.yaml").read_text() == "kept"
+    (tmp_path / "file").write_text("kept")
+    with pytest.raises(InputError, match="a ROS 2 bag is a folder, and this is a file"):
+        export_session(session, tmp_path / "file")
+    with pytest.raises(InputError, match=r"cannot write .*nowhere"):
+        export_session(session, tmp_path / "nowhere" / "bag")
+
+
+def test_a_failed_export_leaves_the_bag_before_it(tmp_path, session, monkeypatch):
+    export_session(session, tmp_path / "bag")
+
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(rosbag2.Writer, "write", full)
+    with pytest.raises(MmtError, match="No space left"):
+        export_session(session, tmp_path / "bag")
+    assert [file.name for file in tmp_path.iterdir()] == ["bag"]
+    assert len(read_session(tmp_path / "bag").frames) == 300
+
+
+def test_without_rosbags_the_command_that_installs_it_is_said(tmp_path, session, monkeypatch):
+    for name in [name for name in sys.modules if name.partition(".")[0] == "rosbags"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "rosbags", None)
+    with pytest.raises(InputError, match=r"rosbags, which is not .*\[import\]"):
+        export_session(session, tmp_path / "bag")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_scene_that_is_no_object_is_explained(tmp_path):
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.LATEST)
+    kind = "std_msgs/msg/String"
+    with rosbag2.Writer(tmp_path / "bag", version=9) as writer:
+        connection = writer.add_connection("/mmt/scene", kind, typestore=store)
+        writer.write(connection, BEGAN_NS, store.serialize_cdr(store.types[kind]("[1]"), kind))
+    with pytest.raises(InputError, match="a scene or an event is not a JSON object"):
+        read_session(tmp_path / "bag")
