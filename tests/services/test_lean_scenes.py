@@ -183,6 +183,7 @@ NEVER = {
     "mmt.web.monitor",
     "mmt.web.page_server",
     "prometheus_client",
+    "pylsl",
     "mmt.core.exposition",
     "matplotlib",
     "scipy.signal",

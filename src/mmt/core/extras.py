@@ -31,6 +31,7 @@ PACKAGES: Final[dict[str, tuple[str, str]]] = {
     "openpyxl": ("import", "workbooks need openpyxl"),
     "rosbags": ("import", "ROS bags need rosbags"),
     "prometheus_client": ("metrics", "[metrics] needs prometheus-client"),
+    "pylsl": ("lsl", "[lsl] needs pylsl"),
     "redis": ("hub", "`mmt hub` needs redis"),
     "segno": ("share", "QR codes need segno"),
     "distributed": ("dask", "--dask needs distributed"),

@@ -244,6 +244,10 @@ class Remote(Protocol):
     def clock_offset_ns(self) -> int | None:
         """Offset of its clock, None where it is not known."""
 
+    @property
+    def follower_time_ns(self) -> int:
+        """Time of its newest frame by its own clock; 0 before the first of a connection."""
+
     def command(self, now_ns: int, position_mm: Vector) -> None:
         """Command a position (mm)."""
 

@@ -80,6 +80,7 @@ PARTS: Final[dict[str, PartEntry]] = {
         "mmt.leader.sharing:SharingPart", lambda scene: scene.sharing is not None, ("sharing",)
     ),
     "control": PartEntry("mmt.leader.control:ControlPart", lambda scene: scene.control is not None),
+    "lsl": PartEntry("mmt.leader.lsl:LslPart", lambda scene: scene.lsl is not None),
     "metrics": PartEntry("mmt.leader.metrics:MetricsPart", lambda scene: scene.metrics is not None),
     "monitor": PartEntry(
         "mmt.leader.monitoring:MonitorPart", lambda scene: scene.monitor is not None, ("monitor",)

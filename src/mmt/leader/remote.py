@@ -69,6 +69,11 @@ class RemoteFollower:
         return self.server.clock.offset_ns if self.server is not None else None
 
     @property
+    def follower_time_ns(self) -> int:
+        """Time of the newest frame by the follower's clock; 0 before the first of a connection."""
+        return self._numbering.follower_time_ns
+
+    @property
     def has_begun(self) -> bool:
         """Whether a frame has come."""
         return self._numbering.frames > 0

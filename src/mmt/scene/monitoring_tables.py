@@ -1,6 +1,6 @@
-"""The tables of what is shown while a run lasts: figures for Prometheus, and a page."""
+"""The tables of what is shown while a run lasts: for Prometheus, on a page, as streams of LSL."""
 
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
@@ -19,3 +19,11 @@ class Monitor(PartTable):
     """``[monitor]``: the leader serves a page that shows the run while it lasts."""
 
     updates_hz: float = Field(25.0, ge=1, le=60)
+
+
+class Lsl(PartTable):
+    """``[lsl]``: the leader passes frames and events on to the Lab Streaming Layer."""
+
+    name: str = Field("mmt", min_length=1, max_length=64, pattern=r"^[\w.-]+$")
+    channels: Literal["all", "needed"] = "all"
+    chunk_ms: int = Field(20, ge=1, le=1000)

@@ -12,7 +12,7 @@ from mmt.core.frames import Channel, ordered_channels
 from mmt.scene.device_tables import Actuator, Devices, Handle
 from mmt.scene.feedback_table import ForceFeedback
 from mmt.scene.link_table import Link
-from mmt.scene.monitoring_tables import Metrics, Monitor
+from mmt.scene.monitoring_tables import Lsl, Metrics, Monitor
 from mmt.scene.motion_limits import MotionLimits
 from mmt.scene.network_table import Network
 from mmt.scene.recording_tables import Recording, Replay
@@ -51,6 +51,7 @@ class Scene(Table):
     recording: Recording | None = None
     metrics: Metrics | None = None
     monitor: Monitor | None = None
+    lsl: Lsl | None = None
     sharing: Sharing | None = None
     control: Control | None = None
     listening: Listening | None = None
@@ -121,7 +122,8 @@ class Scene(Table):
             wanted.add("force")
             if self.force_feedback.method == "model":
                 wanted.add("position")
-        if self.recording is not None and (self.recording.channels == "all" or not wanted):
+        kept = [table.channels for table in (self.recording, self.lsl) if table is not None]
+        if "all" in kept or (kept and not wanted):
             wanted |= {"position", "force", "acceleration"}
         return ordered_channels(wanted) if wanted else ()
 
@@ -169,7 +171,7 @@ def _impossible(scene: Scene) -> list[str]:
 def _source_rules(scene: Scene) -> Rules:
     sources = [n for n in ("simulated", "replay", "devices") if getattr(scene, n) is not None]
     parts = (
-        *("network", "metrics", "monitor", "texture", "playout", "recording"),
+        *("network", "metrics", "monitor", "lsl", "texture", "playout", "recording"),
         *(("force_feedback",) if scene.operating is None else ()),
         *sources,
     )
@@ -189,7 +191,8 @@ def _source_rules(scene: Scene) -> Rules:
         ),
         (
             scene.link is not None and not scene.channels(),
-            "[link] would carry nothing: add [texture], [playout], [force_feedback] or [recording]",
+            "[link] would carry nothing: add [texture], [playout], [force_feedback], [recording] "
+            "or [lsl]",
         ),
     ]
 
