@@ -36,6 +36,14 @@ def session():
     return RecordedSession(frames, SCENE, b"truth", [], EVENTS, began_utc_ns=BEGAN_NS)
 
 
+def test_long_sessions_are_written_in_blocks(tmp_path):
+    frames = made_frames(9000)
+    export_session(RecordedSession(frames), tmp_path / "bag")
+    back = read_session(tmp_path / "bag").frames
+    np.testing.assert_array_equal(back["sequence"], frames["sequence"])
+    np.testing.assert_array_equal(back["force_n"], frames["force_n"])
+
+
 def same_bits(one, other):
     np.testing.assert_array_equal(one.view("u4"), other.view("u4"))
 

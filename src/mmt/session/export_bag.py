@@ -11,13 +11,14 @@ import math
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import require
 from mmt.core.frames import FIELD_OF_CHANNEL, Channel
@@ -60,6 +61,7 @@ LOG: Final = Topic("/mmt/log", "rcl_interfaces/msg/Log", "msg")
 
 _BAG_SUFFIXES: Final = {".yaml", ".mcap", ".db3"}
 _METADATA_VERSION: Final = 8
+_FRAMES_PER_BLOCK: Final = 4096
 
 _Written = tuple[int, Topic, Any]
 """UTC (ns), topic and message."""
@@ -153,19 +155,27 @@ def _messages(session: RecordedSession, types: _Types) -> Iterator[_Written]:
 
 
 def _frames(session: RecordedSession, types: _Types, began_ns: int) -> Iterator[_Written]:
+    """Yield the messages of the frames; numbers of Python take ten times the room, so in blocks."""
     frames = session.frames
-    number = types.of["std_msgs/msg/UInt32"]
-    stamps_ns = (began_ns + (frames["time_ns"] - frames["time_ns"][:1])).tolist()
-    channels = []
-    for channel in session.channels:
+    since_ns = began_ns - int(frames["time_ns"][0]) if len(frames) else 0
+    for first in range(0, len(frames), _FRAMES_PER_BLOCK):
+        block = frames[first : first + _FRAMES_PER_BLOCK]
+        yield from _block(block, session.channels, since_ns, types)
+
+
+def _block(
+    frames: RecordArray, channels: Iterable[Channel], since_ns: int, types: _Types
+) -> Iterator[_Written]:
+    made = []
+    for channel in channels:
         vectors = frames[FIELD_OF_CHANNEL[channel]].astype(np.float64)
         values = (vectors / 1e3 if channel == "position" else vectors).tolist()
-        channels.append((CHANNEL_TOPICS[channel], types.make[channel], values))
-    for row, (stamp_ns, sequence) in enumerate(
-        zip(stamps_ns, frames["sequence"].tolist(), strict=True)
-    ):
+        made.append((CHANNEL_TOPICS[channel], types.make[channel], values))
+    number = types.of["std_msgs/msg/UInt32"]
+    for row, (time_ns, sequence) in enumerate(frames[["time_ns", "sequence"]].tolist()):
+        stamp_ns = time_ns + since_ns
         yield stamp_ns, SEQUENCE, number(sequence)
-        for topic, make, values in channels:
+        for topic, make, values in made:
             yield stamp_ns, topic, make(types.header(stamp_ns, topic.frame_id), values[row])
 
 
