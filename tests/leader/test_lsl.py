@@ -13,8 +13,9 @@ import pytest
 from frame_samples import made_frames
 
 from mmt.core.errors import InputError
-from mmt.leader import lsl
-from mmt.leader.lsl import LslPart, clock_ahead_ns, load_pylsl
+from mmt.leader import lsl, lsl_streams
+from mmt.leader.lsl import LslPart
+from mmt.leader.lsl_streams import clock_ahead_ns, load_pylsl
 from mmt.leader.part import Session
 from mmt.scene.files import scene_from_tables
 
@@ -85,7 +86,7 @@ class Running:
             cf_float32=1,
             cf_string=3,
         )
-        monkeypatch.setattr(lsl, "load_pylsl", lambda: library)
+        monkeypatch.setattr(lsl_streams, "load_pylsl", lambda: library)
         monkeypatch.setattr(lsl, "require", lambda _: None)
         monkeypatch.setattr(lsl, "clock_ahead_ns", lambda _: AHEAD_NS)
         self.said: list[str] = []
@@ -235,7 +236,7 @@ def test_the_clocks_are_compared_by_the_quickest_look(monkeypatch: pytest.Monkey
         now_ns += next(delays_ns) * 1_000_000
         return there_ns / 1e9
 
-    monkeypatch.setattr(lsl.time, "monotonic_ns", lambda: now_ns)
+    monkeypatch.setattr(lsl_streams.time, "monotonic_ns", lambda: now_ns)
     assert clock_ahead_ns(clock_s) == AHEAD_NS - 500_000
 
 

@@ -16,7 +16,7 @@ from network_namespaces import LEADER_ADDRESS, veth
 from service_processes import LONGEST_S, Service
 
 from mmt.core.errors import InputError
-from mmt.leader.lsl import load_pylsl
+from mmt.leader.lsl_streams import load_pylsl
 from mmt.session import read_session
 
 AHEAD_S = 5000

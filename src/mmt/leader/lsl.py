@@ -2,49 +2,28 @@
 
 A stamp is the time at which a frame was measured, by LSL's clock on this machine: the follower's
 time, less the offset of its clock from the leader's, plus what LSL's clock has more than the
-leader's. Streams are described as in https://github.com/sccn/xdf/wiki/Meta-Data.
+leader's.
 """
 
 import asyncio
-import socket
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
-from typing import Any, Final, NamedTuple
-
-import numpy as np
+from typing import Any, Final
 
 from mmt.core.arrays import RecordArray
-from mmt.core.errors import InputError, brief
+from mmt.core.errors import brief
 from mmt.core.extras import require
-from mmt.core.frames import FIELD_OF_CHANNEL, Channel
+from mmt.leader.lsl_streams import Block, Marker, Streams, clock_ahead_ns
 from mmt.leader.part import Part, Session
 from mmt.scene import Lsl
-from mmt.session.data import axis_columns, to_json
+from mmt.session.data import to_json
 
 QUEUE_LIMIT: Final = 10_000
 """Blocks of frames, and events, that may wait: 10 s at one frame a message."""
 
-_UNITS: Final[dict[Channel, str]] = {"position": "mm", "force": "N", "acceleration": "m/s2"}
-_BUFFERED_S: Final = 60
-"""What liblsl keeps for a recipient that does not fetch it."""
 _LINGER_S: Final = 0.5
 """Time in which recipients fetch the last samples: liblsl drops them with the outlet."""
-_COMPARISONS: Final = 9
-
-
-class _Block(NamedTuple):
-    """Frames (n,), and what LSL's clock is ahead of their times (ns)."""
-
-    frames: RecordArray
-    ahead_ns: int
-
-
-class _Marker(NamedTuple):
-    time_ns: int
-    """By LSL's clock."""
-    text: str
 
 
 class LslPart(Part):
@@ -64,8 +43,8 @@ class LslPart(Part):
         self._streams: Streams | None = None
         self._thread: threading.Thread | None = None
         self._closing = threading.Event()
-        self._frames: deque[_Block] = deque(maxlen=QUEUE_LIMIT)
-        self._markers: deque[_Marker] = deque(maxlen=QUEUE_LIMIT)
+        self._frames: deque[Block] = deque(maxlen=QUEUE_LIMIT)
+        self._markers: deque[Marker] = deque(maxlen=QUEUE_LIMIT)
         self._clock_ahead_ns = 0
         self.error: str | None = None
         """Why nothing is passed on any more, None while it is."""
@@ -143,14 +122,14 @@ class LslPart(Part):
         # the session's times go on where those of a follower that was started anew may not
         own_ns = remote.follower_time_ns - int(frames["time_ns"][-1])
         self._queued += len(frames)
-        self._frames.append(_Block(frames, own_ns - offset_ns + self._clock_ahead_ns))
+        self._frames.append(Block(frames, own_ns - offset_ns + self._clock_ahead_ns))
 
     def on_event(self, event: dict[str, Any], sentence: str | None) -> None:
         """Queue an event, at this moment."""
         _ = sentence
         if self._thread is not None:
             time_ns = time.monotonic_ns() + self._clock_ahead_ns
-            self._markers.append(_Marker(time_ns, to_json(event)))
+            self._markers.append(Marker(time_ns, to_json(event)))
 
     # --- what it says
 
@@ -213,109 +192,3 @@ def _taken(queue: deque[Any]) -> list[Any]:
         except IndexError:
             break
     return taken
-
-
-class Streams:
-    """The two outlets: samples at a nominal rate, and markers.
-
-    Parameters
-    ----------
-    name
-        The streams' names are this with ``-frames`` and ``-events`` behind it.
-    channels
-        What the frames carry.
-    rate_hz
-        Nominal rate.
-    session_id
-        Stands in the description of both.
-
-    Raises
-    ------
-    InputError
-        liblsl is not installed.
-    """
-
-    def __init__(
-        self, name: str, channels: Sequence[Channel], rate_hz: float, session_id: str
-    ) -> None:
-        lsl = load_pylsl()
-        self.clock_s: Callable[[], float] = lsl.local_clock
-        self._fields = [FIELD_OF_CHANNEL[channel] for channel in channels]
-        source = f"mmt-{socket.gethostname()}-{name}"
-        frames = lsl.StreamInfo(
-            f"{name}-frames",
-            "Haptics",
-            3 * len(channels),
-            rate_hz,
-            lsl.cf_float32,
-            f"{source}-frames",
-        )
-        _describe(frames, channels)
-        events = lsl.StreamInfo(
-            f"{name}-events", "Markers", 1, lsl.IRREGULAR_RATE, lsl.cf_string, f"{source}-events"
-        )
-        for info in (frames, events):
-            info.desc().append_child_value("manufacturer", "mmt")
-            info.desc().append_child_value("session_id", session_id)
-        self._frames = lsl.StreamOutlet(frames, max_buffered=_BUFFERED_S)
-        self._events = lsl.StreamOutlet(events, max_buffered=_BUFFERED_S)
-
-    @property
-    def have_recipients(self) -> bool:
-        """Whether somebody receives one of them."""
-        return bool(self._frames.have_consumers() or self._events.have_consumers())
-
-    def push_frames(self, blocks: Sequence[_Block]) -> None:
-        """Push blocks of frames, one sample a frame with a stamp of its own."""
-        values = [
-            np.concatenate([block.frames[field] for block in blocks]) for field in self._fields
-        ]
-        stamps_ns = np.concatenate([b.frames["time_ns"] + b.ahead_ns for b in blocks])
-        self._frames.push_chunk(np.concatenate(values, axis=1), (stamps_ns / 1e9).tolist())
-
-    def push_marker(self, marker: _Marker) -> None:
-        """Push an event."""
-        self._events.push_sample([marker.text], marker.time_ns / 1e9)
-
-
-def _describe(info: Any, channels: Sequence[Channel]) -> None:
-    """Describe the channels, and say that frames may be missing: importers keep the stamps then."""
-    described = info.desc().append_child("channels")
-    for channel in channels:
-        for axis, label in zip("XYZ", axis_columns(channel), strict=True):
-            one = described.append_child("channel")
-            one.append_child_value("label", label)
-            one.append_child_value("unit", _UNITS[channel])
-            one.append_child_value("type", f"{channel.capitalize()}{axis}")
-    info.desc().append_child("synchronization").append_child_value("can_drop_samples", "true")
-
-
-def clock_ahead_ns(clock_s: Callable[[], float]) -> int:
-    """Return what LSL's clock is ahead of the monotonic one, by the quickest of several looks."""
-    looks = []
-    for _ in range(_COMPARISONS):
-        before_ns = time.monotonic_ns()
-        there_ns = round(clock_s() * 1e9)
-        after_ns = time.monotonic_ns()
-        looks.append((after_ns - before_ns, there_ns - (before_ns + after_ns) // 2))
-    return min(looks)[1]
-
-
-def load_pylsl() -> Any:
-    """Import pylsl.
-
-    Raises
-    ------
-    InputError
-        It, or the library liblsl, is not installed.
-    """
-    require("pylsl")
-    try:
-        import pylsl
-    except (RuntimeError, OSError, AttributeError) as error:  # AttributeError: a library too old
-        raise InputError(
-            f"[lsl] needs the library liblsl, which pylsl cannot load ({brief(error)}); on Linux "
-            "its package for x86-64 with glibc 2.35 or later contains it; elsewhere install "
-            "liblsl, and name the file in the variable PYLSL_LIB"
-        ) from error
-    return pylsl
