@@ -58,8 +58,7 @@ class Connection:
         """Say what the port says first: nothing."""
 
     def take(self) -> None:
-        """Act on what was received."""
-        raise NotImplementedError
+        """Act on what was received: leave it."""
 
     def send_state(self, fields: dict[str, Any], tick: int) -> None:
         """Send what is due at a cycle: nothing."""
