@@ -157,7 +157,7 @@ def test_further_sensors_of_the_lab_measure_the_same_world() -> None:
         for device in devices:
             device.connect()
             device.calibrate()
-        assert drivers_module._LAB._process is not None
+        assert drivers_module.LAB._process is not None
         robot.write((0.0, 0.0, -2.0))
         pressed: list[float] = []
 
@@ -176,4 +176,4 @@ def test_further_sensors_of_the_lab_measure_the_same_world() -> None:
     finally:
         for device in devices:
             device.close()
-    assert drivers_module._LAB._process is None
+    assert drivers_module.LAB._process is None

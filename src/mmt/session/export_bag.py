@@ -8,21 +8,19 @@ step of single precision is no less than 2**-25 of it.
 
 import heapq
 import math
-import shutil
-import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from mmt.core.arrays import RecordArray
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import InputError
 from mmt.core.extras import require
 from mmt.core.frames import FIELD_OF_CHANNEL, Channel
 from mmt.session.data import JsonObject, RecordedSession, to_json
+from mmt.session.folders import replacing_folder
 
 
 class Topic(NamedTuple):
@@ -86,7 +84,8 @@ def write_bag(path: Path, session: RecordedSession) -> None:
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.LATEST)
-    with _replacing(path) as folder:
+    _require_replaceable(path)
+    with replacing_folder(path) as folder:
         writer = Writer(folder, version=_METADATA_VERSION, storage_plugin=StoragePlugin.MCAP)
         writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         with writer:
@@ -194,25 +193,6 @@ def _time_ns(event: JsonObject) -> int:
     time_s = event.get("time_s")
     known = isinstance(time_s, int | float) and math.isfinite(time_s)
     return round(time_s * 1e9) if known and time_s is not None else 0
-
-
-@contextmanager
-def _replacing(path: Path) -> Iterator[Path]:
-    """Give a name of a folder to make; it takes the place of `path` when the block succeeds."""
-    _require_replaceable(path)
-    try:
-        beside = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
-    try:
-        yield beside / path.name
-        if path.is_dir():
-            path.rename(beside / "replaced")
-        (beside / path.name).rename(path)
-    except OSError as error:
-        raise MmtError(f"writing {path} failed: {error.strerror or error}") from error
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
 
 
 def _require_replaceable(path: Path) -> None:

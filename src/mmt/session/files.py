@@ -6,7 +6,6 @@ A new format to write is one function and one line in the table here, a new one 
 
 import importlib
 import logging
-import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -14,7 +13,6 @@ from typing import Final
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError
-from mmt.core.existing_files import exists_error, free_path
 from mmt.session.data import JsonObject, OutputBlock, RecordedSession
 
 _log = logging.getLogger(__name__)
@@ -193,41 +191,3 @@ def replacing(path: Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)
-
-
-@contextmanager
-def replacing_folder(path: Path, mark: Path | None = None) -> Iterator[Path]:
-    """Give a new folder next to `path` to write to; it becomes `path` when the block succeeds.
-
-    Parameters
-    ----------
-    path
-        Must not exist, or be an empty folder.
-    mark
-        A folder that holds this file is replaced.
-
-    Raises
-    ------
-    InputError
-        There is something at `path` that is not replaced, or the folder above it does not exist
-        or may not be written to.
-    MmtError
-        Writing failed, for instance because the disk is full; nothing is left behind.
-    """
-    in_use = path.exists() and not (path.is_dir() and not any(path.iterdir()))
-    if in_use and (mark is None or not (path / mark).is_file()):
-        raise exists_error(path)
-    part = free_path(path.with_name(path.name + ".part"))
-    try:
-        part.mkdir()
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
-    try:
-        yield part
-        if in_use:
-            shutil.rmtree(path)
-        part.replace(path)
-    except OSError as error:
-        raise MmtError(f"writing {path} failed: {error.strerror or error}") from error
-    finally:
-        shutil.rmtree(part, ignore_errors=True)

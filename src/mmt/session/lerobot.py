@@ -7,24 +7,26 @@ The files are those that LeRobot's own writer leaves (lerobot 0.6, `lerobot.data
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from mmt.core.errors import InputError
+from mmt.core.existing_files import exists_error
 from mmt.core.extras import require
 from mmt.core.frames import Channel
 from mmt.session.data import RecordedSession, axis_columns
-from mmt.session.files import replacing_folder
+from mmt.session.folders import replacing_folder
+from mmt.session.lerobot_layout import (
+    DATA_FOLDER,
+    FORMAT,
+    INFO_FILE,
+    OF_EVERY_DATA_SET,
+    Feature,
+    frames_file,
+)
 from mmt.session.lerobot_rows import FRAMES_HZ, Column, low_rate_rows, statistics
-
-FORMAT: Final = "v3.0"
-"""What the data set says of its format, and the one that is read."""
-INFO_FILE: Final = Path("meta", "info.json")
-"""Makes a folder a LeRobot data set."""
-DATA_FOLDER: Final = "data"
 
 DEFAULT_FPS: Final = 50
 DEFAULT_TASK: Final = "stroke the surface"
@@ -33,26 +35,6 @@ VIBRATION: Final = "vibration_rms_m_s2"
 """The last number of a state: root mean square of the acceleration over the row's period."""
 
 _FIRST_FILE: Final = "chunk-000/file-000.parquet"
-
-
-@dataclass(frozen=True)
-class _Feature:
-    dtype: str
-    names: Sequence[str] | None = None
-
-    def as_dict(self) -> dict[str, Any]:
-        return {"dtype": self.dtype, "shape": [len(self.names or "1")], "names": self.names}
-
-
-OF_EVERY_DATA_SET: Final = {
-    "timestamp": _Feature("float32"),
-    **{name: _Feature("int64") for name in ("frame_index", "episode_index", "index", "task_index")},
-}
-
-
-def frames_file(folder: Path, episode: int) -> Path:
-    """Return the file with the 1 kHz frames of an episode."""
-    return folder / "mmt" / f"episode-{episode:06}.parquet"
 
 
 def export_lerobot(
@@ -97,7 +79,12 @@ def export_lerobot(
         raise InputError(f"--fps {fps}: rows a second must be 1 to {FRAMES_HZ}")
     if not task.strip():
         raise InputError("--task: it must say what is done, in a few words")
-    with replacing_folder(Path(folder), INFO_FILE if replace else None) as part:
+    folder = Path(folder)
+    in_use = folder.exists() and not (folder.is_dir() and not any(folder.iterdir()))
+    if in_use and not (replace and (folder / INFO_FILE).is_file()):
+        raise exists_error(folder)
+    with replacing_folder(folder) as part:
+        part.mkdir()
         writer = _Writer(part, fps)
         for session in sessions:
             writer.add(session)
@@ -109,7 +96,7 @@ class _Writer:
     def __init__(self, folder: Path, fps: int) -> None:
         self._folder = folder
         self._fps = fps
-        self._features: dict[str, _Feature] = {}
+        self._features: dict[str, Feature] = {}
         self._episodes: list[dict[str, Column]] = []
         self.rows = 0
 
@@ -237,7 +224,7 @@ def _pandas_column(name: str, pandas_type: str) -> dict[str, Any]:
     }
 
 
-def _arrow_type(feature: _Feature) -> Any:
+def _arrow_type(feature: Feature) -> Any:
     import pyarrow as pa
 
     value = pa.type_for_alias(feature.dtype)
@@ -245,13 +232,13 @@ def _arrow_type(feature: _Feature) -> Any:
     return value if width == 1 else pa.list_(value, width)
 
 
-def _features(channels: Sequence[Channel]) -> dict[str, _Feature]:
+def _features(channels: Sequence[Channel]) -> dict[str, Feature]:
     """Return the features of rows in LeRobot's order: the robot's, then those of every data set."""
     names = [name for c in channels if c != "acceleration" for name in axis_columns(c)]
     if "acceleration" in channels:
         names.append(VIBRATION)
-    features = {"observation.state": _Feature("float32", tuple(names))}
+    features = {"observation.state": Feature("float32", tuple(names))}
     if "position" in channels:
-        features["action"] = _Feature("float32", axis_columns("position"))
-    features["mmt.frames"] = _Feature("int64", ("frames",))
+        features["action"] = Feature("float32", axis_columns("position"))
+    features["mmt.frames"] = Feature("int64", ("frames",))
     return {**features, **OF_EVERY_DATA_SET}

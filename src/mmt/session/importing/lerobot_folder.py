@@ -14,7 +14,13 @@ from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
 from mmt.session.importing.columns import Columns
 from mmt.session.importing.parquet_file import read_numbers, read_parquet
-from mmt.session.lerobot import DATA_FOLDER, FORMAT, INFO_FILE, OF_EVERY_DATA_SET, frames_file
+from mmt.session.lerobot_layout import (
+    DATA_FOLDER,
+    FORMAT,
+    INFO_FILE,
+    OF_EVERY_DATA_SET,
+    frames_file,
+)
 
 _PICTURES: Final = ("image", "video", "string", "language")
 """Kinds of features without numbers."""

@@ -5,12 +5,10 @@ that what the kernel would refuse is not refused here.
 """
 
 import contextlib
-import fcntl
 import os
 import random
 import shutil
 import tempfile
-import termios
 import threading
 import time
 from pathlib import Path
@@ -109,6 +107,8 @@ class EmulatedIio:
 
     def plug(self) -> None:
         """Have it appear, with the settings that the kernel's driver starts with."""
+        import fcntl
+
         with self._lock:
             for path, content in attributes(self.chip, self._buffer, self._elements).items():
                 self.write(path, content)
@@ -215,6 +215,9 @@ class EmulatedIio:
         return begun_ns + round((due + 1) * period_ns)
 
     def _hand_on(self, scan: bytes) -> None:
+        import fcntl
+        import termios
+
         waiting = int.from_bytes(fcntl.ioctl(self._file, termios.FIONREAD, bytes(4)), "little")
         if waiting >= self._length * len(scan):
             self.dropped += 1
