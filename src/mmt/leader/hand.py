@@ -93,6 +93,8 @@ class HandPart(Part):
         self.handle = handle
         self.control: CommandSource | None = None
         """Decides on the command; None where this hand alone does."""
+        self.command_mm: Vector | None = None
+        """What the follower was commanded last, None before that."""
         if handle is not None:
             handle.watch(session.journal.event)
 
@@ -156,6 +158,7 @@ class HandPart(Part):
                 position = self.control.command(tick, position)
             if remote is not None and position is not None:
                 remote.command(tick.now_ns, position)
+                self.command_mm = position
         tick.hand_lost = handle is not None and handle.lost
 
     def faults(self) -> list[str]:

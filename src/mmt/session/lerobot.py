@@ -37,6 +37,12 @@ VIBRATION: Final = "vibration_rms_m_s2"
 _FIRST_FILE: Final = "chunk-000/file-000.parquet"
 
 
+def state_names(channels: Sequence[Channel]) -> tuple[str, ...]:
+    """Return the names of a state's components, as in ``position_x_mm``."""
+    names = [name for c in channels if c != "acceleration" for name in axis_columns(c)]
+    return (*names, *([VIBRATION] if "acceleration" in channels else []))
+
+
 def export_lerobot(
     sessions: Iterable[RecordedSession],
     folder: str | Path,
@@ -234,10 +240,7 @@ def _arrow_type(feature: Feature) -> Any:
 
 def _features(channels: Sequence[Channel]) -> dict[str, Feature]:
     """Return the features of rows in LeRobot's order: the robot's, then those of every data set."""
-    names = [name for c in channels if c != "acceleration" for name in axis_columns(c)]
-    if "acceleration" in channels:
-        names.append(VIBRATION)
-    features = {"observation.state": Feature("float32", tuple(names))}
+    features = {"observation.state": Feature("float32", state_names(channels))}
     if "position" in channels:
         features["action"] = Feature("float32", axis_columns("position"))
     features["mmt.frames"] = Feature("int64", ("frames",))
