@@ -48,6 +48,9 @@ def listen(
     scene = load_scene(scene_file, overrides, operate=control)
     if scene.link is not None:
         raise InputError("a listener has no follower: leave [link] out of the scene")
+    from mmt.link.connection import check_url
+
+    check_url(url)  # before anything is compiled for it
     options = ServiceOptions(json_file, json_lines, log, log_level, realtime, verbose)
     LeaderRun(scene, options, None).run()
 
