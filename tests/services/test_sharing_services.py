@@ -2,6 +2,7 @@
 
 import signal
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -106,17 +107,36 @@ def test_a_leader_that_returns_is_followed(tmp_path: Path) -> None:
             assert listener.end() == 0, listener.stderr
 
 
-def test_a_port_that_is_taken_ends_the_session_with_a_sentence(tmp_path: Path) -> None:
-    with share(tmp_path, 60.0) as leader:
+@dataclass(frozen=True)
+class Pair:
+    """A leader that shared until it was interrupted, and one that wanted its port meanwhile."""
+
+    url: str
+    ended_after_s: float
+    second: Service
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory: pytest.TempPathFactory) -> Pair:
+    directory = tmp_path_factory.mktemp("pair")
+    with share(directory, 60.0) as leader:
         leader.port()
-        port = shared_at(leader).rpartition(":")[2]
+        url = shared_at(leader)
+        port = url.rpartition(":")[2]
         with Service(
-            *("leader", SCENE, "--share", "--port", 0), cwd=tmp_path, MMT_SHARING__PORT=port
+            *("leader", SCENE, "--share", "--port", 0), cwd=directory, MMT_SHARING__PORT=port
         ) as second:
-            assert second.end() == 1
-            assert "the model cannot be shared: cannot listen on 127.0.0.1" in second.stderr
-            assert "set host and port of [sharing]" in second.stderr
-            assert "Traceback" not in second.stderr
+            second.end()
+        began_s = leader.signal(signal.SIGINT)
+        leader.end()
+        return Pair(url, time.monotonic() - began_s, second)
+
+
+def test_a_port_that_is_taken_ends_the_session_with_a_sentence(pair: Pair) -> None:
+    assert pair.second.process.returncode == 1
+    assert "the model cannot be shared: cannot listen on 127.0.0.1" in pair.second.stderr
+    assert "set host and port of [sharing]" in pair.second.stderr
+    assert "Traceback" not in pair.second.stderr
 
 
 @pytest.mark.parametrize(
@@ -133,12 +153,7 @@ def test_nobody_there_is_said_in_a_sentence(tmp_path: Path, url: str, said: str)
         assert "Traceback" not in listener.stderr
 
 
-def test_the_process_for_listeners_ends_with_its_leader(tmp_path: Path) -> None:
-    with share(tmp_path, 60.0) as leader:
-        leader.port()
-        url = shared_at(leader)
-        began_s = leader.signal(signal.SIGINT)
-        leader.end()
-        assert time.monotonic() - began_s < 10.0
-    with listen(tmp_path, url, MMT_LISTENING__PATIENCE_S="0.5") as listener:
+def test_the_process_for_listeners_ends_with_its_leader(tmp_path: Path, pair: Pair) -> None:
+    assert pair.ended_after_s < 10.0
+    with listen(tmp_path, pair.url, MMT_LISTENING__PATIENCE_S="0.5") as listener:
         assert listener.end() == 1
