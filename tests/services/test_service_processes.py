@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import signal
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -242,31 +243,41 @@ def test_a_scene_without_a_follower(tmp_path: Path) -> None:
     assert leader.lines("ready")[0]["port"] is None
 
 
-def test_the_demo_leaves_a_recording_and_a_report(tmp_path: Path) -> None:
-    with Service("main", "demo", "--duration", 1, "--json", "all.json", cwd=tmp_path) as demo:
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Service]:
+    """A demo that has ended, and the folder that it was started in."""
+    directory = tmp_path_factory.mktemp("demo")
+    with Service("main", "demo", "--duration", 1, "--json", "all.json", cwd=directory) as demo:
         assert demo.end() == 0, demo.stderr
-    assert {path.name for path in tmp_path.iterdir()} == {"mmt-demo", "all.json"}
-    recording = read_session(tmp_path / "mmt-demo" / "session.mcap")
+    return directory, demo
+
+
+def test_the_demo_leaves_a_recording_and_a_report(demo: tuple[Path, Service]) -> None:
+    directory, service = demo
+    assert {path.name for path in directory.iterdir()} == {"mmt-demo", "all.json"}
+    recording = read_session(directory / "mmt-demo" / "session.mcap")
     assert recording.complete
     assert len(recording.frames) >= 1000
-    assert "<html" in (tmp_path / "mmt-demo" / "report.html").read_text()
-    content = json.loads((tmp_path / "all.json").read_text())
+    assert "<html" in (directory / "mmt-demo" / "report.html").read_text()
+    content = json.loads((directory / "all.json").read_text())
     assert content["leader"]["outcome"] == "completed"
     assert content["follower"]["link"]["frames"] == len(recording.frames)
     assert content["evaluation"]
-    assert "mmt-demo/session.mcap, mmt-demo/report.html" in demo.stdout
-    assert "drift ppm" not in demo.stdout
+    assert "mmt-demo/session.mcap, mmt-demo/report.html" in service.stdout
+    assert "drift ppm" not in service.stdout
 
 
-def test_a_second_demo_keeps_the_recording_of_the_first(tmp_path: Path) -> None:
+def test_a_second_demo_keeps_the_recording_of_the_first(
+    demo: tuple[Path, Service], tmp_path: Path
+) -> None:
+    shutil.copytree(demo[0] / "mmt-demo", tmp_path / "mmt-demo")
     kept = tmp_path / "mmt-demo" / "session.mcap"
-    for name in ("session.mcap", "session-2.mcap"):
-        before = kept.read_bytes() if kept.exists() else b""
-        with Service("main", "demo", scene("stream-only"), "--duration", 1, cwd=tmp_path) as demo:
-            assert demo.end() == 0, demo.stderr
-        assert f"mmt-demo/{name}" in demo.stdout
-        assert read_session(tmp_path / "mmt-demo" / name).complete
-        assert kept.read_bytes().startswith(before)
+    before = kept.read_bytes()
+    with Service("main", "demo", scene("stream-only"), "--duration", 1, cwd=tmp_path) as second:
+        assert second.end() == 0, second.stderr
+    assert "mmt-demo/session-2.mcap" in second.stdout
+    assert read_session(tmp_path / "mmt-demo" / "session-2.mcap").complete
+    assert kept.read_bytes() == before
     with Service(
         *("leader", scene("stream-only"), "--port", 0, "--record", kept), cwd=tmp_path
     ) as leader:
