@@ -10,6 +10,7 @@ from mmt.cli.main import app
 from mmt.core.errors import InputError, MmtError
 from mmt_lab.bench import command
 from mmt_lab.bench.command import run_benches
+from mmt_lab.experiments import evaluate
 from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import Findings, Target
 
@@ -19,7 +20,8 @@ def test_an_unknown_stage_is_explained() -> None:
         run_benches(["speed"])
 
 
-def test_the_evaluation_is_measured() -> None:
+def test_the_evaluation_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(evaluate, "EVALUATIONS", 2)
     _, figures = run_benches(["evaluate"])
     found = figures["evaluate"]["figures"]
     assert found["median_s"] > 0
