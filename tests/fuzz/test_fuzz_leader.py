@@ -69,7 +69,7 @@ class Attacked:
         self.extra = EXTRA[method]
         self._scene = scene_from_tables(
             {
-                "link": {"port": 0},
+                "link": {"port": 0, "patience_s": 0.5},  # a place is soon free again
                 "simulated": {},
                 "hand": {},
                 "playout": {},
