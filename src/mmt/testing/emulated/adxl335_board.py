@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from mmt.devices.adxl335.framing import Counts, Frame, encode_frame
 from mmt.devices.adxl335.gravity import GRAVITY_M_S2, Calibration, nominal
@@ -68,6 +68,7 @@ class EmulatedAdxl335Board:
         self._top = (1 << resolution_bits) - 1
         self._volts_per_count = supply_v / 2**resolution_bits
         self._calibration = nominal(supply_v) if calibration is None else calibration
+        self._bandwidth_hz = bandwidth_hz
         self._delay_ns = round(1e9 / (6.283185307179586 * bandwidth_hz))
         self._noise = noise_density * (1.57 * bandwidth_hz) ** 0.5
         self._speed = 1.0 + 1e-6 * clock_ppm
@@ -89,6 +90,11 @@ class EmulatedAdxl335Board:
     def address(self) -> str:
         """The port's name, the same after it was unplugged; empty before `start`."""
         return "" if self._folder is None else str(Path(self._folder.name) / "ttyACM0")
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options by which the driver finds it."""
+        return {"port": self.address, "bandwidth_hz": self._bandwidth_hz}
 
     def start(self) -> None:
         """Plug it in; it begins to send."""

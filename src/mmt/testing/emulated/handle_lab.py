@@ -100,7 +100,7 @@ def main(seed: int) -> None:
     accelerometer.start()
     addresses = {
         "haptuator": {"port": actuator.path, "full_scale_v": FULL_SCALE_V},
-        "adxl335": {"port": accelerometer.address, "bandwidth_hz": _BANDWIDTH_HZ},
+        "adxl335": accelerometer.options,
     }
     sys.stdout.write(json.dumps(addresses) + "\n")
     sys.stdout.flush()

@@ -70,7 +70,7 @@ class EmulatedIio:
         self._lock = threading.Lock()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="emulated iio", daemon=True)
-        self._file = -1
+        self._file = self._switch = -1
         self._seen: tuple[str, int] = ("0", 0)
         self._enabled: list[tuple[str, str]] = []
         self._begun_ns: int | None = None
@@ -112,6 +112,7 @@ class EmulatedIio:
         with self._lock:
             for path, content in attributes(self.chip, self._buffer, self._elements).items():
                 self.write(path, content)
+            self._switch = os.open(self.directory / self._buffer / "enable", os.O_RDONLY)
             node = self._folder / "dev" / "iio:device0"
             node.parent.mkdir(exist_ok=True)
             os.mkfifo(node)
@@ -123,7 +124,8 @@ class EmulatedIio:
         with self._lock:
             if self._file >= 0:
                 os.close(self._file)
-                self._file = -1
+                os.close(self._switch)
+                self._file = self._switch = -1
                 self._begun_ns, self._seen = None, ("0", 0)
                 shutil.rmtree(self._folder / "sys")
                 shutil.rmtree(self._folder / "dev")
@@ -177,8 +179,8 @@ class EmulatedIio:
 
     def _obey(self, now_ns: int) -> None:
         """Begin or end, where the attribute says so; also where it was written twice."""
-        path = self.directory / self._buffer / "enable"
-        seen = (path.read_text(encoding="ascii").strip(), path.stat().st_mtime_ns)
+        said = os.pread(self._switch, 8, 0).decode("ascii").strip()
+        seen = (said, os.fstat(self._switch).st_mtime_ns)
         if seen == self._seen or not seen[0]:  # empty: it is being written
             return
         self._seen = seen

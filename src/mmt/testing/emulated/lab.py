@@ -1,9 +1,8 @@
 """A lab in a process of its own: the world, and emulated devices that measure it.
 
 Its robot is moved by datagrams, or is an arm by Universal Robots where a third argument says
-``ur``. It prints its devices' addresses as one line of JSON, those of a further device when a line
-of its standard input names it, and ends when that input ends, as it does with the process that
-started it.
+``ur``. It prints the robot's address as one line of JSON, that of a sensor when a line of its
+standard input names it, and ends when that input ends, as it does with the process that started it.
 """
 
 import json
@@ -31,25 +30,12 @@ def main(surface: str, seed: int, kind: str = "datagrams") -> None:
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     world = World(surface, seed)
     robot = _ur_controller(world, seed) if kind == "ur" else RobotLink(world)
-    box = EmulatedNetFt(world.force_n, clock_ppm=40.0, seed=seed)
-    board = EmulatedAdxl335Board(
-        world.acceleration_m_s2,
-        rate_hz=ACCELEROMETER_HZ,
-        bandwidth_hz=ACCELEROMETER_BANDWIDTH_HZ,
-        clock_ppm=-70.0,
-        seed=seed,
-    )
-    parts: list[Any] = [world, robot, box, board]
+    parts: list[Any] = [world, robot]
     for part in parts:
         part.start()
-    addresses = {
-        "robot" if kind == "datagrams" else kind: robot.options,
-        "net_ft": box.options,
-        "adxl335": {"port": board.address, "bandwidth_hz": ACCELEROMETER_BANDWIDTH_HZ},
-    }
-    _say(addresses)
+    _say({"robot" if kind == "datagrams" else kind: robot.options})
     for line in sys.stdin:
-        device = _further_device(line.strip(), world, seed)
+        device = _sensor(line.strip(), world, seed)
         device.start()
         parts.append(device)
         _say({line.strip(): device.options})
@@ -63,11 +49,21 @@ def _ur_controller(world: World, seed: int) -> "EmulatedUrController":
     return EmulatedUrController(world, seed=seed)
 
 
-def _further_device(name: str, world: World, seed: int) -> Any:
-    """Return a device that not every lab has, and that costs nothing before it is named."""
+def _sensor(name: str, world: World, seed: int) -> Any:
+    """Return a sensor; one that no scene names costs nothing."""
+    if name == "net_ft":
+        return EmulatedNetFt(world.force_n, clock_ppm=40.0, seed=seed)
     if name == "bota":
         return EmulatedBota(world.force_n, clock_ppm=25.0, seed=seed)
-    return EmulatedIio(world.acceleration_m_s2, clock_ppm=-120.0, seed=seed)
+    if name == "iio":
+        return EmulatedIio(world.acceleration_m_s2, clock_ppm=-120.0, seed=seed)
+    return EmulatedAdxl335Board(
+        world.acceleration_m_s2,
+        rate_hz=ACCELEROMETER_HZ,
+        bandwidth_hz=ACCELEROMETER_BANDWIDTH_HZ,
+        clock_ppm=-70.0,
+        seed=seed,
+    )
 
 
 def _say(addresses: dict[str, dict[str, Any]]) -> None:
