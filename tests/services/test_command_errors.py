@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import click
@@ -13,6 +14,7 @@ from frame_samples import made_frames
 
 from mmt.cli import follower, leader, main
 from mmt.cli.common import run_app
+from mmt.core import extras
 from mmt.session import export_session, write_session
 from mmt.session.data import RecordedSession
 
@@ -153,6 +155,19 @@ def run(
     code = ended.value.code
     assert isinstance(code, int)
     return code, *capsys.readouterr()
+
+
+def test_a_demo_whose_driver_lacks_its_package_starts_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(
+        extras, "find_spec", lambda name: None if name == "rtde_control" else find_spec(name)
+    )
+    code, _, stderr = run("mmt demo virtual-arm", monkeypatch, capsys)
+    assert code == 2
+    assert "need ur-rtde, which is not installed; install it with: " in stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(("command", "sentence"), CASES, ids=[command for command, _ in CASES])

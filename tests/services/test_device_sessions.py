@@ -3,6 +3,7 @@
 import asyncio
 import threading
 import time
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -177,13 +178,17 @@ async def test_a_session_ends_with_its_recording_kept_where_the_scene_says_stop(
     assert len(read_session(tmp_path / "session.mcap").frames) > 20
 
 
-async def test_the_virtual_lab_carries_the_main_job_over_its_devices(tmp_path: Path) -> None:
+NEEDS_UR = pytest.mark.skipif(find_spec("rtde_control") is None, reason="ur-rtde is not installed")
+
+
+@pytest.mark.parametrize("scene", ["virtual-lab", pytest.param("virtual-arm", marks=NEEDS_UR)])
+async def test_emulated_devices_carry_the_main_job(tmp_path: Path, scene: str) -> None:
     changes = {
         "link.port": 0,
         "recording.file": str(tmp_path / "session.mcap"),
         "session.duration_s": 100.0,  # on a busy machine frames are rare
     }
-    together = Together.of(load_scene(Path("virtual-lab"), changes))
+    together = Together.of(load_scene(Path(scene), changes))
     await together.listen()
     following = asyncio.create_task(together.follow())
     await together.until(

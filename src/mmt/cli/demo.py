@@ -126,7 +126,7 @@ def _report(
 
 def _check(scene: Scene, directory: Path) -> None:
     """Find out what the follower cannot use, and where nothing can be written, beforehand."""
-    if scene.simulated is not None or scene.replay is not None:
+    if scene.source is not None:
         build_source(scene).close()
     try:
         directory.mkdir(parents=True, exist_ok=True)
