@@ -173,7 +173,7 @@ FAULTS: dict[str, tuple[Callable[[Lab], None], Callable[[Lab], None], str, str]]
     "unplugged": (
         lambda lab: lab.controller.unplug(),
         lambda lab: lab.controller.plug(),
-        "sends nothing any more|takes no commands any more",
+        "sends nothing any more|takes no commands any more|has ended, as the library may",
         "no UR controller answers",
     ),
 }

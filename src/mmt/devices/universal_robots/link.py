@@ -167,7 +167,10 @@ class ArmLink:
             self._empty += 1
             return
         if not data:
-            self._end(f"the process that talks to the UR arm at {self._host} has ended")
+            self._end(
+                f"the process that talks to the UR arm at {self._host} has ended, as the library "
+                "may when its connection breaks: check the arm's cable, and that it is switched on"
+            )
             return
         self._received += data
         for kind, body in to.messages(self._received):
