@@ -144,6 +144,7 @@ class _Watching:
         self._read = _reader(device) if hasattr(device, "read") else None
         self._waits_ms: deque[float] = deque(maxlen=_KEPT)
         self._written = 0
+        self._waiting = 0  # readings that had come before the first look, in no time that is known
 
     def run(self, duration_s: float, show: Callable[[DeviceCheck], None]) -> None:
         begun = time.monotonic()
@@ -179,6 +180,7 @@ class _Watching:
             self.values.append(tuple(float(each) for each in value))
             self.stamps_ns.append(time_ns)
         if readings:
+            self._waiting = self._waiting or len(readings)
             self.seen.readings += len(readings)
             self.arrivals_ns.append(now_ns)
 
@@ -190,7 +192,8 @@ class _Watching:
             self.seen.played = asdict(self._device.statistics)
         if self.sampled and len(self.arrivals_ns) >= 3:
             span_s = (self.arrivals_ns[-1] - self.arrivals_ns[0]) / 1e9
-            self.seen.rate_hz = self.seen.readings / span_s if span_s > 0 else None
+            came = self.seen.readings - self._waiting
+            self.seen.rate_hz = came / span_s if span_s > 0 else None
 
     def finish(self) -> None:
         """Work out the figures."""
