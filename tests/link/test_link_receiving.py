@@ -135,6 +135,25 @@ async def test_a_client_that_joins_again_on_the_same_websocket_is_a_new_follower
     assert server.statistics.rejected == {}
 
 
+@pytest.mark.parametrize("text", ["", ">", "b!", "\N{SUPERSCRIPT TWO}"])
+async def test_a_text_that_is_no_packet_is_dropped_and_the_link_goes_on(text: str) -> None:
+    notes = LeaderNotes()
+    join = MsgPackPacket(socketio.packet.CONNECT, data=hello().to_auth(), namespace="/").encode()
+    async with (
+        leader(notes) as server,
+        aiohttp.ClientSession() as session,
+        session.ws_connect(
+            f"http://127.0.0.1:{server.port}/socket.io/?EIO=4&transport=websocket"
+        ) as websocket,
+    ):
+        await websocket.send_bytes(join)
+        await until(lambda: notes.hellos)
+        await websocket.send_str(text)
+        await websocket.send_bytes(encode_event("frames", frames(0).tobytes()))
+        await until(lambda: notes.sequences == [0])
+    assert server.statistics.rejected == {"malformed packet": 1}
+
+
 @pytest.mark.parametrize("event", ["connect", "disconnect", "connect_error"])
 @pytest.mark.parametrize("argument", [b"x", "text", {"message": "forged"}, None])
 async def test_an_event_by_a_name_of_the_library_reaches_none_of_its_handlers(
@@ -211,9 +230,16 @@ def test_a_websocket_that_cannot_be_changed_is_left_as_it_is() -> None:
     assert websocket.receive.__func__ is web.WebSocketResponse.receive
 
 
-@pytest.mark.parametrize("kind", [WSMsgType.TEXT, WSMsgType.CLOSE, WSMsgType.ERROR])
-async def test_what_is_not_binary_is_the_librarys(kind: WSMsgType) -> None:
-    message = WSMessage(kind, encode_event("frames", b"x"), None)
+@pytest.mark.parametrize(
+    ("kind", "data"),
+    [
+        (WSMsgType.TEXT, '42["frames","x"]'),
+        (WSMsgType.CLOSE, encode_event("frames", b"x")),
+        (WSMsgType.ERROR, encode_event("frames", b"x")),
+    ],
+)
+async def test_what_is_not_binary_is_the_librarys(kind: WSMsgType, data: str | bytes) -> None:
+    message = WSMessage(kind, data, None)
 
     async def receive() -> WSMessage:
         return message

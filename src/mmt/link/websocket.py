@@ -45,6 +45,8 @@ Close = Callable[..., Awaitable[object]]
 AnyRateLimit = RateLimit | HandshakeLimit
 
 _RESERVED: Final = {"connect", "connect_error", "disconnect"}
+_PACKETS: Final = tuple("0123456")
+"""What a text of Engine.IO begins with; at any other the library gives up reading, unnoticed."""
 _BURST: Final = 64
 """Messages handled in a row before the event loop runs its other tasks."""
 _CLOSED: Final = WSMessage(WSMsgType.CLOSED, None, None)
@@ -130,12 +132,16 @@ async def _receive_rest(
             return message
         if rate_limit.passes(len(message.data), time.monotonic_ns()):
             # the library itself rejects what is too long
-            if kind is WSMsgType.TEXT or len(message.data) > MAX_MESSAGE_BYTES:
+            if len(message.data) > MAX_MESSAGE_BYTES or (
+                kind is WSMsgType.TEXT and message.data.startswith(_PACKETS)
+            ):
                 return message
-            event = binary_event(message.data)
+            event = binary_event(message.data) if kind is WSMsgType.BINARY else None
             handler = handlers.get(event[0]) if event is not None else None
             if event is not None and handler is not None:
                 handler(event[1])
+            elif kind is WSMsgType.TEXT:
+                rate_limit.drop("malformed packet")
             elif is_reserved(message.data):
                 rate_limit.drop("reserved event")
             else:
