@@ -1,4 +1,5 @@
 import os
+import platform
 import subprocess
 import sys
 import threading
@@ -15,6 +16,32 @@ def test_asking_for_short_turns_changes_neither_policy_nor_niceness() -> None:
     before = os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)
     assert ask_for_short_turns() in {True, False}
     assert (os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)) == before
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux's scheduler is asked")
+def test_a_process_that_steps_back_gives_up_the_short_turns_of_its_parent() -> None:
+    number = {"x86_64": 315, "aarch64": 275}.get(platform.machine())
+    if number is None:
+        pytest.skip("the number of sched_getattr is known for x86_64 and aarch64")
+    script = f"""
+import ctypes, struct
+from mmt.core.process import ask_for_short_turns, step_back
+def turn_ns():
+    attributes = ctypes.create_string_buffer(48)
+    assert ctypes.CDLL(None).syscall({number}, 0, attributes, 48, 0) == 0
+    return struct.unpack("<IIQiIQQQ", attributes.raw)[5]
+ask_for_short_turns(0)
+kernels, asked = turn_ns(), ask_for_short_turns()
+short = turn_ns()
+step_back()
+print(asked, kernels, short, turn_ns())
+"""
+    command = [sys.executable, "-c", script]
+    printed = subprocess.run(command, capture_output=True, check=True, start_new_session=True)
+    asked, kernels, short, after = printed.stdout.decode().split()
+    if asked != "True" or kernels == "0":
+        pytest.skip("this kernel has one length of turn for all")
+    assert int(short) < int(kernels) == int(after)
 
 
 def test_the_meter_sees_work() -> None:

@@ -40,7 +40,7 @@ def test_the_figures_are_those_of_the_crowd_and_fit_into_json(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     sessions(monkeypatch, [found(0.1, [10.0, 20.0]), found(0.3, [30.0])])
-    findings = sharing.run(18.0, listeners=2)
+    findings = sharing.run(18.0, listeners=2, pairs=1)
     figures = json.loads(json.dumps(findings.as_dict()))["figures"]
     assert figures["tick_p99_ratio"] == 1.25
     assert (figures["joined"], figures["behind"], figures["rejected"]) == (2, 0, 0)
@@ -51,7 +51,21 @@ def test_the_figures_are_those_of_the_crowd_and_fit_into_json(
     assert missed == ["leader's tick, p99, over that with one listener"]
 
 
+def test_the_ticks_are_compared_within_pairs_and_over_them_by_the_median(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    ticks_ms = iter([1.0, 1.5, 2.0, 2.2, 1.0, 1.2])
+
+    async def session(_: float, count: int) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+        return leader(next(ticks_ms)), [found(0.1, [10.0])] * count
+
+    monkeypatch.setattr(sharing, "_session", session)
+    figures = sharing.run(18.0, listeners=2, pairs=3).figures
+    names = ("tick_p99_ratio_least", "tick_p99_ratio", "tick_p99_ratio_most")
+    assert [figures[name] for name in names] == pytest.approx([1.1, 1.2, 1.5])
+
+
 def test_a_crowd_without_a_model_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
     sessions(monkeypatch, [found(None, [], "the session ended before its model was ready")] * 2)
     with pytest.raises(MmtError, match=r"no listener had a model .*: the session ended before"):
-        sharing.run(18.0, listeners=2)
+        sharing.run(18.0, listeners=2, pairs=1)

@@ -63,6 +63,22 @@ async def test_a_listener_that_counts_misses_no_gap() -> None:
     assert found.digest == digest(arrays_of(model_of(12).contents)).hex()
 
 
+async def test_of_many_some_build_the_model_and_the_others_count() -> None:
+    async with shared() as sharing:
+        sharing.publish(10)
+        finding = asyncio.create_task(crowd(sharing.url, 20, 20.0))
+        await until(lambda: sharing.relay.sent["wholes"] == 20)
+        sharing.publish(11)
+        await until(lambda: sharing.relay.sent["changes"] == 20)
+        sharing.relay.finish("completed")
+        found = await finding
+    assert [each.number for each in found] == [2] * 20
+    assert sum(each.building_s is not None for each in found) == 10
+    least_s = min(each.building_s for each in found if each.building_s is not None)
+    assert all(each.first_s is not None and each.first_s > least_s for each in found)
+    assert all(len(each.lags_ms) == 1 and not each.problem for each in found)
+
+
 @pytest.mark.parametrize("most", [2])
 async def test_who_is_refused_says_why(most: int) -> None:
     async with shared(most=most) as sharing:

@@ -107,8 +107,10 @@ def prefer_even_ticks() -> None:
 def step_back() -> None:
     """Run this process, the only one of its session, when the others leave the processor idle.
 
-    Linux groups processes by sessions where it may: then the group's niceness counts as well.
+    Linux groups processes by sessions where it may: then the group's niceness counts as well. The
+    short turns of a parent that ticks are given up: who has them does not give way to the parent.
     """
+    ask_for_short_turns(0)
     if hasattr(os, "nice"):
         os.nice(_NICENESS)
     for _ in range(_ATTEMPTS):

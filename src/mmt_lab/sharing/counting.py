@@ -122,6 +122,8 @@ class Counter:
         self.replica = CountingReplica()
         self.ended = asyncio.Event()
         self.found = Count()
+        self.first_s: float | None = None
+        """When its first model was there, by the monotonic clock, None before."""
         self._url, self._auth = url, auth
         self._asked = False
         self._answers, self._answered_s = 0, 0.0
@@ -156,6 +158,8 @@ class Counter:
             self._asked = False
             self.found.wholes += 1
             self.replica.take_whole(argument)
+            if self.first_s is None:
+                self.first_s = time.monotonic()
             self._note_lag()
         elif event == WELCOME:
             self._ask()

@@ -3,6 +3,10 @@
 ``python -m mmt_lab.sharing.crowd URL COUNT SECONDS`` waits until the model is ready, lets so many
 join within one second, listens until the leader ends its session, or for so long in all, and prints
 as JSON what each has found.
+
+Ten of them, spread over the second, are a user's client and build the model. The others stand for
+other machines, whose work would take the leader's processor here: they count what comes, and their
+time to a built model is that to its arrival and what building took the ten, by the median.
 """
 
 import asyncio
@@ -10,11 +14,17 @@ import json
 import sys
 import time
 from dataclasses import asdict, dataclass, field
+from statistics import median
+from typing import Final
 
 from mmt.core.errors import MmtError
 from mmt.core.process import step_back
 from mmt.scene.sharing_tables import Listening
 from mmt.sharing.client import ListenerClient
+from mmt_lab.sharing.counting import Counter, auth_of
+
+_BUILDERS: Final = 10
+"""Listeners that are a user's client and build the model."""
 
 
 @dataclass
@@ -27,6 +37,8 @@ class Found:
         Seconds from its first attempt to connect to a model that is ready, built from what came.
     lags_ms
         From the making of each later state of the model until it was there, by one clock.
+    building_s
+        Of `first_s` what building took, None where nothing was built.
     number, rejected
         Number of its last state, and messages that did not fit.
     problem
@@ -35,6 +47,7 @@ class Found:
 
     first_s: float | None = None
     lags_ms: list[float] = field(default_factory=list)
+    building_s: float | None = None
     number: int = 0
     rejected: int = 0
     problem: str = ""
@@ -68,7 +81,8 @@ async def listen(url: str, after_s: float, ended: asyncio.Event, building: async
             async with building:  # each would have a processor of its own
                 building_s = time.monotonic()
                 await asyncio.to_thread(client.replica.build)
-                found.first_s = waited_s + time.monotonic() - building_s
+                found.building_s = time.monotonic() - building_s
+            found.first_s = waited_s + found.building_s
         await over
         waiting.cancel()
     except MmtError as error:
@@ -76,6 +90,21 @@ async def listen(url: str, after_s: float, ended: asyncio.Event, building: async
     await client.close()
     found.number, found.rejected = client.replica.number, client.rejected
     return found
+
+
+async def _count(url: str, after_s: float, ended: asyncio.Event) -> Found:
+    """Join after some seconds, and count what comes until the end."""
+    counter = Counter(url, auth_of(url))
+    await asyncio.sleep(after_s)
+    begun_s = time.monotonic()
+    await counter.join()
+    stopping = [asyncio.create_task(each.wait()) for each in (counter.ended, ended)]
+    await asyncio.wait(stopping, return_when=asyncio.FIRST_COMPLETED)
+    for task in stopping:
+        task.cancel()
+    count = await counter.leave()
+    first_s = None if counter.first_s is None else counter.first_s - begun_s
+    return Found(first_s, count.lags_ms, None, count.number, count.rejected, count.problem)
 
 
 async def wait_until_ready(url: str) -> None:
@@ -117,9 +146,20 @@ async def crowd(url: str, count: int, longest_s: float) -> list[Found]:
     """Let listeners join within one second; return what each has found."""
     ended, building = asyncio.Event(), asyncio.Lock()
     asyncio.get_running_loop().call_later(longest_s, ended.set)
-    return await asyncio.gather(
-        *(listen(url, number / count, ended, building) for number in range(count))
+    each_nth = max(1, count // _BUILDERS)
+    found = await asyncio.gather(
+        *(
+            listen(url, number / count, ended, building)
+            if number % each_nth == 0
+            else _count(url, number / count, ended)
+            for number in range(count)
+        )
     )
+    took = [each.building_s for each in found if each.building_s is not None]
+    for each in found:
+        if each.first_s is not None and each.building_s is None and took:
+            each.first_s += median(took)
+    return found
 
 
 async def waiting_crowd(url: str, count: int, longest_s: float) -> list[Found]:
