@@ -30,6 +30,7 @@ from mmt.session.messages import (
     frame_schema,
     output_schema,
 )
+from mmt.session.packed_index import pack_index
 from mmt.session.plot_messages import (
     LOG,
     PLOT_SAMPLE,
@@ -222,6 +223,7 @@ class SessionWriter:
 def open_writer(stream: BinaryIO) -> Writer:
     """Return a started MCAP writer with the chunk size and compression of session files."""
     writer = Writer(stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+    pack_index(writer)
     writer.start(profile=PROFILE, library=LIBRARY)
     return writer
 
