@@ -44,6 +44,26 @@ print(asked, kernels, short, turn_ns())
     assert int(short) < int(kernels) == int(after)
 
 
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="glibc's allocator is asked")
+def test_memory_that_was_freed_between_blocks_that_live_goes_back_to_the_system() -> None:
+    script = """
+import psutil
+from mmt.core.process import release_freed_memory
+def held_mb():
+    return psutil.Process().memory_info().rss / 1e6
+blocks = [bytes(8192) + b"x" for _ in range(5000)]
+kept = blocks[::100]
+del blocks
+before = held_mb()
+print(release_freed_memory(), before - held_mb())
+"""
+    printed = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
+    released, given_mb = printed.stdout.decode().split()
+    if released != "True":
+        pytest.skip("this C library keeps nothing to give back")
+    assert float(given_mb) > 10.0
+
+
 def test_the_meter_sees_work() -> None:
     meter, used_s, begun_s = ProcessMeter(), time.process_time(), time.monotonic()
     while time.process_time() - used_s < 0.5:

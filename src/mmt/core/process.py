@@ -124,6 +124,19 @@ def step_back() -> None:
             return
 
 
+def release_freed_memory() -> bool:
+    """Give memory that was freed back to the system; some ms.
+
+    The C library of Linux keeps what was freed between blocks that live longer, and after many
+    connections with messages of all lengths that is some MB. Returns whether it has such a call.
+    """
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
+    if trim is None:
+        return False
+    trim(ctypes.c_size_t(0))
+    return True
+
+
 def release_compiler() -> None:
     """Give back the memory of the kernels' compiler, of which little runs once they are loaded."""
     release_code("libllvmlite")

@@ -13,6 +13,7 @@ from aiohttp import web
 
 from mmt.core.errors import InputError, MmtError
 from mmt.core.logs import RepeatLimit
+from mmt.core.process import release_freed_memory
 from mmt.link.access import Access, Entrance
 from mmt.link.http import CLOSE_TIMEOUT_S, LinkServer, Page
 from mmt.link.protocol import MAX_SENTENCE, loss_of, peer_text
@@ -54,7 +55,7 @@ _NO_CONTROL: Final = (
 _MESSAGES_HZ: Final = 1.0
 """A listener may send ten messages a second, of 20 kB in all: it has little to say."""
 
-
+_RELEASE_PERIOD_S: Final = 60.0
 _MOST_SHOWN: Final = 30
 """Listeners of which the figures are told every second: those that are furthest behind."""
 
@@ -100,6 +101,7 @@ class SharingServer:
         self.listened_s = 0.0
         """Seconds that all listeners have listened, together, but for those who still do."""
         self._tasks: set[asyncio.Task[None]] = set()
+        self._releasing: asyncio.Task[None] | None = None
         self._refusals = RepeatLimit()
         self._host = LinkServer(
             settings,
@@ -131,6 +133,7 @@ class SharingServer:
     async def start(self) -> None:
         """Listen; see `LinkServer.start` for the errors."""
         await self._host.start()
+        self._releasing = self._start(_release())
 
     async def stop(self) -> None:
         """Let every listener have its last messages, within a second, and close."""
@@ -141,6 +144,8 @@ class SharingServer:
                 task.cancel()
         for sid in list(self._guests):
             self._on_disconnect(sid, "the session is over")
+        if self._releasing is not None:
+            self._releasing.cancel()
         await self._host.stop()
 
     async def welcome(self, **changed: object) -> None:
@@ -271,6 +276,12 @@ class SharingServer:
         count = len(self._guests)
         details = {"kind": kind, "listeners": count, "listener": listener}
         self._on_change(f"{text}, {count} listening", details)
+
+
+async def _release() -> None:
+    """Give back what those who have left took; it would add up over hours."""
+    while release_freed_memory():
+        await asyncio.sleep(_RELEASE_PERIOD_S)
 
 
 def _pages(settings: Sharing) -> list[Page]:
