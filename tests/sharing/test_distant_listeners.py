@@ -96,6 +96,10 @@ async def test_listeners_behind_a_network_are_compared_with_the_one_here() -> No
     errors = np.array(found["errors_db"])
     assert 0.0 < found["same_share"] < 1.0
     assert (errors == 0.0).mean() >= found["same_share"]
+    delayed = np.array(found["delay_errors_db"])
+    assert len(delayed) > 5
+    assert (delayed > 0.0).sum() <= 1  # 40 ms of one change, looked at every 50 ms
+    assert delayed.max() in (0.0, pytest.approx(errors.max()))
 
 
 async def test_troubles_disturb_nobody() -> None:

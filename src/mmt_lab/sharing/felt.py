@@ -137,18 +137,24 @@ async def listen(url: str, count: int, longest_s: float, profile: str) -> dict[s
             stack.push_async_callback(ear.client.close)
         await ended.wait()
         end_ns = time.monotonic_ns()
-    found = judged(operator, distant, await operator.models(), end_ns)
+    delay_ns = round(1e6 * settings.delay_ms)
+    found = judged(operator, distant, await operator.models(), end_ns, delay_ns)
     return found | {"repeated": proxy.repeated}
 
 
 def judged(
-    operator: Ear, distant: Sequence[Ear], models: Mapping[int, TextureModel], end_ns: int
+    operator: Ear,
+    distant: Sequence[Ear],
+    models: Mapping[int, TextureModel],
+    end_ns: int,
+    delay_ns: int,
 ) -> dict[str, Any]:
-    """Return the figures of all that are distant."""
+    """Return the figures of all that are distant, and of one whom the delay alone keeps behind."""
     step = max(1, len(operator.inputs) // _MOST_INPUTS)
     inputs = np.array(operator.inputs[::step]).reshape(-1, 2)
     counts = [pairs(operator.made, ear.had, end_ns) for ear in distant]
     total: Counter[tuple[int, int]] = sum(counts, Counter())
+    delayed = pairs(operator.made, [(at + delay_ns, n) for at, n in operator.made], end_ns)
     moments = sum(total.values())
     same = sum(n for (own, heard), n in total.items() if own == heard)
     lags = [1e-6 * (had - made) for ear in distant for (had, _), (made, _) in _both(ear)]
@@ -159,6 +165,7 @@ def judged(
         ),
         "same_share": same / moments if moments else None,
         "errors_db": errors_db(total, models, inputs).tolist() if len(inputs) else [],
+        "delay_errors_db": errors_db(delayed, models, inputs).tolist() if len(inputs) else [],
         "lags_ms": lags,
         "wholes": sum(ear.client.wholes for ear in distant),
         "changes": sum(ear.client.changes for ear in distant),

@@ -92,9 +92,13 @@ def behind_network(network: str, duration_s: float) -> Findings:
         "listeners": ("listeners who had the model", found["listeners"], "at least", _DISTANT),
         "error_db": (
             "felt against the operator's, rms over bands, motion and time (dB)",
-            float(np.sqrt(np.mean(np.square(errors)))),
+            _rms(errors),
             "at most",
             0.1,
+        ),
+        "delay_error_db": (
+            "the same of one who has each change as soon as the delay allows (dB)",
+            _rms(np.array(found["delay_errors_db"])),
         ),
         "error_99_db": ("the same of the worst hundredth of the time (dB)", _worst(errors)),
         "same_share": ("share of the time with the operator's very model", found["same_share"]),
@@ -110,6 +114,10 @@ def behind_network(network: str, duration_s: float) -> Findings:
         f"{network}; from each one's first model to the end, every 50 ms."
     )
     return single_figures("Listeners behind a network", about, rows)
+
+
+def _rms(errors: FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.square(errors))))
 
 
 def _worst(errors: FloatArray) -> float:
