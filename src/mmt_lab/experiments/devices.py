@@ -6,6 +6,7 @@ from typing import Final
 
 from mmt.core.errors import MmtError
 from mmt.core.realtime import require_real_time
+from mmt_lab.bench.device_path.arm_times import ARMS, ArmTimes, Delays, measure_arm
 from mmt_lab.bench.device_path.running import Measured, SetUp, measure_set_up
 from mmt_lab.harness.experiment import Experiment, RealTime
 from mmt_lab.harness.findings import Cell, Findings, LeftOut, Records, Target
@@ -24,12 +25,16 @@ LATENCY_MS: Final = 2.0
 JITTER_MS: Final = 0.1
 SEEN_MS: Final = 20.0
 
+_REMEDY: Final = "see docs/reference/bench.md"
+
 
 @dataclass(frozen=True)
 class Plan:
     """What is measured; the defaults are what ``mmt bench devices`` does."""
 
     set_ups: tuple[SetUp, ...] = SET_UPS
+    arms: tuple[str, ...] = tuple(ARMS)
+    """Keys of `ARMS`."""
     duration_s: float = 20.0
     stops: int = 10
     """How often each sensor stops."""
@@ -55,7 +60,14 @@ def measure(plan: Plan) -> Findings:
                 set_up, plan.duration_s, plan.stops, realtime=plan.realtime
             )
         except MmtError as error:
-            left_out.append(LeftOut(set_up.name, str(error), "see docs/reference/bench.md"))
+            left_out.append(LeftOut(set_up.name, str(error), _REMEDY))
+    arms: dict[str, ArmTimes] = {}
+    for arm in plan.arms:
+        title = ARMS[arm].title
+        try:
+            arms[title] = measure_arm(arm, plan.duration_s, realtime=plan.realtime)
+        except MmtError as error:
+            left_out.append(LeftOut(title, str(error), _REMEDY))
     return Findings(
         name="devices",
         title="Devices",
@@ -75,7 +87,10 @@ def measure(plan: Plan) -> Findings:
             "was read. Seen: from when a sensor stops to when the follower knows, the longest of "
             f"{2 * plan.stops} times. A force sensor whose frames are a millisecond apart and come "
             "through a USB adapter cannot have the latency aimed at: its set-up is shown and not "
-            "judged by it." + (" By real-time scheduling." if plan.realtime else "")
+            "judged by it. Arms and handles are read and commanded at 1 kHz by themselves. "
+            "Position: from its instant to the tick that reads it first; command: from a step to "
+            "when the device is told of it; jitter: how far one is from the median."
+            + (" By real-time scheduling." if plan.realtime else "")
         ),
         records=tuple(
             Records(key, title, tuple({"set-up": name, **row(one)} for name, one in found.items()))
@@ -85,7 +100,8 @@ def measure(plan: Plan) -> Findings:
                 ("frames", "Frames and stops", _frames),
                 ("clocks", "Clocks", _clocks),
             )
-        ),
+        )
+        + (_arms(arms) if arms else ()),
         targets=_targets(found, {one.name for one in plan.set_ups if one.slow}),
         left_out=tuple(left_out),
     )
@@ -128,6 +144,40 @@ def _clocks(one: Measured) -> dict[str, Cell]:
         "acceleration (ppm)": one.drift_errors_ppm["accelerometer"],
         "offset of the time: force (ms)": one.times.offset_ms["force"],
         "acceleration (ms)": one.times.offset_ms["acceleration"],
+    }
+
+
+def _arms(arms: Mapping[str, ArmTimes]) -> tuple[Records, ...]:
+    positions = tuple(
+        {
+            "arm or handle": name,
+            **_delays(one.positions),
+            "p99, running (ms)": one.running_p99_ms,
+            "new positions": one.new_positions,
+        }
+        for name, one in arms.items()
+    )
+    commands = tuple(
+        {
+            "arm or handle": name,
+            **_delays(one.commands),
+            "steps": one.steps,
+            "unanswered": one.unanswered,
+        }
+        for name, one in arms.items()
+    )
+    return (
+        Records("arm_positions", "Arms and handles: from a position to the driver", positions),
+        Records("arm_commands", "Arms and handles: from a command to the device", commands),
+    )
+
+
+def _delays(delays: Delays) -> dict[str, Cell]:
+    return {
+        "p50 (ms)": delays.p50_ms,
+        "p99 (ms)": delays.p99_ms,
+        "jitter p50 (ms)": delays.jitter_p50_ms,
+        "jitter p99 (ms)": delays.jitter_p99_ms,
     }
 
 
@@ -182,7 +232,7 @@ def run(realtime: RealTime = False) -> Findings:
 
 EXPERIMENT = Experiment(
     shows="what reading devices costs, and how late and how true frames are",
-    duration="3 min",
+    duration="5 min",
     run=run,
     group="bench",
 )

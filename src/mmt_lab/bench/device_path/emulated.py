@@ -146,13 +146,18 @@ def leave_a_processor_to_others() -> None:
             os.sched_setaffinity(0, others)
 
 
+def be_real_time_device(scheduling: str) -> None:
+    """Run all threads to come so where it is ``realtime``: no device waits for other work here."""
+    if scheduling == "realtime":
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY - 1))
+
+
 def main(force: str, acceleration: str, scheduling: str) -> None:
     """Run the lab until standard input ends."""
     prefer_even_ticks()
     leave_a_processor_to_others()
     wake_on_time()
-    if scheduling == "realtime":  # all of its threads: no device waits for this machine's work
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY - 1))
+    be_real_time_device(scheduling)
     motions = (Motion(10.0), Motion(5.0), Motion(20.0, (0.0, 0.0, GRAVITY_M_S2)))
     robot = RobotLink(_Tip(motions[0]))
     robot.start()
