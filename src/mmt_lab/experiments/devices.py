@@ -232,7 +232,7 @@ def run(realtime: RealTime = False) -> Findings:
 
 EXPERIMENT = Experiment(
     shows="what reading devices costs, and how late and how true frames are",
-    duration="5 min",
+    duration="6 min",
     run=run,
     group="bench",
 )
