@@ -372,5 +372,5 @@ def test_without_the_library_the_command_that_installs_it_is_given(monkeypatch) 
     with pytest.raises(InputError, match=r"franky-control .*which is not installed; .*\[franka\]"):
         require("franky")
     with pytest.raises(InputError, match="franky-control"):
-        load_device("franka", {"host": "arm"}).connect()
+        load_device("franka", {"host": "arm"})
     assert "pip install" in missing_for("franka")

@@ -29,8 +29,22 @@ SCENES = {
     "no-model": "[hand]\n[rendering]\nmodel = 'none.npz'\n[actuator]\n",
     "half": "[hand]\n[rendering]\n[actuator]\n",
     "velvet": "[link]\n[simulated]\nsurface = 'velvet'\n[hand]\n[recording]\n",
+    "no-handle": (
+        "[link]\n[simulated]\n[handle]\ndriver = 'usb_handle:handle'\n[playout]\n[actuator]\n"
+    ),
+    "no-actuator": (
+        "[link]\n[simulated]\n[hand]\n[playout]\n"
+        "[actuator]\ndriver = 'haptuator-sound'\nfull_scale_v = 1.0\nvolts_per_m_s2 = 0.1\n"
+    ),
     "no-driver": "[link]\n[devices]\nrobot = 'nowhere:Robot'\n[hand]\n[playout]\n[actuator]\n",
 }
+
+USB_HANDLE = """
+from mmt.core.extras import require
+
+def handle():
+    require("usb")
+"""
 
 SURFACES = "surface is 'velvet', allowed are plastic, mesh, fabric"
 CUT_OFF = "it ends before it was finished; save what is readable with: mmt session recover"
@@ -131,6 +145,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     directory = tmp_path_factory.mktemp("mistakes")
     for name, text in SCENES.items():
         (directory / f"{name}.toml").write_text(text)
+    (directory / "usb_handle.py").write_text(USB_HANDLE)
     frames = made_frames(0, 200)
     write_session(directory / "whole.mcap", frames)
     export_session(RecordedSession(frames), directory / "whole.csv")
@@ -157,16 +172,32 @@ def run(
     return code, *capsys.readouterr()
 
 
+LACKING = {
+    "virtual-arm": ("rtde_control", "need ur-rtde"),
+    "no-handle.toml": ("usb", "need pyusb"),
+    "no-actuator.toml": ("sounddevice", "needs sounddevice"),
+}
+"""By the scene: the package that is not there, and how its lack is told."""
+
+
+@pytest.mark.parametrize("scene", LACKING)
 def test_a_demo_whose_driver_lacks_its_package_starts_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    scene: str,
+    folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
+    package, sentence = LACKING[scene]
     monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(folder)
     monkeypatch.setattr(
-        extras, "find_spec", lambda name: None if name == "rtde_control" else find_spec(name)
+        extras, "find_spec", lambda name: None if name == package else find_spec(name)
     )
-    code, _, stderr = run("mmt demo virtual-arm", monkeypatch, capsys)
+    named = folder / scene if scene.endswith(".toml") else scene
+    code, _, stderr = run(f"mmt demo {named}", monkeypatch, capsys)
     assert code == 2
-    assert "need ur-rtde, which is not installed; install it with: " in stderr
+    assert f"{sentence}, which is not installed; install it with: " in stderr
     assert list(tmp_path.iterdir()) == []
 
 

@@ -20,6 +20,7 @@ from mmt.core.errors import InputError, MmtError
 from mmt.core.existing_files import free_path
 from mmt.core.extras import require
 from mmt.core.realtime import require_real_time
+from mmt.devices.drivers import load_device
 from mmt.follower.sources import build_source
 from mmt.scene import Scene
 from mmt.scene.files import load_scene
@@ -125,9 +126,13 @@ def _report(
 
 
 def _check(scene: Scene, directory: Path) -> None:
-    """Find out what the follower cannot use, and where nothing can be written, beforehand."""
+    """Find out what the services cannot use, and where nothing can be written, beforehand."""
     if scene.source is not None:
         build_source(scene).close()
+    if scene.handle is not None:
+        load_device(scene.handle.driver, scene.handle.options, role="handle").close()
+    if scene.actuator is not None and scene.actuator.driver is not None:
+        load_device(scene.actuator.driver, scene.actuator.options, role="actuator").close()
     try:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:

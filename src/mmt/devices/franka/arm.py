@@ -13,7 +13,6 @@ import time
 from typing import Any, Final, NamedTuple
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
-from mmt.core.extras import require
 from mmt.core.realtime import follow_real_time
 from mmt.devices.franka.control import PositionControl
 from mmt.devices.franka.options import ArmOptions
@@ -190,11 +189,10 @@ def enter(options: ArmOptions) -> Arm:
     Raises
     ------
     InputError
-        The library is not installed, or the drivers of one arm do not agree.
+        The drivers of one arm do not agree.
     MmtError
         The arm cannot be used; the message says why.
     """
-    require("franky")
     arm = _take_part(options, importlib.import_module("franky"))
     try:
         if arm.ready.wait(_CONNECT_S):

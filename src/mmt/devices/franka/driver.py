@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any, Final, Generic, TypeVar
 
 from mmt.core.errors import DeviceLost, InputError
+from mmt.core.extras import require
 from mmt.devices.axes import Axes
 from mmt.devices.drivers import read_options
 from mmt.devices.franka.arm import Arm, ArmState, enter, leave
@@ -27,6 +28,7 @@ class _ArmDriver(Generic[AnyOptions]):
     """What both drivers share: their part in the connection."""
 
     def __init__(self, options: AnyOptions) -> None:
+        require("franky")
         self._options = options
         self._arm: Arm | None = None
         self._counts: Counter[str] = Counter()
@@ -74,7 +76,7 @@ class FrankaRobot(_ArmDriver[RobotOptions]):
     Raises
     ------
     InputError
-        An option is not allowed.
+        An option is not allowed, or franky-control is not installed.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -137,7 +139,7 @@ class FrankaForce(_ArmDriver[ArmOptions]):
     Raises
     ------
     InputError
-        An option is not allowed.
+        An option is not allowed, or franky-control is not installed.
     """
 
     def __init__(self, **options: Any) -> None:

@@ -130,9 +130,11 @@ def haptuator_sound(**options: Any) -> "SoundHaptuator":
     Raises
     ------
     InputError
-        An option is not allowed.
+        An option is not allowed, or sounddevice is not installed.
     """
-    return SoundHaptuator(read_options(SoundOptions, DRIVER, options))
+    checked = read_options(SoundOptions, DRIVER, options)
+    require("sounddevice")
+    return SoundHaptuator(checked)
 
 
 class SoundHaptuator(HaptuatorDriver):
