@@ -6,7 +6,7 @@ from typing import Final
 
 import serial
 
-from mmt.core.errors import DeviceLost, MmtError
+from mmt.core.errors import MmtError
 from mmt.devices.ati.digital_registers import DEVICE
 from mmt.devices.ati.digital_wire import (
     LONGEST_READ,
@@ -18,72 +18,28 @@ from mmt.devices.ati.digital_wire import (
     registers_of,
     write_request,
 )
-from mmt.devices.serial_ports import open_port, read_waiting
+from mmt.devices.sensor_line import SensorLine
 
 _ANSWER_S: Final = 0.15
 _ATTEMPTS: Final = 3
 _JAM: Final = bytes(72)
 _QUIET_S: Final = 0.5
 """The device takes so long to leave its stream."""
-_LARGEST: Final = 4096
 
 
-class DigitalLine:
-    """The line, once it is open.
-
-    Parameters
-    ----------
-    port
-        As ``/dev/ttyUSB0``.
-    baud
-        Bits a second.
-    name
-        What a person calls the device.
-
-    Raises
-    ------
-    MmtError
-        The port cannot be opened.
-    """
+class DigitalLine(SensorLine):
+    """The line, once it is open; see `SensorLine`."""
 
     def __init__(self, port: str, baud: int, name: str) -> None:
-        self._name = name
+        super().__init__(port, baud, name, parity=serial.PARITY_EVEN)
         self._baud = baud
         self._surplus = b""
         self._garbage = 0  # bytes that were no answers
-        try:
-            self._serial = open_port(port, baud, parity=serial.PARITY_EVEN, write_timeout=1)
-        except MmtError as error:
-            raise MmtError(f"{name}: its serial port: {error}") from error
 
     def read(self) -> bytes:
-        """Return what has come, without waiting.
-
-        Raises
-        ------
-        DeviceLost
-            The port is gone.
-        """
-        try:
-            received = read_waiting(self._serial, _LARGEST)
-        except (OSError, TypeError) as error:  # TypeError: pyserial, when it is closed meanwhile
-            raise self._lost(error) from error
-        if self._surplus:
-            received, self._surplus = self._surplus + received, b""
+        """Return what has come, without waiting; see `SensorLine`."""
+        received, self._surplus = self._surplus + super().read(), b""
         return received
-
-    def write(self, content: bytes) -> None:
-        """Send bytes.
-
-        Raises
-        ------
-        DeviceLost
-            The port is gone.
-        """
-        try:
-            self._serial.write(content)
-        except OSError as error:
-            raise self._lost(error) from error
 
     def read_registers(self, start: int, count: int) -> list[int]:
         """Read registers, in as many requests as it takes.
@@ -154,8 +110,7 @@ class DigitalLine:
         if self._serial.is_open:
             with contextlib.suppress(OSError, MmtError):
                 self.write(_JAM)
-            with contextlib.suppress(OSError):
-                self._serial.close()
+        super().close()
 
     def _await(self, length: int) -> bytes:
         received = b""
@@ -177,6 +132,3 @@ class DigitalLine:
             f"it does not answer at {self._baud} baud: check its power, the cable, that A and B of "
             "the RS-485 adapter are not swapped, and 'baud'"
         )
-
-    def _lost(self, error: Exception) -> DeviceLost:
-        return DeviceLost(f"{self._name}: the port is gone ({error}); plug the adapter in again")

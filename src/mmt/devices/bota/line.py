@@ -3,16 +3,15 @@
 import time
 from typing import Final
 
-from mmt.core.errors import DeviceLost, MmtError
+from mmt.core.errors import MmtError
 from mmt.devices.bota.frames import ANSWER
-from mmt.devices.serial_ports import close_port, open_port, read_waiting
+from mmt.devices.sensor_line import SensorLine
 
 _ANSWER_S: Final = 0.5
 _ATTEMPTS: Final = 4
 """So long that a sensor which has just got its power has started in between."""
 _BETWEEN_BYTES_S: Final = 0.005
 """The vendor's driver sends commands no faster; they have no end mark."""
-_AT_ONCE: Final = 4096
 _KEPT: Final = 8192
 
 
@@ -20,45 +19,13 @@ class NoAnswer(MmtError):  # noqa: N818 - its message names what came
     """The sensor has not answered a command."""
 
 
-class BotaLine:
-    """The line, once it is open.
-
-    Parameters
-    ----------
-    port
-        As ``/dev/ttyUSB0``.
-    baud
-        Bits a second.
-    name
-        What a person calls the device.
-
-    Raises
-    ------
-    MmtError
-        The port cannot be opened.
-    """
+class BotaLine(SensorLine):
+    """The line, once it is open; see `SensorLine`."""
 
     def __init__(self, port: str, baud: int, name: str) -> None:
-        self._name = name
+        super().__init__(port, baud, name)
         self.received = bytearray()
         """The newest bytes that came, for saying what is wrong."""
-        try:
-            self._serial = open_port(port, baud, write_timeout=1)
-        except MmtError as error:
-            raise MmtError(f"{name}: its serial port: {error}") from error
-
-    def read(self) -> bytes:
-        """Return what has come, without waiting.
-
-        Raises
-        ------
-        DeviceLost
-            The port is gone.
-        """
-        try:
-            return read_waiting(self._serial, _AT_ONCE)
-        except (OSError, TypeError) as error:  # TypeError: pyserial, when it is closed meanwhile
-            raise self._lost(error) from error
 
     def note(self, content: bytes) -> None:
         """Keep bytes for saying what is wrong, the newest of them."""
@@ -77,7 +44,7 @@ class BotaLine:
         """
         for _ in range(_ATTEMPTS):
             self.note(self.read())
-            self._write(command)
+            self._send(command)
             code = self._await_answer(command[0])
             if code == "0":
                 return
@@ -88,17 +55,10 @@ class BotaLine:
                 )
         raise NoAnswer(f"{self._name}: it does not answer the command {command!r}")
 
-    def close(self) -> None:
-        """Close the port; calling it twice is harmless."""
-        close_port(self._serial)
-
-    def _write(self, command: str) -> None:
-        try:
-            for character in command:
-                self._serial.write(character.encode("ascii"))
-                time.sleep(_BETWEEN_BYTES_S)
-        except OSError as error:
-            raise self._lost(error) from error
+    def _send(self, command: str) -> None:
+        for character in command:
+            self.write(character.encode("ascii"))
+            time.sleep(_BETWEEN_BYTES_S)
 
     def _await_answer(self, command: str) -> str:
         """Return the code of the answer to a command, empty where none came."""
@@ -113,6 +73,3 @@ class BotaLine:
                     return answer[2].decode("ascii")
             time.sleep(0.001)
         return ""
-
-    def _lost(self, error: Exception) -> DeviceLost:
-        return DeviceLost(f"{self._name}: the port is gone ({error}); plug the adapter in again")
