@@ -3,13 +3,11 @@
 import itertools
 import logging
 import shutil
-import sys
 import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
+from iio_drivers import LEVEL, Drivers, emulated_adxl345, emulated_iio, iio_drivers  # noqa: F401 - fixtures
 from sensor_reading import read_some, read_until, read_until_fault
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
@@ -18,49 +16,11 @@ from mmt.devices.drivers import load_device
 from mmt.devices.iio.driver import IioAccelerometer
 from mmt.devices.iio.options import IioOptions
 from mmt.devices.protocols import ArrivalStamping
-
-if sys.platform != "linux":
-    pytest.skip("industrial I/O is a part of Linux", allow_module_level=True)
-
 from mmt.testing.emulated.iio import EmulatedIio
-from mmt.testing.emulated.iio_chips import ADXL345
 
-LEVEL = (0.5, -0.25, GRAVITY_M_S2)
 NEAR = pytest.approx(LEVEL, abs=0.15)
 PERIOD_NS = 500_000
 EN = "scan_elements/in_accel_x_en"
-
-Drivers = Callable[..., IioAccelerometer]
-
-
-@pytest.fixture
-def emulated() -> Iterator[EmulatedIio]:
-    made = EmulatedIio(lambda _time_ns: LEVEL)
-    made.start()
-    yield made
-    made.stop()
-
-
-@pytest.fixture
-def adxl345() -> Iterator[EmulatedIio]:
-    made = EmulatedIio(lambda _time_ns: LEVEL, ADXL345)
-    made.start()
-    yield made
-    made.stop()
-
-
-@pytest.fixture
-def drivers() -> Iterator[Drivers]:
-    made: list[IioAccelerometer] = []
-
-    def make(emulated: EmulatedIio, **options: Any) -> IioAccelerometer:
-        sensor = load_device("iio-accelerometer", {**emulated.options, **options})
-        made.append(sensor)
-        return sensor
-
-    yield make
-    for sensor in made:
-        sensor.close()
 
 
 @pytest.fixture

@@ -2,57 +2,13 @@
 
 import os
 import shutil
-import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
+from iio_drivers import emulated_adxl345, emulated_iio, iio_drivers  # noqa: F401 - fixtures
 
 from mmt.core.errors import InputError, MmtError
 from mmt.devices.discovery import FoundPort, find_iio_accelerometers
-from mmt.devices.drivers import load_device
-from mmt.devices.iio.driver import IioAccelerometer
-
-if sys.platform != "linux":
-    pytest.skip("industrial I/O is a part of Linux", allow_module_level=True)
-
-from mmt.testing.emulated.iio import EmulatedIio
-from mmt.testing.emulated.iio_chips import ADXL345
-
-LEVEL = (0.5, -0.25, 9.80665)
-
-Drivers = Callable[..., IioAccelerometer]
-
-
-@pytest.fixture
-def emulated() -> Iterator[EmulatedIio]:
-    made = EmulatedIio(lambda _time_ns: LEVEL)
-    made.start()
-    yield made
-    made.stop()
-
-
-@pytest.fixture
-def adxl345() -> Iterator[EmulatedIio]:
-    made = EmulatedIio(lambda _time_ns: LEVEL, ADXL345)
-    made.start()
-    yield made
-    made.stop()
-
-
-@pytest.fixture
-def drivers() -> Iterator[Drivers]:
-    made: list[IioAccelerometer] = []
-
-    def make(emulated: EmulatedIio, **options: Any) -> IioAccelerometer:
-        sensor = load_device("iio-accelerometer", {**emulated.options, **options})
-        made.append(sensor)
-        return sensor
-
-    yield make
-    for sensor in made:
-        sensor.close()
 
 
 def test_what_is_not_there_is_told_with_what_is(emulated, drivers, tmp_path) -> None:
