@@ -63,7 +63,49 @@ class _Use:
         self.session.release(self)
 
 
-class MmtRobot(Robot):
+class _SessionDevice:
+    """A device of LeRobot that uses the session of leader and follower; its class sets `_use`."""
+
+    _use: _Use
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the session runs, and this device uses it."""
+        return self._use.connected
+
+    def connect(self, calibrate: bool = True) -> None:  # noqa: ARG002 - the session does it
+        """Start the session unless the other device has, and wait for the first frame.
+
+        Raises
+        ------
+        DeviceNotConnectedError
+            It cannot begin; the message says why.
+        """
+        self._use.connect()
+
+    @property
+    def is_calibrated(self) -> bool:
+        """Always: leader and follower calibrate their devices at each start."""
+        return True
+
+    def calibrate(self) -> None:
+        """Do nothing, see `is_calibrated`."""
+
+    def configure(self) -> None:
+        """Do nothing: the scene says how devices are set."""
+
+    def disconnect(self) -> None:
+        """End the session, unless the other device still uses it.
+
+        Raises
+        ------
+        DeviceNotConnectedError
+            The device is not connected.
+        """
+        self._use.disconnect()
+
+
+class MmtRobot(_SessionDevice, Robot):
     """The follower's robot: its measured state, and the command that it follows.
 
     With ``moved_by="hand"`` the leader commands it at 1 kHz as the scene's hand moves, and
@@ -104,32 +146,6 @@ class MmtRobot(Robot):
         """Commanded position (mm)."""
         return dict.fromkeys(ACTION_NAMES, float)
 
-    @property
-    def is_connected(self) -> bool:
-        """Whether the session runs, and this robot uses it."""
-        return self._use.connected
-
-    def connect(self, calibrate: bool = True) -> None:  # noqa: ARG002 - the follower does it
-        """Start the session unless the teleoperator has, and wait for the first frame.
-
-        Raises
-        ------
-        DeviceNotConnectedError
-            It cannot begin; the message says why.
-        """
-        self._use.connect()
-
-    @property
-    def is_calibrated(self) -> bool:
-        """Always: the follower takes the biases of its devices at each start."""
-        return True
-
-    def calibrate(self) -> None:
-        """Do nothing, see `is_calibrated`."""
-
-    def configure(self) -> None:
-        """Do nothing: the scene says how devices are set."""
-
     def get_observation(self) -> dict[str, float]:
         """Return the newest state.
 
@@ -165,18 +181,8 @@ class MmtRobot(Robot):
                 )
             return _action(session.command())
 
-    def disconnect(self) -> None:
-        """End the session, unless the teleoperator still uses it.
 
-        Raises
-        ------
-        DeviceNotConnectedError
-            The robot is not connected.
-        """
-        self._use.disconnect()
-
-
-class MmtTeleoperator(Teleoperator):
+class MmtTeleoperator(_SessionDevice, Teleoperator):
     """The leader's hand; the force that it feels comes from mmt's own loop at 1 kHz.
 
     Parameters
@@ -208,12 +214,7 @@ class MmtTeleoperator(Teleoperator):
         """None: LeRobot gives the hand nothing to feel."""
         return {}
 
-    @property
-    def is_connected(self) -> bool:
-        """Whether the session runs, and this teleoperator uses it."""
-        return self._use.connected
-
-    def connect(self, calibrate: bool = True) -> None:  # noqa: ARG002 - the leader does it
+    def connect(self, calibrate: bool = True) -> None:
         """Start the session unless the robot has, and wait for the first frame.
 
         Raises
@@ -228,18 +229,7 @@ class MmtTeleoperator(Teleoperator):
                 "with --robot.moved_by=actions there is no hand for --teleop.type=mmt: leave one "
                 "of them out"
             )
-        self._use.connect()
-
-    @property
-    def is_calibrated(self) -> bool:
-        """Always: the leader calibrates the handle at each start."""
-        return True
-
-    def calibrate(self) -> None:
-        """Do nothing, see `is_calibrated`."""
-
-    def configure(self) -> None:
-        """Do nothing: the scene says how devices are set."""
+        super().connect(calibrate)
 
     def get_action(self) -> dict[str, float]:
         """Return the position (mm) that the hand commands.
@@ -270,16 +260,6 @@ class MmtTeleoperator(Teleoperator):
                 f"{', '.join(feedback)}: the hand feels what [force_feedback] of the scene gives, "
                 "at 1 kHz; LeRobot cannot add to it"
             )
-
-    def disconnect(self) -> None:
-        """End the session, unless the robot still uses it.
-
-        Raises
-        ------
-        DeviceNotConnectedError
-            The teleoperator is not connected.
-        """
-        self._use.disconnect()
 
 
 def _position(action: Mapping[str, Any]) -> Vector:
