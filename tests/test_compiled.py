@@ -1,5 +1,4 @@
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -31,33 +30,6 @@ MODELLING = """
 [texture]
 [rendering]
 """
-
-FIRST_START = """
-import json, sys
-from pathlib import Path
-from numba.core.dispatcher import Dispatcher
-from mmt.core.kernel_cache import compile_kernels
-from mmt.leader.part import Session
-from mmt.leader.parts import build_parts, first_numerics_of, numerics_of
-from mmt.scene.files import load_scene
-
-whole, compiled = Dispatcher.compile, []
-
-def compile_noted(self, signature):
-    entry = whole(self, signature)
-    if not self.stats.cache_hits:
-        compiled.append(self.py_func.__qualname__)
-    return entry
-
-Dispatcher.compile = compile_noted
-scene, told = load_scene(Path(sys.argv[1])), []
-compilation = compile_kernels(numerics_of(scene), told.append, first_numerics_of(scene))
-if compilation is not None:
-    compilation.finish()
-build_parts(Session(scene))
-print(json.dumps([told, compiled]))
-"""
-"""Have what a scene needs compiled, load its parts, and tell what was compiled in this process."""
 
 ASKED_FOR = """
 import json, sys
@@ -124,27 +96,6 @@ def test_kernels_that_are_collected_are_compiled_when_they_are_asked_for(
     assert are_cached(kernels)
     assert doubled(3.0) == 6.0
     assert collect_kernels(["doubled_numerics"]) == {}
-
-
-def test_a_scene_finds_its_kernels_compiled_by_processes_beside_each_other(tmp_path: Path) -> None:
-    (tmp_path / "scene.toml").write_text(SAVED_MODEL)
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
-    runs = [
-        subprocess.run(
-            [sys.executable, "-c", FIRST_START, tmp_path / "scene.toml"],
-            check=True,
-            capture_output=True,
-            text=True,
-            env=environment,
-            timeout=150,
-        )
-        for _ in range(2)
-    ]
-    (told, compiled), (told_again, compiled_again) = (json.loads(run.stdout) for run in runs)
-    assert len(told) == 1
-    assert told[0].startswith("compiling the numerics, at the first start only")
-    assert compiled == []
-    assert (told_again, compiled_again) == ([], [])
 
 
 @pytest.mark.parametrize("scene", [SAVED_MODEL, MODELLING], ids=["saved model", "modelling"])

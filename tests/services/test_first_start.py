@@ -1,16 +1,61 @@
-"""The first start, on a machine that has compiled nothing yet."""
+"""The first start, on a machine that has compiled nothing yet, and that of another scene."""
 
+import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
+import pytest
 from service_processes import scene, session
 
 import mmt
 
+SAVED_MODEL = """
+[rendering]
+model = "oak"
+[hand]
+[actuator]
+"""
+
+FIRST_START = """
+import json, sys
+from pathlib import Path
+from numba.core.dispatcher import Dispatcher
+from mmt.core.kernel_cache import compile_kernels
+from mmt.leader.part import Session
+from mmt.leader.parts import build_parts, first_numerics_of, numerics_of
+from mmt.scene.files import load_scene
+
+whole, compiled = Dispatcher.compile, []
+
+def compile_noted(self, signature):
+    entry = whole(self, signature)
+    if not self.stats.cache_hits:
+        compiled.append(self.py_func.__qualname__)
+    return entry
+
+Dispatcher.compile = compile_noted
+scene, told = load_scene(Path(sys.argv[1])), []
+compilation = compile_kernels(numerics_of(scene), told.append, first_numerics_of(scene))
+if compilation is not None:
+    compilation.finish()
+build_parts(Session(scene))
+print(json.dumps([told, compiled]))
+"""
+"""Have what a scene needs compiled, load its parts, and tell what was compiled in this process."""
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the numerics are compiled to; the demo does not compile all that a saved model has."""
+    return tmp_path_factory.mktemp("cache")
+
 
 def test_a_first_session_begins_before_modelling_is_compiled_and_is_modelled_whole(
-    tmp_path: Path,
+    cache: Path, tmp_path: Path
 ) -> None:
-    cache, recording = tmp_path / "cache", tmp_path / "session.mcap"
+    recording = tmp_path / "session.mcap"
     arguments = ("--duration", 4, "--record", recording)
     with session(tmp_path, "demo", *arguments, NUMBA_CACHE_DIR=str(cache)) as (leader, follower):
         compiled = set(cache.rglob("*.nbi"))
@@ -27,3 +72,26 @@ def test_a_first_session_begins_before_modelling_is_compiled_and_is_modelled_who
     assert expected is not None
     assert texture["updates"] == len(recorded.frames) // 1000
     assert model == expected.to_bytes()
+
+
+def test_a_scene_finds_its_kernels_compiled_by_processes_beside_each_other(
+    cache: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "scene.toml").write_text(SAVED_MODEL)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache)}
+    runs = [
+        subprocess.run(
+            [sys.executable, "-c", FIRST_START, tmp_path / "scene.toml"],
+            check=True,
+            capture_output=True,
+            text=True,
+            env=environment,
+            timeout=150,
+        )
+        for _ in range(2)
+    ]
+    (told, compiled), (told_again, compiled_again) = (json.loads(run.stdout) for run in runs)
+    assert len(told) == 1
+    assert told[0].startswith("compiling the numerics, at the first start only")
+    assert compiled == []
+    assert (told_again, compiled_again) == ([], [])
