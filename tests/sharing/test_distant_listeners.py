@@ -108,8 +108,7 @@ async def test_troubles_disturb_nobody() -> None:
         troubled = Troubled(sharing.url, 1)
         running = asyncio.create_task(troubled.run(60.0))
         await until(lambda: len(sharing.relay.listeners) >= STEADY + 1)
-        for kind in ("rubbish", "visits", "vanished"):
-            await troubled.make(kind)
+        await asyncio.gather(*map(troubled.make, ("rubbish", "visits", "vanished")))
         sharing.publish(11)
         await until(lambda: heard.models[-1:] == [2])
         await asyncio.sleep(0.5)
