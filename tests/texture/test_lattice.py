@@ -126,7 +126,7 @@ def test_the_power_is_the_models_while_the_filter_changes_at_every_sample(spread
     assert np.abs(output).max() < 7 * np.sqrt(power.max())
 
 
-@pytest.mark.parametrize("radius", [0.999, 0.9999, 0.999999])
+@pytest.mark.parametrize("radius", [0.999, 0.999999])
 @pytest.mark.parametrize("order", [10, 16, 24, 64])
 def test_clustered_poles_at_the_unit_circle_keep_their_power(radius, order):
     """The direct form diverges here from order 16 on."""
