@@ -46,6 +46,12 @@ def figures(outcomes) -> dict[str, dict[str, object]]:
     return found
 
 
+@pytest.fixture(scope="module")
+def by_processes(session) -> dict[str, dict[str, object]]:
+    """What two processes of this machine find."""
+    return figures(run_locally(jobs_of(session), {str(session.path): session}, 2))
+
+
 def test_every_combination_is_made_once_with_the_types_of_toml():
     assert combinations(["texture.order=8,auto", "texture.stationarity=0.1, 1e-1"]) == [
         {"texture.order": 8, "texture.stationarity": 0.1},
@@ -138,12 +144,10 @@ def test_a_file_that_is_no_sweep_is_refused(tmp_path):
         SweepResults(tmp_path / "file")
 
 
-def test_processes_give_the_numbers_of_this_one(session):
-    jobs = jobs_of(session)
-    here = {job.key: evaluate_job(session, job) for job in jobs}
-    found = figures(run_locally(jobs, {str(session.path): session}, 2))
-    assert set(found) == set(here)
-    for key, content in found.items():
+def test_processes_give_the_numbers_of_this_one(session, by_processes):
+    here = {job.key: evaluate_job(session, job) for job in jobs_of(session)}
+    assert set(by_processes) == set(here)
+    for key, content in by_processes.items():
         assert content == {name: here[key][name] for name in content}
 
 
@@ -157,7 +161,7 @@ def test_a_session_that_cannot_be_evaluated_fails_alone(session):
     assert outcomes["empty.mcap"].evaluation is None
 
 
-def test_a_dask_cluster_gives_the_numbers_of_local_processes(session):
+def test_a_dask_cluster_gives_the_numbers_of_local_processes(session, by_processes):
     distributed = pytest.importorskip("distributed", reason="the extra dask is not installed")
     jobs, sessions = jobs_of(session), {str(session.path): session}
     with distributed.LocalCluster(
@@ -169,7 +173,7 @@ def test_a_dask_cluster_gives_the_numbers_of_local_processes(session):
         protocol="tcp",
     ) as cluster:
         on_dask = figures(run_on_dask(jobs, sessions, cluster.scheduler_address))
-    assert on_dask == figures(run_locally(jobs, sessions, 1))
+    assert on_dask == by_processes
 
 
 def test_a_scheduler_that_does_not_answer_is_said(session, monkeypatch):
