@@ -2,11 +2,16 @@
 
 import logging
 import math
+import os
+import signal
 import socket
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import psutil
 import pytest
 from emulated_arm import until
 
@@ -15,6 +20,7 @@ from mmt.devices.drivers import load_device
 from mmt.testing.emulated.inverse3 import REST_MM, EmulatedInverse3
 from mmt.testing.emulated.inverse3_tip import EmulatedTip
 
+PROCESS = "mmt.devices.haply.process"
 TWO = {"049D": EmulatedTip(REST_MM), "04BA": EmulatedTip(REST_MM)}
 
 
@@ -38,7 +44,13 @@ def make(service: EmulatedInverse3) -> Iterator[Callable[..., Any]]:
     yield device
     for each in made:
         each.close()
-    assert not [thread for thread in threading.enumerate() if thread.name == "inverse3"]
+    assert not conversations()
+
+
+def conversations(parent: int | None = None) -> list[psutil.Process]:
+    """Return the processes that talk with a service for a process, by default this one."""
+    children = psutil.Process(parent).children()
+    return [child for child in children if PROCESS in child.cmdline()]
 
 
 def connected(device: Any) -> Any:
@@ -240,6 +252,74 @@ def test_a_short_interruption_is_survived_and_counted(device, service) -> None:
     service.fail("nan", on=False)
     heard = service.heard
     until(lambda: service.heard > heard + 20, device.position)
+
+
+# --- its process
+
+
+def test_a_process_that_dies_is_a_device_that_is_lost_and_comes_back(device, service) -> None:
+    (process,) = conversations()
+    process.kill()
+    lost(device, "the process that talks with ws://.* has ended")
+    device.connect()
+    assert device.position() == pytest.approx((0.0, 0.0, 0.0))
+
+
+def test_a_process_that_stands_still_holds_up_no_call(make, service) -> None:
+    robot = connected(make("robot", timeout_ms=50))
+    robot.position = robot.read
+    (process,) = conversations()
+    process.suspend()
+    for tick in range(5000):  # more than the pipe holds
+        robot.write((0.001 * tick, 0.0, 0.0))
+    lost(robot, "nothing has come from the process")
+    process.kill()
+
+
+HOLDING = """
+import sys, time
+from mmt.devices.drivers import load_device
+handle = load_device("inverse3", {"address": sys.argv[1], "timeout_ms": 2000}, role="handle")
+handle.connect()
+while True:
+    handle.write((0.0, 0.0, 1.0))
+    time.sleep(0.001)
+"""
+
+
+@pytest.fixture
+def holder(service: EmulatedInverse3) -> Iterator[subprocess.Popen[bytes]]:
+    """Another program that displays a force."""
+    service.tip.hold(REST_MM, 20.0)
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLDING, service.options["address"]], stderr=subprocess.DEVNULL
+    ) as program:
+        until(lambda: service.look().motor_n == pytest.approx((0.0, 0.0, 1.0)))
+        yield program
+        program.kill()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are for Linux and macOS")
+def test_the_force_fades_while_the_program_stands_still_and_comes_back(holder, service) -> None:
+    shown: list[float] = []
+    holder.send_signal(signal.SIGSTOP)
+    until(lambda: service.look().motor_n[2] == 0.0, lambda: shown.append(service.look().motor_n[2]))
+    assert any(0.1 < force_n < 0.9 for force_n in shown)  # by a ramp
+    heard = service.heard
+    until(lambda: service.heard > heard + 20)  # the conversation goes on
+    holder.send_signal(signal.SIGCONT)
+    until(lambda: service.look().motor_n == pytest.approx((0.0, 0.0, 1.0)))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are for Linux and macOS")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_however_a_program_ends_no_process_and_no_force_is_left(number, holder, service) -> None:
+    (process,) = conversations(holder.pid)
+    os.kill(holder.pid, number)
+    holder.wait()
+    psutil.wait_procs([process], timeout=20.0)
+    assert not process.is_running()
+    assert service.look().motor_n == (0.0, 0.0, 0.0)
 
 
 # --- refused when it starts

@@ -16,8 +16,14 @@ from mmt.devices.drivers import load_device, roles_of
 from mmt.devices.hand_force import HandForceOptions
 from mmt.devices.haply.messages import NAMES, OtherFormatError, listed, parse, version_of
 from mmt.devices.haply.options import HandleOptions, RobotOptions
-from mmt.devices.haply.robot import PositionServo
-from mmt.devices.haply.servo import ABSENT, UNCALIBRATED, UNREADABLE, ForceServo, Found
+from mmt.devices.haply.servo import (
+    ABSENT,
+    UNCALIBRATED,
+    UNREADABLE,
+    ForceServo,
+    Found,
+    PositionServo,
+)
 from mmt.devices.plausibility import JUMP, NOT_FINITE, OUT_OF_REACH
 
 MS = 1_000_000
@@ -45,7 +51,8 @@ def handle(clock: Clock, names: str = "3.5") -> ForceServo:
 
 
 def robot(clock: Clock, **options: float) -> PositionServo:
-    return PositionServo(Found("049D", NAMES["3.5"], entry()), RobotOptions(**options), clock)
+    given = {"speed_limit_mm_s": 500.0, "lead_limit_mm": 10.0, **options}
+    return PositionServo(Found("049D", NAMES["3.5"], entry()), 50.0, **given, clock=clock)
 
 
 def said(text: str) -> dict:
@@ -124,7 +131,7 @@ def test_positions_and_velocities_are_taken_in_millimetres() -> None:
 def test_an_answer_that_makes_no_sense_is_counted_and_takes_the_force_away(text, problem) -> None:
     clock = Clock()
     servo = handle(clock)
-    servo.force_n = (0.0, 0.0, 2.0)
+    servo.command = (0.0, 0.0, 2.0)
     for _ in range(200):
         clock.now_ns += MS
         servo.command_ns = clock()
@@ -176,7 +183,7 @@ def test_no_answer_ends_the_conversation_or_moves_the_device(message: object) ->
 def test_the_force_fades_when_commands_stop_and_comes_back_as_slowly() -> None:
     clock = Clock()
     servo = handle(clock)
-    servo.force_n = (1.0, 0.0, 0.0)
+    servo.command = (1.0, 0.0, 0.0)
     shown = []
     for tick in range(600):
         clock.now_ns += MS
@@ -197,7 +204,7 @@ def test_the_point_starts_at_the_tip_and_moves_at_a_bounded_speed() -> None:
     clock = Clock()
     servo = robot(clock, speed_limit_mm_s=100.0, lead_limit_mm=100.0)
     assert "set_cursor_force" in said(servo.speak(clock()))  # it is limp before the first command
-    servo.target_mm = (50.0, -150.0, 150.0)
+    servo.command = (50.0, -150.0, 150.0)
     at = [0.0]
     for _ in range(700):
         clock.now_ns += MS
@@ -213,7 +220,7 @@ def test_the_point_starts_at_the_tip_and_moves_at_a_bounded_speed() -> None:
 def test_the_point_leads_the_tip_by_no_more_than_its_limit() -> None:
     clock = Clock()
     servo = robot(clock, lead_limit_mm=4.0)
-    servo.target_mm = (50.0, -150.0, 150.0)
+    servo.command = (50.0, -150.0, 150.0)
     for tick in range(400):
         clock.now_ns += MS
         servo.command_ns = clock()
@@ -226,7 +233,7 @@ def test_the_point_leads_the_tip_by_no_more_than_its_limit() -> None:
 def test_a_tip_that_does_not_move_although_it_is_pulled_ends_the_connection() -> None:
     clock = Clock()
     servo = robot(clock, lead_limit_mm=4.0)
-    servo.target_mm = (50.0, -150.0, 150.0)
+    servo.command = (50.0, -150.0, 150.0)
     for _ in range(600):
         clock.now_ns += MS
         servo.command_ns = clock()
@@ -235,7 +242,7 @@ def test_a_tip_that_does_not_move_although_it_is_pulled_ends_the_connection() ->
     assert servo.fault.startswith("a position that stays the same")
     assert "set_cursor_force" in said(servo.speak(clock()))
     near = robot(clock)
-    near.target_mm = (3.0, -150.0, 150.0)  # held by friction close to its target
+    near.command = (3.0, -150.0, 150.0)  # held by friction close to its target
     for _ in range(2000):
         clock.now_ns += MS
         near.command_ns = clock()
@@ -247,7 +254,7 @@ def test_a_tip_that_does_not_move_although_it_is_pulled_ends_the_connection() ->
 def test_an_arm_without_fresh_commands_is_limp_and_starts_anew_where_it_is() -> None:
     clock = Clock()
     servo = robot(clock)
-    servo.target_mm, servo.command_ns = (50.0, -150.0, 150.0), clock()
+    servo.command, servo.command_ns = (50.0, -150.0, 150.0), clock()
     clock.now_ns += 5 * MS
     assert "set_cursor_position" in said(servo.speak(clock()))
     clock.now_ns += 60 * MS

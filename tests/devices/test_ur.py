@@ -247,7 +247,7 @@ def test_a_pose_that_stays_where_it_is_is_an_arm_that_does_not_follow(lab: Lab) 
 def process_of(lab: Lab) -> Any:
     link = sharing._ARMS[lab.controller.host]._link
     assert link is not None
-    return link._process
+    return link._process.child
 
 
 def test_a_process_that_dies_leaves_an_arm_that_its_watchdog_stops(lab: Lab) -> None:

@@ -15,9 +15,8 @@ import pytest
 from mmt.core.errors import InputError, MmtError
 from mmt.devices import discovery
 from mmt.devices.drivers import load_device
-from mmt.devices.universal_robots import dashboard, messages
+from mmt.devices.universal_robots import dashboard
 from mmt.devices.universal_robots.frame import SceneFrame, rotation_matrix
-from mmt.devices.universal_robots.messages import State
 from mmt.devices.universal_robots.servo import ServoPoint, ServoSettings
 from mmt.testing.emulated.universal_robots import rtde
 from mmt.testing.emulated.universal_robots.arm import (
@@ -110,19 +109,7 @@ def test_a_pressed_tip_is_sent_no_deeper_but_along_the_surface_and_back() -> Non
     )
 
 
-# --- messages and packages
-
-
-def test_messages_come_out_whole_however_they_were_cut() -> None:
-    state = State(12.5, (0.1, 0.2, 0.3), (1.0, 2.0, 3.0))
-    sent = messages.pack_state(state) + messages.pack(messages.LOST, "why")
-    received, found = bytearray(), []
-    for byte in sent:
-        received.append(byte)
-        found += messages.messages(received)
-    assert [kind for kind, _ in found] == [messages.STATE, messages.LOST]
-    assert messages.unpack_state(found[0][1]) == state
-    assert found[1][1] == b"why"
+# --- packages
 
 
 def test_packages_of_rtde_come_out_whole_however_they_were_cut() -> None:

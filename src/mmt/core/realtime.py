@@ -40,13 +40,18 @@ def be_real_time() -> None:
     _TICKS.set()
 
 
+def ticks_in_real_time() -> bool:
+    """Whether a thread of this process has called `be_real_time`."""
+    return _TICKS.is_set()
+
+
 def follow_real_time() -> None:
     """Schedule the calling thread as the ticking one, which waits for what this thread reads.
 
     Where no thread of this process has called `be_real_time`, this one is scheduled in real time
     already, or the system does not permit another one, nothing happens.
     """
-    if _TICKS.is_set() and os.sched_getscheduler(0) == os.SCHED_OTHER:
+    if ticks_in_real_time() and os.sched_getscheduler(0) == os.SCHED_OTHER:
         with contextlib.suppress(MmtError):
             _schedule()
 

@@ -6,12 +6,12 @@ from typing import Any
 from mmt.devices.drivers import read_options
 from mmt.devices.hand_force import HandForce
 from mmt.devices.haply.driver import InverseDriver
+from mmt.devices.haply.link import ServiceLink
 from mmt.devices.haply.options import HandleOptions
-from mmt.devices.haply.servo import ForceServo, Found
 from mmt.devices.protocols import InterfaceState, Vector
 
 
-class Inverse3Handle(InverseDriver[ForceServo]):
+class Inverse3Handle(InverseDriver):
     """Implements `LeaderInterface`; the options are those of `HandleOptions`.
 
     `InterfaceState.force_n` is not measured but concluded: see `HandForce`, or with the option
@@ -33,9 +33,11 @@ class Inverse3Handle(InverseDriver[ForceServo]):
         self._hand = HandForce(self._of_handle.apparent_mass_kg)
         super().__init__(self._of_handle)
 
-    def _make_servo(self, found: Found) -> ForceServo:
-        self._hand = HandForce(self._of_handle.apparent_mass_kg)
-        return ForceServo(found, self._of_handle.stale_ms, self._of_handle.ramp_ms)
+    def _make_link(self) -> ServiceLink:
+        options = self._of_handle
+        self._hand = HandForce(options.apparent_mass_kg)
+        servo = {"stale_ms": options.stale_ms, "ramp_ms": options.ramp_ms}
+        return ServiceLink("handle", options, servo)
 
     def read(self, elapsed_ticks: int) -> InterfaceState:  # noqa: ARG002 - it has its own clock
         """Return the handle's newest state.
@@ -45,14 +47,14 @@ class Inverse3Handle(InverseDriver[ForceServo]):
         DeviceLost
             It does not answer any more.
         """
-        servo, options = self._check(), self._of_handle
-        measured = self._measured(servo)
+        state, options = self._connected().read(), self._of_handle
+        measured = self._measured(state)
         position = self._axes.place_in_scene(measured.position_mm)
         velocity = self._axes.to_scene(measured.velocity_mm_s)
         if options.hand_force == "depth":
             force_n = max(-position[2], 0.0) * options.depth_stiffness_n_mm
         else:
-            displayed = self._axes.to_scene(servo.displayed_n)
+            displayed = self._axes.to_scene(state.displayed_n)
             force_n = self._hand.estimate(displayed[2], velocity[2], measured.time_ns)
         return InterfaceState(position, velocity, force_n, force_n > options.contact_n)
 
@@ -64,11 +66,7 @@ class Inverse3Handle(InverseDriver[ForceServo]):
         DeviceLost
             The handle does not answer any more.
         """
-        servo = self._check()
-        if not self._is_finite(servo, force_n):
-            return
         x, y, z = force_n
         size, limit_n = math.hypot(x, y, z), self._of_handle.force_limit_n
         scale = 1.0 if size <= limit_n else limit_n / size
-        servo.force_n = self._axes.to_device((scale * x, scale * y, scale * z))
-        servo.command_ns = servo.clock()
+        self._command(self._axes.to_device((scale * x, scale * y, scale * z)))

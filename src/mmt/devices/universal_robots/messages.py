@@ -1,7 +1,6 @@
 """What a driver and the process that talks to the arm tell each other, by two pipes."""
 
 import struct
-from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 from mmt.devices.universal_robots.frame import Vector
@@ -17,12 +16,6 @@ CONTROLLED: Final = b"C"
 """The arm takes commands from now on."""
 LOST: Final = b"L"
 """It takes none any more; why, as a text."""
-ENDED: Final = b"E"
-"""The process ends; why, as a text."""
-COUNT: Final = b"N"
-"""Something was survived; what, as a text."""
-
-_HEADER: Final = struct.Struct("<cH")
 _STATE: Final = struct.Struct("<7d")
 
 
@@ -37,30 +30,12 @@ class State(NamedTuple):
     """At the tool's centre point, in the base's axes."""
 
 
-def pack(kind: bytes, body: bytes | str = b"") -> bytes:
-    """Return a message."""
-    data = body.encode() if isinstance(body, str) else body
-    return _HEADER.pack(kind, len(data)) + data
-
-
 def pack_state(state: State) -> bytes:
-    """Return the message of a state."""
-    return pack(STATE, _STATE.pack(state.timestamp_s, *state.position_m, *state.force_n))
+    """Return the body of a state's message."""
+    return _STATE.pack(state.timestamp_s, *state.position_m, *state.force_n)
 
 
 def unpack_state(body: bytes) -> State:
     """Return the state of a message's body."""
     timestamp_s, x, y, z, u, v, w = _STATE.unpack(body)
     return State(timestamp_s, (x, y, z), (u, v, w))
-
-
-def messages(received: bytearray) -> Iterator[tuple[bytes, bytes]]:
-    """Take the whole messages out of what was received: kind and body of each."""
-    while len(received) >= _HEADER.size:
-        kind, size = _HEADER.unpack_from(received)
-        end = _HEADER.size + size
-        if len(received) < end:
-            return
-        body = bytes(received[_HEADER.size : end])
-        del received[:end]
-        yield kind, body

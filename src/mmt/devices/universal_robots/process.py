@@ -5,14 +5,11 @@ controller has answered, and a connection that is lost leaves threads behind tha
 and start the arm again by themselves. Here they hold up nobody, and end with the process.
 """
 
-import contextlib
-import json
-import os
-import sys
 import time
 from typing import Any, Final
 
 from mmt.core.errors import MmtError, brief
+from mmt.devices.driver_process import COUNT, DriverPipes, run_process
 from mmt.devices.universal_robots import messages as to
 from mmt.devices.universal_robots.control import ArmControl
 from mmt.devices.universal_robots.messages import State
@@ -42,8 +39,8 @@ class ArmProcess:
         Of its controller.
     servo
         Settings of the servo; None where the arm is read alone.
-    commands, states
-        File descriptors of the driver's pipes, which do not block.
+    pipes
+        To the driver.
     """
 
     def __init__(
@@ -51,12 +48,10 @@ class ArmProcess:
         host: str,
         frequency_hz: float,
         servo: ServoSettings | None,
-        commands: int,
-        states: int,
+        pipes: DriverPipes,
     ) -> None:
         self._host, self._frequency_hz, self._settings = host, frequency_hz, servo
-        self._commands, self._states = commands, states
-        self._received = b""
+        self._pipes = pipes
         self._receive: Any = None
         self._control: ArmControl | None = None
         self._held_back = 0
@@ -77,7 +72,7 @@ class ArmProcess:
                 self._host, self._frequency_hz, self._settings, self._receive
             )
             self._control.start()
-            self._write(to.pack(to.CONTROLLED))
+            self._pipes.tell(to.CONTROLLED)
         period_s = 1.0 / self._frequency_hz
         due_s = time.monotonic()
         while self._take_commands():
@@ -106,19 +101,13 @@ class ArmProcess:
 
     def _take_commands(self) -> bool:
         """Take the newest target; return whether the driver's end of the pipe is open."""
-        try:
-            data = os.read(self._commands, 1 << 16)
-        except BlockingIOError:
-            return True
-        data, is_open = self._received + data, bool(data)
-        whole = len(data) - len(data) % to.COMMAND.size
-        self._received = data[whole:]
-        for kind, x, y, z in to.COMMAND.iter_unpack(data[:whole]):
+        commands = self._pipes.take(to.COMMAND)
+        for kind, x, y, z in commands or ():
             if kind == to.RELEASE:
                 self._release(0.0)
             elif self._control is not None:
                 self._control.target_m = (x, y, z)
-        return is_open
+        return commands is not None
 
     def _pass_state_on(self) -> None:
         """Read the arm and tell the driver, where there is something new."""
@@ -137,7 +126,7 @@ class ArmProcess:
         (x, y, z, *_), (u, v, w, *_) = receive.getActualTCPPose(), receive.getActualTCPForce()
         if self._control is not None:
             self._control.force_n = (u, v, w)
-        self._write(to.pack_state(State(timestamp_s, (x, y, z), (u, v, w))))
+        self._pipes.tell(to.STATE, to.pack_state(State(timestamp_s, (x, y, z), (u, v, w))))
 
     def _watch_control(self) -> None:
         """Tell the driver what has become of the control."""
@@ -147,9 +136,9 @@ class ArmProcess:
         control.watch()
         if control.held_back != self._held_back:
             self._held_back = control.held_back
-            self._write(to.pack(to.COUNT, "periods held back by force_limit_n"))
+            self._pipes.tell(COUNT, "periods held back by force_limit_n")
         if control.lost:
-            self._write(to.pack(to.LOST, f"the arm at {self._host} {control.lost}"))
+            self._pipes.tell(to.LOST, f"the arm at {self._host} {control.lost}")
             self._control = None
 
     def _release(self, patience_s: float) -> None:
@@ -157,34 +146,18 @@ class ArmProcess:
         if control is not None:
             control.release(patience_s)
 
-    def _write(self, message: bytes) -> None:
-        """Write, unless the driver reads nothing: then a newer state will do."""
-        with contextlib.suppress(BlockingIOError):
-            os.write(self._states, message)
+
+_KEPT: Final[list[ArmProcess]] = []
+"""The library's destructors would wait."""
 
 
-def main(arguments: str) -> None:
-    """Run by arguments in JSON, on standard input and output."""
-    states = os.dup(1)
-    os.dup2(2, 1)  # the library prints
-    os.set_blocking(0, False)
-    os.set_blocking(states, False)
-    given = json.loads(arguments)
-    if given["servo"] is not None:
-        given["servo"] = ServoSettings(**given["servo"])
-    code = 1
-    process = ArmProcess(**given, commands=0, states=states)  # kept: destructors would wait
-    try:
-        process.run()
-        code = 0
-    except BrokenPipeError:
-        pass  # the driver is gone, and the controller's watchdog stops the arm
-    except MmtError as error:
-        os.write(states, to.pack(to.ENDED, str(error)))
-    except Exception as error:  # noqa: BLE001 - whatever the library raises is told
-        os.write(states, to.pack(to.ENDED, f"the process of the UR arm failed: {brief(error)}"))
-    os._exit(code)  # the library's threads, which may hang, are not waited for
+def run(arguments: dict[str, Any], pipes: DriverPipes) -> None:
+    """Talk to the arm that the arguments name until the driver ends."""
+    servo = arguments["servo"]
+    settings = None if servo is None else ServoSettings(**servo)
+    _KEPT.append(ArmProcess(arguments["host"], arguments["frequency_hz"], settings, pipes))
+    _KEPT[0].run()
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    run_process(run, "the UR arm")

@@ -134,10 +134,7 @@ class SharedArm:
     def take_counts(self) -> Counter[str]:
         """Return what was survived since the last call, by what it was."""
         link = self._link
-        if link is None:
-            return Counter()
-        counts, link.counts = link.counts, Counter()
-        return counts
+        return Counter() if link is None else link.take_counts()
 
     def check_control(self) -> ArmLink:
         """Return the link of an arm that takes commands.

@@ -1,0 +1,221 @@
+"""A process of its own for what talks to a device, for where it would hold up a service's ticks.
+
+Two pipes join it with the driver that starts it, and neither end waits for the other. The process
+ends with the driver's end of the pipes, which the system closes however the service ends.
+"""
+
+import contextlib
+import json
+import os
+import struct
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from typing import Any, Final, NoReturn
+
+from mmt.core.errors import MmtError, brief
+
+ENDED: Final = b"E"
+"""The process ends; why, as a text."""
+COUNT: Final = b"N"
+"""Something was survived; what, as a text."""
+
+_HEADER: Final = struct.Struct("<cH")
+_LONGEST: Final = 4000
+"""Bytes of a message's body; what is shorter than a page the system writes whole or not at all."""
+_AT_ONCE: Final = 1 << 16
+_SILENT_READS: Final = 20
+"""Reads without a message that a loss takes too: a host that was held up is no lost device."""
+_CLOSE_S: Final = 4.0
+
+Message = tuple[bytes, bytes]
+"""Kind and body."""
+
+
+class DriverProcess:
+    """The driver's end; nothing here waits but `start` and `end`.
+
+    Parameters
+    ----------
+    module
+        What to run; its ``main`` calls `run_process`.
+    arguments
+        For it, as JSON has them.
+    lost
+        What to say where it ends without a word.
+    """
+
+    def __init__(self, module: str, arguments: dict[str, Any], lost: str) -> None:
+        self._module, self._arguments, self._lost = module, arguments, lost
+        self.ended: str | None = None
+        """Why it has ended, None while it runs."""
+        self.counts: Counter[str] = Counter()
+        """What was survived, by what it was."""
+        self.child: subprocess.Popen[bytes] | None = None
+        self._files = (-1, -1)
+        self._received = bytearray()
+        self._arrival_ns = 0
+        self._empty = 0
+
+    def start(self) -> None:
+        """Start it."""
+        self.child = subprocess.Popen(  # noqa: S603 - our own module
+            [sys.executable, "-m", self._module, json.dumps(self._arguments)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,  # libraries write there what the pipe tells already
+            bufsize=0,
+            start_new_session=True,  # Ctrl-C is for the service, which lets go of the device first
+        )
+        assert self.child.stdin is not None  # noqa: S101 - a pipe was asked for
+        assert self.child.stdout is not None  # noqa: S101 - likewise
+        self._files = (self.child.stdin.fileno(), self.child.stdout.fileno())
+        for file in self._files:
+            os.set_blocking(file, False)
+        self._arrival_ns = time.monotonic_ns()
+
+    def take(self) -> list[Message]:
+        """Return the messages that have come, but those that `ended` and `counts` tell."""
+        if self.child is None:
+            return []
+        try:
+            data = os.read(self._files[1], _AT_ONCE)
+        except BlockingIOError:
+            self._empty += 1
+            return []
+        if not data:
+            self.ended = self.ended or self._lost
+            return []
+        self._arrival_ns, self._empty = time.monotonic_ns(), 0
+        self._received += data
+        return [message for message in _messages(self._received) if not self._keep(*message)]
+
+    def _keep(self, kind: bytes, body: bytes) -> bool:
+        if kind == COUNT:
+            self.counts[text_of(body)] += 1
+        elif kind == ENDED:
+            self.ended = self.ended or text_of(body)
+        return kind in (COUNT, ENDED)
+
+    def take_counts(self) -> Counter[str]:
+        """Return what was survived since the last call, by what it was."""
+        counts, self.counts = self.counts, Counter()
+        return counts
+
+    @property
+    def silent_ns(self) -> int:
+        """For how long nothing has come, 0 before that was seen some times."""
+        return time.monotonic_ns() - self._arrival_ns if self._empty >= _SILENT_READS else 0
+
+    def send(self, command: bytes) -> None:
+        """Send a command; one for which there is no room is left out."""
+        if self.child is not None:
+            with contextlib.suppress(BlockingIOError, BrokenPipeError):  # `take` tells of its end
+                os.write(self._files[0], command)
+
+    def end(self, reason: str) -> None:
+        """Have it let go of the device and end; calling it twice is harmless."""
+        child, self.child = self.child, None
+        if child is None:
+            return
+        self.ended = self.ended or reason
+        for pipe in (child.stdin, child.stdout):
+            if pipe is not None:
+                pipe.close()
+        try:
+            child.wait(_CLOSE_S)
+        except subprocess.TimeoutExpired:
+            child.kill()  # its connections end, by which a device stops as well
+            child.wait()
+
+
+class DriverPipes:
+    """The process's end of the pipes.
+
+    Parameters
+    ----------
+    commands, messages
+        File descriptors, which do not block.
+    """
+
+    def __init__(self, commands: int, messages: int) -> None:
+        self._commands, self._messages = commands, messages
+        self._received = b""
+
+    def take(self, layout: struct.Struct) -> list[tuple[Any, ...]] | None:
+        """Return the commands that have come, None where the driver has gone."""
+        try:
+            data = os.read(self._commands, _AT_ONCE)
+        except BlockingIOError:
+            return []
+        if not data:
+            return None
+        data = self._received + data
+        whole = len(data) - len(data) % layout.size
+        self._received = data[whole:]
+        return list(layout.iter_unpack(data[:whole]))
+
+    def tell(self, kind: bytes, body: bytes | str = b"") -> None:
+        """Send a message, unless the driver reads nothing: then a newer one will do.
+
+        Raises
+        ------
+        BrokenPipeError
+            The driver has gone.
+        """
+        with contextlib.suppress(BlockingIOError):
+            os.write(self._messages, _pack(kind, body))
+
+
+def run_process(run: Callable[[dict[str, Any], DriverPipes], None], device: str) -> NoReturn:
+    """Run the process of a device on standard input and output, then end at once.
+
+    Parameters
+    ----------
+    run
+        Called with the arguments and the pipes; it returns when the driver has gone. What it raises
+        is told to the driver.
+    device
+        What a person calls it.
+    """
+    messages = os.dup(1)
+    os.dup2(2, 1)  # what a library prints is no message
+    os.set_blocking(0, False)
+    os.set_blocking(messages, False)
+    pipes = DriverPipes(0, messages)
+    code = 1
+    with contextlib.suppress(BrokenPipeError):  # the driver has gone, and the device lets go
+        try:
+            run(json.loads(sys.argv[1]), pipes)
+            code = 0
+        except BrokenPipeError:
+            raise
+        except MmtError as error:
+            pipes.tell(ENDED, str(error))
+        except Exception as error:  # noqa: BLE001 - whatever it is, the driver is told
+            pipes.tell(ENDED, f"the process of {device} failed: {brief(error)}")
+    os._exit(code)  # threads of a library, which may hang, are not waited for
+
+
+def text_of(body: bytes) -> str:
+    """Return the text of a message's body."""
+    return body.decode(errors="replace")
+
+
+def _pack(kind: bytes, body: bytes | str) -> bytes:
+    data = body.encode()[:_LONGEST] if isinstance(body, str) else body
+    return _HEADER.pack(kind, len(data)) + data
+
+
+def _messages(received: bytearray) -> Iterator[Message]:
+    """Take the whole messages out of what was received."""
+    while len(received) >= _HEADER.size:
+        kind, size = _HEADER.unpack_from(received)
+        end = _HEADER.size + size
+        if len(received) < end:
+            return
+        body = bytes(received[_HEADER.size : end])
+        del received[:end]
+        yield kind, body

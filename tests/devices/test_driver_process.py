@@ -1,0 +1,124 @@
+"""The pipes between a driver and the process that talks to its device."""
+
+import os
+import struct
+import sys
+import textwrap
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from mmt.devices.driver_process import DriverPipes, DriverProcess, Message
+
+PATIENCE_S = 20.0
+NUMBER = struct.Struct("<cd")
+
+Run = Callable[[str], DriverProcess]
+
+
+@pytest.fixture
+def run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Callable[[str], DriverProcess]]:
+    """Start a process that runs these lines with `arguments` and `pipes`."""
+    made = []
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *sys.path]))
+
+    def start(lines: str) -> DriverProcess:
+        body = textwrap.indent(textwrap.dedent(lines), "    ")
+        (tmp_path / "a_device.py").write_text(
+            "import struct, time\n"
+            "from mmt.core.errors import MmtError\n"
+            "from mmt.devices.driver_process import COUNT, run_process\n"
+            "NUMBER = struct.Struct('<cd')\n"
+            f"def run(arguments, pipes):\n{body}\n"
+            "run_process(run, 'the device')\n",
+            encoding="utf-8",
+        )
+        made.append(DriverProcess("a_device", {"first": 2.5}, "it has ended without a word"))
+        made[-1].start()
+        return made[-1]
+
+    yield start
+    for each in made:
+        each.end("the test is over")
+        each.end("likewise")
+        assert each.take() == []
+
+
+def taken(process: DriverProcess, number: int) -> list[Message]:
+    """Return the next messages, fewer where it has ended."""
+    messages: list[Message] = []
+    deadline = time.monotonic() + PATIENCE_S
+    while len(messages) < number and process.ended is None:
+        assert time.monotonic() < deadline, "nothing more has come"
+        messages += process.take()
+        time.sleep(0.001)
+    return messages
+
+
+def test_commands_messages_and_counts_pass_in_their_order(run) -> None:
+    process = run(
+        """
+        print("what a library prints")
+        pipes.tell(b"F", str(arguments["first"]))
+        while (commands := pipes.take(NUMBER)) is not None:
+            for kind, number in commands:
+                pipes.tell(COUNT, "commands")
+                pipes.tell(kind, str(number))
+            time.sleep(0.001)
+        """
+    )
+    assert taken(process, 1) == [(b"F", b"2.5")]
+    for number in range(200):
+        process.send(NUMBER.pack(b"A", number))
+    assert taken(process, 200) == [(b"A", str(float(number)).encode()) for number in range(200)]
+    assert process.take_counts() == {"commands": 200}
+    assert process.take_counts() == {}
+    assert process.ended is None
+
+
+@pytest.mark.parametrize(
+    ("lines", "reason"),
+    [
+        ("raise MmtError('it is not there: plug it in')", "it is not there: plug it in"),
+        ("{}['a']", "the process of the device failed: 'a'"),
+        ("raise MmtError('x' * 100_000)", "x" * 4000),
+        ("pass", "it has ended without a word"),
+    ],
+)
+def test_why_it_has_ended_is_told(run, lines: str, reason: str) -> None:
+    process = run(lines)
+    assert taken(process, 1) == []
+    assert process.ended == reason
+    process.send(NUMBER.pack(b"A", 0.0))  # to nobody
+    process.end("closed")
+    assert process.ended == reason
+
+
+def test_silence_is_seen_by_reads_that_find_nothing_not_by_time_alone(run) -> None:
+    process = run("pipes.tell(b'F')\nwhile pipes.take(NUMBER) is not None: time.sleep(0.001)")
+    taken(process, 1)
+    time.sleep(0.01)
+    assert process.silent_ns == 0
+    for _ in range(20):
+        process.take()
+    assert process.silent_ns > 10_000_000
+
+
+def test_commands_come_out_whole_however_they_were_cut() -> None:
+    ours, theirs = os.pipe()
+    os.set_blocking(ours, False)
+    pipes, found = DriverPipes(ours, -1), []
+    try:
+        for byte in NUMBER.pack(b"A", 1.0) + NUMBER.pack(b"B", -2.0):
+            os.write(theirs, bytes((byte,)))
+            found += pipes.take(NUMBER) or []
+        assert found == [(b"A", 1.0), (b"B", -2.0)]
+        assert pipes.take(NUMBER) == []
+    finally:
+        os.close(theirs)
+    assert pipes.take(NUMBER) is None
+    os.close(ours)
