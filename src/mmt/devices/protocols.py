@@ -115,6 +115,17 @@ class Pacing(Protocol):
 
 
 @runtime_checkable
+class PositionKeeping(Protocol):
+    """A robot that is measured beside the ticks; no driver must."""
+
+    def positions(self, after_ns: int, until_ns: int) -> Sequence[tuple[int, Vector]]:
+        """Return the newest positions (mm) that came between two times, the oldest first.
+
+        Each with its time (ns), all by the host's monotonic clock.
+        """
+
+
+@runtime_checkable
 class FaultExplaining(Protocol):
     """A sensor that can report why it gives no readings; optional for a driver."""
 

@@ -13,6 +13,7 @@ from mmt.devices.protocols import (
     Device,
     FaultExplaining,
     ForceSensor,
+    PositionKeeping,
     Robot,
     SampledSensor,
     Vector,
@@ -25,6 +26,8 @@ SILENT_NS: Final = 15_000_000
 
 _EMPTY_READS: Final = 8
 """Empty reads in a row that a loss takes too: a host that was held up is no lost sensor."""
+_MOST_DISCARDED: Final = 64
+"""Reads of what has waited, of a few kB or some hundred readings each."""
 _PATIENCE_NS: Final = 250_000_000
 """Time that a silent sensor is read on before it is connected again."""
 _SETTLE_NS: Final = 100_000_000
@@ -136,7 +139,10 @@ class Slot(ABC):
 
 
 class RobotSlot(Slot):
-    """The robot: commanded, then read where the scene needs its position."""
+    """The robot: commanded, then read where the scene needs its position.
+
+    Where ticks were held up and its driver has kept positions meanwhile, those are taken too.
+    """
 
     device: Robot
     lane: PolledLane
@@ -144,13 +150,20 @@ class RobotSlot(Slot):
     def __init__(self, role: str, device: Robot, *, measures: bool) -> None:
         super().__init__(role, device, PolledLane(_ROBOT_GAP_NS))
         self._measures = measures
+        self._keeping = device if isinstance(device, PositionKeeping) else None
+        self._last_ns = 0
 
     def step(self, now_ns: int, command_position_mm: Vector | None) -> None:
         """Command it, then read it."""
         if command_position_mm is not None:
             self.device.write(command_position_mm)
         if self._measures:
-            self.lane.record(self.device.read(), now_ns)
+            position = self.device.read()
+            if self._keeping is not None and now_ns - self._last_ns > _ROBOT_GAP_NS // 2:
+                for time_ns, kept in self._keeping.positions(self._last_ns, now_ns):
+                    self.lane.record(kept, time_ns)
+            self.lane.record(position, now_ns)
+            self._last_ns = now_ns
 
 
 class PolledSlot(Slot):
@@ -177,7 +190,7 @@ class SampledSlot(Slot):
         self._stamping = device if isinstance(device, ArrivalStamping) else None
         self._last_ns = 0
         self._empty = 0
-        self._settles = False
+        self._begun = self._settles = False
 
     @property
     def knows_arrivals(self) -> bool:
@@ -210,7 +223,16 @@ class SampledSlot(Slot):
             )
 
     def poll(self) -> bool:
-        """Take what has come; return whether anything has."""
+        """Take what has come; return whether anything has.
+
+        The first time, what has waited since it was connected is left out: its clock would seem
+        behind by as much, and then to jump.
+        """
+        if not self._begun:
+            self._begun = True
+            for _ in range(_MOST_DISCARDED):
+                if not self.device.read():
+                    break
         readings = self.device.read()
         if readings:  # a time from before the call might be before they came
             stamping = self._stamping
@@ -226,7 +248,7 @@ class SampledSlot(Slot):
         self._listen(now_ns)
 
     def _connect(self) -> None:
-        self._settles = True
+        self._begun, self._settles = False, True
         self.lane.reset()
         super()._connect()
 

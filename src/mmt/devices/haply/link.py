@@ -1,14 +1,14 @@
 """The driver's end of the process that talks with the service."""
 
 import time
-from collections import Counter
+from collections import Counter, deque
 from typing import Final, Literal
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.realtime import ticks_in_real_time
 from mmt.devices.driver_process import DriverProcess, text_of
 from mmt.devices.haply import exchange as to
-from mmt.devices.haply.exchange import State
+from mmt.devices.haply.exchange import Measured, State
 from mmt.devices.haply.options import InverseOptions
 from mmt.devices.haply.servo import ABSENT
 from mmt.devices.protocols import Vector
@@ -18,6 +18,8 @@ _FIRST_S: Final = 3.0
 """How long the service may take to say which devices there are."""
 _SLACK_MS: Final = 300.0
 """Longer than the process itself waits for the service."""
+_KEPT: Final = 128
+"""An eighth of a second."""
 _SHORT_S: Final = 2e-5
 _SHORT_AT_START_S: Final = 1e-3
 
@@ -59,6 +61,8 @@ class ServiceLink:
         """Answers of the service that were read."""
         self.state: State | None = None
         """The newest one."""
+        self.kept: deque[Measured] = deque(maxlen=_KEPT)
+        """The newest that make sense."""
         self._problem = ""
 
     @property
@@ -134,15 +138,14 @@ class ServiceLink:
         self._process.end(f"{self.name} is not connected: connect it first")
 
     def _poll(self) -> None:
-        newest: bytes | None = None
         for kind, body in self._process.take():
             if kind == to.STATE:
-                newest = body
+                self.state = state = to.unpack_state(body)
                 self.answers += 1
+                if state.measured is not None:
+                    self.kept.append(state.measured)
             elif kind == to.FOUND:
                 kind_of_device, _, device = text_of(body).partition("\n")
                 self.name = f"{kind_of_device} {device} at {self._address}"
             elif kind == to.LOST:
                 self._problem = text_of(body)
-        if newest is not None:
-            self.state = to.unpack_state(newest)

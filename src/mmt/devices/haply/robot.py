@@ -1,5 +1,6 @@
 """The follower's arm: an Inverse3 that its service holds at commanded positions."""
 
+from collections.abc import Sequence
 from typing import Any, Final
 
 from mmt.devices.drivers import read_options
@@ -51,6 +52,14 @@ class Inverse3Robot(InverseDriver):
             It does not answer any more.
         """
         return self._axes.place_in_scene(self._measured(self._connected().read()).position_mm)
+
+    def positions(self, after_ns: int, until_ns: int) -> Sequence[tuple[int, Vector]]:
+        """Return the newest positions (mm) that came between two times, the oldest first."""
+        return [
+            (measured.time_ns, self._axes.place_in_scene(measured.position_mm))
+            for measured in tuple(self._connected().kept)
+            if after_ns < measured.time_ns < until_ns
+        ]
 
     def write(self, position_mm: Vector) -> None:
         """Command a position (mm); one that is not finite is counted and not obeyed.

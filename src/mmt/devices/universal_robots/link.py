@@ -1,7 +1,7 @@
 """The driver's end of the process that talks to an arm."""
 
 import time
-from collections import Counter
+from collections import Counter, deque
 from dataclasses import asdict
 from typing import Final
 
@@ -14,6 +14,8 @@ from mmt.devices.universal_robots.servo import ServoSettings
 
 _CONNECT_S: Final = 15.0
 _SILENT_NS: Final = 700_000_000
+_KEPT: Final = 64
+"""An eighth of a second at 500 Hz."""
 _SHORT_S: Final = 0.001
 _NOT_CONTROLLED: Final = "the arm at {} is not controlled: connect the robot first"
 
@@ -32,6 +34,8 @@ class ArmLink:
     ----------
     state
         The newest one.
+    kept
+        The newest ones.
     """
 
     def __init__(self, host: str, frequency_hz: float, servo: ServoSettings | None) -> None:
@@ -44,6 +48,7 @@ class ArmLink:
             "its connection breaks: check the arm's cable, and that it is switched on",
         )
         self.state: State | None = None
+        self.kept: deque[State] = deque(maxlen=_KEPT)
         self._refusal: str | None = _NOT_CONTROLLED.format(host)
 
     @property
@@ -125,6 +130,7 @@ class ArmLink:
         for kind, body in self._process.take():
             if kind == to.STATE:
                 self.state = to.unpack_state(body)
+                self.kept.append(self.state)
             elif kind == to.CONTROLLED:
                 self._refusal = None
             elif kind == to.LOST:

@@ -16,7 +16,7 @@ CONTROLLED: Final = b"C"
 """The arm takes commands from now on."""
 LOST: Final = b"L"
 """It takes none any more; why, as a text."""
-_STATE: Final = struct.Struct("<7d")
+_STATE: Final = struct.Struct("<7dq")
 
 
 class State(NamedTuple):
@@ -28,14 +28,16 @@ class State(NamedTuple):
     """Of the tool's centre point, in the base's frame."""
     force_n: Vector
     """At the tool's centre point, in the base's axes."""
+    time_ns: int
+    """When it came, by the host's monotonic clock."""
 
 
 def pack_state(state: State) -> bytes:
     """Return the body of a state's message."""
-    return _STATE.pack(state.timestamp_s, *state.position_m, *state.force_n)
+    return _STATE.pack(state.timestamp_s, *state.position_m, *state.force_n, state.time_ns)
 
 
 def unpack_state(body: bytes) -> State:
     """Return the state of a message's body."""
-    timestamp_s, x, y, z, u, v, w = _STATE.unpack(body)
-    return State(timestamp_s, (x, y, z), (u, v, w))
+    timestamp_s, x, y, z, u, v, w, time_ns = _STATE.unpack(body)
+    return State(timestamp_s, (x, y, z), (u, v, w), time_ns)

@@ -126,7 +126,8 @@ class ArmProcess:
         (x, y, z, *_), (u, v, w, *_) = receive.getActualTCPPose(), receive.getActualTCPForce()
         if self._control is not None:
             self._control.force_n = (u, v, w)
-        self._pipes.tell(to.STATE, to.pack_state(State(timestamp_s, (x, y, z), (u, v, w))))
+        state = State(timestamp_s, (x, y, z), (u, v, w), time.monotonic_ns())
+        self._pipes.tell(to.STATE, to.pack_state(state))
 
     def _watch_control(self) -> None:
         """Tell the driver what has become of the control."""

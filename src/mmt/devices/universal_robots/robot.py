@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mmt.core.errors import DeviceLost, MmtError
@@ -88,6 +88,15 @@ class UrRobot:
         position_m = arm.read().position_m
         arm.check_control()
         return frame.place_in_scene(position_m)
+
+    def positions(self, after_ns: int, until_ns: int) -> Sequence[tuple[int, Vector]]:
+        """Return the newest positions (mm) that came between two times, the oldest first."""
+        arm, frame = self._connected()
+        return [
+            (state.time_ns, frame.place_in_scene(state.position_m))
+            for state in arm.kept()
+            if after_ns < state.time_ns < until_ns
+        ]
 
     def write(self, position_mm: Vector) -> None:
         """Send the tip to a position (mm), cut to `least_mm` and `most_mm`.

@@ -6,6 +6,7 @@ process is started anew, since a control interface of ur_rtde that was lost is n
 
 import threading
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -130,6 +131,10 @@ class SharedArm:
         if self._starting and self._last is not None:
             return self._last
         raise DeviceLost("the UR arm is not connected: connect it first")
+
+    def kept(self) -> Sequence[State]:
+        """Return the newest states, the oldest first."""
+        return () if self._link is None else tuple(self._link.kept)
 
     def take_counts(self) -> Counter[str]:
         """Return what was survived since the last call, by what it was."""

@@ -102,6 +102,10 @@ class VirtualInverse3Robot(VirtualInverse3[Inverse3Robot]):
         """Return the newest position (mm)."""
         return self._connected().read()
 
+    def positions(self, after_ns: int, until_ns: int) -> Sequence[tuple[int, Vector]]:
+        """Return what the real driver has kept."""
+        return self._connected().positions(after_ns, until_ns)
+
     def write(self, position_mm: Vector) -> None:
         """Command a position (mm)."""
         self._connected().write(position_mm)

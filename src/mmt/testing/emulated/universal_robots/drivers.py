@@ -1,6 +1,6 @@
 """Drivers of the emulated arm: the real ones, at the controller of the virtual lab."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Generic, TypeVar
 
 from mmt.core.errors import DeviceLost, MmtError
@@ -86,6 +86,10 @@ class VirtualUrRobot(_VirtualUr[UrRobot]):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("robot", ("host", "origin_mm", "rotation_rad"), options)
+
+    def positions(self, after_ns: int, until_ns: int) -> Sequence[tuple[int, Vector]]:
+        """Return what the real driver has kept."""
+        return self._connected().positions(after_ns, until_ns)
 
     def write(self, position_mm: Vector) -> None:
         """Command a position (mm)."""
