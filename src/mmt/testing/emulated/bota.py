@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from mmt.devices.bota.frames import HEADER, RAW, SIZE, Frame, frame_rate_hz, pack_frame
 from mmt.testing.emulated import Truth
+from mmt.testing.emulated.clockwork import Clockwork
 from mmt.testing.emulated.serial_port import EmulatedPort
 
 _TIMER_NS: Final = 1_000_000
@@ -33,6 +34,8 @@ class EmulatedBota:
         Standard deviation of a force.
     seed
         Seed of the noise and the faults.
+    clockwork
+        Whose thread it runs in; None for one of its own.
     """
 
     def __init__(
@@ -44,6 +47,7 @@ class EmulatedBota:
         start_us: int = 0,
         noise_n: float = 0.01,
         seed: int = 1,
+        clockwork: Clockwork | None = None,
     ) -> None:
         self.filter = _SHIPPED_FILTER
         """Sinc length, chop, fast, FIR disabled."""
@@ -77,7 +81,7 @@ class EmulatedBota:
         self._cuts: list[int] = []
         self._garbage = b""
         self._last = b""
-        self.port = EmulatedPort(_TIMER_NS, self._step)
+        self.port = EmulatedPort(_TIMER_NS, self._step, clockwork)
 
     @property
     def options(self) -> dict[str, Any]:

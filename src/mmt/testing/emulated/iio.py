@@ -1,7 +1,7 @@
 """An accelerometer of Linux's industrial I/O in software: attributes in a folder, and a FIFO.
 
-A thread does what the kernel does when attributes are written. Files in a folder refuse nothing, so
-that what the kernel would refuse is not refused here.
+It does by itself what the kernel does when attributes are written. Files in a folder refuse
+nothing, so that what the kernel would refuse is not refused here.
 """
 
 import contextlib
@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from mmt.testing.emulated import Truth
+from mmt.testing.emulated.clockwork import Clockwork
 from mmt.testing.emulated.iio_chips import ADXL355, Chip, attributes, pack
 
-_LEAST_WAIT_S: Final = 0.0001
-_IDLE_S: Final = 0.01
+_LEAST_WAIT_NS: Final = 100_000
+_IDLE_NS: Final = 10_000_000
 _PIPE_BYTES: Final = 65_536
 
 
@@ -42,6 +43,8 @@ class EmulatedIio:
     old
         Whether it has the directories of kernels before 5.11, as later ones have too, or those
         of later ones alone.
+    clockwork
+        Whose thread it runs in; None for one of its own.
     """
 
     def __init__(
@@ -54,6 +57,7 @@ class EmulatedIio:
         noise_m_s2: float = 0.02,
         seed: int = 1,
         old: bool = True,
+        clockwork: Clockwork | None = None,
     ) -> None:
         self.dropped = 0
         """Scans for which the buffer had no room."""
@@ -68,8 +72,7 @@ class EmulatedIio:
         self._random = random.Random(seed)  # noqa: S311 - noise, no secret
         self._folder = Path(tempfile.mkdtemp(prefix="mmt-iio-"))
         self._lock = threading.Lock()
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="emulated iio", daemon=True)
+        self._clockwork = clockwork or Clockwork()
         self._file = self._switch = -1
         self._seen: tuple[str, int] = ("0", 0)
         self._enabled: list[tuple[str, str]] = []
@@ -96,12 +99,11 @@ class EmulatedIio:
     def start(self) -> None:
         """Have it appear."""
         self.plug()
-        self._thread.start()
+        self._clockwork.add(self._turn)
 
     def stop(self) -> None:
         """End, and remove the folder."""
-        self._ended.set()
-        self._thread.join()
+        self._clockwork.remove(self._turn)
         self.unplug()
         shutil.rmtree(self._folder)
 
@@ -164,18 +166,14 @@ class EmulatedIio:
         """Hand on the next scans in two parts."""
         self._splits += scans
 
-    def _run(self) -> None:
-        wait_s = _IDLE_S
-        while not self._ended.wait(wait_s):
-            with self._lock:
-                now_ns = time.monotonic_ns()
-                if self._file >= 0:
-                    with contextlib.suppress(FileNotFoundError, ValueError):
-                        self._obey(now_ns)
-                wait_s = _IDLE_S
-                if self._begun_ns is not None:
-                    next_ns = self._send_due(self._begun_ns, now_ns)
-                    wait_s = min(max((next_ns - time.monotonic_ns()) / 1e9, _LEAST_WAIT_S), _IDLE_S)
+    def _turn(self, now_ns: int) -> int:
+        with self._lock:
+            if self._file >= 0:
+                with contextlib.suppress(FileNotFoundError, ValueError):
+                    self._obey(now_ns)
+            if self._begun_ns is None:
+                return now_ns + _IDLE_NS
+            return max(self._send_due(self._begun_ns, now_ns), now_ns + _LEAST_WAIT_NS)
 
     def _obey(self, now_ns: int) -> None:
         """Begin or end, where the attribute says so; also where it was written twice."""

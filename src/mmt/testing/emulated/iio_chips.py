@@ -1,11 +1,13 @@
-"""What the kernel's drivers of two accelerometers offer, for emulated ones.
+"""What the kernel's drivers of three accelerometers offer, for emulated ones.
 
-After ``drivers/iio/accel/adxl355_core.c`` and ``adxl345_core.c`` of Linux: that of the ADXL355
-captures by a trigger and stamps, that of the ADXL345 empties the sensor's own FIFO and does not.
+After ``drivers/iio/accel/adxl355_core.c`` and ``adxl345_core.c`` of Linux: that of ADXL355 and
+ADXL359 captures by a trigger and stamps, that of the ADXL345 empties the sensor's own FIFO and does
+not.
 """
 
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Final, Literal
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,8 @@ ADXL355: Final = Chip(
     triggered=True,
     warmth=True,
 )
+ADXL359: Final = replace(ADXL355, name="adxl359", scale=0.000191229)
+"""Like the ADXL355, but to 10 g in place of 2 g."""
 ADXL345: Final = Chip(
     "adxl345",
     "le:s13/16>>0",
@@ -81,10 +85,17 @@ def attributes(chip: Chip, buffer: str, scan: str) -> dict[str, str]:
 
 def pack(kind: str, value: int) -> bytes:
     """Return a value as its type says, cut off at the ends of its bits."""
+    order, size, least, span, shift = _parse(kind)
+    word = (min(max(value, least), least + span - 1) % span) << shift
+    return word.to_bytes(size, order)
+
+
+@lru_cache(maxsize=16)
+def _parse(kind: str) -> tuple[Literal["big", "little"], int, int, int, int]:
+    """Return order and bytes of a type, its least value, how many it has, and its shift."""
     order, _, rest = kind.partition(":")
     bits, _, storage = rest[1:].partition("/")
     storage, _, shift = storage.partition(">>")
     span = 1 << int(bits)
     least = -span // 2 if rest[0] == "s" else 0
-    word = (min(max(value, least), least + span - 1) % span) << int(shift or 0)
-    return word.to_bytes(int(storage) // 8, "big" if order == "be" else "little")
+    return "big" if order == "be" else "little", int(storage) // 8, least, span, int(shift or 0)

@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING, Any, Final
 from mmt.core.process import SWITCH_INTERVAL_S, ask_for_short_turns
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
 from mmt.testing.emulated.bota import EmulatedBota
+from mmt.testing.emulated.clockwork import Clockwork
 from mmt.testing.emulated.iio import EmulatedIio
+from mmt.testing.emulated.iio_chips import ADXL359
 from mmt.testing.emulated.net_ft import EmulatedNetFt
 from mmt.testing.emulated.robot import RobotLink
-from mmt.testing.emulated.world import World
+from mmt.testing.emulated.world import TICK_NS, World
 
 if TYPE_CHECKING:
     from mmt.testing.emulated.universal_robots.controller import EmulatedUrController
@@ -28,14 +30,15 @@ def main(surface: str, seed: int, kind: str = "datagrams") -> None:
     """Run the lab until standard input ends."""
     ask_for_short_turns(0)  # the service that it is a child of goes first
     sys.setswitchinterval(SWITCH_INTERVAL_S)
-    world = World(surface, seed)
+    clockwork = Clockwork(TICK_NS)
+    world = World(surface, seed, clockwork)
     robot = _ur_controller(world, seed) if kind == "ur" else RobotLink(world)
     parts: list[Any] = [world, robot]
     for part in parts:
         part.start()
     _say({"robot" if kind == "datagrams" else kind: robot.options})
     for line in sys.stdin:
-        device = _sensor(line.strip(), world, seed)
+        device = _sensor(line.strip(), world, seed, clockwork)
         device.start()
         parts.append(device)
         _say({line.strip(): device.options})
@@ -49,14 +52,16 @@ def _ur_controller(world: World, seed: int) -> "EmulatedUrController":
     return EmulatedUrController(world, seed=seed)
 
 
-def _sensor(name: str, world: World, seed: int) -> Any:
+def _sensor(name: str, world: World, seed: int, clockwork: Clockwork) -> Any:
     """Return a sensor; one that no scene names costs nothing."""
     if name == "net_ft":
         return EmulatedNetFt(world.force_n, clock_ppm=40.0, seed=seed)
     if name == "bota":
-        return EmulatedBota(world.force_n, clock_ppm=25.0, seed=seed)
+        return EmulatedBota(world.force_n, clock_ppm=25.0, seed=seed, clockwork=clockwork)
     if name == "iio":
-        return EmulatedIio(world.acceleration_m_s2, clock_ppm=-120.0, seed=seed)
+        return EmulatedIio(
+            world.acceleration_m_s2, ADXL359, clock_ppm=-120.0, seed=seed, clockwork=clockwork
+        )
     return EmulatedAdxl335Board(
         world.acceleration_m_s2,
         rate_hz=ACCELEROMETER_HZ,

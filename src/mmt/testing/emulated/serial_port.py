@@ -10,6 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+from mmt.testing.emulated.clockwork import Clockwork
+
 _LARGEST: Final = 4096
 _TCGETS2: Final = 0x802C542A
 _TCSETS2: Final = 0x402C542B
@@ -29,9 +31,16 @@ class EmulatedPort:
     step
         Called each period with the due time (ns, the host's monotonic) and the bytes that have
         come; it may `write`.
+    clockwork
+        Whose thread it runs in; None for one of its own.
     """
 
-    def __init__(self, period_ns: int, step: Callable[[int, bytes], None]) -> None:
+    def __init__(
+        self,
+        period_ns: int,
+        step: Callable[[int, bytes], None],
+        clockwork: Clockwork | None = None,
+    ) -> None:
         self.dropped = 0
         """Bytes that were not read in time, as by an overrun."""
         self._period_ns = period_ns
@@ -42,8 +51,8 @@ class EmulatedPort:
         self._baud = 0
         self._unmarked = 0
         self._lock = threading.Lock()
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="emulated port", daemon=True)
+        self._due_ns = 0
+        self._clockwork = clockwork or Clockwork()
 
     @property
     def path(self) -> str:
@@ -58,12 +67,12 @@ class EmulatedPort:
     def start(self) -> None:
         """Plug it in and begin."""
         self.plug()
-        self._thread.start()
+        self._due_ns = time.monotonic_ns() + self._period_ns
+        self._clockwork.add(self._turn)
 
     def stop(self) -> None:
         """End and remove the port."""
-        self._ended.set()
-        self._thread.join()
+        self._clockwork.remove(self._turn)
         self.unplug()
         self._directory.cleanup()
 
@@ -101,20 +110,17 @@ class EmulatedPort:
             sent = os.write(self._master, content)
         self.dropped += len(content) - sent
 
-    def _run(self) -> None:
-        due_ns = time.monotonic_ns()
-        while not self._ended.is_set():
-            due_ns += self._period_ns
-            wait_ns = due_ns - time.monotonic_ns()
-            if wait_ns > 0:
-                time.sleep(wait_ns / 1e9)
+    def _turn(self, now_ns: int) -> int:
+        while self._due_ns <= now_ns:
             with self._lock:
                 received = b""
                 if self._master >= 0:
                     self._watch_settings()
                     with contextlib.suppress(OSError):  # nothing came, or it is not open
                         received = os.read(self._master, _LARGEST)
-                self._step(due_ns, received)
+                self._step(self._due_ns, received)
+            self._due_ns += self._period_ns
+        return self._due_ns
 
     def _watch_settings(self) -> None:
         """Note the baud rate, and mark the settings.

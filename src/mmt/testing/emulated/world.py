@@ -1,12 +1,12 @@
 """The simulated robot and surface, running by the clock, for emulated devices to measure."""
 
-import threading
 import time
 from typing import Final
 
 from mmt.core.frames import CHANNELS
 from mmt.devices.protocols import Vector
 from mmt.scene import Simulated
+from mmt.testing.emulated.clockwork import Clockwork
 from mmt.testing.simulation.follower import SimulatedFollower
 from mmt.testing.simulation.robot import START_MM
 
@@ -22,7 +22,7 @@ _State = tuple[Vector, Vector, Vector]
 
 
 class World:
-    """A robot that follows commands on a surface of known texture, in a thread of its own.
+    """A robot that follows commands on a surface of known texture.
 
     Parameters
     ----------
@@ -30,6 +30,8 @@ class World:
         Name of a simulated surface.
     seed
         Seed of the texture.
+    clockwork
+        Whose thread it runs in; None for one of its own.
 
     Raises
     ------
@@ -37,29 +39,28 @@ class World:
         No surface has the name given.
     """
 
-    def __init__(self, surface: str = "plastic", seed: int = 1) -> None:
+    def __init__(
+        self, surface: str = "plastic", seed: int = 1, clockwork: Clockwork | None = None
+    ) -> None:
         settings = Simulated(surface=surface, noise=False)
         self._follower = SimulatedFollower(settings, channels=CHANNELS, seed=seed)
         at_rest = (START_MM, (0.0, 0.0, 0.0), (0.0, 0.0, 9.80665))
         self._states: list[_State] = [at_rest] * _KEPT
         self._newest = 0
         self._begun_ns = time.monotonic_ns()
-        self._ended = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._due = 0
+        self._clockwork = clockwork or Clockwork()
         self.command_mm: Vector | None = None
         """Where the robot is to go; set from any thread."""
 
     def start(self) -> None:
         """Begin to move."""
         self._begun_ns = time.monotonic_ns()
-        self._thread = threading.Thread(target=self._run, name="world", daemon=True)
-        self._thread.start()
+        self._clockwork.add(self._turn)
 
     def stop(self) -> None:
         """End; calling it twice is harmless."""
-        self._ended.set()
-        if self._thread is not None:
-            self._thread.join()
+        self._clockwork.remove(self._turn)
 
     def position_mm(self, time_ns: int) -> Vector:
         """Return where the tip is at a time of the monotonic clock."""
@@ -89,18 +90,15 @@ class World:
         x, y, z = (a * before[i] + b * start[i] + c * end[i] + d * after[i] for i in range(3))
         return x, y, z
 
-    def _run(self) -> None:
-        due = 0
-        while not self._ended.is_set():
-            passed = (time.monotonic_ns() - self._begun_ns) // TICK_NS
-            if passed - due > _MOST_AT_ONCE:  # held up: time went on without the world
-                self._begun_ns += (passed - due) * TICK_NS
-                passed = due
-            while due < passed:
-                due += 1
-                self._advance(due)
-            next_ns = self._begun_ns + (due + 1) * TICK_NS
-            time.sleep(max(0, next_ns - time.monotonic_ns()) / 1e9)
+    def _turn(self, now_ns: int) -> int:
+        passed = (now_ns - self._begun_ns) // TICK_NS
+        if passed - self._due > _MOST_AT_ONCE:  # held up: time went on without the world
+            self._begun_ns += (passed - self._due) * TICK_NS
+            passed = self._due
+        while self._due < passed:
+            self._due += 1
+            self._advance(self._due)
+        return self._begun_ns + (self._due + 1) * TICK_NS
 
     def _advance(self, tick: int) -> None:
         frame = self._follower.step(1, 0, self.command_mm)[0]
