@@ -1,0 +1,90 @@
+"""One device of a follower: what is taken of it at a tick, and what is left out."""
+
+import time
+from collections.abc import Sequence
+
+import pytest
+
+from mmt.devices.protocols import SensorReading, Vector
+from mmt.devices.slots import RobotSlot, SampledSlot
+
+MS = 1_000_000
+
+
+class Arm:
+    """A robot that goes 1 mm in a millisecond."""
+
+    now_ns = 0
+
+    def connect(self) -> None:
+        """It is there."""
+
+    calibrate = close = connect
+
+    def read(self) -> Vector:
+        return (self.now_ns / MS, 0.0, 0.0)
+
+    def write(self, position_mm: Vector) -> None:
+        """Go on."""
+
+
+class MeasuredArm(Arm):
+    """One that is measured every two milliseconds, beside the ticks."""
+
+    asked = 0
+
+    def positions(self, after_ns: int, until_ns: int) -> Sequence[tuple[int, Vector]]:
+        self.asked += 1
+        times = range(after_ns - after_ns % (2 * MS) + 2 * MS, until_ns, 2 * MS)
+        return [(time_ns, (time_ns / MS, 0.0, 0.0)) for time_ns in times]
+
+
+def ticked(arm: Arm, ticks_ms: Sequence[int]) -> RobotSlot:
+    slot = RobotSlot("robot", arm, measures=True)
+    for tick in ticks_ms:
+        arm.now_ns = tick * MS
+        slot.step(arm.now_ns, None)
+    return slot
+
+
+def test_positions_of_while_ticks_were_held_up_are_taken_where_the_driver_keeps_them() -> None:
+    held_up = [100, 101, 102, 140, 141]
+    assert ticked(Arm(), held_up).lane.at(121 * MS) is None
+    arm = MeasuredArm()
+    assert ticked(arm, held_up).lane.at(121 * MS) == pytest.approx((121.0, 0.0, 0.0))
+    assert arm.asked == 2  # at the first tick, and after the pause
+
+
+class BufferedSensor:
+    """A sensor whose readings have waited in a buffer, a hundred a read, since it was connected."""
+
+    latency_ns = 0
+    faults: dict[str, int] = {}  # noqa: RUF012 - of a driver
+
+    def __init__(self) -> None:
+        self._reads = [self._batch(time.monotonic_ns() - (8 - k) * 100 * MS) for k in range(8)]
+
+    def connect(self) -> None:
+        """It is there."""
+
+    calibrate = close = connect
+
+    def _batch(self, begun_ns: int) -> list[SensorReading]:
+        return [SensorReading(begun_ns + k * MS, (float(k), 0.0, 0.0)) for k in range(100)]
+
+    def read(self) -> Sequence[SensorReading]:
+        return self._reads.pop(0) if self._reads else ()
+
+    def measure(self) -> None:
+        self._reads.append([SensorReading(time.monotonic_ns(), (1.0, 2.0, 3.0))])
+
+
+def test_what_has_waited_since_a_sensor_was_connected_moves_no_clock() -> None:
+    sensor = BufferedSensor()
+    slot = SampledSlot("force sensor", sensor)
+    assert not slot.poll()
+    for _ in range(20):
+        sensor.measure()
+        assert slot.poll()
+    assert slot.lane.readings == 20
+    assert slot.lane.clock.jumps == 0
