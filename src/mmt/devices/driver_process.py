@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, Final, NoReturn
 
 from mmt.core.errors import MmtError, brief
+from mmt.core.process import prefer_even_ticks
 
 ENDED: Final = b"E"
 """The process ends; why, as a text."""
@@ -180,6 +181,7 @@ def run_process(run: Callable[[dict[str, Any], DriverPipes], None], device: str)
     device
         What a person calls it.
     """
+    prefer_even_ticks()
     messages = os.dup(1)
     os.dup2(2, 1)  # what a library prints is no message
     os.set_blocking(0, False)

@@ -14,7 +14,6 @@ from typing import Any, Final
 import aiohttp
 
 from mmt.core.errors import MmtError
-from mmt.core.process import ask_for_short_turns
 from mmt.core.realtime import be_real_time
 from mmt.core.ticking import Ticker
 from mmt.devices.driver_process import COUNT, DriverPipes, run_process
@@ -256,8 +255,6 @@ def run(arguments: dict[str, Any], pipes: DriverPipes) -> None:
     if arguments["real_time"]:
         with contextlib.suppress(MmtError):
             be_real_time()
-    else:
-        ask_for_short_turns()
     asyncio.run(_talk(arguments, pipes))
 
 

@@ -7,7 +7,7 @@ Its tip is held by a hand that strokes a surface at a scene's zero, or is free. 
 import json
 import sys
 
-from mmt.core.process import SWITCH_INTERVAL_S
+from mmt.core.process import prefer_even_ticks
 from mmt.devices.protocols import Vector
 from mmt.scene import Hand
 from mmt.testing.emulated.inverse3 import REST_MM, EmulatedInverse3
@@ -42,7 +42,7 @@ def _on_device(position_mm: Vector) -> Vector:
 
 def main(role: str, seed: int) -> None:
     """Run the service until standard input ends."""
-    sys.setswitchinterval(SWITCH_INTERVAL_S)
+    prefer_even_ticks()  # a real device waits neither for the processor nor for a collector
     held = StrokingHand(seed) if role == "handle" else None
     service = EmulatedInverse3({"049D": EmulatedTip(_on_device(START_MM), held)})
     service.start()
