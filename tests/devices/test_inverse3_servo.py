@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from mmt.core.errors import InputError
 from mmt.devices.drivers import load_device, roles_of
 from mmt.devices.hand_force import HandForceOptions
+from mmt.devices.haply.exchange import ABSENT
 from mmt.devices.haply.messages import NAMES, OtherFormatError, listed, parse, version_of
 from mmt.devices.haply.options import HandleOptions, RobotOptions
 from mmt.devices.haply.servo import (
-    ABSENT,
     UNCALIBRATED,
     UNREADABLE,
     ForceServo,

@@ -18,6 +18,9 @@ STATE: Final = b"S"
 LOST: Final = b"L"
 """The device gives nothing that can be used any more; why, as a text."""
 
+ABSENT: Final = "answers without the device"
+"""One reason for `LOST`."""
+
 _STATE: Final = struct.Struct("<q9d3b")
 _NOT_TOLD: Final = -1
 

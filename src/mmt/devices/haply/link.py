@@ -8,9 +8,8 @@ from mmt.core.errors import DeviceLost, MmtError
 from mmt.core.realtime import ticks_in_real_time
 from mmt.devices.driver_process import DriverProcess, text_of
 from mmt.devices.haply import exchange as to
-from mmt.devices.haply.exchange import Measured, State
+from mmt.devices.haply.exchange import ABSENT, Measured, State
 from mmt.devices.haply.options import InverseOptions
-from mmt.devices.haply.servo import ABSENT
 from mmt.devices.protocols import Vector
 
 _READY_S: Final = 15.0

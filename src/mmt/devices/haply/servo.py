@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
 from mmt.core.arrays import towards
-from mmt.devices.haply.exchange import Measured, State
+from mmt.devices.haply.exchange import ABSENT, Measured, State
 from mmt.devices.haply.messages import (
     CommandNames,
     OtherFormatError,
@@ -25,7 +25,6 @@ from mmt.devices.protocols import Vector
 
 NO_FORCE: Final[Vector] = (0.0, 0.0, 0.0)
 
-ABSENT: Final = "answers without the device"
 UNREADABLE: Final = "answers that cannot be read"
 UNCALIBRATED: Final = "positions without calibration"
 

@@ -4,10 +4,11 @@ Its tip is held by a hand that strokes a surface at a scene's zero, or is free. 
 `mmt.testing.emulated.lab_process`.
 """
 
+import gc
 import json
 import sys
 
-from mmt.core.process import prefer_even_ticks
+from mmt.core.process import SWITCH_INTERVAL_S
 from mmt.devices.protocols import Vector
 from mmt.scene import Hand
 from mmt.testing.emulated.inverse3 import REST_MM, EmulatedInverse3
@@ -42,7 +43,8 @@ def _on_device(position_mm: Vector) -> Vector:
 
 def main(role: str, seed: int) -> None:
     """Run the service until standard input ends."""
-    prefer_even_ticks()  # a real device waits neither for the processor nor for a collector
+    sys.setswitchinterval(SWITCH_INTERVAL_S)
+    gc.freeze()  # a real device does not stand still for a collector
     held = StrokingHand(seed) if role == "handle" else None
     service = EmulatedInverse3({"049D": EmulatedTip(_on_device(START_MM), held)})
     service.start()

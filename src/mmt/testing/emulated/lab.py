@@ -5,11 +5,12 @@ Its robot is moved by datagrams, or is an arm by Universal Robots where a third 
 standard input names it, and ends when that input ends, as it does with the process that started it.
 """
 
+import gc
 import json
 import sys
 from typing import TYPE_CHECKING, Any, Final
 
-from mmt.core.process import prefer_even_ticks
+from mmt.core.process import SWITCH_INTERVAL_S, ask_for_short_turns
 from mmt.testing.emulated.adxl335_board import EmulatedAdxl335Board
 from mmt.testing.emulated.bota import EmulatedBota
 from mmt.testing.emulated.clockwork import Clockwork
@@ -28,10 +29,12 @@ ACCELEROMETER_BANDWIDTH_HZ: Final = 1000.0
 
 def main(surface: str, seed: int, kind: str = "datagrams") -> None:
     """Run the lab until standard input ends."""
+    ask_for_short_turns(0)  # the service that it is a child of goes first
+    sys.setswitchinterval(SWITCH_INTERVAL_S)
     clockwork = Clockwork(TICK_NS)
     world = World(surface, seed, clockwork)
     robot = _ur_controller(world, seed) if kind == "ur" else RobotLink(world)
-    prefer_even_ticks()  # a real device waits neither for the processor nor for a collector
+    gc.freeze()  # a real device does not stand still for a collector
     parts: list[Any] = [world, robot]
     for part in parts:
         part.start()
