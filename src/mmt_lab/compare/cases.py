@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -67,6 +67,16 @@ class Case:
     def name(self) -> str:
         """The texture, or the recorded stroke, over which seeds, or textures, are gathered."""
         return Path(self.texture).name if self.stroke is None else self.stroke.stem
+
+    @property
+    def labels(self) -> dict[str, Any]:
+        """What every figure of it is labelled with: group, name, texture and seed."""
+        return {
+            "group": self.group,
+            "name": self.name,
+            "texture": self.texture,
+            "seed": self.seed,
+        }
 
     @property
     def inputs(self) -> Inputs:

@@ -221,14 +221,10 @@ class _Session:
         return RenderedSession(tuple(self.rendered), tuple(times), tuple(self.faults))
 
     def _times(self, name: str, blocks_us: FloatArray) -> Times:
-        case = self.case
         p50_us, p99_us = np.percentile(blocks_us, (50.0, 99.0)).tolist()
         updates_ms = [1e3 * each for each in self.updates_s[name]]
         return Times(
-            group=case.group,
-            name=case.name,
-            texture=case.texture,
-            seed=case.seed,
+            **self.case.labels,
             method=name,
             block_p50_us=p50_us,
             block_p99_us=p99_us,
@@ -253,13 +249,9 @@ class _Session:
         vibration = render_strokes(source, self._strokes, self.case.seed, self.run_s)
         clipped = (source.clipped - before[1]) / (source.samples - before[0])
         errors = rendered_errors(spectra_of(vibration), self._expected)
-        case = self.case
         for moment, time_s in self.moments[number]:
             judged = Judged(
-                group=case.group,
-                name=case.name,
-                texture=case.texture,
-                seed=case.seed,
+                **self.case.labels,
                 method=method,
                 moment=moment,
                 time_s=time_s,

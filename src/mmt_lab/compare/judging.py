@@ -121,10 +121,7 @@ def judge(case: Case, methods: Sequence[str], blocks: Sequence[RecordArray]) -> 
             errors = truth.compare(model)
             judged.append(
                 Judged(
-                    group=case.group,
-                    name=case.name,
-                    texture=case.texture,
-                    seed=case.seed,
+                    **case.labels,
                     method=method,
                     moment=moment,
                     time_s=time_s,
