@@ -1,13 +1,42 @@
 """Build generators online: gather what is observed, and ask the builder at each update."""
 
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Self
+
 from mmt.core.arrays import RecordArray
 from mmt.texture.generators.guarded import GuardedGenerator, raised
 from mmt.texture.generators.protocol import Builder, Observed, VibrationGenerator
 from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.online.work import SegmentRange
+from mmt.texture.online.work import SegmentRange, Work
 from mmt.texture.segmentation.segments import Segment
 from mmt.texture.settings import ModellingSettings
 from mmt.texture.signals.aligned import AlignedBlock
+
+
+@dataclass(frozen=True)
+class NewSamples:
+    """What an update of our model has got: see `Work`, of which it is what others may learn from.
+
+    Attributes
+    ----------
+    time_s
+        Session time of the newest frame.
+    observed
+        New frames, filtered.
+    added, removed
+        Segments that are new, and the ranges of those that no longer hold.
+    """
+
+    time_s: float
+    observed: list[AlignedBlock]
+    added: list[Segment]
+    removed: list[SegmentRange]
+
+    @classmethod
+    def of(cls, work: Work) -> Self:
+        """Return those of one update."""
+        return cls(work.time_s, work.observed, work.added, work.removed)
 
 
 class GeneratorModeller:
@@ -43,7 +72,7 @@ class GeneratorModeller:
     ) -> None:
         self._name, self._builder, self._limit_m_s2 = name, builder, limit_m_s2
         self._settings = settings or ModellingSettings()
-        self._modeller = OnlineModeller(self._settings)
+        self._modeller: OnlineModeller | None = None
         self._samples: list[AlignedBlock] = []
         self._segments: dict[SegmentRange, Segment] = {}
         self.generator: GuardedGenerator | None = None
@@ -66,7 +95,13 @@ class GeneratorModeller:
         GeneratorFault
             The builder has raised, or what it returned is no generator.
         """
-        observed = self._observe(frames)
+        self._modeller = self._modeller or OnlineModeller(self._settings)
+        works = self._modeller.segment(frames)
+        return self.add(NewSamples.of(work) for work in works if work is not None)
+
+    def add(self, news: Iterable[NewSamples]) -> GuardedGenerator | None:
+        """Return the new generator, as `update`, where frames are segmented elsewhere."""
+        observed = self._observe(news)
         previous = None if self.generator is None else self.generator.generator
         made = self._build(observed, previous)
         if made is None:
@@ -75,16 +110,14 @@ class GeneratorModeller:
             self.generator = GuardedGenerator(self._name, made, limit_m_s2=self._limit_m_s2)
         return self.generator
 
-    def _observe(self, frames: RecordArray) -> Observed:
+    def _observe(self, news: Iterable[NewSamples]) -> Observed:
         time_s = 0.0
-        for work in self._modeller.segment(frames):
-            if work is None:
-                continue
-            time_s = work.time_s
-            self._samples += work.observed
-            for key in work.removed:
+        for each in news:
+            time_s = each.time_s
+            self._samples += each.observed
+            for key in each.removed:
                 self._segments.pop(key, None)
-            self._segments |= {(each.start, each.stop): each for each in work.added}
+            self._segments |= {(one.start, one.stop): one for one in each.added}
         self._samples = [AlignedBlock.concatenate(self._samples)]
         return Observed(
             time_s=time_s,

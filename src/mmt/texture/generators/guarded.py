@@ -1,12 +1,14 @@
 """A generator behind checks: what it gives can be felt, or it is told in a sentence why not."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import MmtError, brief
-from mmt.texture.generators.protocol import VibrationGenerator
+
+if TYPE_CHECKING:
+    from mmt.texture.generators.protocol import VibrationGenerator
 
 
 class GeneratorFault(MmtError):  # noqa: N818 - it is what was found
@@ -41,7 +43,7 @@ class GuardedGenerator:
     """
 
     def __init__(
-        self, name: str, generator: VibrationGenerator, *, limit_m_s2: float = 60.0
+        self, name: str, generator: "VibrationGenerator", *, limit_m_s2: float = 60.0
     ) -> None:
         self.name = name
         self.generator = generator

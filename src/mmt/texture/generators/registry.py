@@ -3,10 +3,12 @@
 import importlib
 import inspect
 from importlib.metadata import EntryPoint, entry_points
-from typing import Final, cast
+from typing import TYPE_CHECKING, Final, cast
 
 from mmt.core.errors import InputError, brief
-from mmt.texture.generators.protocol import Builder
+
+if TYPE_CHECKING:
+    from mmt.texture.generators.protocol import Builder
 
 GROUP: Final = "mmt.generators"
 """The group of entry points under which a package offers builders of generators by name."""
@@ -17,7 +19,7 @@ def offered() -> dict[str, EntryPoint]:
     return {entry.name: entry for entry in entry_points(group=GROUP)}
 
 
-def load(name: str) -> Builder:
+def load(name: str) -> "Builder":
     """Import a builder.
 
     Parameters
@@ -52,6 +54,20 @@ def load(name: str) -> Builder:
     except ValueError:  # one in C may have no signature
         pass
     return cast("Builder", builder)
+
+
+def origin(name: str) -> str:
+    """Return where a builder comes from: its target, and the distribution that offers it.
+
+    Raises
+    ------
+    InputError
+        There is none of that name.
+    """
+    found = offered().get(name)
+    if found is None or found.dist is None:
+        return _target(name)
+    return f"{found.value} of {found.dist.name} {found.dist.version}"
 
 
 def _target(name: str) -> str:
