@@ -1,0 +1,87 @@
+"""From one model's vibration to another's, without a step."""
+
+import math
+from typing import Any, Protocol
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+
+
+class Renderer(Protocol):
+    """What renders from one model: a `Synthesizer`, or what is used like one."""
+
+    model: Any
+
+    @property
+    def directed(self) -> bool:
+        """Whether the model is one of velocity, not of speed."""
+
+    def render(self, *inputs: FloatArray) -> FloatArray:
+        """Return the next n samples in m/s2."""
+
+    def reset(self) -> None:
+        """Begin anew."""
+
+
+class ModelCrossfade:
+    """Two synthesizers used like one, with a crossfade from one surface's model to another's.
+
+    The crossfade keeps the power of two uncorrelated signals (gains cosine and sine). A fade
+    that has begun is completed; the next one follows it.
+
+    Parameters
+    ----------
+    one, other
+        With different seeds, so that their vibrations are uncorrelated.
+    crossfade_samples
+        Length of a fade; 0 switches at once.
+    """
+
+    def __init__(self, one: Renderer, other: Renderer, *, crossfade_samples: int) -> None:
+        self._current, self._other = one, other
+        self._length = crossfade_samples
+        self._left = 0
+        self._next: Any = None
+
+    @property
+    def model(self) -> Any:
+        """The model that is rendered, or will be; assigning another of its surface is no fade."""
+        return self._current.model if self._next is None else self._next
+
+    @model.setter
+    def model(self, model: Any) -> None:
+        if self._next is None:
+            self._current.model = model
+        else:
+            self._next = model
+
+    @property
+    def directed(self) -> bool:
+        """Whether the models are ones of velocity, not of speed."""
+        return self._current.directed
+
+    def cross_to(self, model: Any) -> None:
+        """Fade to the model of another surface."""
+        if self._left:
+            self._next = model
+            return
+        self._current, self._other = self._other, self._current
+        self._current.model = model
+        self._current.reset()
+        self._left = self._length
+
+    def render(self, *inputs: FloatArray) -> FloatArray:
+        """Return the next n samples in m/s2; see `Synthesizer.render`."""
+        now = self._current.render(*inputs)
+        if not self._left:
+            return now
+        before = self._other.render(*inputs)
+        passed = self._length - self._left + 1 + np.arange(len(now))
+        angle = 0.5 * math.pi * np.minimum(passed / self._length, 1.0)
+        self._left = max(0, self._left - len(now))
+        if not self._left and self._next is not None:
+            following, self._next = self._next, None
+            self.cross_to(following)
+        faded: FloatArray = np.cos(angle) * before + np.sin(angle) * now
+        return faded
