@@ -30,6 +30,7 @@ _FAULTS: Final = (
     _Fault("texture.dropped_frames", "frame", "frames", "not modelled: the model was too slow"),
     _Fault("texture.late_frames", "frame", "frames", "too late for the model"),
     _Fault("texture.tasks.*.drops", "item", "items", "dropped before {name}: it was too slow"),
+    _Fault("generator.late_blocks", "block", "blocks", "of the generator too late to be rendered"),
     _Fault("vibration.playout.resyncs", "restart of the playout", "restarts of the playout"),
     _Fault("vibration.actuator.clipped", "sample", "samples", "clipped at the actuator's limit"),
     _Fault("recording.dropped", "frame", "frames", "not recorded: the disk was too slow"),
@@ -95,6 +96,8 @@ def unusual(name: str, summary: Mapping[str, Any]) -> list[str]:
         for place, count in _values(summary, fault.path.split("."))
         if count
     ]
+    if generator_fault := summary.get("generator", {}).get("fault"):
+        found.append(f"{generator_fault}; our model was rendered in its place")
     late = summary.get("ticks", {}).get("late_share_1ms") or 0.0
     if late > _LATE_SHARE:
         found.append(f"{late:.0%} of the ticks over 1 ms late".replace("%", " %"))

@@ -10,6 +10,7 @@ from mmt.leader.part import Part, Session
 from mmt.leader.stage import Activity, Item, ItemQueue, StageTask
 
 if TYPE_CHECKING:
+    from mmt.leader.generating import GeneratingPart
     from mmt.leader.synthesizing import SynthesizingPart
     from mmt.leader.vibration import VibrationPart
     from mmt.leader.warming import WarmingPart
@@ -64,6 +65,7 @@ class ModelOutput(Part):
         self._recorded: dict[int, TextureModel] = {}  # by surface, into:
         self._recorder: McapRecorder | None = None
         self._synthesizing: SynthesizingPart | None = session.find("synthesizing")
+        self._generating: GeneratingPart | None = session.find("generating")
         self._vibration: VibrationPart | None = session.find("vibration")
         self._modelling: ModelSource | None = session.find("modelling")
         self._warming: WarmingPart | None = session.find("warming")
@@ -107,6 +109,8 @@ class ModelOutput(Part):
         wanted = usable or (forced and update.model is not None)
         if wanted and update.model is not None:
             self._render(update.model, update.surface)
+        if usable and self._generating is not None:
+            self._generating.take_over()
         if usable and self._warming is not None and not self._warming.finished:
             self._warming.hand_over()
         if usable and log.start_s is None:
@@ -186,8 +190,9 @@ class ModelOutput(Part):
             return
         self.record_last()
         self._modelling.reset()
-        if self._warming is not None:
-            self._warming.reset()
+        for part in (self._warming, self._generating):
+            if part is not None:
+                part.reset()
         self._log.warm = self._log.surfaces = None
         self._recorded.clear()
         self._since_s = time_s

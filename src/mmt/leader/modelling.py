@@ -23,7 +23,7 @@ from mmt.leader.stage import Activity, Figures, InFlight, Item, ItemQueue
 from mmt.leader.synthesizing import SynthesizingTask
 from mmt.texture.online.factory import ModellerFactory
 from mmt.texture.online.modeller import OnlineModeller
-from mmt.texture.online.work import ModelUpdate
+from mmt.texture.online.work import ModelUpdate, Work
 from mmt.texture.settings import ModellingSettings
 
 if TYPE_CHECKING:
@@ -67,6 +67,7 @@ class Modelling(Part):
         self._last_ns = 0
         self._factory = ModellerFactory(settings, period_s)
         self._on_update = on_update
+        self.on_work: Callable[[Work], None] = lambda _: None  # called with all that is judged
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="modelling")
         self._compilation, self._compiled = compilation, None
         if compilation is not None:
@@ -290,6 +291,7 @@ class Modelling(Part):
 
     def _judged(self, item: Item) -> None:
         """Tell of an update; after the last one throw away what came behind it."""
+        self.on_work(item.work)
         update = item.work.update
         if item.work.announced and update is not None:
             if self._factory.done(update):

@@ -67,6 +67,10 @@ PARTS: Final[dict[str, PartEntry]] = {
         numerics=("mmt.texture.synthesis.synthesizer",),
         needs_model=True,
     ),
+    "generating": PartEntry(
+        "mmt.leader.generating:GeneratingPart",
+        lambda scene: scene.rendering is not None and scene.rendering.generator is not None,
+    ),
     "vibration": PartEntry(
         "mmt.leader.vibration:VibrationPart", lambda scene: scene.actuator is not None
     ),

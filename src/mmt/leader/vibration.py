@@ -26,7 +26,11 @@ _FADE: Final = 0.1
 
 
 class SynthesizedVibration(Protocol):
-    """What renders from a model."""
+    """What renders from a model, or from another method's generator."""
+
+    @property
+    def directed(self) -> bool:
+        """Whether it is asked by velocity x, y and force, not by speed and force."""
 
     def render(self, *inputs: FloatArray) -> FloatArray:
         """Return one sample for each moment of the inputs, shape (n,)."""
@@ -64,6 +68,7 @@ class VibrationSwitch:
     ) -> None:
         self._streamed = streamed
         self._synthesized = synthesized
+        self._follow = getattr(synthesized, "follow", None)  # what it wants to know unheard
         self._step = 1.0 / crossfade_samples if crossfade_samples > 0 else 1.0
         self._limit = limit_m_s2
         self._period_ns = period_ns
@@ -100,6 +105,8 @@ class VibrationSwitch:
             synthesized = model.render(*inputs) if model is not None else output
         else:
             synthesized = output
+            if self._follow is not None:
+                self._follow(*inputs)
         for index in range(count):
             tick_ns = now_ns - (count - 1 - index) * self._period_ns
             streamed = self._streamed(tick_ns) if self._streamed is not None else 0.0
@@ -155,7 +162,7 @@ class VibrationPart(Part):
         """Which vibration is played, as of the last tick."""
         normal = (session.scene.texture or Texture()).normal
         self._first, self._second = (k for k, name in enumerate("xyz") if name != normal)
-        self._synthesizer = getattr(session.find("synthesizing"), "synthesizer", None)
+        self._synthesized = synthesized_by(session)
         self._motion = session.find("motion")
         self._on_output: list[Callable[[int, str, FloatArray], None]] = []
         self._loudness = 1.0
@@ -179,7 +186,7 @@ class VibrationPart(Part):
         crossfade_ms = scene.rendering.crossfade_ms if scene.rendering is not None else 0.0
         switch = VibrationSwitch(
             playout.buffer.pull if playout is not None else None,
-            synthesizing.synthesizer if synthesizing is not None else None,
+            synthesized_by(session),
             crossfade_samples=round(crossfade_ms * session.rate_hz / 1000),
             limit_m_s2=table.limit_m_s2,
             period_ns=session.period_ns,
@@ -289,9 +296,18 @@ class VibrationPart(Part):
 
     def _inputs(self, x_mm_s: float, y_mm_s: float, force_n: float) -> tuple[float, ...]:
         """Return what the present model is a function of."""
-        if self._synthesizer is not None and self._synthesizer.directed:
+        if self._synthesized is not None and self._synthesized.directed:
             return x_mm_s, y_mm_s, force_n
         return (x_mm_s * x_mm_s + y_mm_s * y_mm_s) ** 0.5, force_n
+
+
+def synthesized_by(session: Session) -> SynthesizedVibration | None:
+    """Return what renders in this scene, None where nothing does."""
+    generating, synthesizing = session.find("generating"), session.find("synthesizing")
+    if generating is not None:
+        vibration: SynthesizedVibration = generating.vibration
+        return vibration
+    return getattr(synthesizing, "synthesizer", None)
 
 
 def _actuator(table: Actuator) -> "tuple[VibrationActuator, ReconnectingActuator | None]":

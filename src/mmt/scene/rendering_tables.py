@@ -14,6 +14,7 @@ class Rendering(PartTable):
     model: Path | None = None
     before: Literal["stream", "warm", "silent"] = "stream"
     library: list[str | Path] = Field(default=[])
+    generator: str | None = Field(None, min_length=1)
     renewal_samples: int = Field(1, ge=1, le=1000)
     crossfade_ms: float = Field(50.0, ge=0, le=1000)
 

@@ -252,6 +252,12 @@ def _rendering_rules(scene: Scene) -> Rules:
             'library of [rendering] is for a warm start: add before = "warm", or remove it',
         ),
         (
+            rendering.generator is not None
+            and (scene.texture is None or scene.texture.surfaces is not None),
+            "generator of [rendering] learns from the strokes on one surface: add [texture], "
+            "without [texture.surfaces]",
+        ),
+        (
             scene.link is None and not scene.commands,
             "[rendering] needs a hand's speed and force: add [hand], [handle] or [link]",
         ),

@@ -121,6 +121,8 @@ class SceneRun:
     """Sent, by way: "up", "down"."""
     model_from_s: float | None
     """When the model began to drive the vibration."""
+    generator: Mapping[str, Any] | None = None
+    """What the leader's summary says of another method's generator, where the scene has one."""
 
 
 @dataclass(frozen=True)

@@ -101,6 +101,7 @@ def remarks(costs: SceneCosts, scene: Scene) -> list[str]:
             sentences.append(
                 f"rendering: a model was in use from {min(began_s):.1f} s on, of {duration_s:g} s"
             )
+    sentences += _generator_remarks([run.generator for run in costs.whole if run.generator])
     if costs.without:
         sentences.append(
             "parts share what they import and do: their costs need not add up to the whole's"
@@ -111,6 +112,23 @@ def remarks(costs: SceneCosts, scene: Scene) -> list[str]:
             "were missed, frames share a message and commands are left out"
         )
     return sentences
+
+
+def _generator_remarks(runs: list[Mapping[str, Any]]) -> list[str]:
+    """Say what another method's generator takes beside the leader, and what ended it."""
+    if not runs:
+        return []
+
+    def mean(key: str) -> float:
+        return statistics.fmean([run.get(key) or 0.0 for run in runs])
+
+    return [
+        f"generator {runs[0]['name']}: its two processes take {mean('core_share'):.2f} of a core "
+        f"and {mean('memory_mb'):.0f} MB beside the leader's; a block of 10 ms "
+        f"{mean('block_p50_ms'):.2f} ms (p99 {mean('block_p99_ms'):.2f}), a fit "
+        f"{mean('fit_median_ms'):.1f} ms",
+        *sorted({run["fault"] for run in runs if run["fault"]}),
+    ]
 
 
 def costs_as_dict(costs: SceneCosts, scene: Scene) -> dict[str, Any]:

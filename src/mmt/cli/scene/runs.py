@@ -111,6 +111,7 @@ def _scene_run(run: DemoRun) -> SceneRun:
         },
         bytes_per_s={way: count / streamed_s for way, count in sent.items()},
         model_from_s=_model_from_s(run.leader.get("vibration", {})),
+        generator=run.leader.get("generator"),
     )
 
 

@@ -1,0 +1,214 @@
+"""Vibration by another method's generator, from a process of its own, in place of our model's.
+
+Its code takes an unknown time, so the tick never waits for it. The hand's motion goes out in blocks
+of 10 ms, and what comes of a block is played 20 ms after the motion: 10 ms to gather a block, and
+10 ms to render it. One that is not there by then is left out and counted; the last one that was
+fades out, run backwards, and the next one fades in.
+"""
+
+import math
+from contextlib import suppress
+from typing import Final, NamedTuple, Protocol
+
+import numpy as np
+
+from mmt.core.arrays import FloatArray
+from mmt.core.ticking import TimeHistogram
+from mmt.leader.model_crossfade import Renderer
+
+BLOCK_SAMPLES: Final = 10
+
+_MOST_UNDER_WAY: Final = 3
+"""Blocks; a process that renders none gets no more, so that writing to it never waits."""
+
+_WINDOW: Final = 200
+"""Blocks; where half of so many are late, the generator is too slow."""
+
+_FADE_IN: Final = (np.arange(BLOCK_SAMPLES) + 1.0) / BLOCK_SAMPLES
+
+
+class Rendered(NamedTuple):
+    """A block from the process that renders.
+
+    ``build`` is the number of the fit that it is from, 0 before the first, of the ``epoch``-th
+    model since the session's begin; ``clipped`` counts samples so far, and ``samples`` are the
+    bytes of `BLOCK_SAMPLES` float64.
+    """
+
+    number: int
+    epoch: int
+    build: int
+    elapsed_ns: int
+    clipped: int
+    samples: bytes
+
+
+class Channel(Protocol):
+    """The way to the process; see `multiprocessing.connection.Connection`."""
+
+    def send(self, block: tuple[int, bytes], /) -> None:
+        """Send the number of a block, and the bytes of its motion, shape (3, 10)."""
+
+    def poll(self) -> bool:
+        """Return whether something has come."""
+
+    def recv(self) -> Rendered | str:
+        """Return it: a block, or a sentence that says why none follows."""
+
+
+class GeneratedVibration:
+    """Render from the generator where it is to be heard and can be, else from our model.
+
+    Parameters
+    ----------
+    name
+        What the generator is called in messages.
+    model
+        Renders from our model.
+    crossfade_samples
+        Length of the fade between the two, which keeps the power; 0 switches at once.
+
+    Attributes
+    ----------
+    channel
+        The way to the process that renders, None before it runs.
+    wanted
+        Whether the generator is to be heard.
+    epoch
+        How often the model was reset; what is of an earlier one is not heard.
+    fault
+        Why the generator renders no more, None as long as it does.
+    late, blocks, clipped
+        Blocks that were not there in time, blocks asked of a generator, and clipped samples.
+    times
+        What its blocks took in their process.
+    """
+
+    directed = True
+
+    def __init__(self, name: str, model: Renderer, crossfade_samples: int) -> None:
+        self._name, self._model = name, model
+        self._step = 1.0 / crossfade_samples if crossfade_samples > 0 else 1.0
+        self._share = 0.0
+        self._motion = np.zeros((3, BLOCK_SAMPLES))
+        self._playing = np.zeros(BLOCK_SAMPLES)
+        self._sounds = False  # whether what is played was rendered
+        self._at = self._number = self._under_way = self._window = self._late_in_window = 0
+        self._newest: tuple[int, int] = (0, 0)  # epoch and fit of the newest block
+        self.channel: Channel | None = None
+        self.wanted = False
+        self.epoch = self.late = self.blocks = self.clipped = 0
+        self.fault: str | None = None
+        self.times = TimeHistogram()
+
+    @property
+    def ready(self) -> bool:
+        """Whether a generator of the present model renders."""
+        epoch, build = self._newest
+        return self.fault is None and epoch == self.epoch and build > 0
+
+    @property
+    def heard(self) -> bool:
+        """Whether it is the generator that is rendered."""
+        return self.wanted and self.ready
+
+    def render(self, *motion: FloatArray) -> FloatArray:
+        """Return the next n samples in m/s2.
+
+        Parameters
+        ----------
+        *motion
+            Velocity x, y (mm/s) and normal force (N), each of shape (n,).
+        """
+        generated = self.follow(*motion)
+        goal = 1.0 if self.heard else 0.0
+        if self._share == goal == 1.0:
+            return generated
+        x_mm_s, y_mm_s, force_n = motion
+        inputs = motion if self._model.directed else (np.hypot(x_mm_s, y_mm_s), force_n)
+        ours = self._model.render(*inputs)
+        if self._share == goal:
+            return ours
+        steps = self._step * np.arange(1, len(ours) + 1)
+        share = np.clip(self._share + (steps if goal else -steps), 0.0, 1.0)
+        self._share = float(share[-1])
+        angle = 0.5 * math.pi * share
+        faded: FloatArray = np.cos(angle) * ours + np.sin(angle) * generated
+        return faded
+
+    def follow(self, *motion: FloatArray) -> FloatArray:
+        """Return the generator's next n samples; so it also knows motion that is not rendered."""
+        output = np.empty(len(motion[0]))
+        for index in range(len(output)):
+            for row, values in zip(self._motion, motion, strict=True):
+                row[self._at] = values[index]
+            output[index] = self._playing[self._at]
+            self._at += 1
+            if self._at == BLOCK_SAMPLES:
+                self._at = 0
+                self._exchange()
+        return output
+
+    def _exchange(self) -> None:
+        """Take what has come of the block before, and send the one that is full."""
+        channel = self.channel
+        if channel is None or self.fault is not None:
+            self._play(None)
+            return
+        arrived = None
+        try:
+            while channel.poll():
+                block = channel.recv()
+                if isinstance(block, str):
+                    self.fault = block
+                    break
+                self._note(block)
+                if block.number == self._number:
+                    arrived = np.frombuffer(block.samples)
+            self._number += 1
+            if self.fault is None and self._under_way < _MOST_UNDER_WAY:
+                channel.send((self._number, self._motion.tobytes()))
+                self._under_way += 1
+        except (OSError, EOFError):
+            self.fault = self._last_words(channel)
+        if self.ready:
+            self._count(late=arrived is None)
+        self._play(arrived)
+
+    def _last_words(self, channel: Channel) -> str:
+        """Return why the process has ended, as it may have said before."""
+        with suppress(OSError, EOFError):
+            while channel.poll():
+                if isinstance(said := channel.recv(), str):
+                    return said
+        return f"generator {self._name}: the process that renders has ended"
+
+    def _note(self, block: Rendered) -> None:
+        self._under_way -= 1
+        self._newest = block.epoch, block.build
+        self.clipped = block.clipped
+        if block.build:
+            self.times.add(block.elapsed_ns)
+
+    def _count(self, *, late: bool) -> None:
+        self.blocks += 1
+        self.late += late
+        self._late_in_window += late
+        self._window += 1
+        if self._late_in_window >= _WINDOW // 2:
+            self.fault = (
+                f"generator {self._name}: too slow, {self._late_in_window} of {self._window} "
+                f"blocks of {BLOCK_SAMPLES} ms were late"
+            )
+        if self._window == _WINDOW:
+            self._window = self._late_in_window = 0
+
+    def _play(self, block: FloatArray | None) -> None:
+        """Play a block next; where there is none, let the last one fade out backwards."""
+        if block is not None:
+            self._playing = block if self._sounds else block * _FADE_IN
+        elif self._sounds:
+            self._playing = self._playing[::-1] * _FADE_IN[::-1]
+        else:
+            self._playing = np.zeros(BLOCK_SAMPLES)
+        self._sounds = block is not None
