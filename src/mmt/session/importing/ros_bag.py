@@ -15,8 +15,8 @@ from mmt.core.errors import InputError, brief
 from mmt.core.extras import require
 from mmt.core.frames import FIELD_OF_CHANNEL
 from mmt.session.data import JsonObject
-from mmt.session.export_bag import CHANNEL_TOPICS, EVENTS, SCENE, SEQUENCE
 from mmt.session.importing.columns import Columns
+from mmt.session.ros_messages import CHANNEL_TOPICS, EVENTS, SCENE, SEQUENCE
 
 _UNITS: Final = {"position": "m", "translation": "m", "point": "m"}
 """The last part of a name whose values ROS gives in metres (REP 103); else it uses SI."""

@@ -1,0 +1,122 @@
+"""Messages of ROS 2 that carry a session: in a bag, and live.
+
+Units are those of REP 103: metres, newtons, metres per second squared. Millimetres are divided by
+1000 in double precision, so that metres times 1000, rounded to single precision, are the frame's
+millimetres to the bit: both roundings together are off by less than 2**-51 of the value, half a
+step of single precision is no less than 2**-25 of it.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from mmt.core.arrays import RecordArray
+from mmt.core.frames import FIELD_OF_CHANNEL, Channel
+from mmt.session.data import JsonObject, to_json
+
+
+class Topic(NamedTuple):
+    """A topic of a bag that mmt writes."""
+
+    name: str
+    kind: str
+    """Type of its messages."""
+    field: str
+    """Where the value is in a message."""
+    frame_id: str = ""
+    """Of the header, where the message has one."""
+
+
+CHANNEL_TOPICS: Final[dict[Channel, Topic]] = {
+    "position": Topic(
+        "/mmt/position", "geometry_msgs/msg/PointStamped", "point", frame_id="mmt_surface"
+    ),
+    "force": Topic(
+        "/mmt/force", "geometry_msgs/msg/WrenchStamped", "wrench.force", frame_id="mmt_tool"
+    ),
+    "acceleration": Topic(
+        "/mmt/acceleration", "sensor_msgs/msg/Imu", "linear_acceleration", frame_id="mmt_tool"
+    ),
+}
+"""The topics of the channels. The frame ``mmt_tool`` has the axes of ``mmt_surface``."""
+
+SEQUENCE: Final = Topic("/mmt/sequence", "std_msgs/msg/UInt32", "data")
+"""Numbers of the frames; a header of ROS 2 has none."""
+EVENTS: Final = Topic("/mmt/events", "std_msgs/msg/String", "data")
+"""Events, a JSON object each."""
+SCENE: Final = Topic("/mmt/scene", "std_msgs/msg/String", "data")
+"""The resolved scene, one JSON object at the beginning."""
+LOG: Final = Topic("/mmt/log", "rcl_interfaces/msg/Log", "msg")
+"""The sentence of each event, for log viewers."""
+
+Message = tuple[int, Topic, Any]
+"""UTC (ns), topic and message."""
+
+
+class Messages:
+    """Makes messages of a rosbags type store's types."""
+
+    def __init__(self, types: Mapping[str, Any]) -> None:
+        self._of = types
+        self._make: dict[Channel, Callable[[Any, Any], Any]] = {
+            "position": self._point,
+            "force": self._wrench,
+            "acceleration": self._imu,
+        }
+        self._vector = types["geometry_msgs/msg/Vector3"]
+        self._zero = self._vector(0.0, 0.0, 0.0)
+        self._level = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
+        self._unknown, self._absent = np.zeros(9), np.array([-1.0] + 8 * [0.0])
+
+    def frames(
+        self, frames: RecordArray, channels: Iterable[Channel], since_ns: int
+    ) -> Iterator[Message]:
+        """Yield the messages of frames (n,), whose times are UTC less `since_ns`."""
+        made = []
+        for channel in channels:
+            vectors = frames[FIELD_OF_CHANNEL[channel]].astype(np.float64)
+            values = (vectors / 1e3 if channel == "position" else vectors).tolist()
+            made.append((CHANNEL_TOPICS[channel], self._make[channel], values))
+        number = self._of["std_msgs/msg/UInt32"]
+        for row, (time_ns, sequence) in enumerate(frames[["time_ns", "sequence"]].tolist()):
+            stamp_ns = time_ns + since_ns
+            yield stamp_ns, SEQUENCE, number(sequence)
+            for topic, make, values in made:
+                yield stamp_ns, topic, make(self._header(stamp_ns, topic.frame_id), values[row])
+
+    def event(self, stamp_ns: int, event: JsonObject) -> Iterator[Message]:
+        """Yield the message of an event, and that of its sentence."""
+        yield stamp_ns, EVENTS, self.text(to_json(dict(event)))
+        sentence = event.get("event")
+        if isinstance(sentence, str) and sentence:
+            yield stamp_ns, LOG, self._log(stamp_ns, sentence)
+
+    def text(self, text: str) -> Any:
+        """Return a message that is a text."""
+        return self._of["std_msgs/msg/String"](text)
+
+    def _stamp(self, time_ns: int) -> Any:
+        seconds, nanoseconds = divmod(time_ns, 1_000_000_000)
+        return self._of["builtin_interfaces/msg/Time"](seconds, nanoseconds)
+
+    def _header(self, time_ns: int, frame_id: str) -> Any:
+        return self._of["std_msgs/msg/Header"](self._stamp(time_ns), frame_id)
+
+    def _point(self, header: Any, position_m: list[float]) -> Any:
+        point = self._of["geometry_msgs/msg/Point"](*position_m)
+        return self._of["geometry_msgs/msg/PointStamped"](header, point)
+
+    def _wrench(self, header: Any, force_n: list[float]) -> Any:
+        wrench = self._of["geometry_msgs/msg/Wrench"](self._vector(*force_n), self._zero)
+        return self._of["geometry_msgs/msg/WrenchStamped"](header, wrench)
+
+    def _imu(self, header: Any, acceleration_m_s2: list[float]) -> Any:
+        # -1 as the first of a covariance: that quantity was not measured (sensor_msgs/Imu)
+        turned, turning = (self._level, self._absent), (self._zero, self._absent)
+        moved = (self._vector(*acceleration_m_s2), self._unknown)
+        return self._of["sensor_msgs/msg/Imu"](header, *turned, *turning, *moved)
+
+    def _log(self, stamp_ns: int, sentence: str) -> Any:
+        kind = self._of["rcl_interfaces/msg/Log"]
+        return kind(self._stamp(stamp_ns), kind.INFO, "mmt", sentence, "", "", 0)
