@@ -13,10 +13,11 @@ import pytest
 from frame_samples import made_frames
 
 from mmt.core.errors import InputError
-from mmt.leader import lsl, lsl_streams
+from mmt.leader import lsl, lsl_streams, publishing
 from mmt.leader.lsl import LslPart
-from mmt.leader.lsl_streams import clock_ahead_ns, load_pylsl
+from mmt.leader.lsl_streams import load_pylsl
 from mmt.leader.part import Session
+from mmt.leader.publishing import clock_ahead_ns
 from mmt.scene.files import scene_from_tables
 
 AHEAD_NS = 7_000_000_000_000
@@ -88,7 +89,7 @@ class Running:
         )
         monkeypatch.setattr(lsl_streams, "load_pylsl", lambda: library)
         monkeypatch.setattr(lsl, "require", lambda _: None)
-        monkeypatch.setattr(lsl, "clock_ahead_ns", lambda _: AHEAD_NS)
+        monkeypatch.setattr(publishing, "clock_ahead_ns", lambda _: AHEAD_NS)
         self.said: list[str] = []
         tables = {"link": link, "simulated": {}, "hand": {}, "lsl": {"chunk_ms": 1}}
         self.session = Session(scene_from_tables(tables), self.said.append, lambda: 1.25)
@@ -172,13 +173,13 @@ def test_a_library_that_stands_still_holds_nothing_up_and_the_newest_are_kept(
     running.frames.holding.clear()
     running.send(made_frames(0, 2))
     assert running.frames.arrived.wait(30)
-    blocks = lsl.QUEUE_LIMIT + 50
+    blocks = publishing.QUEUE_LIMIT + 50
     for number in range(blocks):  # it returns although nothing is taken
         running.send(made_frames(2 + number, 1))
     running.frames.holding.set()
     figures = running.end()
     assert figures["dropped"] == 50
-    assert figures["frames"] == 2 + lsl.QUEUE_LIMIT
+    assert figures["frames"] == 2 + publishing.QUEUE_LIMIT
     newest_ns = made_frames(1 + blocks, 1)["time_ns"][0] - OFFSET_NS + AHEAD_NS
     assert running.frames.samples[-1][0] == newest_ns / 1e9
 
@@ -236,7 +237,7 @@ def test_the_clocks_are_compared_by_the_quickest_look(monkeypatch: pytest.Monkey
         now_ns += next(delays_ns) * 1_000_000
         return there_ns / 1e9
 
-    monkeypatch.setattr(lsl_streams.time, "monotonic_ns", lambda: now_ns)
+    monkeypatch.setattr(publishing.time, "monotonic_ns", lambda: now_ns)
     assert clock_ahead_ns(clock_s) == AHEAD_NS - 500_000
 
 

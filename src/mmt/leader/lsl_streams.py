@@ -4,38 +4,20 @@ They are described as in https://github.com/sccn/xdf/wiki/Meta-Data.
 """
 
 import socket
-import time
 from collections.abc import Callable, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
-from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, brief
 from mmt.core.extras import require
 from mmt.core.frames import FIELD_OF_CHANNEL, Channel
+from mmt.leader.publishing import Block, Marker
 from mmt.session.data import axis_columns
 
 _UNITS: Final[dict[Channel, str]] = {"position": "mm", "force": "N", "acceleration": "m/s2"}
 _BUFFERED_S: Final = 60
 """What liblsl keeps for a recipient that does not fetch it."""
-_COMPARISONS: Final = 9
-
-
-class Block(NamedTuple):
-    """Frames (n,), and what LSL's clock is ahead of their times (ns)."""
-
-    frames: RecordArray
-    ahead_ns: int
-
-
-class Marker(NamedTuple):
-    """An event."""
-
-    time_ns: int
-    """By LSL's clock."""
-    text: str
-    """A JSON object."""
 
 
 class Streams:
@@ -111,17 +93,6 @@ def _describe(info: Any, channels: Sequence[Channel]) -> None:
             one.append_child_value("unit", _UNITS[channel])
             one.append_child_value("type", f"{channel.capitalize()}{axis}")
     info.desc().append_child("synchronization").append_child_value("can_drop_samples", "true")
-
-
-def clock_ahead_ns(clock_s: Callable[[], float]) -> int:
-    """Return what LSL's clock is ahead of the monotonic one, by the quickest of several looks."""
-    looks = []
-    for _ in range(_COMPARISONS):
-        before_ns = time.monotonic_ns()
-        there_ns = round(clock_s() * 1e9)
-        after_ns = time.monotonic_ns()
-        looks.append((after_ns - before_ns, there_ns - (before_ns + after_ns) // 2))
-    return min(looks)[1]
 
 
 def load_pylsl() -> Any:
