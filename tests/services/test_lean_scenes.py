@@ -190,6 +190,8 @@ NEVER = {
     "mmt.web.page_server",
     "prometheus_client",
     "pylsl",
+    "rclpy",
+    "rosbags",
     "mmt.core.exposition",
     "matplotlib",
     "scipy.signal",

@@ -86,6 +86,13 @@ class ModelOutput(Part):
         """The model that is rendered, or would be."""
         return None if self._synthesizing is None else self._synthesizing.synthesizer.model
 
+    @property
+    def newest(self) -> "TextureModel | None":
+        """The model that is rendered, or else the one that grows."""
+        if self.takes_over and self.rendered is not None:
+            return self.rendered
+        return None if self._log.update is None else self._log.update.model
+
     def close(self) -> None:
         """Record the last models, and save that of each surface beside the recording."""
         self.record_last()

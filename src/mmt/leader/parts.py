@@ -85,6 +85,7 @@ PARTS: Final[dict[str, PartEntry]] = {
     ),
     "control": PartEntry("mmt.leader.control:ControlPart", lambda scene: scene.control is not None),
     "lsl": PartEntry("mmt.leader.lsl:LslPart", lambda scene: scene.lsl is not None),
+    "ros": PartEntry("mmt.leader.ros:RosPart", lambda scene: scene.ros is not None),
     "metrics": PartEntry("mmt.leader.metrics:MetricsPart", lambda scene: scene.metrics is not None),
     "monitor": PartEntry(
         "mmt.leader.monitoring:MonitorPart", lambda scene: scene.monitor is not None, ("monitor",)

@@ -203,10 +203,7 @@ class SharingPart(Part):
         """Return the model that is rendered or grows, and what is to be said of it."""
         log, completing = self._session.log, self._completing
         update = log.update
-        rendered = completing.rendered if completing.takes_over else None
-        model = rendered
-        if model is None and update is not None:
-            model = update.model
+        model = completing.newest
         if model is None:
             if self._shared is None:
                 return None

@@ -3,7 +3,7 @@
 from mmt.scene.device_tables import Actuator, Devices, Driver, Handle
 from mmt.scene.feedback_table import ForceFeedback
 from mmt.scene.link_table import Link
-from mmt.scene.monitoring_tables import Lsl, Metrics, Monitor
+from mmt.scene.monitoring_tables import Lsl, Metrics, Monitor, Ros
 from mmt.scene.motion_limits import MotionLimits
 from mmt.scene.network_table import PROFILES, Network
 from mmt.scene.recording_tables import LARGEST_SPEED, Recording, Replay
@@ -16,6 +16,6 @@ from mmt.scene.texture_table import Texture
 __all__ = [
     "LARGEST_SPEED", "PART_TABLES", "PROFILES", "Actuator", "Course", "Devices", "Driver",
     "ForceFeedback", "Hand", "Handle", "Link", "Lsl", "Metrics", "Monitor", "MotionLimits",
-    "Network", "Part", "PartTable", "Playout", "Recording", "Rendering", "Replay", "Scene",
+    "Network", "Part", "PartTable", "Playout", "Recording", "Rendering", "Replay", "Ros", "Scene",
     "Service", "Session", "Simulated", "Table", "Texture",
 ]  # fmt: skip

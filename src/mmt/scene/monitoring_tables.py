@@ -1,4 +1,4 @@
-"""The tables of what is shown while a run lasts: for Prometheus, on a page, as streams of LSL."""
+"""The tables of what is shown while a run lasts: for Prometheus, on a page, by LSL, by ROS 2."""
 
 from typing import ClassVar, Literal
 
@@ -27,3 +27,11 @@ class Lsl(PartTable):
     name: str = Field("mmt", min_length=1, max_length=64, pattern=r"^[\w.-]+$")
     channels: Literal["all", "needed"] = "all"
     chunk_ms: int = Field(20, ge=1, le=1000)
+
+
+class Ros(PartTable):
+    """``[ros]``: the leader publishes frames, events and the model on topics of ROS 2."""
+
+    namespace: str = Field("mmt", max_length=64, pattern=r"^[A-Za-z][A-Za-z0-9_]*$")
+    channels: Literal["all", "needed"] = "all"
+    chunk_ms: int = Field(5, ge=1, le=1000)

@@ -12,7 +12,7 @@ from mmt.core.frames import Channel, ordered_channels
 from mmt.scene.device_tables import Actuator, Devices, Handle
 from mmt.scene.feedback_table import ForceFeedback
 from mmt.scene.link_table import Link
-from mmt.scene.monitoring_tables import Lsl, Metrics, Monitor
+from mmt.scene.monitoring_tables import Lsl, Metrics, Monitor, Ros
 from mmt.scene.motion_limits import MotionLimits
 from mmt.scene.network_table import Network
 from mmt.scene.recording_tables import Recording, Replay
@@ -52,6 +52,7 @@ class Scene(Table):
     metrics: Metrics | None = None
     monitor: Monitor | None = None
     lsl: Lsl | None = None
+    ros: Ros | None = None
     sharing: Sharing | None = None
     control: Control | None = None
     listening: Listening | None = None
@@ -122,7 +123,8 @@ class Scene(Table):
             wanted.add("force")
             if self.force_feedback.method == "model":
                 wanted.add("position")
-        kept = [table.channels for table in (self.recording, self.lsl) if table is not None]
+        keeping = (self.recording, self.lsl, self.ros)
+        kept = [table.channels for table in keeping if table is not None]
         if "all" in kept or (kept and not wanted):
             wanted |= {"position", "force", "acceleration"}
         return ordered_channels(wanted) if wanted else ()
@@ -171,7 +173,7 @@ def _impossible(scene: Scene) -> list[str]:
 def _source_rules(scene: Scene) -> Rules:
     sources = [n for n in ("simulated", "replay", "devices") if getattr(scene, n) is not None]
     parts = (
-        *("network", "metrics", "monitor", "lsl", "texture", "playout", "recording"),
+        *("network", "metrics", "monitor", "lsl", "ros", "texture", "playout", "recording"),
         *(("force_feedback",) if scene.operating is None else ()),
         *sources,
     )
@@ -191,8 +193,8 @@ def _source_rules(scene: Scene) -> Rules:
         ),
         (
             scene.link is not None and not scene.channels(),
-            "[link] would carry nothing: add [texture], [playout], [force_feedback], [recording] "
-            "or [lsl]",
+            "[link] would carry nothing: add [texture], [playout], [force_feedback], [recording], "
+            "[lsl] or [ros]",
         ),
     ]
 

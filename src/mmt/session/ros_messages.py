@@ -49,6 +49,8 @@ SCENE: Final = Topic("/mmt/scene", "std_msgs/msg/String", "data")
 """The resolved scene, one JSON object at the beginning."""
 LOG: Final = Topic("/mmt/log", "rcl_interfaces/msg/Log", "msg")
 """The sentence of each event, for log viewers."""
+MODEL: Final = Topic("/mmt/model", "std_msgs/msg/UInt8MultiArray", "data")
+"""The texture model as a file, live alone: a bag has none."""
 
 Message = tuple[int, Topic, Any]
 """UTC (ns), topic and message."""
@@ -95,6 +97,11 @@ class Messages:
     def text(self, text: str) -> Any:
         """Return a message that is a text."""
         return self._of["std_msgs/msg/String"](text)
+
+    def octets(self, octets: bytes) -> Any:
+        """Return a message that is an array of bytes."""
+        layout = self._of["std_msgs/msg/MultiArrayLayout"]([], 0)
+        return self._of["std_msgs/msg/UInt8MultiArray"](layout, np.frombuffer(octets, np.uint8))
 
     def _stamp(self, time_ns: int) -> Any:
         seconds, nanoseconds = divmod(time_ns, 1_000_000_000)

@@ -1,0 +1,134 @@
+"""A run that is published on topics of ROS 2, to a subscriber of ROS itself where there is one."""
+
+import json
+import os
+import subprocess
+import sys
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+import pytest
+from service_processes import LONGEST_S, Service
+
+from mmt.session import read_session
+
+DOMAIN = 100 + os.getpid() % 100
+SCENE = f"""
+[session]
+duration_s = 3
+[link]
+open = true
+[simulated]
+[hand]
+[ros]
+namespace = "bench{os.getpid()}"
+[recording]
+file = "session.mcap"
+"""
+
+SUBSCRIBER = """
+import json, pathlib, sys
+import rclpy
+from geometry_msgs.msg import PointStamped, WrenchStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import Imu
+from std_msgs.msg import String, UInt32
+
+namespace, path = sys.argv[1:]
+rclpy.init()
+node = rclpy.create_node("listener")
+got = {}
+
+def subscribe(name, kind, get, **qos):
+    got[name] = []
+    keep = lambda message: got[name].append(get(message))
+    profile = QoSProfile(depth=10_000, **qos)
+    return node.create_subscription(kind, f"/{namespace}/{name}", keep, profile)
+
+def xyz(vector):
+    return [vector.x, vector.y, vector.z]
+
+late = {"durability": DurabilityPolicy.TRANSIENT_LOCAL}
+kept = [
+    subscribe("position", PointStamped, lambda m: xyz(m.point)),
+    subscribe("force", WrenchStamped, lambda m: xyz(m.wrench.force)),
+    subscribe("acceleration", Imu, lambda m: xyz(m.linear_acceleration)),
+    subscribe("sequence", UInt32, lambda m: m.data),
+    subscribe("events", String, lambda m: m.data, **late),
+    subscribe("scene", String, lambda m: m.data, **late),
+]
+while not all(node.count_publishers(f"/{namespace}/{name}") for name in got):
+    rclpy.spin_once(node, timeout_sec=0.1)
+while not got["scene"]:  # it is kept for us: by now every topic is matched
+    rclpy.spin_once(node, timeout_sec=0.1)
+print("ready", flush=True)
+(found,) = node.get_publishers_info_by_topic(f"/{namespace}/acceleration")
+got["hash"] = str(found.topic_type_hash)
+idle = 0
+while idle < 5:  # what is left when the leader has gone
+    before = sum(map(len, got.values()))
+    rclpy.spin_once(node, timeout_sec=0.1)
+    waiting = node.count_publishers(f"/{namespace}/sequence")
+    idle = 0 if waiting or sum(map(len, got.values())) > before else idle + 1
+pathlib.Path(path).write_text(json.dumps(got))
+"""
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Any, dict[str, Any]]:
+    """What a subscriber of ROS got of a session, the session, and the leader's summary."""
+    if find_spec("rclpy") is None:
+        pytest.skip("needs rclpy, which ROS brings")
+    folder = tmp_path_factory.mktemp("ros")
+    scene = folder / "ros.toml"
+    scene.write_text(SCENE)
+    local = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": str(DOMAIN)}
+    with Service(*("leader", scene, "--json-lines", "--port", 0), cwd=folder, **local) as leader:
+        url = f"http://127.0.0.1:{leader.port()}"
+        arguments = [f"bench{os.getpid()}", str(folder / "got.json")]
+        with subprocess.Popen(
+            [sys.executable, "-c", SUBSCRIBER, *arguments],
+            stdout=subprocess.PIPE,
+            text=True,
+            env={**os.environ, **local},
+        ) as subscriber:
+            try:
+                assert subscriber.stdout is not None
+                assert subscriber.stdout.readline() == "ready\n"
+                with Service(
+                    *("follower", scene, "--json-lines", "--leader", url), cwd=folder
+                ) as follower:
+                    ended = leader.end(), follower.end()
+                assert ended == (0, 0), leader.stderr + follower.stderr
+                assert subscriber.wait(LONGEST_S) == 0
+            finally:
+                subscriber.kill()
+        got = json.loads((folder / "got.json").read_text())
+        return got, read_session(folder / "session.mcap"), leader.summary()
+
+
+def test_ros_has_every_frame_as_it_was_recorded(run: Any) -> None:
+    got, session, summary = run
+    frames = session.frames
+    assert summary["ros"]["dropped"] == summary["ros"]["unstamped"] == 0
+    assert summary["ros"]["error"] is None
+    assert got["sequence"] == frames["sequence"].tolist()
+    position_mm = (np.array(got["position"]) * 1e3).astype(np.float32)
+    np.testing.assert_array_equal(position_mm, frames["position_mm"])
+    np.testing.assert_array_equal(np.array(got["force"]), frames["force_n"])
+    np.testing.assert_array_equal(np.array(got["acceleration"]), frames["acceleration_m_s2"])
+
+
+def test_ros_has_events_scene_and_the_type(run: Any) -> None:
+    got, session, _ = run
+    events = [json.loads(text)["event"] for text in got["events"]]
+    assert "follower connected" in " ".join(events)
+    assert set(events) <= {event["event"] for event in session.events}
+    assert json.loads(got["scene"][0]) == session.scene
+    assert got["hash"].startswith("RIHS01_7d9a00ff131080897a5ec7e26e315954b8eae3353c3f995c55faf71")
+
+
+def test_the_leaders_ticks_are_not_held_up(run: Any) -> None:
+    """Loosely: a busy machine delays ticks, but four thousand messages a second do not."""
+    assert run[2]["ticks"]["period_p50_ms"] < 2.0
