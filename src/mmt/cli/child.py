@@ -67,7 +67,9 @@ class Child:
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE,
             limit=_LONGEST_LINE,
-            start_new_session=os.name == "posix",
+            # Ctrl-C is for this process. Services and what they start share a session, by which
+            # Linux divides the processor: a small group beside others waits for long.
+            process_group=0 if os.name == "posix" else None,
             env=environment,
         )
         return cls(name, process, started_s, on_warning)

@@ -68,7 +68,7 @@ class DriverProcess:
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,  # libraries write there what the pipe tells already
             bufsize=0,
-            start_new_session=True,  # Ctrl-C is for the service, which lets go of the device first
+            process_group=0,  # Ctrl-C is for the service, which lets go of the device first
         )
         assert self.child.stdin is not None  # noqa: S101 - a pipe was asked for
         assert self.child.stdout is not None  # noqa: S101 - likewise

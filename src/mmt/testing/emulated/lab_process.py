@@ -68,7 +68,7 @@ class LabProcess:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            start_new_session=True,  # Ctrl-C is for the service; schedulers share by session
+            process_group=0,  # Ctrl-C is for the service
         )
         self._addresses = self._answer(self._process)
 
