@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Annotated, Any, Final
 
 import typer
-from rich.markup import escape
 from rich.table import Table
 
 from mmt.cli.common import (
@@ -123,7 +122,7 @@ def info(
     if listeners:
         output.print(_listener_table(listeners))
     for sentence in (control_sentence(found.control), *hand_overs) if hand_overs else ():
-        output.print(sentence, highlight=False, markup=False)
+        output.print(sentence, highlight=False)
     write_json(json_file, content)
 
 
@@ -155,7 +154,7 @@ def _listener_table(listeners: Sequence[Mapping[str, Any]]) -> Table:
             "bytes": sum(sizes.values()) / 1000 if sizes else None,
         }
         values = (shown.get(name) for name in _LISTENER_COLUMNS)
-        table.add_row(*("" if value is None else escape(as_text(value)) for value in values))
+        table.add_row(*("" if value is None else as_text(value) for value in values))
     return table
 
 
@@ -170,8 +169,6 @@ def view(
     ] = True,
 ) -> None:
     """Show a session file in a browser, moment by moment, as the monitor shows a run."""
-    from mmt.cli.sessions import view_file
-
     view_file(source, port=port, show=show)
 
 
