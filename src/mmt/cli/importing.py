@@ -14,6 +14,7 @@ from mmt.cli.common import Force, json_option, messages, output, write_json
 from mmt.core.errors import InputError
 from mmt.core.existing_files import require_absent
 from mmt.core.frames import CHANNELS
+from mmt.core.printable import printable
 from mmt.session.data import axis_columns
 
 if TYPE_CHECKING:
@@ -143,7 +144,8 @@ def print_report(title: str, report: "ImportReport") -> None:
     if report.speed_mm_s is not None:
         output.print(f"speed: up to {report.speed_mm_s:.0f} mm/s (99 %)", highlight=False)
     for warning in report.warnings:
-        messages.print(Text.assemble(("look:", "yellow"), f" {warning}"), soft_wrap=True)
+        sentence = Text.assemble(("look:", "yellow"), f" {printable(warning)}")
+        messages.print(sentence, soft_wrap=True)
 
 
 def _short(value: float) -> str:
