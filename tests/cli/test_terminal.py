@@ -1,10 +1,15 @@
-"""What a peer, a device or a file has sent moves nobody's cursor."""
+"""What a peer, a device or a file has sent moves nobody's cursor; a full disk is said."""
+
+import errno
+import io
+import sys
 
 import pytest
 from rich.table import Table
 
-from mmt.cli.common import messages, output, print_error
+from mmt.cli.common import STANDARD_OUTPUT, messages, output, print_error, write_json
 from mmt.cli.importing import print_report
+from mmt.core.errors import InputError
 from mmt.session.importing.checks import ImportReport
 
 EVIL = "\x1b[2J\x1b]0;owned\x07\u202e\r"
@@ -22,3 +27,16 @@ def test_no_control_character_is_printed(capsys: pytest.CaptureFixture[str]) -> 
         assert "[2J" in text
         assert not set(text) & set("\x1b\x07\u202e\r")
     assert told.out.startswith("a\nb")
+
+
+class FullDisk(io.StringIO):
+    def write(self, text: str) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_json_that_standard_output_does_not_take_is_an_error_for_a_person(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(sys, "stdout", FullDisk())
+    with pytest.raises(InputError, match="--json -: No space left on device"):
+        write_json(STANDARD_OUTPUT, {"a": 1})

@@ -26,6 +26,9 @@ Result = TypeVar("Result")
 STANDARD_OUTPUT: Final = Path("-")
 """What a person gives for a file to have the result on standard output."""
 
+ALL_ADDRESSES: Final = {"", "0.0.0.0", "::"}  # noqa: S104 - compared with, not listened on
+"""Hosts that stand for every address of this machine."""
+
 Force: TypeAlias = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
 """Without it no command replaces a file, see `mmt.core.existing_files`."""
 
@@ -144,15 +147,23 @@ def write_json(path: Path | None, content: object) -> None:
     if path is None:
         return
     text = json.dumps(content, indent=2) + "\n"
-    if path == STANDARD_OUTPUT:
-        sys.stdout.write(text)
-        sys.stdout.flush()
-        return
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+        if path == STANDARD_OUTPUT:
+            sys.stdout.write(text)
+            sys.stdout.flush()
+        else:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+    except BrokenPipeError:  # nobody reads on
+        raise
     except OSError as error:
         raise InputError(f"--json {path}: {error.strerror or error}") from error
+
+
+def require_one_output(json_file: Path | None, *, json_lines: bool) -> None:
+    """Raise `InputError` where two options take standard output."""
+    if json_lines and json_file == STANDARD_OUTPUT:
+        raise InputError("--json - and --json-lines both take standard output: give one")
 
 
 def write_line(kind: str, **content: Any) -> None:

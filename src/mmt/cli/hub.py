@@ -2,21 +2,32 @@
 
 import asyncio
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import psutil
 
-from mmt.cli.common import messages, output, stop_on_signals, summary_table, write_json, write_line
+from mmt.cli.common import (
+    ALL_ADDRESSES,
+    messages,
+    output,
+    require_one_output,
+    stop_on_signals,
+    summary_table,
+    write_json,
+    write_line,
+)
 from mmt.cli.visiting import own_address
-from mmt.core.errors import InputError
 from mmt.core.extras import require
 from mmt.core.logs import Logs
 from mmt.scene.files import load_hub_scene
 from mmt.scene.sharing_tables import HubScene, Sharing
 from mmt.sharing.hub.descriptors import make_room
 
-_ALL_ADDRESSES: Final = {"", "0.0.0.0", "::"}  # noqa: S104 - compared with, not listened on
+if TYPE_CHECKING:
+    from mmt.sharing.hub.service import Hub
+
 _SPACING_S: Final = 5.0
 """Time between two lines that say how many are listening."""
 
@@ -39,14 +50,13 @@ def run_hub(
         Redis or the leader does not answer, or the port cannot be used.
     """
     require("redis")
-    if json_lines and json_file == Path("-"):
-        raise InputError("--json - and --json-lines both take standard output: give one")
+    require_one_output(json_file, json_lines=json_lines)
     scene = load_hub_scene(scene_file, overrides)
     with Logs("hub", None, None):
         summary = asyncio.run(_run(scene, duration_s, json_lines=json_lines))
     if json_lines:
         write_line("summary", **summary)
-    elif json_file is None:
+    else:
         output.print(summary_table("hub", summary))
     write_json(json_file, summary)
 
@@ -93,7 +103,7 @@ async def _run(scene: HubScene, duration_s: float | None, *, json_lines: bool) -
     }
 
 
-async def _count(hub: Any, say: Any) -> None:
+async def _count(hub: "Hub", say: Callable[[str], None]) -> None:
     """Say how many are listening, seldom."""
     said = 0
     while True:
@@ -105,5 +115,5 @@ async def _count(hub: Any, say: Any) -> None:
 
 def _address(settings: Sharing, port: int) -> str:
     """Return where listeners reach this machine."""
-    host = own_address() if settings.host in _ALL_ADDRESSES else settings.host
+    host = own_address() if settings.host in ALL_ADDRESSES else settings.host
     return settings.model_copy(update={"host": host}).url(port)

@@ -5,7 +5,7 @@ import socket
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from mmt.cli.common import messages, stop_on_signals
+from mmt.cli.common import ALL_ADDRESSES, messages, stop_on_signals
 from mmt.core.errors import InputError, MmtError
 from mmt.core.kernel_cache import compile_kernels
 from mmt.link.access import Access
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from mmt.web.player.server import PlayerServer
 
 _MCAP: Final = ".mcap"
-_ALL_ADDRESSES: Final = {"", "0.0.0.0", "::"}  # noqa: S104 - compared with, not listened on
 
 
 def play(
@@ -101,7 +100,7 @@ async def _serve(server: "PlayerServer", link: Link, everyone: bool) -> None:
     await server.start(link.host, link.port, everyone=everyone)
     stop_on_signals(ended.set)
     named = link.model_copy(update={"host": socket.gethostname()})
-    shown = named if link.host in _ALL_ADDRESSES else link
+    shown = named if link.host in ALL_ADDRESSES else link
     messages.print(f"player:   {shown.url(server.port)}/player/", highlight=False)
     try:
         await ended.wait()

@@ -12,13 +12,13 @@ from typing import Annotated, Any, Generic, Protocol, TypeAlias, TypeVar
 import typer
 
 from mmt.cli.common import (
-    STANDARD_OUTPUT,
     json_option,
     messages,
     noting,
     output,
     print_parts,
     raise_problems,
+    require_one_output,
     stop_on_signals,
     summary_table,
     version,
@@ -27,7 +27,7 @@ from mmt.cli.common import (
     write_line,
 )
 from mmt.cli.ending import ending_lines
-from mmt.core.errors import InputError, MmtError
+from mmt.core.errors import MmtError
 from mmt.core.extras import requiring
 from mmt.core.logs import Logs, details
 from mmt.core.realtime import be_real_time, require_real_time
@@ -158,8 +158,7 @@ class ServiceRun(ABC, Generic[AnyService]):
             Real-time scheduling is wanted but not permitted, or the run failed.
         """
         options, logger = self.options, logging.getLogger(f"mmt.{self.name}")
-        if options.json_lines and options.json_file == STANDARD_OUTPUT:
-            raise InputError("--json - and --json-lines both take standard output: give one")
+        require_one_output(options.json_file, json_lines=options.json_lines)
         if options.realtime:
             require_real_time()
         if not options.json_lines:
