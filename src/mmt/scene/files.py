@@ -79,10 +79,8 @@ def load_scene(
     path = find_scene(Path(path))
     tables = _read_tables(path)
     _change_parts(tables, replay, record)
-    for name, wanted in (
-        *(("monitor", monitor), ("sharing", share)),
-        *(("control", control), ("operating", operate)),
-    ):
+    flagged = {"monitor": monitor, "sharing": share, "control": control, "operating": operate}
+    for name, wanted in flagged.items():
         if wanted:
             tables.setdefault(name, {})
     _look_beside(path, tables)
@@ -96,14 +94,11 @@ def load_scene(
     if force and ("recording" in tables or any(key.startswith("recording.") for key in merged)):
         merged["recording.existing"] = "replace"
     try:
-        return scene_from_tables(tables, merged, origin=str(path))
-    except InputError as error:
-        problems = error.__cause__
-        if not isinstance(problems, ValidationError):
-            raise
-        added = {key for key in variables if key not in flags}
-        origin = _origin(problems, str(path), tables, added)
-        raise InputError(f"{origin}: {explain_problems(problems, Scene)}") from problems
+        return Scene.model_validate(_resolved(tables, merged))
+    except ValidationError as error:
+        added = set(variables) - set(flags)
+        origin = _origin(error, str(path), tables, added)
+        raise InputError(f"{origin}: {explain_problems(error, Scene)}") from error
 
 
 def load_hub_scene(path: Path | None, overrides: Mapping[str, Any]) -> HubScene:
