@@ -43,9 +43,9 @@ def test_several_sessions_become_episodes_and_come_back_to_the_bit(tmp_path, fil
     ("arguments", "said"),
     [
         (("{a}", "{b}", "{out}.csv"), "takes one session, not 2"),
-        (("{a}", "{out}.csv", "--fps", "30"), "--fps: files have none"),
-        (("{a}", "{out}.csv", "--task", "x"), "--task: files have none"),
-        (("{a}", "{out}", "--to", "lerobot", "--scalars"), "--scalars: they are messages"),
+        (("{a}", "{out}.csv", "--fps", "30"), "--fps is for a data set"),
+        (("{a}", "{out}.csv", "--task", "x"), "--task is for a data set"),
+        (("{a}", "{out}", "--to", "lerobot", "--scalars"), "--scalars is for .mcap files"),
     ],
 )
 def test_options_that_do_not_go_together_are_explained(tmp_path, files, arguments, said):

@@ -8,7 +8,7 @@ import typer
 from mmt.cli.common import Force, json_option
 from mmt.core.existing_files import require_absent
 
-app = typer.Typer(no_args_is_help=True, help="Look at devices.")
+app = typer.Typer(no_args_is_help=True, help="List, test and calibrate devices.")
 
 
 @app.callback()
@@ -129,15 +129,15 @@ def equalise_actuator(
         typer.Option(help="Peak of the sweep (V); unless given, found by listening."),
     ] = None,
     largest_m_s2: Annotated[
-        float, typer.Option(help="Shake the handle by no more than about this.")
+        float, typer.Option(help="Shake the handle by no more than about this (m/s2).")
     ] = 15.0,
     keep: Annotated[
         Path | None, typer.Option(metavar="FILE.npz", help="Keep what was recorded.")
     ] = None,
-    low_hz: Annotated[float, typer.Option(help="Lower end of the band.")] = 90.0,
-    high_hz: Annotated[float, typer.Option(help="Upper end of the band.")] = 450.0,
+    low_hz: Annotated[float, typer.Option(help="Lower end of the band (Hz).")] = 90.0,
+    high_hz: Annotated[float, typer.Option(help="Upper end of the band (Hz).")] = 450.0,
     largest_gain_db: Annotated[
-        float, typer.Option(help="Raise or lower a frequency by so much at most.")
+        float, typer.Option(help="Raise or lower a frequency by so much at most (dB).")
     ] = 12.0,
     force: Force = False,
     json_file: Annotated[Path | None, json_option("Write the figures.")] = None,

@@ -39,16 +39,16 @@ def export_file(
     """Export by the suffix of OUT: .csv, .npz, .parquet, .h5, .mcap, none for a ROS 2 bag."""
     if data_set is not None:
         if scalars:
-            raise InputError("--scalars: they are messages of .mcap files; leave it out")
+            raise InputError("--scalars is for .mcap files: leave it out")
         _export_data_set(sources, target, fps, task, force=force)
         return
     for option, value in {"--fps": fps, "--task": task}.items():
         if value is not None:
-            raise InputError(f"{option}: files have none, only a data set (--to lerobot)")
+            raise InputError(f"{option} is for a data set: add --to lerobot, or leave it out")
     if len(sources) > 1:
         raise InputError(
-            f"{target}: it is one file, and takes one session, not {len(sources)}; a data set "
-            "takes several (--to lerobot)"
+            f"{target} takes one session, not {len(sources)}; a data set takes several: add "
+            "--to lerobot"
         )
     require_absent(target, force=force)
     session = read_session(sources[0])

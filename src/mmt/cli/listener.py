@@ -28,7 +28,9 @@ def listen(
     url: Annotated[str, typer.Argument(help="Where the leader shares its model.")],
     scene_file: Annotated[
         Path,
-        typer.Argument(metavar="SCENE", help="This side's hand and actuator: a TOML file."),
+        typer.Argument(
+            metavar="SCENE", help="This side's hand and actuator: a TOML file, or an example."
+        ),
     ] = Path("listener"),
     name: Annotated[str | None, typer.Option(help="What the leader calls this listener.")] = None,
     control: Annotated[

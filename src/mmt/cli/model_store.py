@@ -96,7 +96,7 @@ def push(
     licence: Annotated[str, typer.Option(help="Terms under which it may be used.")] = "",
     note: Annotated[str, typer.Option(help="Anything else.")] = "",
     error_db: Annotated[
-        float | None, typer.Option(help="Its power error over the plane, where it is known.")
+        float | None, typer.Option(help="Its power error over the plane (dB), where it is known.")
     ] = None,
     json_file: Annotated[Path | None, json_option("Write what the store says of it.")] = None,
 ) -> None:

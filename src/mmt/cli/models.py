@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 SUFFIX = ".npz"
 
-app = typer.Typer(no_args_is_help=True, help="Build texture models and look at them.")
+app = typer.Typer(no_args_is_help=True, help="Build, select, convert and exchange texture models.")
 
 
 @app.command("build")

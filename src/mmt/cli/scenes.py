@@ -15,7 +15,7 @@ from mmt.scene.files import load_scene
 if TYPE_CHECKING:
     from mmt.cli.scene.costs import SceneCosts
 
-app = typer.Typer(no_args_is_help=True, help="Look at scenes.")
+app = typer.Typer(no_args_is_help=True, help="Show what scenes run and cost.")
 
 _KEY = (
     "± is half the 95 % confidence interval, from what scatters between runs, other programs' load "

@@ -45,7 +45,8 @@ LogFile: TypeAlias = Annotated[
     Path | None, typer.Option("--log", help="Add a JSON line per event to this file.")
 ]
 LogLevel: TypeAlias = Annotated[
-    str | None, typer.Option(metavar="LEVEL", help="debug, info, warning or error.")
+    str | None,
+    typer.Option(metavar="LEVEL", help="Least level of the log: debug, info, warning or error."),
 ]
 Verbose: TypeAlias = Annotated[
     bool, typer.Option("--verbose", help="Show all counters at the end.")
@@ -84,7 +85,7 @@ AnyService = TypeVar("AnyService", bound=RunnableService)
 
 @dataclass(frozen=True)
 class ServiceOptions:
-    """The options that both services have."""
+    """The options that all services have."""
 
     json_file: Path | None
     json_lines: bool
