@@ -1,9 +1,9 @@
 """The emulated network: messages are delayed, lost and repeated before they are sent.
 
 Each side emulates what it sends. What python-socketio sends by itself (connecting, pings,
-acknowledgements) and the events `welcome`, `stop` and `end` are not affected, so that an emulated
-outage is silence on a link that is up. The settings come from the scene and can be changed over
-HTTP while the link runs.
+acknowledgements) and the events that open and end a session or change the emulation are not
+affected, so that an emulated outage is silence on a link that is up. The settings come from the
+scene and can be changed over HTTP while the link runs.
 """
 
 import asyncio
