@@ -102,9 +102,8 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         message = f"module {__name__!r} has no attribute {name!r}"
         raise AttributeError(message)
-    module, _, original = _HOMES[name].partition(":")
     with requiring():
-        value = getattr(importlib.import_module(module), original or name)
+        value = getattr(importlib.import_module(_HOMES[name]), name)
     globals()[name] = value  # the next use finds it without this function
     return value
 
