@@ -9,9 +9,10 @@ import pytest
 import typer
 from typer.testing import CliRunner, Result
 
+from mmt.cli import gravity
 from mmt.cli.main import app
 from mmt.core.errors import InputError
-from mmt.devices.adxl335.gravity import GRAVITY_M_S2, UPS, Calibration
+from mmt.devices.adxl335.gravity import GRAVITY_M_S2, UPS, Calibration, rests_from
 from mmt.devices.calibrations import load_calibration
 
 TRUE = Calibration((1.60, 1.68, 1.75), (0.0345, 0.033, 0.0325))
@@ -78,6 +79,18 @@ def test_a_file_that_holds_no_rests_is_told(tmp_path: Path, text: str, message: 
     result = run("adxl335-serial", "--set", "port=none", "--rests", tmp_path / "rests.json")
     assert isinstance(result.exception, InputError)
     assert message in str(result.exception)
+
+
+def test_rests_that_cannot_be_kept_calibrate_nevertheless(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rests = json.loads(recorded(tmp_path / "rests.json", TRUE).read_text())["rests"]
+    monkeypatch.setattr(gravity, "_measure", lambda *_: ("7", rests_from(rests)))
+    keep = tmp_path / "missing" / "kept.json"
+    result = run("adxl335-serial", "--set", "port=none", "--keep", keep)
+    assert isinstance(result.exception, InputError)
+    assert str(result.exception) == f"--keep {keep}: No such file or directory"
+    assert load_calibration("adxl335", "7") is not None
 
 
 def test_another_device_is_told(tmp_path: Path) -> None:

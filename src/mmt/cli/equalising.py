@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mmt.cli.common import messages, output, write_json
+from mmt.cli.common import messages, noting, output, raise_problems, write_json
 from mmt.cli.device_testing import devices_named, options_from
 from mmt.core.archives import load_arrays
 from mmt.core.arrays import FloatArray
@@ -56,10 +56,12 @@ def equalise(what: str | None, fit: Fit, live: Live) -> None:
     Raises
     ------
     InputError
-        The recording, the scene or a driver cannot be used.
+        The recording, the scene or a driver cannot be used, or the recording cannot be kept; then
+        the level and the equaliser are stored nevertheless.
     MmtError
         A device fails, or the calibration cannot be written.
     """
+    problems: list[Exception] = []
     if what is not None and not what.endswith(".toml") and Path(what).suffix:
         _refuse_live(live)
         serial = fit.serial
@@ -69,6 +71,8 @@ def equalise(what: str | None, fit: Fit, live: Live) -> None:
         played = {}
     else:
         serial, recording = _record(what, fit, live)
+        with noting(problems):
+            _keep(live.keep, recording)
         volts, acceleration = recording.volts, recording.acceleration_m_s2
         played = {"level_v": recording.level_v, "peak_m_s2": recording.peak_m_s2}
     fitted = fit_equaliser(
@@ -88,6 +92,7 @@ def equalise(what: str | None, fit: Fit, live: Live) -> None:
     output.print(f"stored in {path}", highlight=False, soft_wrap=True)
     output.print(f'the drivers take it by: serial = "{serial}"', highlight=False)
     write_json(fit.json_file, {**fitted._asdict(), "serial": serial, "file": str(path), **played})
+    raise_problems(problems)
 
 
 def _refuse_live(live: Live) -> None:
@@ -127,7 +132,6 @@ def _record(scene: str | None, fit: Fit, live: Live) -> tuple[str, SweepRecordin
         ),
         lambda sentence: messages.print(sentence, highlight=False),
     )
-    _keep(live.keep, recording)
     return str(serial), recording
 
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import typer
 
-from mmt.cli.common import messages, output, summary_table, write_json
+from mmt.cli.common import messages, noting, output, raise_problems, summary_table, write_json
 from mmt.core.errors import InputError, MmtError
 from mmt.devices.adxl335.gravity import (
     UPS,
@@ -52,19 +52,21 @@ def calibrate_by_gravity(device: Any, driver: str, duration_s: float, files: Fil
     Raises
     ------
     InputError
-        It is no accelerometer of that kind, has no serial number, or the rests do not
-        determine its calibration.
+        It is no accelerometer of that kind, has no serial number, the rests do not determine
+        its calibration, or they cannot be kept; then it is calibrated nevertheless.
     """
     if not isinstance(device, Adxl335):
         raise InputError(
             f"{driver} is not calibrated by gravity: that is for a real ADXL335, by the drivers "
             "adxl335-serial and adxl335-u6"
         )
+    problems: list[Exception] = []
     if files.rests is not None:
         serial, rests = _read(files.rests, device.named)
     else:
         serial, rests = _measure(device, duration_s)
-        _keep(files.keep, serial, rests)
+        with noting(problems):  # nobody turns the sensor six times again for a file
+            _keep(files.keep, serial, rests)
     made = calibrate(rests, device.supply_v)
     moved = _changes(serial, made)
     path = save_calibration(CALIBRATED_AS, serial, made.as_dict())
@@ -74,6 +76,7 @@ def calibrate_by_gravity(device: Any, driver: str, duration_s: float, files: Fil
     messages.print(f"stored: {path}", highlight=False)
     figures = {"serial": serial, "file": str(path), **made.as_dict(), "changes": moved}
     write_json(files.json, {**figures, "rests": [rest._asdict() for rest in rests]})
+    raise_problems(problems)
 
 
 def _measure(sensor: Adxl335, duration_s: float) -> tuple[str, list[Rest]]:
