@@ -13,7 +13,7 @@ import typer
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from mmt.cli import follower, leader, main
+from mmt.cli import follower, leader, listener, main
 from mmt.scene import Scene
 from mmt.scene.files import example_scenes
 from mmt.texture.interpolation import registry
@@ -39,6 +39,7 @@ PROGRAMS: dict[str, Command] = {
     "mmt": typer.main.get_command(main.app),
     "mmt-leader": typer.main.get_command(leader.app),
     "mmt-follower": typer.main.get_command(follower.app),
+    "mmt-listen": typer.main.get_command(listener.app),
 }
 
 
@@ -147,7 +148,7 @@ def written_commands(text: str) -> Iterator[list[str]]:
     lines = [line for _, block in fenced(text, "sh") for line in block.splitlines()]
     lines += re.findall(r"`([^`\n]+)`", without_fences(text))
     for line in lines:
-        command = re.match(r"(?:[A-Z_]+=\S+ +)*(mmt(?:-leader|-follower)?(?: .*)?)$", line)
+        command = re.match(r"(?:[A-Z_]+=\S+ +)*(mmt(?:-leader|-follower|-listen)?(?: .*)?)$", line)
         if command is not None:
             yield shlex.split(command[1], comments=True)
 
