@@ -220,6 +220,12 @@ def test_the_reference_has_every_command_with_every_option(name: str, command: C
     assert lacking == []
 
 
+def test_the_readme_names_every_command() -> None:
+    text = sections((ROOT / "README.md").read_text(encoding="utf-8"))["Commands"]
+    names = [name for program, top in PROGRAMS.items() for name, _ in leaves((program,), top)]
+    assert [name for name in names if f"`{name}" not in text] == []
+
+
 def test_the_readme_has_a_row_for_every_example_scene() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     table = re.search(r"<!-- scenes: begin -->(.*?)<!-- scenes: end -->", text, re.DOTALL)
