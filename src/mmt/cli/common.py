@@ -1,4 +1,4 @@
-"""What the three command lines share: errors, JSON, progress as lines, interruption."""
+"""What the command lines share: errors, JSON, progress as lines, interruption."""
 
 import asyncio
 import json
