@@ -20,17 +20,24 @@ def replacing_folder(path: Path) -> Iterator[Path]:
     InputError
         The folder above `path` does not exist, or may not be written to.
     MmtError
-        Writing failed, for instance because the disk is full; nothing is left behind.
+        Writing failed, for instance because the disk is full; nothing is left behind, and what
+        was at `path` stays.
     """
     try:
         beside = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror or error}") from error
+    made, before = beside / path.name, beside / f"{path.name}.before"
     try:
-        yield beside / path.name
+        yield made
         if path.is_dir():
-            path.rename(beside / "replaced")
-        (beside / path.name).rename(path)
+            path.rename(before)
+        try:
+            made.rename(path)
+        except OSError:
+            if before.is_dir():  # what was there stays
+                before.rename(path)
+            raise
     except OSError as error:
         raise MmtError(f"writing {path} failed: {error.strerror or error}") from error
     finally:
