@@ -112,6 +112,14 @@ def test_components_of_arrays_are_axes(tmp_path):
     np.testing.assert_allclose(scaled.frames["force_n"], FORCE_N * [1, -0.25, -1], atol=1e-6)
     with pytest.raises(InputError, match=r"component 9 of wrench, which has shape \(3000, 3\)"):
         import_session(tmp_path / "a.npz", columns={"force_x": "wrench[9]"})
+    with pytest.raises(InputError, match=r"for force_y; .* as in --map force_y=wrench\[0\]"):
+        import_session(tmp_path / "a.npz", columns={**columns, "force_y": "wrench"})
+
+
+def test_times_are_no_number(tmp_path):
+    np.savez(tmp_path / "a.npz", force_n=FORCE_N)
+    with pytest.raises(InputError, match=r"time is mapped to the number 0, .* give --rate HZ"):
+        import_session(tmp_path / "a.npz", columns={"time": "0"})
 
 
 def test_blanks_are_gaps_when_asked(tmp_path):

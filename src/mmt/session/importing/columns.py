@@ -157,6 +157,11 @@ class _Mapping:
     def _column(self, target: str, quantity: str) -> FloatArray | None:
         """Return a target's values in the unit of frames, shape () for a constant."""
         source = self._source(target, quantity)
+        if isinstance(source, float) and quantity == "time":
+            raise InputError(
+                f"{self._origin}: {target} is mapped to the number {source:g}, it must be a "
+                "column; for a file without times give --rate HZ"
+            )
         if source is None or isinstance(source, float):
             return None if source is None else np.array(source)
         values = self._columns.values[source.name]
@@ -167,9 +172,11 @@ class _Mapping:
                     f"{source.name}, which has shape {values.shape}; components count from 0"
                 )
             values = values[:, source.component]
-        if quantity == "time" and values.ndim != 1:
+        lacks_rows = quantity == "time" and values.ndim == 0
+        if target not in CHANNELS and (values.ndim > 1 or lacks_rows):
             raise InputError(
-                f"{self._origin}: {source.name} has shape {values.shape}, it must have shape (n,)"
+                f"{self._origin}: {source.name} has shape {values.shape}, it must have shape (n,) "
+                f"for {target}; a component is mapped as in --map {target}={source.name}[0]"
             )
         scaled = self._scaled(source.name, values, quantity)
         return scaled if source.factor == 1.0 else source.factor * scaled
