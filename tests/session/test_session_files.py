@@ -19,10 +19,11 @@ from session_samples import START_NS, made_frames
 from mmt.core.errors import InputError, MmtError
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, frame_dtype
 from mmt.core.version import __version__
-from mmt.session import OutputBlock, read_session, write_session
+from mmt.session import OutputBlock, export_session, read_session, write_session
 from mmt.session.info import info
 from mmt.session.mcap_writer import SessionWriter
 from mmt.session.messages import FrameCodec
+from mmt.session.windows import MemoryWindows
 
 SCENE = {"session": {"name": "wood", "rate_hz": 1000}, "link": {"port": 8765}}
 
@@ -123,6 +124,17 @@ def test_numbers_that_json_lacks_do_not_break_an_event(tmp_path):
             "tuple": [1, None],
         }
     ]
+
+
+@pytest.mark.parametrize("time_s", [float("nan"), None, "soon"])
+def test_an_event_without_a_time_is_at_the_beginning(tmp_path, time_s):
+    event = {"time_s": time_s, "event": "mark"}
+    write_session(tmp_path / "run.mcap", made_frames(30), events=[event])
+    session = read_session(tmp_path / "run.mcap")
+    assert [each["event"] for each in session.events] == ["mark"]
+    export_session(session, tmp_path / "again.mcap")
+    assert read_session(tmp_path / "again.mcap").events == session.events
+    assert MemoryWindows(session).events[0]["at_s"] == 0.0
 
 
 def test_a_session_without_frames_is_a_session(tmp_path):

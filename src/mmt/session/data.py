@@ -129,6 +129,14 @@ def duration_s(frames: RecordArray) -> float:
     return (span_ns + FRAME_PERIOD_NS) / 1e9
 
 
+def event_time_s(event: JsonObject) -> float:
+    """Return an event's session time, 0 where it has none."""
+    time_s = event.get("time_s")
+    if isinstance(time_s, int | float) and math.isfinite(time_s):
+        return float(time_s)
+    return 0.0
+
+
 def axis_columns(channel: Channel) -> tuple[str, str, str]:
     """Return the three column names of a channel, as in ``position_x_mm``."""
     unit = FIELD_OF_CHANNEL[channel].removeprefix(f"{channel}_")

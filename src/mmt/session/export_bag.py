@@ -1,7 +1,6 @@
 """Export a session as a ROS 2 bag: a folder with an MCAP file of standard messages."""
 
 import heapq
-import math
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Any, Final
 
 from mmt.core.errors import InputError
 from mmt.core.extras import require
-from mmt.session.data import JsonObject, RecordedSession, to_json
+from mmt.session.data import RecordedSession, event_time_s, to_json
 from mmt.session.folders import replacing_folder
 from mmt.session.ros_messages import SCENE, Message, Messages
 
@@ -75,14 +74,7 @@ def _frames(session: RecordedSession, messages: Messages, began_ns: int) -> Iter
 
 def _events(session: RecordedSession, messages: Messages, began_ns: int) -> Iterator[Message]:
     for event in session.events:
-        yield from messages.event(began_ns + _time_ns(event), event)
-
-
-def _time_ns(event: JsonObject) -> int:
-    """Return an event's session time, 0 where it has none."""
-    time_s = event.get("time_s")
-    known = isinstance(time_s, int | float) and math.isfinite(time_s)
-    return round(time_s * 1e9) if known and time_s is not None else 0
+        yield from messages.event(began_ns + round(event_time_s(event) * 1e9), event)
 
 
 def _require_replaceable(path: Path) -> None:

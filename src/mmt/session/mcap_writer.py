@@ -17,7 +17,13 @@ from mcap.writer import CompressionType, Writer
 from mmt.core.arrays import FloatArray, RecordArray
 from mmt.core.frames import Channel, channels_of
 from mmt.core.version import __version__
-from mmt.session.data import FRAME_PERIOD_NS, JsonObject, RecordedSession, to_json
+from mmt.session.data import (
+    FRAME_PERIOD_NS,
+    JsonObject,
+    RecordedSession,
+    event_time_s,
+    to_json,
+)
 from mmt.session.files import replacing
 from mmt.session.messages import (
     EVENT,
@@ -270,5 +276,5 @@ def _write_all(stream: BinaryIO, session: RecordedSession, *, scalars: bool) -> 
     for output in session.outputs:
         writer.write_output(log_time_ns(output.time_s), output.mode, output.vibration_m_s2)
     for event in session.events:
-        writer.write_event(to_json(dict(event)), log_time_ns(float(event.get("time_s", 0.0))))
+        writer.write_event(to_json(dict(event)), log_time_ns(event_time_s(event)))
     writer.finish()

@@ -14,7 +14,7 @@ import numpy as np
 from mmt.core.arrays import FloatArray, IntArray, RecordArray
 from mmt.core.errors import InputError
 from mmt.core.frames import Channel
-from mmt.session.data import JsonObject, OutputBlock, RecordedSession, duration_s
+from mmt.session.data import JsonObject, OutputBlock, RecordedSession, duration_s, event_time_s
 
 
 def _no_arrivals() -> IntArray:
@@ -96,7 +96,7 @@ class MemoryWindows:
         ends_s = [o.time_s + len(o.vibration_m_s2) / 1e3 for o in self._outputs[-1:]]
         self.duration_s = max([duration_s(session.frames), float(self._time_s[-1]), *ends_s])
         self.events: Sequence[JsonObject] = [
-            {**event, "at_s": float(event.get("time_s", 0.0))} for event in session.events
+            {**event, "at_s": event_time_s(event)} for event in session.events
         ]
 
     def window(self, begin_s: float, end_s: float) -> Window:
