@@ -72,3 +72,19 @@ def test_the_sentence_on_a_table_of_a_million_columns_is_short(tmp_path):
     with pytest.raises(InputError, match="the first of 1000000 columns") as told:
         import_session(path)
     assert len(str(told.value)) < 1000
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "reason"),
+    [
+        ("scene_json", "[1]", "scene_json is not a JSON object"),
+        ("events_json", '{"event": "mark"}', "events_json is not a list of JSON objects"),
+        ("events_json", "[1]", "events_json is not a list of JSON objects"),
+        ("events_json", "[", "events_json is not valid JSON"),
+    ],
+)
+def test_scenes_and_events_of_another_form_are_explained(tmp_path, name, text, reason):
+    path = tmp_path / "odd.npz"
+    np.savez(path, time_s=np.arange(5) / 1000, force_n=np.ones((5, 3)), **{name: np.array(text)})
+    with pytest.raises(InputError, match=rf"odd\.npz: {reason}"):
+        import_session(path)

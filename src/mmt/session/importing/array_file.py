@@ -1,7 +1,6 @@
 """NumPy archives, and what belongs to a session in those that mmt wrote."""
 
-import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 from mmt.core.archives import load_arrays
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
-from mmt.session.importing.columns import Columns
+from mmt.session.importing.columns import Columns, parsed_events, parsed_scene
 
 _OF_THE_SESSION = ("scene_json", "annotations", "events_json")
 
@@ -21,7 +20,8 @@ def read_archive(path: Path, wanted: Callable[[str], bool]) -> Columns:
     Raises
     ------
     InputError
-        The file is missing or not an archive, or an array does not hold numbers.
+        The file is missing or not an archive, an array does not hold numbers, or the session's
+        scene or events are not JSON of such.
     """
     origin = f"import {path}"
     try:
@@ -30,14 +30,16 @@ def read_archive(path: Path, wanted: Callable[[str], bool]) -> Columns:
         raise InputError(f"{origin}: {error.strerror or error}") from error
     except InputError as error:
         raise InputError(f"{origin}: {error}") from error
-    events = _json(arrays, "events_json", origin)
+    scene, events = (
+        str(arrays[name]) if name in arrays else None for name in ("scene_json", "events_json")
+    )
     return Columns(
         origin=origin,
         values={n: _numbers(a, n, origin) for n, a in arrays.items() if n not in _OF_THE_SESSION},
         names=names,
-        scene=_json(arrays, "scene_json", origin),
+        scene=parsed_scene(scene, "scene_json", origin),
         annotations=arrays["annotations"].tobytes() if "annotations" in arrays else b"",
-        events=events or (),
+        events=parsed_events(events, "events_json", origin),
     )
 
 
@@ -46,12 +48,3 @@ def _numbers(array: Any, name: str, origin: str) -> FloatArray:
         return np.asarray(array, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise InputError(f"{origin}: {name} does not hold numbers: {error}") from error
-
-
-def _json(arrays: Mapping[str, Any], name: str, origin: str) -> Any:
-    if name not in arrays:
-        return None
-    try:
-        return json.loads(str(arrays[name]))
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise InputError(f"{origin}: {name} is not valid JSON: {error}") from error

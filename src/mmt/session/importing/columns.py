@@ -1,5 +1,6 @@
 """The columns of a recording as they stand in its file, and the samples that they are mapped to."""
 
+import json
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -54,7 +55,7 @@ class Columns:
     row_name: Callable[[int], str] = ROW_NUMBER.format
     scene: JsonObject | None = None
     annotations: bytes = b""
-    events: Sequence[Any] = ()
+    events: Sequence[JsonObject] = ()
     frames: RecordArray | None = None
     """The frames (n,) themselves, where the file is a session that mmt wrote."""
     notes: Sequence[str] = ()
@@ -88,6 +89,45 @@ def listed(names: Sequence[str]) -> str:
     if len(names) <= _SHOWN_COLUMNS:
         return f"the columns are {shown or 'none'}"
     return f"the first of {len(names)} columns are {shown}"
+
+
+def parsed_scene(text: str | bytes | None, name: str, origin: str) -> JsonObject | None:
+    """Return the scene of an exported session out of its JSON, None where it has none.
+
+    Raises
+    ------
+    InputError
+        It is not a JSON object; the message has the name under which the file holds it.
+    """
+    scene = _parsed(text, name, origin)
+    if scene is None:
+        return None
+    if not isinstance(scene, dict):
+        raise InputError(f"{origin}: {name} is not a JSON object")
+    return scene
+
+
+def parsed_events(text: str | bytes | None, name: str, origin: str) -> Sequence[JsonObject]:
+    """Return the events of an exported session out of their JSON.
+
+    Raises
+    ------
+    InputError
+        They are not a list of JSON objects; the message has the name as of `parsed_scene`.
+    """
+    events = _parsed(text, name, origin)
+    if events is None:
+        return ()
+    if not isinstance(events, list) or not all(isinstance(event, dict) for event in events):
+        raise InputError(f"{origin}: {name} is not a list of JSON objects")
+    return events
+
+
+def _parsed(text: str | bytes | None, name: str, origin: str) -> Any:
+    try:
+        return None if text is None else json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{origin}: {name} is not valid JSON: {error}") from error
 
 
 def _shared(time_s: FloatArray, others: Iterable[FloatArray]) -> FloatArray:

@@ -1,6 +1,5 @@
 """Parquet files: columns of numbers and of lists of numbers, and sessions that mmt wrote."""
 
-import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from mmt.core.errors import InputError, brief
 from mmt.core.extras import require
 from mmt.core.frames import CHANNELS, FIELD_OF_CHANNEL, frame_dtype
 from mmt.session.data import axis_columns
-from mmt.session.importing.columns import Columns
+from mmt.session.importing.columns import Columns, parsed_events, parsed_scene
 
 
 def read_parquet(path: Path, wanted: Callable[[str], bool]) -> Columns:
@@ -24,20 +23,19 @@ def read_parquet(path: Path, wanted: Callable[[str], bool]) -> Columns:
     Raises
     ------
     InputError
-        pyarrow is not installed, the file is missing or not Parquet, or a wanted column does not
-        hold numbers.
+        pyarrow is not installed, the file is missing or not Parquet, a wanted column does not
+        hold numbers, or the session's scene or events are not JSON of such.
     """
     origin = f"import {path}"
     names, metadata = read_schema(path, origin)
     values = read_numbers([path], [name for name in names if wanted(name)], origin)
-    scene, events = (_json(metadata, f"mmt.{what}", origin) for what in ("scene", "events"))
     return Columns(
         origin=origin,
         values={name: column.astype(np.float64) for name, column in values.items()},
         names=names,
-        scene=scene,
+        scene=parsed_scene(metadata.get(b"mmt.scene"), "mmt.scene", origin),
         annotations=metadata.get(b"mmt.annotations", b""),
-        events=events or (),
+        events=parsed_events(metadata.get(b"mmt.events"), "mmt.events", origin),
         frames=_frames(read_numbers([path], names, origin)) if _is_session(names) else None,
     )
 
@@ -136,11 +134,3 @@ def _frames(columns: Mapping[str, npt.NDArray[Any]]) -> RecordArray | None:
         for axis, name in enumerate(axis_columns(channel)):
             frames[FIELD_OF_CHANNEL[channel]][:, axis] = columns[name]
     return frames
-
-
-def _json(metadata: Mapping[bytes, bytes], name: str, origin: str) -> Any:
-    text = metadata.get(name.encode())
-    try:
-        return None if text is None else json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{origin}: {name} is not valid JSON: {error}") from error

@@ -18,6 +18,7 @@ from mmt.session.importing.options import ImportOptions
 from mmt.session.importing.resampling import on_the_grid, to_frames
 from mmt.session.importing.samples import Samples
 from mmt.session.importing.stamps import Stamps
+from mmt.session.lerobot_layout import INFO_FILE
 
 _TEXT = "mmt.session.importing.text_file:read_text"
 _BAG = "mmt.session.importing.ros_bag:read_bag"
@@ -90,7 +91,7 @@ def read_columns(
         installed.
     """
     options = options or ImportOptions()
-    if (path / "meta" / "info.json").is_file():
+    if (path / INFO_FILE).is_file():
         from mmt.session.importing.lerobot_folder import read_lerobot
 
         return read_lerobot(path, wanted, options.episode, mapped=bool(options.columns))
