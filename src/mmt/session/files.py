@@ -6,10 +6,10 @@ A new format to write is one function and one line in the table here, a new one 
 
 import importlib
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import InputError, MmtError
@@ -18,6 +18,7 @@ from mmt.session.data import JsonObject, OutputBlock, RecordedSession
 _log = logging.getLogger(__name__)
 
 _READER_OF_MCAP: Final = "mmt.session.mcap_reader:read_mcap"
+"""Named, as writers are: their modules import this one."""
 
 WRITERS: Final = {
     ".mcap": "mmt.session.mcap_writer:write_mcap",
@@ -30,6 +31,13 @@ WRITERS: Final = {
 }
 """Every format that is written: a function of (path, session). A name without suffix is that of
 a folder, a ROS 2 bag."""
+
+
+def _named(name: str) -> Callable[..., Any]:
+    """Return the function ``module:function``."""
+    module, _, function = name.partition(":")
+    found: Callable[..., Any] = getattr(importlib.import_module(module), function)
+    return found
 
 
 def read_session(path: str | Path) -> RecordedSession:
@@ -51,9 +59,8 @@ def read_session(path: str | Path) -> RecordedSession:
     <RecordedSession wood.mcap: 2.0 s, 2000 frames of position, force, acceleration>
     """
     path = Path(path)
-    module, _, function = _READER_OF_MCAP.partition(":")
     if path.suffix.lower() == ".mcap":
-        session: RecordedSession = getattr(importlib.import_module(module), function)(path)
+        session: RecordedSession = _named(_READER_OF_MCAP)(path)
         return session
     from mmt.session.importing.recording import import_recording
 
@@ -78,9 +85,10 @@ def import_session(
     ----------
     path
         A ``.npz`` or ``.mat`` with the arrays ``time_s`` (n,), ``position_mm``, ``force_n`` and
-        ``acceleration_m_s2`` (n, 3), a table (``.csv``, ``.txt``, ``.xlsx``) with the same as
-        columns (``time_s``, ``position_x_mm``, ...), or a ROS bag. Channels may be left out,
-        and each may have times of its own (``acceleration_time_s``).
+        ``acceleration_m_s2`` (n, 3), a table (``.csv``, ``.txt``, ``.xlsx``, ``.parquet``) with
+        the same as columns (``time_s``, ``position_x_mm``, ...), a ROS bag, or a LeRobot data
+        set. Channels may be left out, and each may have times of its own
+        (``acceleration_time_s``).
     columns
         The names of columns that are called otherwise, as ``{"force_z": "Fz"}``, see
         `mmt.session.importing.options.ImportOptions`.
@@ -140,9 +148,7 @@ def export_session(session: RecordedSession, path: str | Path, *, scalars: bool 
         raise InputError(
             f"session {path}: scalars are messages of .mcap files; leave --scalars out"
         )
-    module, _, function = name.partition(":")
-    write = getattr(importlib.import_module(module), function)
-    write(path, session, **({"scalars": True} if scalars else {}))
+    _named(name)(path, session, **({"scalars": True} if scalars else {}))
 
 
 def write_session(

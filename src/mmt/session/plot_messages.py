@@ -19,13 +19,13 @@ LOG: Final = "foxglove.Log"
 SCALARS: Final = "mmt.Scalars"
 VIBRATION_SAMPLE: Final = "mmt.VibrationSample"
 
+_MEANS: Final[tuple[Channel, ...]] = ("position", "force")
+"""Channels whose mean a plot sample has; of the acceleration it has the vibration's level."""
+
 
 def plot_schema(channels: Sequence[Channel]) -> bytes:
     """Return the schema of ``mmt.PlotSample``: scalars, which every plotting tool reads."""
-    names = []
-    for channel, quantity, unit in (("position", "position", "mm"), ("force", "force", "n")):
-        if channel in channels:
-            names += [f"{quantity}_{axis}_{unit}" for axis in "xyz"]
+    names = [name for channel in _MEANS if channel in channels for name in axis_columns(channel)]
     if "acceleration" in channels:
         names.append("vibration_rms_m_s2")
     fields = [("time_ns", Field.TYPE_SFIXED64, False)]
@@ -91,11 +91,10 @@ class PlotCodec:
         channels = channels_of(frames.dtype)
         values: dict[str, float] = {"time_ns": int(frames["time_ns"][0])}
         with np.errstate(all="ignore"):  # a faulty sensor's inf must not stop a recording
-            for channel, unit in (("position", "mm"), ("force", "n")):
+            for channel in _MEANS:
                 if channel in channels:
-                    mean = frames[f"{channel}_{unit}"].mean(axis=0, dtype=np.float64).tolist()
-                    for axis, value in zip("xyz", mean, strict=True):
-                        values[f"{channel}_{axis}_{unit}"] = value
+                    mean = frames[FIELD_OF_CHANNEL[channel]].mean(axis=0, dtype=np.float64)
+                    values |= zip(axis_columns(channel), mean.tolist(), strict=True)
             if "acceleration" in channels:
                 acceleration = frames["acceleration_m_s2"].astype(np.float64)
                 vibration = acceleration - acceleration.mean(axis=0)

@@ -138,11 +138,6 @@ def _with_time_unit(path: Path, options: ImportOptions) -> dict[str, str]:
         return dict(options.units)
     step = (float(time[-1]) - float(time[0])) / (len(time) - 1)
     unit = next((unit for unit, largest in _TIME_STEPS if step <= largest), "s")
-    return (
-        dict(options.units)
-        if unit == "s" or not np.isfinite(step)
-        else {
-            **options.units,
-            "time": unit,
-        }
-    )
+    if unit == "s" or not np.isfinite(step):
+        return dict(options.units)
+    return {**options.units, "time": unit}
