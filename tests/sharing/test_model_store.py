@@ -103,8 +103,46 @@ async def test_a_fetch_that_broke_off_goes_on(tmp_path: Path) -> None:
         part.write_bytes(b"of another model" * 10)
         with pytest.raises(MmtError, match="is not model"):
             await asyncio.to_thread(remote.fetch, entry.hash, target)
-        await asyncio.to_thread(remote.fetch, entry.hash, target)
-        assert target.read_bytes() == data
+        assert not part.exists()
+        for begun in (b"", data + b"of a longer model"):
+            part.write_bytes(begun)
+            await asyncio.to_thread(remote.fetch, entry.hash, target)
+            assert target.read_bytes() == data
+
+
+ENTRY = {"name": "oak", "hash": "a" * 64, "samples": 10}
+
+
+@pytest.mark.parametrize(
+    "listing",
+    [
+        b"{",
+        b"[" * 100_000,
+        b"7",
+        b"[7]",
+        *(
+            json.dumps([{**ENTRY, **change}]).encode()
+            for change in ({"hash": "../../oak"}, {"hash": ""}, {"name": []}, {"samples": "10"})
+        ),
+        json.dumps([{**ENTRY, "unknown": 1}]).encode(),
+    ],
+)
+def test_a_listing_that_makes_no_sense_is_refused(
+    monkeypatch: pytest.MonkeyPatch, listing: bytes
+) -> None:
+    monkeypatch.setattr(RemoteStore, "_request", lambda *_, **__: listing)
+    remote = RemoteStore("http://127.0.0.1:1", Access())
+    with pytest.raises(MmtError, match="has no store of models that this program reads"):
+        remote.entries()
+    with pytest.raises(MmtError, match="cannot be read"):
+        remote.push(b"", Entry("oak"))
+
+
+def test_what_is_listed_can_be_printed(monkeypatch: pytest.MonkeyPatch) -> None:
+    listing = json.dumps([{**ENTRY, "note": "\x1b[31m"}])
+    monkeypatch.setattr(RemoteStore, "_request", lambda *_, **__: listing.encode())
+    (entry,) = RemoteStore("http://127.0.0.1:1", Access()).entries()
+    assert entry == Entry("oak", note="\N{REPLACEMENT CHARACTER}[31m", hash="a" * 64, samples=10)
 
 
 async def test_without_leave_nothing_is_added_and_without_a_store_nothing_is_there(
@@ -160,3 +198,7 @@ async def test_the_newest_of_each_name_is_fetched_once_and_kept(
     kept = dict(await asyncio.to_thread(remote.newest, folder))
     assert kept == found
     assert "its models as they were the last time are used" in caplog.text
+    (listing,) = folder.rglob("listing.json")
+    listing.write_text("[{")
+    with pytest.raises(MmtError, match="no store answers"):
+        await asyncio.to_thread(remote.newest, folder)

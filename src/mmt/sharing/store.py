@@ -25,6 +25,9 @@ LONGEST_TEXT: Final = 200
 DIGITS: Final = 64
 """Hexadecimal digits of a hash."""
 
+_TEXTS: Final = ("name", "who", "licence", "note", "made", "hash", "inputs")
+"""What of an entry is text; the rest are numbers."""
+
 
 @dataclass(frozen=True)
 class Entry:
@@ -60,6 +63,30 @@ class Entry:
     def as_dict(self) -> dict[str, Any]:
         """Return it for JSON."""
         return asdict(self)
+
+    @classmethod
+    def listed(cls, given: Any) -> Self:
+        """Return what a store has listed of a model, which is not trusted.
+
+        Raises
+        ------
+        InputError
+            It is malformed.
+        """
+        try:
+            entry = cls(**given)
+        except TypeError as error:
+            raise InputError(f"what is listed of a model is malformed: {error}") from error
+        values = entry.as_dict()
+        for name, value in values.items():
+            kind: Any = str if name in _TEXTS else (int, float)
+            unknown = name == "error_db" and value is None
+            if not unknown and not isinstance(value, kind):
+                raise InputError(f"what is listed of a model is malformed: {name}")
+        if not _is_hash(entry.hash):
+            raise InputError("what is listed of a model is malformed: hash")
+        texts: dict[str, Any] = {name: printable(values[name][:LONGEST_TEXT]) for name in _TEXTS}
+        return replace(entry, **texts)
 
     @classmethod
     def said(cls, said: Mapping[str, object]) -> Self:
@@ -105,7 +132,7 @@ class ModelStore:
 
     def path(self, digest: str) -> Path | None:
         """Return the file of a hash, None where it is not here."""
-        if len(digest) != DIGITS or not set(digest) <= set("0123456789abcdef"):
+        if not _is_hash(digest):
             return None
         path = self.folder / f"{digest}.npz"
         return path if path.is_file() else None
@@ -147,11 +174,15 @@ class ModelStore:
         return entry
 
 
+def _is_hash(text: str) -> bool:
+    return len(text) == DIGITS and set(text) <= set("0123456789abcdef")
+
+
 def _read(path: Path) -> Entry | None:
     """Return what a file beside a model says, None where it is damaged."""
     try:
-        return Entry(**json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError):
+        return Entry.listed(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError, InputError):
         return None
 
 

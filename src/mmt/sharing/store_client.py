@@ -90,10 +90,11 @@ class RemoteStore:
         except InputError:
             raise
         except MmtError as error:
-            if not listing.exists():
+            kept = _kept(listing)
+            if kept is None:
                 raise
             LOG.warning("%s: its models as they were the last time are used", error)
-            found = [Entry(**each) for each in json.loads(listing.read_text())]
+            found = kept
         return [(entry, folder / f"{entry.hash}.npz") for entry in found]
 
     def entries(self) -> list[Entry]:
@@ -105,8 +106,8 @@ class RemoteStore:
             It does not answer, or has no store.
         """
         try:
-            return [Entry(**each) for each in json.loads(self._request("/models"))]
-        except (ValueError, TypeError) as error:
+            return _entries(self._request("/models"))
+        except InputError as error:
             raise MmtError(f"{self._url} has no store of models that this program reads") from error
 
     def find(self, name: str) -> Entry:
@@ -161,7 +162,10 @@ class RemoteStore:
         """
         about = {key: value for key, value in said.as_dict().items() if value not in {"", 0, None}}
         answer = self._request(f"/models?{urllib.parse.urlencode(about)}", data=data)
-        return Entry(**json.loads(answer))
+        try:
+            return Entry.listed(json.loads(answer))
+        except (ValueError, RecursionError, InputError) as error:
+            raise MmtError(f"what {self._url} says of the model cannot be read") from error
 
     def _request(self, path: str, *, data: bytes | None = None) -> bytes:
         with self._open(path, data=data) as answer:
@@ -181,12 +185,40 @@ class RemoteStore:
                 request, timeout=_TIMEOUT_S, context=context
             )
         except urllib.error.HTTPError as error:
+            if begun and error.code == HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE:
+                error.close()  # what was begun is not shorter than the model: it is of another
+                return self._open(path)
             with error:
                 said = error.read(1024).decode(errors="replace").strip().partition("\n")[0]
             raise MmtError(f"{self._url} answers: {printable(said or error.reason)}") from error
         except (OSError, ValueError) as error:
             reason = getattr(error, "reason", error)
             raise MmtError(f"no store answers at {self._url} ({reason})") from error
+
+
+def _entries(text: str | bytes) -> list[Entry]:
+    """Return a store's entries out of its listing.
+
+    Raises
+    ------
+    InputError
+        It is none.
+    """
+    try:
+        listed = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"a list of models is not valid JSON: {error}") from error
+    if not isinstance(listed, list):
+        raise InputError("a list of models is no list")
+    return [Entry.listed(each) for each in listed]
+
+
+def _kept(listing: Path) -> list[Entry] | None:
+    """Return the entries of a listing that was kept, None where it is absent or damaged."""
+    try:
+        return _entries(listing.read_bytes())
+    except (OSError, InputError):
+        return None
 
 
 def _read(answer: Any, url: str) -> bytes:

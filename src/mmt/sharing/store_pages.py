@@ -3,7 +3,7 @@
 import asyncio
 import json
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from aiohttp import web
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from mmt.link.access import Access
     from mmt.link.http import Page
 
-MODELS: str = "/models"
+MODELS: Final = "/models"
 
 
 def store_pages(store: ModelStore, *, accepts: bool) -> "Page":
