@@ -55,6 +55,7 @@ class Node:
         say(node=None)
 
 def init(args, signal_handler_options):
+    os.write(1, b"the middleware's licence\\n")
     if os.environ.get("ROS_DOMAIN_ID") == "999":
         raise RuntimeError("domain ID is out of range")
 

@@ -12,7 +12,7 @@ import signal
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from importlib import import_module
-from typing import Any, Final
+from typing import Any, Final, TextIO
 
 import msgpack
 import numpy as np
@@ -124,15 +124,23 @@ def main() -> None:
     """Run the process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the leader says when it ends
     step_back()  # the leader's ticks do not wait for what subscribers take
+    with os.fdopen(os.dup(sys.stdout.fileno()), "w") as leader:
+        os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a middleware prints is no answer
+        _publish(leader)
+
+
+def _publish(leader: TextIO) -> None:
+    """Publish until the input ends; tell the leader once the topics are made, or what is wrong."""
     messages = _input()
     try:
         publisher = Publisher(**next(messages))
-        print(json.dumps({"ready": True}), flush=True)
+        print(json.dumps({"ready": True}), file=leader, flush=True)
         for message in messages:
             publisher.take(message)
         publisher.close()
     except Exception as error:  # noqa: BLE001 - the leader tells it
-        print(json.dumps({"problem": brief(error) or type(error).__name__}), flush=True)
+        problem = brief(error) or type(error).__name__
+        print(json.dumps({"problem": problem}), file=leader, flush=True)
 
 
 if __name__ == "__main__":
