@@ -11,11 +11,10 @@ listeners join and leave, vanish, stall, and send what makes no sense.
 """
 
 import asyncio
-import json
 import os
 import sys
 from statistics import median
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import typer
@@ -27,9 +26,7 @@ from mmt_lab.harness.demo_services import run_demo_services
 from mmt_lab.harness.experiment import Duration, Experiment, Seed
 from mmt_lab.harness.findings import Findings
 from mmt_lab.sharing.hubs import findings
-from mmt_lab.sharing.lasting import behind_network, lasting
-
-_LAST_S: Final = 30.0
+from mmt_lab.sharing.lasting import LAST_S, behind_network, lasting, printed_by
 
 
 class _Crowd:
@@ -52,8 +49,7 @@ class _Crowd:
         """Return what each has found, after the session."""
         if self._process is None:
             raise MmtError("no session was shared")
-        printed, _ = await asyncio.wait_for(self._process.communicate(), _LAST_S)
-        found: list[dict[str, Any]] = json.loads(printed)
+        found: list[dict[str, Any]] = await printed_by(self._process)
         return found
 
     async def close(self) -> None:
@@ -66,7 +62,7 @@ class _Crowd:
 async def _session(duration_s: float, count: int) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """Run one session with a crowd; return the leader's summary and what the crowd has found."""
     environment = {**os.environ, "MMT_SHARING__PORT": "0"}
-    crowd = _Crowd(count, duration_s + _LAST_S)
+    crowd = _Crowd(count, duration_s + LAST_S)
     try:
         run = await run_demo_services(duration_s, environment=environment, visitors=crowd)
         return run.leader, await crowd.found()

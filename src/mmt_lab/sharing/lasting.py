@@ -18,7 +18,8 @@ from mmt_lab.sharing.memory import Memory
 from mmt_lab.sharing.troubled import EVERY_S, KINDS, STEADY
 
 _SCENE: Final = "demo"
-_LAST_S: Final = 30.0
+LAST_S: Final = 30.0
+"""How long listeners may take to end after the session."""
 _DISTANT: Final = 10
 _LARGEST_GROWTH_MB: Final = 1.0
 
@@ -74,15 +75,34 @@ async def _session(
                 )
         if listening is None or not summary:
             raise MmtError(f"no session was shared: {leader.messages}")
-        printed, _ = await asyncio.wait_for(listening.communicate(), _LAST_S)
-        return summary, json.loads(printed)
+        return summary, await printed_by(listening)
     finally:
+        if listening is not None and listening.returncode is None:
+            listening.kill()
+            await listening.wait()
         await asyncio.gather(*(child.kill() for child in children))
+
+
+async def printed_by(listeners: asyncio.subprocess.Process) -> Any:
+    """Return what the listeners' process prints as it ends.
+
+    Raises
+    ------
+    MmtError
+        It prints nothing, or does not end.
+    """
+    try:
+        printed, _ = await asyncio.wait_for(listeners.communicate(), LAST_S)
+    except TimeoutError as error:
+        raise MmtError(f"the listeners had not ended {LAST_S:g} s after the session") from error
+    if not printed:
+        raise MmtError("the listeners' process has ended without a word")
+    return json.loads(printed)
 
 
 def behind_network(network: str, duration_s: float) -> Findings:
     """Compare what listeners behind a network feel with what the operator feels."""
-    command = ["mmt_lab.sharing.felt", str(_DISTANT), str(duration_s + _LAST_S), network]
+    command = ["mmt_lab.sharing.felt", str(_DISTANT), str(duration_s + LAST_S), network]
     leader, found = asyncio.run(_session(duration_s, command, _DISTANT + 1))
     errors, lags = np.array(found["errors_db"]), found["lags_ms"]
     if not len(errors) or not lags:
@@ -128,10 +148,10 @@ def lasting(duration_s: float, seed: int) -> Findings:
     """Run a long session with listeners that make trouble, and one without any."""
     alone_s = min(60.0, duration_s)
     alone, _ = asyncio.run(
-        _session(alone_s, ["mmt_lab.sharing.crowd", "1", str(alone_s + _LAST_S)], 1)
+        _session(alone_s, ["mmt_lab.sharing.crowd", "1", str(alone_s + LAST_S)], 1)
     )
     memory = Memory()
-    command = ["mmt_lab.sharing.troubled", str(duration_s + _LAST_S), str(seed)]
+    command = ["mmt_lab.sharing.troubled", str(duration_s + LAST_S), str(seed)]
     leader, found = asyncio.run(_session(duration_s, command, STEADY, memory.look))
     sharing = leader["sharing"]
     rows: dict[str, Figure] = {
