@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from mmt.core.arrays import FloatArray
+from mmt.core.arrays import BoolArray, FloatArray
 from mmt.evaluation.document import Table
 from mmt.evaluation.texts import number
 from mmt_lab.compare.certainty import CRITERIA, DEVIATIONS_DB, Certainty, Outcome, Update
@@ -58,7 +58,7 @@ def calibration_table(certainties: Sequence[Certainty], caption: str) -> Table:
     expected, true = shares(certainties)
     rows = []
     for low, high in pairwise(SHARES):
-        chosen = (expected >= low) & ((expected < high) | (high == SHARES[-1]))
+        chosen = _in_band(expected, low, high)
         if not chosen.any():
             continue
         spread = np.percentile(true[chosen], (10.0, 90.0))
@@ -114,6 +114,11 @@ def calibration_sentence(certainties: Sequence[Certainty], method: str) -> str:
     )
 
 
+def _in_band(expected: FloatArray, low: float, high: float) -> BoolArray:
+    """Whether shares (k,) are in a band, which has its lower edge, and the last one its upper."""
+    return (expected >= low) & ((expected < high) | (high == SHARES[-1]))
+
+
 def _outcome(one: Certainty, criterion: str, threshold: str) -> Outcome:
     return next(o for o in one.outcomes if (o.criterion, o.threshold) == (criterion, threshold))
 
@@ -141,7 +146,7 @@ def calibration_figure(certainties: Sequence[Certainty]) -> Figure:
         expected, true = shares([one for one in certainties if one.group == group])
         axis.plot((0, 1), (0, 1), color="#8a9099", linewidth=1.0)
         axis.scatter(expected, true, s=7, color=colour, alpha=0.25, linewidth=0)
-        bands = [(expected >= low) & (expected <= high) for low, high in pairwise(SHARES)]
+        bands = [_in_band(expected, low, high) for low, high in pairwise(SHARES)]
         means = [(expected[b].mean(), true[b].mean()) for b in bands if b.sum() >= _LEAST]
         if means:
             axis.plot(*np.array(means).T, color="black", marker="o", markersize=4, linewidth=1.2)
