@@ -185,7 +185,7 @@ def test_what_makes_no_sense_is_survived(copy: HubCopy, event: str, message: obj
 async def test_a_listener_keeps_addresses_of_hubs_that_it_may_turn_to(
     given: object, kept: list[str]
 ) -> None:
-    client = ListenerClient(Listening(url="http://a:1"), on_model=lambda: None)
+    client = ListenerClient(Listening(url="http://a:1"))
     client._take_hubs(given)
     assert client._hubs == kept
 

@@ -134,10 +134,7 @@ def judge_certainty(case: Case, method: str, blocks: Sequence[RecordArray]) -> C
         for threshold in ("start", "stop")
     ]
     return Certainty(
-        group=case.group,
-        name=case.name,
-        texture=case.texture,
-        seed=case.seed,
+        **case.labels,
         method=method,
         updates=tuple(updates),
         outcomes=tuple(outcomes),

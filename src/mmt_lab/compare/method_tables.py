@@ -39,14 +39,12 @@ def _share(row: Row | None) -> str:
 def figures_table(comparison: MethodComparison, name: str) -> Table:
     """Return all figures of a texture, stroke or group, a row for each moment and method."""
     differences = {
-        (d.moment, d.method, d.figure): d
-        for d in comparison.differences(name)
-        if d.figure == "within_jnd"
+        (d.moment, d.method): d for d in comparison.differences(name) if d.figure == "within_jnd"
     }
     rows = []
     for row in comparison.rows(name):
         spread = row.spread["within_jnd"]
-        difference = differences.get((row.moment, row.method, "within_jnd"))
+        difference = differences.get((row.moment, row.method))
         rows.append(
             [
                 row.moment,

@@ -160,9 +160,7 @@ def judged(
     lags = [1e-6 * (had - made) for ear in distant for (had, _), (made, _) in _both(ear)]
     return {
         "listeners": sum(bool(ear.had) for ear in distant),
-        "behind_at_end": sum(
-            ear.had[-1:] != [] and _last(ear) != _last(operator) for ear in distant
-        ),
+        "behind_at_end": sum(bool(ear.had) and _last(ear) != _last(operator) for ear in distant),
         "same_share": same / moments if moments else None,
         "errors_db": errors_db(total, models, inputs).tolist() if len(inputs) else [],
         "delay_errors_db": errors_db(delayed, models, inputs).tolist() if len(inputs) else [],

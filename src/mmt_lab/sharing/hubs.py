@@ -70,10 +70,10 @@ async def hold(hubs: int, listeners: int, duration_s: float) -> Session:
     """
     async with AsyncExitStack() as stack:
         redis = await stack.enter_async_context(_redis())
+        lasting = ["--duration", str(duration_s)]
         leader = await _child(
             stack,
-            ["leader", _SCENE, "--json-lines", "--share", "--port", "0"],
-            ["--duration", str(duration_s)],
+            ["leader", _SCENE, "--json-lines", "--share", "--port", "0", *lasting],
             MMT_SHARING__PORT="0",
         )
         told = leader.lines()
@@ -87,7 +87,7 @@ async def hold(hubs: int, listeners: int, duration_s: float) -> Session:
         crowds, joined_s = await _join(stack, [each[1] for each in served], listeners, duration_s)
         follower = ["follower", _SCENE, "--json-lines", "--leader", f"http://127.0.0.1:{port}"]
         idle = [_use(child) for child, _, _ in served]
-        await _child(stack, follower, [])
+        await _child(stack, follower)
         await _line(leader, told, "event", "follower")
         begun_s = asyncio.get_running_loop().time()
         summary = await _line(leader, told, "summary")
@@ -182,12 +182,8 @@ async def _redis() -> AsyncIterator[str]:
         await process.wait()
 
 
-async def _child(
-    stack: AsyncExitStack, command: list[str], options: list[str], **environment: str
-) -> Child:
-    child = await Child.start(
-        command[0], "mmt.cli.entry", [*command, *options], {**os.environ, **environment}
-    )
+async def _child(stack: AsyncExitStack, command: list[str], **environment: str) -> Child:
+    child = await Child.start(command[0], "mmt.cli.entry", command, {**os.environ, **environment})
     stack.push_async_callback(child.kill)
     return child
 
@@ -208,7 +204,6 @@ async def _hub(
     child = await _child(
         stack,
         ["main", "hub", url, "--redis", redis, "--port", "0", "--json-lines"],
-        [],
         MMT_SHARING__MOST=str(most),
     )
     lines = child.lines()

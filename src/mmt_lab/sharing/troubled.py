@@ -91,7 +91,7 @@ class Troubled:
             self._ended.set()
 
     async def _joined(self, url: str) -> ListenerClient:
-        client = ListenerClient(Listening(url=url), on_model=_nothing, on_event=self._hear)
+        client = ListenerClient(Listening(url=url), on_event=self._hear)
         await client.connect()
         return client
 
@@ -134,10 +134,6 @@ class Troubled:
                 await asyncio.sleep(0.002)
         finally:
             await client.disconnect()
-
-
-def _nothing() -> None:
-    """Take no notice of a model."""
 
 
 def main() -> None:

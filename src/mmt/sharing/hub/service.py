@@ -214,7 +214,6 @@ class Hub:
     def _new_feed(self) -> ListenerClient:
         return ListenerClient(
             self._scene.listening,
-            on_model=lambda: None,
             on_event=self._on_event,
             on_message=self._hand_on,
         )
