@@ -90,6 +90,7 @@ class SharingPart(Part):
                 await process.wait()
         except TimeoutError:
             process.kill()
+            await process.wait()
 
     def close(self) -> None:
         """Add the model to the store, if the scene has one and it is ready."""
