@@ -1,1 +1,1 @@
-"""Texture models of other programs, and vibration as sound files."""
+"""Texture models of other programs, and vibration as files of sound and of haptics."""

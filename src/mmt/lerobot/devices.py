@@ -120,7 +120,7 @@ class MmtRobot(_SessionDevice, Robot):
     Raises
     ------
     InputError
-        The scene cannot be used; the message says why.
+        The scene or an option cannot be used; the message says why.
     """
 
     config_class = MmtRobotConfig

@@ -34,11 +34,6 @@ class SharedSession:
     ----------
     settings
         What it is made of; may be replaced while nobody uses it.
-
-    Raises
-    ------
-    InputError
-        The scene cannot be used.
     """
 
     def __init__(self, settings: Settings) -> None:

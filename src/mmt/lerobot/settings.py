@@ -28,6 +28,11 @@ class Settings:
         The scene's hand or handle, or LeRobot's actions in its place.
     wait_s
         Seconds in which the first frame must come.
+
+    Raises
+    ------
+    InputError
+        `moved_by` is not known, or `wait_s` is out of range.
     """
 
     scene: str = "demo"
