@@ -193,8 +193,8 @@ def test_a_library_that_fails_is_told_once_and_the_session_goes_on(running: Runn
     running.part.look()
     running.part.look()
     (sentence,) = running.said
-    assert "[lsl] has failed: an internal error has occurred.: the session goes on" in sentence
-    assert running.part.faults() == ["[lsl] has failed: an internal error has occurred."]
+    assert "[lsl] has failed: an internal error has occurred: the session goes on" in sentence
+    assert running.part.faults() == ["[lsl] has failed: an internal error has occurred"]
     figures = running.end()
     assert (figures["frames"], figures["dropped"]) == (0, 10)
     assert figures["error"] == running.part.error

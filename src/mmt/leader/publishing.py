@@ -1,8 +1,8 @@
-"""What the parts have in common that pass frames and events on to programs of another kind.
+"""The base of the parts that pass frames and events on to other programs, such as LSL's and ROS's.
 
 A stamp is the time at which a frame was measured, by another clock of this machine: the
-follower's time, less the offset of its clock from the leader's, plus what that clock has more
-than the leader's.
+follower's time, less the offset of its clock from the leader's, plus how far that other clock is
+ahead of the leader's.
 """
 
 import asyncio
@@ -25,7 +25,7 @@ _COMPARISONS: Final = 9
 
 
 class Block(NamedTuple):
-    """Frames (n,), and what the other clock is ahead of their times (ns)."""
+    """Frames (n,), and how far the other clock is ahead of their times (ns)."""
 
     frames: RecordArray
     ahead_ns: int
@@ -171,7 +171,8 @@ class PublishingPart(Part):
                 self._push()
             self._push()
         except Exception as error:  # noqa: BLE001 - whatever stops the other side is told
-            self.error = f"{self.name} has failed: {brief(error) or type(error).__name__}"
+            reason = brief(error).rstrip(".") or type(error).__name__
+            self.error = f"{self.name} has failed: {reason}"
 
     def _push(self) -> None:
         """Push what has come."""
@@ -197,7 +198,7 @@ def _taken(queue: deque[Any]) -> list[Any]:
 
 
 def clock_ahead_ns(clock_s: Callable[[], float]) -> int:
-    """Return what a clock is ahead of the monotonic one, by the quickest of several looks."""
+    """Return how far a clock is ahead of the monotonic one (ns), by the quickest of some looks."""
     looks = []
     for _ in range(_COMPARISONS):
         before_ns = time.monotonic_ns()
