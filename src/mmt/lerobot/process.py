@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from mmt.lerobot.observing import ObservingPart
     from mmt.scene import Scene
 
-_LAST_SECONDS: Final = 5.0
+_LAST_S: Final = 5.0
 
 
 def write(**line: Any) -> None:
@@ -96,7 +96,7 @@ class _Run:
         finally:
             requests.cancel()
             if tasks:
-                await asyncio.wait(tasks, timeout=_LAST_SECONDS)
+                await asyncio.wait(tasks, timeout=_LAST_S)
             for task in tasks:
                 task.cancel()
             await asyncio.gather(requests, *tasks, return_exceptions=True)

@@ -16,7 +16,7 @@ from mmt.texture.signals.aligned import AlignedBlock
 
 @dataclass(frozen=True)
 class NewSamples:
-    """What an update of our model has got: see `Work`, of which it is what others may learn from.
+    """What a generator learns from in one update of our model: that part of its `Work`.
 
     Attributes
     ----------
