@@ -109,17 +109,7 @@ def plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     metadata.mkdir()
     about = "Metadata-Version: 2.1\nName: band-plugin\nVersion: 2.1\n"
     (metadata / "METADATA").write_text(about)
-    names = [
-        "band",
-        "raising",
-        "nan",
-        "shape",
-        "leaving",
-        "hanging",
-        "build_raising",
-        "no_copy",
-        "quits",
-    ]
+    names = ["band", "nan", "leaving", "hanging", "build_raising", "no_copy", "quits"]
     lines = [f"{name} = band_plugin:{name}" for name in names]
     text = "\n".join(["[mmt.generators]", *lines, "lacking = band_plugin:absent", ""])
     (metadata / "entry_points.txt").write_text(text)
