@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -195,6 +196,25 @@ def test_a_follower_elsewhere_is_not_waited_for_too_long(
     with pytest.raises(MmtError, match=r"no frame .* within 0\.1 s"):
         session.acquire("test")
     assert not session.running
+
+
+def test_an_answer_that_comes_too_late_is_not_taken_for_the_next(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("mmt.lerobot.session._REPLY_S", 0.01)
+    session, silent = SharedSession(Settings()), "import sys; sys.stdin.read()"
+    session._process = subprocess.Popen([sys.executable, "-c", silent], stdin=subprocess.PIPE)
+    lines = session._lines
+    with pytest.raises(DeviceLost, match="no answer within"):
+        session.observe()
+    lines.put({"values": [1.0]})
+    for _ in range(2):
+        with pytest.raises(DeviceLost, match="no answer within"):
+            session.observe()
+    assert session._process.wait(LONGEST_S) != 0
+    assert session._process.stdin is not None
+    with suppress(OSError):  # what was asked last cannot be sent any more
+        session._process.stdin.close()
 
 
 # --- the scene

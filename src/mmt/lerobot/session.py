@@ -166,8 +166,9 @@ class SharedSession:
             try:
                 reply = self._lines.get(timeout=_REPLY_S)
             except queue.Empty:
-                process.kill()  # a late answer would be taken for the next one
-                raise DeviceLost(f"no answer within {_REPLY_S:g} s: the session is ended") from None
+                process.kill()
+                reply = {_ENDED: f"no answer within {_REPLY_S:g} s: the session is ended"}
+                self._lines = queue.Queue()  # a late answer would be taken for the next one
         if _ENDED in reply:
             self._lines.put(reply)  # for whoever asks next
             raise DeviceLost(reply[_ENDED])
