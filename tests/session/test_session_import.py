@@ -266,7 +266,7 @@ def test_files_of_another_kind_are_refused(tmp_path):
     for name in "a.npz", "b.npz", "c.csv", "d.npz", "e.npz":
         with pytest.raises(InputError, match="this is"):
             import_session(tmp_path / name)
-    for name in "absent.npz", "absent.csv":
+    for name in "absent.npz", "absent.csv", "absent":
         with pytest.raises(InputError, match="No such file"):
             import_session(tmp_path / name)
     with pytest.raises(InputError, match=r"\.wav cannot be read.*\.npz, \.csv"):

@@ -99,6 +99,8 @@ def read_columns(
         raise InputError(f"--episode {options.episode}: {path} is no data set with episodes")
     name = _BAG if path.is_dir() else READERS.get(path.suffix.lower())
     if name is None:
+        if not (path.suffix or path.exists()):
+            raise InputError(f"session {path}: No such file or directory")
         given = path.suffix or "a name without suffix"
         raise InputError(
             f"session {path}: {given} cannot be read; the suffix must be one of "
