@@ -108,6 +108,21 @@ def test_silence_is_seen_by_reads_that_find_nothing_not_by_time_alone(run) -> No
     assert process.silent_ns > 10_000_000
 
 
+def test_a_message_for_which_there_is_no_room_is_known_not_to_be_sent() -> None:
+    ours, theirs = os.pipe()
+    os.set_blocking(theirs, False)
+    pipes = DriverPipes(-1, theirs)
+    try:
+        while pipes.tell(b"S", bytes(4000)):
+            pass
+        assert not pipes.tell(b"S", bytes(4000))
+        os.read(ours, 1 << 16)
+        assert pipes.tell(b"L", "it is gone")
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
 def test_commands_come_out_whole_however_they_were_cut() -> None:
     ours, theirs = os.pipe()
     os.set_blocking(ours, False)

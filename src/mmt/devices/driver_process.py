@@ -158,16 +158,19 @@ class DriverPipes:
         self._received = data[whole:]
         return list(layout.iter_unpack(data[:whole]))
 
-    def tell(self, kind: bytes, body: bytes | str = b"") -> None:
-        """Send a message, unless the driver reads nothing: then a newer one will do.
+    def tell(self, kind: bytes, body: bytes | str = b"") -> bool:
+        """Send a message, and return whether there was room: a driver that reads nothing has none.
 
         Raises
         ------
         BrokenPipeError
             The driver has gone.
         """
-        with contextlib.suppress(BlockingIOError):
+        try:
             os.write(self._messages, _pack(kind, body))
+        except BlockingIOError:
+            return False
+        return True
 
 
 def run_process(run: Callable[[dict[str, Any], DriverPipes], None], device: str) -> NoReturn:

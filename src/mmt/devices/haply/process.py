@@ -219,8 +219,7 @@ class Conversation:
         self._pipes.tell(STATE, pack_state(servo.state()))
         problem = servo.problem()
         if problem and not self._is_lost:
-            self._is_lost = True
-            self._pipes.tell(LOST, problem)
+            self._is_lost = self._pipes.tell(LOST, problem)
 
     async def _next(self, socket: aiohttp.ClientWebSocketResponse) -> str:
         """Return the next text, "" for a message that is none."""

@@ -138,8 +138,8 @@ class ArmProcess:
         if control.held_back != self._held_back:
             self._held_back = control.held_back
             self._pipes.tell(COUNT, "periods held back by force_limit_n")
-        if control.lost:
-            self._pipes.tell(to.LOST, f"the arm at {self._host} {control.lost}")
+        lost = control.lost
+        if lost and self._pipes.tell(to.LOST, f"the arm at {self._host} {lost}"):
             self._control = None
 
     def _release(self, patience_s: float) -> None:
