@@ -10,6 +10,7 @@ import os
 import struct
 import subprocess
 import sys
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -38,6 +39,8 @@ Message = tuple[bytes, bytes]
 class DriverProcess:
     """The driver's end; nothing here waits but `start` and `end`.
 
+    Threads may share it: drivers of one device, of which one is being connected again.
+
     Parameters
     ----------
     module
@@ -57,6 +60,7 @@ class DriverProcess:
         self.child: subprocess.Popen[bytes] | None = None
         self._files = (-1, -1)
         self._received = bytearray()
+        self._lock = threading.Lock()
         self._arrival_ns = 0
         self._empty = 0
 
@@ -79,19 +83,20 @@ class DriverProcess:
 
     def take(self) -> list[Message]:
         """Return the messages that have come, but those that `ended` and `counts` tell."""
-        if self.child is None:
-            return []
-        try:
-            data = os.read(self._files[1], _AT_ONCE)
-        except BlockingIOError:
-            self._empty += 1
-            return []
-        if not data:
-            self.ended = self.ended or self._lost
-            return []
-        self._arrival_ns, self._empty = time.monotonic_ns(), 0
-        self._received += data
-        return [message for message in _messages(self._received) if not self._keep(*message)]
+        with self._lock:
+            if self.child is None:
+                return []
+            try:
+                data = os.read(self._files[1], _AT_ONCE)
+            except BlockingIOError:
+                self._empty += 1
+                return []
+            if not data:
+                self.ended = self.ended or self._lost
+                return []
+            self._arrival_ns, self._empty = time.monotonic_ns(), 0
+            self._received += data
+            return [message for message in _messages(self._received) if not self._keep(*message)]
 
     def _keep(self, kind: bytes, body: bytes) -> bool:
         if kind == COUNT:
@@ -102,7 +107,8 @@ class DriverProcess:
 
     def take_counts(self) -> Counter[str]:
         """Return what was survived since the last call, by what it was."""
-        counts, self.counts = self.counts, Counter()
+        with self._lock:
+            counts, self.counts = self.counts, Counter()
         return counts
 
     @property
@@ -112,19 +118,20 @@ class DriverProcess:
 
     def send(self, command: bytes) -> None:
         """Send a command; one for which there is no room is left out."""
-        if self.child is not None:
-            with contextlib.suppress(BlockingIOError, BrokenPipeError):  # `take` tells of its end
+        with self._lock, contextlib.suppress(BlockingIOError, BrokenPipeError):
+            if self.child is not None:  # `take` tells where it has ended
                 os.write(self._files[0], command)
 
     def end(self, reason: str) -> None:
         """Have it let go of the device and end; calling it twice is harmless."""
-        child, self.child = self.child, None
-        if child is None:
-            return
-        self.ended = self.ended or reason
-        for pipe in (child.stdin, child.stdout):
-            if pipe is not None:
-                pipe.close()
+        with self._lock:
+            child, self.child = self.child, None
+            if child is None:
+                return
+            self.ended = self.ended or reason
+            for pipe in (child.stdin, child.stdout):
+                if pipe is not None:
+                    pipe.close()
         try:
             child.wait(_CLOSE_S)
         except subprocess.TimeoutExpired:
