@@ -197,6 +197,13 @@ def test_a_lost_arm_says_why_and_what_to_do_and_comes_back(lab: Lab) -> None:
     lab.go((0.0, 5.0, 6.0))
 
 
+def test_an_arm_that_is_commanded_and_never_read_is_lost_too(lab: Lab) -> None:
+    lab.robot.connect()
+    lab.arm.protective_stop()
+    with pytest.raises(DeviceLost, match="in a protective stop"):
+        lab.until(lambda: False, lambda: lab.robot.write((0.0, 0.0, 5.0)))
+
+
 def test_an_arm_without_power_and_a_stop_of_its_program_are_told(lab: Lab) -> None:
     lab.robot.connect()
     lab.arm.mode = POWER_OFF

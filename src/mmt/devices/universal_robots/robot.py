@@ -106,9 +106,10 @@ class UrRobot:
         Raises
         ------
         DeviceLost
-            It takes no commands any more; the message says why.
+            It does not answer, or takes no commands any more; the message says why.
         """
         arm, frame = self._connected()
+        arm.read()  # a scene that needs no position asks for none, and a loss must show
         link = arm.check_control()
         if not all(map(math.isfinite, position_mm)):
             self._counts["commands that are not finite"] += 1
