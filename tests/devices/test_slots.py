@@ -1,7 +1,7 @@
 """One device of a follower: what is taken of it at a tick, and what is left out."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import pytest
 
@@ -15,6 +15,7 @@ class Arm:
     """A robot that goes 1 mm in a millisecond."""
 
     now_ns = 0
+    faults: Mapping[str, int] = {}
 
     def connect(self) -> None:
         """It is there."""
@@ -53,6 +54,14 @@ def test_positions_of_while_ticks_were_held_up_are_taken_where_the_driver_keeps_
     arm = MeasuredArm()
     assert ticked(arm, held_up).lane.at(121 * MS) == pytest.approx((121.0, 0.0, 0.0))
     assert arm.asked == 2  # at the first tick, and after the pause
+
+
+def test_what_a_robots_driver_has_survived_is_in_its_summary() -> None:
+    arm = Arm()
+    slot = RobotSlot("robot", arm, measures=True)
+    assert slot.summary == {"device": "Arm", "losses": 0}
+    arm.faults = {"commands that are not finite": 2}
+    assert slot.summary["faults"] == {"commands that are not finite": 2}
 
 
 class BufferedSensor:

@@ -124,8 +124,12 @@ class Slot(ABC):
 
     @property
     def summary(self) -> dict[str, Any]:
-        """What it gave, for a program."""
-        return {"device": type(self.device).__name__, "losses": self.losses}
+        """What it gave and what its driver survived, for a program."""
+        summary: dict[str, Any] = {"device": type(self.device).__name__, "losses": self.losses}
+        faults = getattr(self.device, "faults", None)
+        if faults and isinstance(faults, Mapping):
+            summary["faults"] = dict(faults)
+        return summary
 
     def _connect(self) -> None:
         self._reconnection = Reconnection(self.device)
@@ -265,7 +269,7 @@ class SampledSlot(Slot):
 
     @property
     def summary(self) -> dict[str, Any]:
-        """What it gave, for a program."""
+        """What it gave and what its driver survived, for a program."""
         return {
             **super().summary,
             "readings": self.lane.readings,
