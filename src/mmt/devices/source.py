@@ -28,6 +28,11 @@ PERIOD_NS: Final = 1_000_000
 
 _WARM_UP_NS: Final = 100_000_000
 _FIRST_READING_NS: Final = 1_500_000_000
+_KEY_OF_CHANNEL: Final[dict[Channel, str]] = {
+    "position": "robot",
+    "force": "force_sensor",
+    "acceleration": "accelerometer",
+}
 
 
 class DeviceSource:
@@ -47,7 +52,7 @@ class DeviceSource:
         What to put into the frames.
     on_lost
         What a lost device does: "stop" ends the session; otherwise it is connected again, and
-        the callback given to `watch` is called.
+        the callback given to `on_loss` is called.
 
     Raises
     ------
@@ -65,10 +70,6 @@ class DeviceSource:
         on_lost: Literal["stop", "hold", "retract"] = "stop",
     ) -> None:
         self._channels = ordered_channels(channels)
-        for channel, device in (("force", force_sensor), ("acceleration", accelerometer)):
-            if channel in self._channels and device is None:
-                key = "force_sensor" if channel == "force" else "accelerometer"
-                raise InputError(f"[devices] has no {key}, but the scene needs {channel}")
         self._on_lost = on_lost
         self._watcher: LossWatcher = lambda _lost, _sentence: None
         self._taker: FrameReceiver | None = None
@@ -78,11 +79,11 @@ class DeviceSource:
             self._all["force_sensor"] = slot_of("force sensor", force_sensor)
         if accelerometer is not None:
             self._all["accelerometer"] = slot_of("accelerometer", accelerometer, vibration=True)
-        of_channel = dict(
-            zip(("force", "acceleration"), ("force_sensor", "accelerometer"), strict=True)
-        )
+        for channel in self._channels:
+            if (key := _KEY_OF_CHANNEL[channel]) not in self._all:
+                raise InputError(f"[devices] has no {key}, but the scene needs {channel}")
         self._measuring = {
-            FIELD_OF_CHANNEL[channel]: self._all[of_channel.get(channel, "robot")]
+            FIELD_OF_CHANNEL[channel]: self._all[_KEY_OF_CHANNEL[channel]]
             for channel in self._channels
         }
         self._stepped = list(dict.fromkeys([robot_slot, *self._measuring.values()]))
