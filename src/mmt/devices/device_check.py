@@ -95,8 +95,7 @@ def check_device(
     driver
         Its name.
     device
-        Any device of `mmt.devices.protocols`, or a board of `mmt.devices.protocols`; an
-        actuator plays silence.
+        Any device or board of `mmt.devices.protocols`; an actuator plays silence.
     duration_s
         How long to read it.
     calibrate
@@ -106,7 +105,7 @@ def check_device(
 
     Returns
     -------
-    observation
+    check
         Also where the device failed: its problems say how.
     """
     seen = DeviceCheck(role, driver)

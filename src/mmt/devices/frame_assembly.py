@@ -54,7 +54,7 @@ class FrameAssembler:
     period_ns
         From tick to tick.
     needed_ns
-        How long frames must be held back, latencies included (`mmt.devices.frame_assembly`); None
+        How long frames must be held back, latencies included (`ReadingAges.hold_back_ns`); None
         where that was not seen.
     """
 

@@ -95,7 +95,7 @@ class SampledSensor(Device, Protocol):
 
 @runtime_checkable
 class ArrivalStamping(Protocol):
-    """A sensor that knows when its readings came; no driver must.
+    """A sensor that knows when its readings came; optional for a driver.
 
     Data that comes to a thread or a socket has its time; data that waits in a serial port until it
     is read does not. A sensor that knows it need not be polled between the ticks.
@@ -108,7 +108,7 @@ class ArrivalStamping(Protocol):
 
 @runtime_checkable
 class Pacing(Protocol):
-    """A device whose driver runs a thread at the ticks' rate in this process; no driver must."""
+    """A device with a thread at the ticks' rate in this process; optional for a driver."""
 
     def await_turn(self) -> None:
         """Return soon after that thread has done its turn, or after some milliseconds."""
@@ -116,7 +116,7 @@ class Pacing(Protocol):
 
 @runtime_checkable
 class PositionKeeping(Protocol):
-    """A robot that is measured beside the ticks; no driver must."""
+    """A robot that is measured beside the ticks; optional for a driver."""
 
     def positions(self, after_ns: int, until_ns: int) -> Sequence[tuple[int, Vector]]:
         """Return the newest positions (mm) that came between two times, the oldest first.
@@ -135,7 +135,7 @@ class FaultExplaining(Protocol):
 
 @runtime_checkable
 class SetupRemarks(Protocol):
-    """A device that knows what is doubtful about its own set-up; no driver must."""
+    """A device that knows what is doubtful about its own set-up; optional for a driver."""
 
     def remarks(self) -> Sequence[str]:
         """Return a sentence for each thing that is worth mending, with what to do."""
