@@ -117,9 +117,9 @@ class RecordStream:
         """Records with the error bit, left out."""
         self.reset()
 
-    def reset(self, rest: bytes = b"") -> None:
-        """Discard everything received and start with these bytes."""
-        self._rest = rest
+    def reset(self) -> None:
+        """Discard everything received."""
+        self._rest = b""
         self._in_step = False
         self._skipped = 0
 
