@@ -96,9 +96,8 @@ class Capture:
         except OSError as error:
             raise self._device.explain(error, self._node) from error
         if not content:
-            raise DeviceLost(
-                f"{self._name}: it captures no longer; {self.complaint() or 'look with dmesg why'}"
-            )
+            why = self.complaint().removeprefix(f"{self._name}: ") or "look with dmesg why"
+            raise DeviceLost(f"{self._name}: it captures no longer; {why}")
         return content
 
     def complaint(self) -> str:

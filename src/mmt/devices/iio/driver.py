@@ -219,12 +219,10 @@ class IioAccelerometer:
             time.sleep(0.001)
         if came:
             raise MmtError(self._explain_stuck())
+        why = self.complaint().removeprefix(f"{self.name}: ")
         raise MmtError(
             f"{self.name}: no sample for {self._options.start_s:g} s though its buffer runs; "
-            + (
-                self.complaint()
-                or "check the wire from its interrupt to the pin that the overlay names"
-            )
+            + (why or "check the wire from its interrupt to the pin that the overlay names")
         )
 
     def _convert(self, time_ns: int, raw: Raw) -> SensorReading:
