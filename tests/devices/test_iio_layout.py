@@ -4,7 +4,6 @@ import random
 import struct
 
 from mmt.devices.iio.layout import Layout, parse_element
-from mmt.testing.emulated.iio_chips import ADXL345, ADXL355
 
 
 def test_a_scan_lies_as_the_kernels_documentation_has_it() -> None:
@@ -35,8 +34,3 @@ def test_shifted_and_signed_values_are_decoded() -> None:
         assert list(Layout([unsigned], ["in_accel_y"]).decode(word.to_bytes(4, "big"))) == [
             (value,)
         ]
-
-
-def test_the_emulated_chips_are_laid_out_as_the_kernels_drivers_do() -> None:
-    assert ADXL355.kind == "be:s20/32>>4"
-    assert ADXL345.kind == "le:s13/16>>0"

@@ -40,14 +40,8 @@ class Element:
     @property
     def bounds(self) -> tuple[int, int]:
         """The least and the largest value that its bits hold."""
-        return (
-            (-(1 << self.bits - 1), (1 << self.bits - 1) - 1)
-            if self.signed
-            else (
-                0,
-                (1 << self.bits) - 1,
-            )
-        )
+        span = 1 << self.bits
+        return (-span // 2, span // 2 - 1) if self.signed else (0, span - 1)
 
 
 def parse_element(name: str, index: str, kind: str) -> Element:
