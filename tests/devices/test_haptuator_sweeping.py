@@ -152,6 +152,21 @@ def test_a_handle_that_is_shaken_too_hard_ends_the_sweep(time: Time) -> None:
     assert (coil.closed, sensor.closed) == (1, 1)
 
 
+def test_the_accelerometer_is_closed_also_where_the_actuator_cannot_be(
+    time: Time, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    coil = Coil(time)
+    sensor = Sensor(time, coil)
+
+    def fail() -> None:
+        raise MmtError("it cannot be closed")
+
+    monkeypatch.setattr(coil, "close", fail)
+    with pytest.raises(MmtError, match="cannot be closed"):
+        record_sweep(coil, sensor, SweepSettings(duration_s=1.0, level_v=0.1))
+    assert sensor.closed == 1
+
+
 def test_an_accelerometer_that_feels_nothing_is_told(
     time: Time, monkeypatch: pytest.MonkeyPatch
 ) -> None:

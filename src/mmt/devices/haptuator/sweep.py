@@ -4,6 +4,7 @@ How loud it may be is not known before: quiet sweeps, each twice the last, are p
 accelerometer measures one, and the wanted level follows by proportion.
 """
 
+import contextlib
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -104,7 +105,7 @@ def record_sweep(
     MmtError
         A device fails, the accelerometer measures nothing, or the handle is shaken too hard.
     """
-    try:
+    with contextlib.closing(accelerometer), contextlib.closing(actuator):
         actuator.connect()
         accelerometer.connect()
         if not isinstance(actuator, VoltageActuator):
@@ -119,9 +120,6 @@ def record_sweep(
                 f"level_v is {level_v:g} V; the actuator may get {actuator.largest_v:g} V at most"
             )
         return rig.record(level_v, say)
-    finally:
-        actuator.close()
-        accelerometer.close()
 
 
 class _Rig:
