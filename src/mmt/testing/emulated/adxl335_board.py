@@ -1,5 +1,6 @@
 """An ADXL335 behind a microcontroller on a pseudo-terminal, as its driver meets it."""
 
+import math
 import os
 import random
 import tempfile
@@ -69,7 +70,7 @@ class EmulatedAdxl335Board:
         self._volts_per_count = supply_v / 2**resolution_bits
         self._calibration = nominal(supply_v) if calibration is None else calibration
         self._bandwidth_hz = bandwidth_hz
-        self._delay_ns = round(1e9 / (6.283185307179586 * bandwidth_hz))
+        self._delay_ns = round(1e9 / (math.tau * bandwidth_hz))
         self._noise = noise_density * (1.57 * bandwidth_hz) ** 0.5
         self._speed = 1.0 + 1e-6 * clock_ppm
         self._start_us = start_us

@@ -5,6 +5,7 @@ that. See `mmt.testing.emulated.lab_process`.
 """
 
 import json
+import math
 import sys
 import threading
 import time
@@ -46,7 +47,7 @@ class ShakenHandle:
     def __init__(
         self, resonance_hz: float = RESONANCE_HZ, damping_ratio: float = DAMPING_RATIO
     ) -> None:
-        rate = 6.283185307179586 * resonance_hz
+        rate = math.tau * resonance_hz
         self._damping, self._stiffness = 2.0 * damping_ratio * rate, rate * rate
         self._place = self._speed = 0.0
         self._origin_ns: int | None = None

@@ -6,6 +6,7 @@ which it was done, and ``pauses``, answered by when the sensors were held up (ns
 input ends.
 """
 
+import math
 import os
 import sys
 import time
@@ -112,7 +113,7 @@ def iio(truth: Motion) -> Emulated:
 def u6(truth: Motion) -> Emulated:
     """Return an accelerometer at a LabJack U6."""
     calibration = nominal(_SUPPLY_V)
-    delay_ns = round(1e9 / (6.283185307179586 * _BANDWIDTH_HZ))
+    delay_ns = round(1e9 / (math.tau * _BANDWIDTH_HZ))
 
     def volts(time_ns: int) -> list[float]:
         felt = truth(time_ns - delay_ns)
