@@ -93,6 +93,16 @@ def test_rests_that_cannot_be_kept_calibrate_nevertheless(
     assert load_calibration("adxl335", "7") is not None
 
 
+def test_a_scene_without_an_accelerometer_is_told(tmp_path: Path) -> None:
+    scene = tmp_path / "lab.toml"
+    scene.write_text(
+        '[devices]\nrobot = "virtual-robot"\n\n[link]\n\n[recording]\nchannels = "needed"\n'
+    )
+    result = run(scene)
+    assert isinstance(result.exception, InputError)
+    assert "has no accelerometer; it has robot" in str(result.exception)
+
+
 def test_another_device_is_told(tmp_path: Path) -> None:
     result = run("ati-net-ft", "--rests", tmp_path / "rests.json")
     assert isinstance(result.exception, InputError)

@@ -62,7 +62,7 @@ def devices_named(what: str, role: str | None, settings: list[str]) -> list[Name
         There is no such scene or driver, or the scene has no such device.
     """
     options = options_from(settings)
-    if not (what.endswith(".toml") or what in example_scenes()):
+    if not _is_scene(what):
         return [NamedDevice(role_for(what, role), what, options)]
     if options:
         raise InputError("--set gives options to a driver: a scene has its own")
@@ -86,8 +86,12 @@ def accelerometer_named(what: str, settings: list[str]) -> NamedDevice:
     InputError
         The scene has none, or there is no such driver.
     """
-    found = devices_named(what, None, settings)
-    return next((each for each in found if each.role == "accelerometer"), found[0])
+    role = "accelerometer" if _is_scene(what) else None
+    return devices_named(what, role, settings)[0]
+
+
+def _is_scene(what: str) -> bool:
+    return what.endswith(".toml") or what in example_scenes()
 
 
 def of_scene(scene: Scene) -> Iterator[NamedDevice]:
