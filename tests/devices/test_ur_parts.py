@@ -269,6 +269,7 @@ def answering() -> Iterator[dict[str, str]]:
         ("safetystatus", "Safetystatus: REDUCED", ""),
         ("safetystatus", "Safetystatus: PROTECTIVE_STOP", "is in a protective stop"),
         ("safetystatus", "Safetystatus: SAFEGUARD_STOP", "stopped by a safeguard"),
+        ("safetystatus", "Safetystatus: AUTOMATIC_MODE_SAFEGUARD_STOP", "stopped by a safeguard"),
         ("safetystatus", "Safetystatus: ROBOT_EMERGENCY_STOP", "release the red button"),
         ("safetystatus", "Safetystatus: SYSTEM_EMERGENCY_STOP", "emergency stop of the system"),
         ("safetystatus", "Safetystatus: VIOLATION", "violated a safety limit"),

@@ -45,7 +45,7 @@ def problem(host: str) -> str:
     safety, mode, remote = _ask(host, ("safetystatus", "robotmode", "is in remote control"))
     safety, mode = (each.rpartition(": ")[2] for each in (safety, mode))
     for name, sentence in SAFETY.items():
-        if safety.startswith(name):
+        if name in safety:  # of a kind, as AUTOMATIC_MODE_SAFEGUARD_STOP
             return sentence
     if mode in {"NO_CONTROLLER", "DISCONNECTED", "POWER_OFF", "POWER_ON", "BOOTING", "IDLE"}:
         return OFF.format(mode)
