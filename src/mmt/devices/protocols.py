@@ -108,10 +108,10 @@ class ArrivalStamping(Protocol):
 
 @runtime_checkable
 class Pacing(Protocol):
-    """A device with a thread at the ticks' rate in this process; optional for a driver."""
+    """A device whose driver has a loop of its own at the ticks' rate; optional for a driver."""
 
     def await_turn(self) -> None:
-        """Return soon after that thread has done its turn, or after some milliseconds."""
+        """Return soon after that loop has done its turn, or after some milliseconds."""
 
 
 @runtime_checkable
