@@ -134,7 +134,8 @@ class SharedArm:
 
     def kept(self) -> Sequence[State]:
         """Return the newest states, the oldest first."""
-        return () if self._link is None else tuple(self._link.kept)
+        link = self._link
+        return () if link is None else tuple(link.kept)
 
     def take_counts(self) -> Counter[str]:
         """Return what was survived since the last call, by what it was."""
