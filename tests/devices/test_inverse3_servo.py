@@ -1,11 +1,8 @@
 """What is said to the Haply Inverse Service and what is taken of its answers, without a service."""
 
-import ast
 import json
 import math
-import re
 from itertools import pairwise
-from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
@@ -13,10 +10,8 @@ from hypothesis import strategies as st
 
 from mmt.core.errors import InputError
 from mmt.devices.drivers import load_device, roles_of
-from mmt.devices.hand_force import HandForceOptions
 from mmt.devices.haply.exchange import ABSENT
 from mmt.devices.haply.messages import NAMES, OtherFormatError, listed, parse, version_of
-from mmt.devices.haply.options import HandleOptions, RobotOptions
 from mmt.devices.haply.servo import (
     UNCALIBRATED,
     UNREADABLE,
@@ -290,33 +285,3 @@ def test_it_is_a_robot_and_a_handle() -> None:
 def test_a_wrong_option_is_named(driver, role, options, sentence) -> None:
     with pytest.raises(InputError, match=sentence):
         load_device(driver, options, role=role)
-
-
-def test_what_the_page_quotes_is_said_by_the_driver() -> None:
-    root = Path(__file__).parents[2]
-    page = (root / "docs" / "how-to" / "inverse3.md").read_text(encoding="utf-8")
-    table = page.partition("## When something is wrong")[2].partition("\n\nThe last")[0]
-    quoted = re.findall(r"^\| `([^`]+)` \|", table, re.MULTILINE)
-    assert len(quoted) > 10
-    said = ""
-    for file in sorted((root / "src" / "mmt" / "devices" / "haply").glob("*.py")):
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Constant) and isinstance(node.value, str):
-                said += node.value + "\n"
-    pieces = {piece.strip() for quote in quoted for piece in quote.split("...")}
-    assert sorted(piece for piece in pieces if piece not in said) == []
-
-
-@pytest.mark.parametrize("options", [HandleOptions, RobotOptions])
-def test_the_page_has_every_option_with_its_default(options) -> None:
-    root = Path(__file__).parents[2]
-    page = (root / "docs" / "how-to" / "inverse3.md").read_text(encoding="utf-8")
-    for name, field in options.model_fields.items():
-        if name in HandForceOptions.model_fields or name == "device":
-            assert f"`{name}`" in page
-            continue
-        row = re.search(rf"^\| `{name}` \|.*\| `(.+?)` \| .* \|$", page, re.MULTILINE)
-        assert row is not None, name
-        default = list(field.default) if isinstance(field.default, tuple) else field.default
-        shown = row[1] if isinstance(default, str) else json.loads(row[1])
-        assert shown == default, name
