@@ -1,4 +1,4 @@
-"""The emulated HD device for a test, and waiting for what its servo loop does."""
+"""The emulated HD device for a test, and waiting for what a device does."""
 
 import time
 from collections.abc import Callable, Iterator

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mmt.core.arrays import RecordArray
-from mmt.devices.protocols import SampledSensor, Vector
+from mmt.devices.protocols import ForceSensor, Robot, SampledSensor, Vector
 from mmt.devices.source import DeviceSource
 
 PATIENCE_S = 20.0
@@ -36,16 +36,24 @@ class RunningSource:
     ----------
     force_sensor, accelerometer
         Either may be None.
+    robot
+        None for one that stands still.
     """
 
+    command_mm: Vector | None = None
+    """What the robot is told at each tick."""
+
     def __init__(
-        self, force_sensor: SampledSensor | None, accelerometer: SampledSensor | None
+        self,
+        force_sensor: ForceSensor | SampledSensor | None,
+        accelerometer: SampledSensor | None,
+        robot: Robot | None = None,
     ) -> None:
         channels = [("force", force_sensor), ("acceleration", accelerometer)]
         self.told: list[tuple[bool, str]] = []
         """Whether a device is lost now, and a sentence."""
         self.source = DeviceSource(
-            Arm(),
+            Arm() if robot is None else robot,
             force_sensor,
             accelerometer,
             ("position", *(name for name, sensor in channels if sensor is not None)),
@@ -87,6 +95,6 @@ class RunningSource:
             elapsed = (now_ns - self._last_ns) // 1_000_000
             if elapsed:
                 self._last_ns += elapsed * 1_000_000
-                blocks.append(self.source.step(elapsed, now_ns, None))
+                blocks.append(self.source.step(elapsed, now_ns, self.command_mm))
                 number += len(blocks[-1])
         return np.concatenate(blocks)

@@ -16,7 +16,6 @@ from mmt.devices.discovery import missing_for
 from mmt.devices.drivers import load_device
 from mmt.devices.franka import arm as arms
 from mmt.devices.franka.driver import FrankaForce, FrankaRobot
-from mmt.devices.source import DeviceSource
 from mmt.testing.emulated.franka import EmulatedFranka, RealtimeConfig, RobotMode, TorqueStopMotion
 
 REFLEX = 'libfranka: Move command aborted: motion aborted by reflex! ["cartesian_reflex"]'
@@ -326,19 +325,10 @@ def test_two_robots_at_one_arm_and_drivers_that_do_not_agree_are_refused(make) -
     assert first.read() == pytest.approx(HOME)
 
 
-class RunningArm(RunningSource):
-    """A source of the arm and its force."""
-
-    def __init__(self, robot: FrankaRobot, force: FrankaForce) -> None:
-        super().__init__(None, None)
-        self.source = DeviceSource(robot, force, None, ("position", "force"), on_lost="hold")
-        self.source.on_loss(lambda lost, sentence: self.told.append((lost, sentence)))
-
-
 def test_a_session_goes_on_after_a_reflex(make, emulated) -> None:
     """Both devices are lost at once, and connected again side by side."""
     emulated.pushes_n = (0.0, 0.0, 0.1)
-    running = RunningArm(make(), make(FrankaForce))
+    running = RunningSource(make(FrankaForce), None, make())
     running.start()
     try:
         running.run(lambda number: number >= 50)

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 import pytest
+from sensor_reading import read_some
 
 from mmt.core.errors import DeviceLost, MmtError
 from mmt.devices.adxl335.u6_driver import U6Adxl335
-from mmt.devices.protocols import SensorReading
 from mmt.testing.emulated.labjack_u6 import EmulatedU6
 from mmt.testing.emulated.remote_u6 import RemoteU6, U6Server
 
@@ -24,16 +24,6 @@ def server(box: EmulatedU6) -> Iterator[U6Server]:
     server.start()
     yield server
     server.stop()
-
-
-def read_some(sensor: U6Adxl335, count: int) -> list[SensorReading]:
-    readings: list[SensorReading] = []
-    deadline = time.monotonic() + 20.0
-    while len(readings) < count:
-        assert time.monotonic() < deadline
-        readings += sensor.read()
-        time.sleep(0.001)
-    return readings
 
 
 def test_its_driver_reads_it_as_if_it_were_here(server: U6Server) -> None:

@@ -5,19 +5,18 @@ import os
 import re
 import signal
 import sys
-import time
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
+from emulated_arm import until
+from running_source import RunningSource
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.drivers import load_device
 from mmt.devices.protocols import Vector
-from mmt.devices.source import DeviceSource
 from mmt.devices.universal_robots import sharing
 from mmt.testing.emulated import drivers as lab_drivers
 from mmt.testing.emulated.universal_robots import drivers as ur_drivers
@@ -30,7 +29,6 @@ if find_spec("rtde_control") is None:
 if sys.platform != "linux":
     pytest.skip("loopback addresses of one's own are for Linux", allow_module_level=True)
 
-PATIENCE_S = 20.0
 TOOL_DOWN = (2.2, 2.2, 0.0)
 
 
@@ -65,28 +63,15 @@ class Lab:
             del given["origin_mm"]
         return load_device("ur", {**given, **options}, role=role)
 
-    def until(self, condition: Callable[[], Any], act: Callable[[], Any] = lambda: None) -> None:
-        """Act each millisecond until the condition holds."""
-        deadline = time.monotonic() + PATIENCE_S
-        while not condition():
-            act()
-            assert time.monotonic() < deadline, "it has not come to pass"
-            time.sleep(0.001)
-
     def go(self, position_mm: Vector) -> None:
         self.robot.write(position_mm)
-        self.until(lambda: self.robot.read() == pytest.approx(position_mm, abs=0.1))
+        until(lambda: self.robot.read() == pytest.approx(position_mm, abs=0.1))
 
     def lost(self, device: Any) -> str:
         """Read until the device is lost, and return why."""
-        deadline = time.monotonic() + PATIENCE_S
-        while time.monotonic() < deadline:
-            try:
-                device.read()
-            except DeviceLost as error:
-                return str(error)
-            time.sleep(0.001)
-        raise AssertionError("it is not lost")
+        with pytest.raises(DeviceLost) as caught:
+            until(lambda: False, device.read)
+        return str(caught.value)
 
 
 @pytest.fixture
@@ -108,11 +93,11 @@ def test_the_arm_follows_commands_with_its_tool_as_it_was_and_feels_the_surface(
     lab.go((10.0, -4.0, 1.0))
     lab.go((20.0, 8.0, -2.0))
     assert lab.tip.position_mm(0) == pytest.approx((20.0, 8.0, -2.0), abs=0.1)
-    lab.until(lambda: lab.force.read() == pytest.approx((0.0, 0.0, 4.0), abs=0.3))
+    until(lambda: lab.force.read() == pytest.approx((0.0, 0.0, 4.0), abs=0.3))
     assert lab.arm.rotation_rad == pytest.approx(TOOL_DOWN)
     lab.robot.close()
     lab.robot.close()
-    lab.until(lambda: lab.arm.runtime_state == STOPPED)
+    until(lambda: lab.arm.runtime_state == STOPPED)
     assert lab.force.read()[2] == pytest.approx(4.0, abs=0.5)
 
 
@@ -125,7 +110,7 @@ def test_robot_and_force_sensor_share_one_receive_interface_and_must_agree(lab: 
         connections = tuple(lab.controller._connections)
         return sum(isinstance(each, RtdeConnection) for each in connections)
 
-    lab.until(lambda: sessions() == 2)  # one that receives, one that controls
+    until(lambda: sessions() == 2)  # one that receives, one that controls
     lab.force.close()
     lab.robot.read()
     lab.force.connect()
@@ -145,7 +130,7 @@ def test_the_bias_is_taken_off_at_rest_alone_and_stays_in_the_next_connection(la
     lab.tip.command_mm = (0.0, 0.0, -3.0)
     lab.force.close()
     lab.force.connect()
-    lab.until(lambda: lab.force.read() == pytest.approx((0.0, 0.0, 4.0), abs=0.3))
+    until(lambda: lab.force.read() == pytest.approx((0.0, 0.0, 4.0), abs=0.3))
     lab.arm._noise_n = 5.0
     with pytest.raises(MmtError, match="moves while its bias is taken"):
         lab.force.calibrate()
@@ -191,7 +176,7 @@ def test_a_lost_arm_says_why_and_what_to_do_and_comes_back(lab: Lab) -> None:
         with pytest.raises(MmtError, match=refused):
             lab.robot.connect()
         end(lab)
-        lab.until(lambda: not lab.controller._connections)  # the old control is gone
+        until(lambda: not lab.controller._connections)  # the old control is gone
         lab.robot.connect()
         assert lab.robot.read() == pytest.approx((5.0, 0.0, 4.0), abs=0.2)
     lab.go((0.0, 5.0, 6.0))
@@ -201,7 +186,7 @@ def test_an_arm_that_is_commanded_and_never_read_is_lost_too(lab: Lab) -> None:
     lab.robot.connect()
     lab.arm.protective_stop()
     with pytest.raises(DeviceLost, match="in a protective stop"):
-        lab.until(lambda: False, lambda: lab.robot.write((0.0, 0.0, 5.0)))
+        until(lambda: False, lambda: lab.robot.write((0.0, 0.0, 5.0)))
 
 
 def test_an_arm_without_power_and_a_stop_of_its_program_are_told(lab: Lab) -> None:
@@ -210,7 +195,7 @@ def test_an_arm_without_power_and_a_stop_of_its_program_are_told(lab: Lab) -> No
     assert "is not running (the pendant shows POWER_OFF)" in lab.lost(lab.robot)
     lab.arm.restore()
     lab.robot.close()
-    lab.until(lambda: not lab.controller._connections)
+    until(lambda: not lab.controller._connections)
     lab.robot.connect()
     lab.arm.end_program()
     assert "Stop was pressed at the pendant" in lab.lost(lab.robot)
@@ -262,7 +247,7 @@ def test_a_process_that_dies_leaves_an_arm_that_its_watchdog_stops(lab: Lab) -> 
     lab.go((5.0, 0.0, 4.0))
     process_of(lab).kill()
     assert "has ended" in lab.lost(lab.robot)
-    lab.until(lambda: lab.arm.runtime_state == STOPPED)
+    until(lambda: lab.arm.runtime_state == STOPPED)
     lab.robot.close()
     lab.robot.connect()
     lab.go((0.0, 0.0, 6.0))
@@ -282,7 +267,7 @@ def test_commands_are_cut_to_the_box_and_those_that_are_no_numbers_counted(lab: 
     lab.robot = lab.make("robot", least_mm=[-10, -10, 0], most_mm=[10, 10, 20])
     lab.robot.connect()
     lab.robot.write((30.0, 0.0, -5.0))
-    lab.until(lambda: lab.robot.read() == pytest.approx((10.0, 0.0, 0.0), abs=0.01))
+    until(lambda: lab.robot.read() == pytest.approx((10.0, 0.0, 0.0), abs=0.01))
     lab.robot.write((float("nan"), 0.0, 5.0))
     assert dict(lab.robot.faults) == {
         "commands outside of least_mm and most_mm": 1,
@@ -295,7 +280,7 @@ def test_an_arm_that_presses_too_hard_is_sent_no_deeper(lab: Lab) -> None:
     lab.robot.connect()
     lab.robot.write((0.0, 0.0, -20.0))
     held_back = "periods held back by force_limit_n"
-    lab.until(lambda: lab.robot.faults.get(held_back, 0) > 50, lab.robot.read)
+    until(lambda: lab.robot.faults.get(held_back, 0) > 50, lab.robot.read)
     assert -3.0 >= lab.robot.read()[2] > -6.0  # 2 N/mm, and a little more for the servo's lag
 
 
@@ -325,36 +310,12 @@ def test_what_is_not_connected_is_lost_and_what_is_not_installed_is_told(lab: La
                 load_device(driver, options)
 
 
-class Running:
-    """A source of robot and force sensor that holds where one is lost, ticked by hand."""
-
-    def __init__(self, lab: Lab) -> None:
-        self.told: list[tuple[bool, str]] = []
-        self.source = DeviceSource(
-            lab.robot, lab.force, None, ("position", "force"), on_lost="hold"
-        )
-        self.source.on_loss(lambda lost, sentence: self.told.append((lost, sentence)))
-        self.source.start(0)
-        self.command: Vector = (0.0, 0.0, 5.0)
-
-    def run(self, done: Callable[[int], Any]) -> np.ndarray:
-        """Tick until it is done, which is told how many frames there are."""
-        blocks = [np.empty(0)]
-        deadline = time.monotonic() + PATIENCE_S
-        number = 0
-        while not done(number):
-            assert time.monotonic() < deadline, self.told
-            time.sleep(0.001)
-            blocks.append(self.source.step(1, time.monotonic_ns(), self.command))
-            number += len(blocks[-1])
-        return np.concatenate(blocks[1:])
-
-
 def test_frames_cease_in_a_protective_stop_and_go_on_after_it(lab: Lab) -> None:
-    running = Running(lab)
+    running = RunningSource(lab.force, None, lab.robot)
+    running.start()
     try:
-        running.command = (5.0, 0.0, -1.0)
-        frames = running.run(lambda number: number >= 120)
+        running.command_mm = (5.0, 0.0, -1.0)
+        frames = running.run(lambda number: number >= 250)
         assert frames["position_mm"][-1] == pytest.approx((5.0, 0.0, -1.0), abs=0.1)
         assert frames["force_n"][-1] == pytest.approx((0.0, 0.0, 2.0), abs=0.5)
         lab.arm.protective_stop()
@@ -383,10 +344,7 @@ def test_the_virtual_arm_strokes_the_simulated_surface_of_the_lab() -> None:
             device.connect()
             device.calibrate()
         robot.write((5.0, 0.0, -2.0))
-        deadline = time.monotonic() + PATIENCE_S
-        while force.read()[2] < 1.0 or robot.read()[0] < 4.0:
-            assert time.monotonic() < deadline
-            time.sleep(0.001)
+        until(lambda: force.read()[2] >= 1.0 and robot.read()[0] >= 4.0)
         assert accelerometer.read()
     finally:
         for device in devices:

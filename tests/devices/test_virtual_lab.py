@@ -9,19 +9,13 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
+from emulated_arm import until
 
 from mmt.core.errors import DeviceLost, InputError, MmtError
 from mmt.devices.drivers import load_device
 from mmt.testing.emulated import drivers as drivers_module
 from mmt.testing.emulated.drivers import VirtualAdxl335, VirtualNetFt, VirtualRobot
 from mmt.testing.emulated.world import TICK_NS, World
-
-
-def until(happened: Any, longest_s: float = 20.0) -> None:
-    deadline = time.monotonic() + longest_s
-    while not happened():
-        assert time.monotonic() < deadline
-        time.sleep(0.002)
 
 
 @pytest.fixture
