@@ -2,8 +2,10 @@
 
 Every device shares one life cycle: ``connect``, ``calibrate``, then its own calls, then
 ``close``. Axis z is the surface's normal: position z below zero presses into the surface,
-and the force of the surface on the tool has z above zero under contact. All calls come
-from one thread, and none may block for longer than a small part of a 1 ms tick.
+and the force of the surface on the tool has z above zero under contact. ``connect``,
+``calibrate`` and ``close`` may take long, and may come from another thread than the rest, since
+a lost device is connected again beside the ticks; no two calls come at once. No other call may
+block for longer than a small part of a 1 ms tick.
 """
 
 from collections.abc import Callable, Mapping, Sequence
