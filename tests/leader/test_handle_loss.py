@@ -124,6 +124,23 @@ def test_why_it_is_not_back_is_told_once() -> None:
     handle.close()
 
 
+def test_reasons_that_differ_in_numbers_alone_are_told_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("mmt.devices.reconnection._RETRY_S", 0.005)
+    device, handle, told = made()
+    handle.read(1)
+    for passed_ms in range(12, 18):
+        device.unplugged = f"no answer for {passed_ms} ms"
+        deadline = time.monotonic() + 30.0
+        while device.unplugged not in (handle.problem or ""):
+            assert time.monotonic() < deadline
+            handle.read(1)
+            time.sleep(1e-3)
+    handle.close()
+    assert [sentence for sentence, _ in told if "not back" in sentence] == []
+
+
 def test_a_handle_that_was_never_read_commands_nothing() -> None:
     device, handle, _ = made()
     device.unplugged = "gone"

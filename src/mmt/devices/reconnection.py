@@ -122,6 +122,7 @@ class ReconnectingDevice(Generic[AnyDevice]):
         self._tell: LossCallback = _ignore
         self._reconnection: Reconnection | None = None
         self._reason = ""
+        self._reasons = Reasons("")
         self._lost_ns = 0
         self._away_ns = 0
 
@@ -178,11 +179,12 @@ class ReconnectingDevice(Generic[AnyDevice]):
         if not connecting.done.is_set():
             if connecting.reason != self._reason:
                 self._reason = connecting.reason
-                self._tell(
-                    f"the {self.what} is not back yet: {self._reason}",
-                    device=self.what,
-                    state="lost",
-                )
+                if self._reasons.new(self._reason):
+                    self._tell(
+                        f"the {self.what} is not back yet: {self._reason}",
+                        device=self.what,
+                        state="lost",
+                    )
             return False
         self._reconnection = None
         away_ns = time.monotonic_ns() - self._lost_ns
@@ -200,6 +202,7 @@ class ReconnectingDevice(Generic[AnyDevice]):
         self.losses += 1
         self._lost_ns = time.monotonic_ns()
         self._reason = str(error)
+        self._reasons = Reasons(self._reason)
         self._tell(
             f"the {self.what} ({self.name}) is lost: {error}; {self._meanwhile} until it is back",
             device=self.what,
