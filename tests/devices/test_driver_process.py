@@ -4,7 +4,6 @@ import os
 import struct
 import sys
 import textwrap
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -107,35 +106,6 @@ def test_silence_is_seen_by_reads_that_find_nothing_not_by_time_alone(run) -> No
     for _ in range(20):
         process.take()
     assert process.silent_ns > 10_000_000
-
-
-def test_threads_that_take_at_the_same_time_lose_and_spoil_nothing(run) -> None:
-    process = run(
-        """
-        for number in range(3000):
-            while not pipes.tell(b"F", str(number)):
-                time.sleep(0.001)
-        while pipes.take(NUMBER) is not None: time.sleep(0.001)
-        """
-    )
-    numbers: list[int] = []
-    deadline = time.monotonic() + PATIENCE_S
-
-    def take() -> None:
-        while len(numbers) < 3000 and time.monotonic() < deadline:
-            numbers.extend(int(body) for _, body in process.take())
-
-    threads = [threading.Thread(target=take) for _ in range(3)]
-    interval_s = sys.getswitchinterval()
-    sys.setswitchinterval(1e-6)
-    try:
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
-    finally:
-        sys.setswitchinterval(interval_s)
-    assert sorted(numbers) == list(range(3000))
 
 
 def test_a_message_for_which_there_is_no_room_is_known_not_to_be_sent() -> None:
