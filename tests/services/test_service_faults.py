@@ -142,6 +142,22 @@ async def test_a_device_of_the_leader_that_fails_ends_both(tmp_path: Path) -> No
     assert 50 < len(recording.frames) == leader.link["frames"] < 3000
 
 
+async def test_a_part_that_does_not_stop_leaves_the_recording_whole(tmp_path: Path) -> None:
+    async def stop() -> None:
+        raise OSError("the network is down")
+
+    together = Together.of(small_scene(tmp_path))
+    hand = together.leader.parts.find("hand")
+    hand.stop = stop
+    await together.listen()
+    source = MadeSource([made_frames(k, 1) for k in range(200)])
+    _, leader = await together.follow(source), await together.end()
+    assert f"stopping {hand.name}: the network is down" in together.said
+    recording = read_session(tmp_path / "session.mcap")
+    assert recording.complete
+    assert len(recording.frames) == leader.link["frames"] > 0
+
+
 async def test_a_mistake_in_the_leader_comes_out_with_the_recording_whole(tmp_path: Path) -> None:
     together = Together.of(small_scene(tmp_path))
     together.leader.parts.find("hand").device = BrokenHand(ZeroDivisionError("oops"))

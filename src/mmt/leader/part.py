@@ -207,6 +207,16 @@ class Parts:
         for method in self.verbs(verb):
             method(*arguments)
 
+    async def stop(self) -> list[str]:
+        """Stop every part; return a sentence for each that could not be stopped."""
+        problems = []
+        for part in self:
+            try:
+                await part.stop()
+            except Exception as error:  # noqa: BLE001 - the rest must still be stopped, and closed
+                problems.append(f"stopping {part.name}: {error}")
+        return problems
+
     def close(self) -> list[str]:
         """Close every part; return a sentence for each that could not be closed."""
         problems = []

@@ -219,11 +219,10 @@ class Leader:
         self.ending.raise_unexpected()
 
     async def _close(self) -> None:
-        for stop in self.parts.verbs("stop"):
-            await stop()
+        problems = await self.parts.stop()
         if self.remote is not None:
             await self.remote.close()
-        for problem in self.parts.close():
+        for problem in (*problems, *self.parts.close()):
             self.session.journal.say(problem)
 
     # --- while it runs
