@@ -50,6 +50,11 @@ NOT_IN_ALL = {"rtde_control": ["ur-rtde"], "rtde_receive": ["ur-rtde"]}
 """Import name -> distributions of what may not be installed where the tests run."""
 
 
+BROUGHT = {("lerobot", "lerobot"), ("rclpy", "ros_process")}
+"""Packages that no extra installs, and the module or folder that is run where they are there:
+LeRobot imports its plug-in itself, and rclpy comes with ROS."""
+
+
 def named(requirements: list[str]) -> set[str]:
     """The distributions of a list of requirements."""
     return {re.split(r"[\[>=]", one)[0].replace("-", "_") for one in requirements}
@@ -65,8 +70,8 @@ def test_every_import_of_a_package_is_of_the_base_or_of_the_extra_that_is_named(
             for top in {name.partition(".")[0] for name in names}:
                 if top in sys.stdlib_module_names or top in {"mmt", "mmt_lab"}:
                     continue
-                if top == "lerobot" and path.parent.name == "lerobot":
-                    continue  # it is what imports these modules
+                if (top, path.stem) in BROUGHT or (top, path.parent.name) in BROUGHT:
+                    continue
                 extra = PACKAGES.get(top, ("", ""))[0]
                 allowed = named(EXTRAS[extra] if extra else PROJECT["dependencies"])
                 holders = distributions.get(top, NOT_IN_ALL.get(top, [top]))
