@@ -103,8 +103,8 @@ def test_a_displayed_force_reaches_the_hand_and_fades_without_commands(version, 
         lambda: handle.write((0.3, 0.2, 1.0)),
     )
     until(lambda: service.look().motor_n == (0.0, 0.0, 0.0))  # commands have stopped
-    assert handle.faults["stale commands"] >= 1
-    assert not handle.read(1).contact
+    until(lambda: handle.faults.get("stale commands", 0) >= 1)  # told after the service is
+    until(lambda: not handle.read(1).contact)
 
 
 def test_names_that_are_given_go_before_what_the_service_seems_to_be(make, service) -> None:
@@ -168,7 +168,7 @@ def test_an_arm_is_limp_without_commands(make, service) -> None:
     service.tip.hold(on_device(5.0, 0.0, 0.0), 1.0)
     until(lambda: service.look().motor_n[0] < -1.0, lambda: robot.write((0.0, 0.0, 0.0)))
     until(lambda: service.look().motor_n == (0.0, 0.0, 0.0))  # commands have stopped
-    assert robot.faults["stale commands"] >= 1
+    until(lambda: robot.faults.get("stale commands", 0) >= 1)  # told after the service is
 
 
 def test_an_arm_that_is_held_fast_is_lost_and_another_connection_begins_where_it_is(make, service):
