@@ -11,19 +11,24 @@ from mmt_lab.sharing.counting import count
 from mmt_lab.sharing.crowd import crowd, waiting_crowd
 
 
-async def test_a_crowd_finds_the_model_and_each_change_of_it() -> None:
+@pytest.mark.parametrize(("count", "builders"), [(5, 5), (20, 10)])
+async def test_a_crowd_finds_the_model_and_each_change_of_it(count: int, builders: int) -> None:
     async with shared() as sharing:
         sharing.publish(10)
-        finding = asyncio.create_task(crowd(sharing.url, 5, 20.0))
-        await until(lambda: sharing.relay.sent["wholes"] == 5)
+        finding = asyncio.create_task(crowd(sharing.url, count, 20.0))
+        await until(lambda: sharing.relay.sent["wholes"] == count)
         sharing.publish(11)
-        await until(lambda: sharing.relay.sent["changes"] == 5)
+        await until(lambda: sharing.relay.sent["changes"] == count)
         sharing.relay.finish("completed")
         found = await finding
-    assert [each.number for each in found] == [2] * 5
-    assert [each.rejected for each in found] == [0] * 5
+    assert [each.number for each in found] == [2] * count
+    assert [each.rejected for each in found] == [0] * count
+    building_s = [each.building_s for each in found if each.building_s is not None]
+    assert len(building_s) == builders
     for each in found:
         assert each.first_s is not None
+        assert each.first_s > min(building_s)
+        assert not each.problem
         assert len(each.lags_ms) == 1
         assert 0.0 < each.lags_ms[0] < 1e4
 
@@ -61,22 +66,6 @@ async def test_a_listener_that_counts_misses_no_gap() -> None:
         (found,) = await counting
     assert (found.number, found.rejected) == (3, 1)
     assert found.digest == digest(arrays_of(model_of(12).contents)).hex()
-
-
-async def test_of_many_some_build_the_model_and_the_others_count() -> None:
-    async with shared() as sharing:
-        sharing.publish(10)
-        finding = asyncio.create_task(crowd(sharing.url, 20, 20.0))
-        await until(lambda: sharing.relay.sent["wholes"] == 20)
-        sharing.publish(11)
-        await until(lambda: sharing.relay.sent["changes"] == 20)
-        sharing.relay.finish("completed")
-        found = await finding
-    assert [each.number for each in found] == [2] * 20
-    assert sum(each.building_s is not None for each in found) == 10
-    least_s = min(each.building_s for each in found if each.building_s is not None)
-    assert all(each.first_s is not None and each.first_s > least_s for each in found)
-    assert all(len(each.lags_ms) == 1 and not each.problem for each in found)
 
 
 @pytest.mark.parametrize("most", [2])

@@ -17,7 +17,7 @@ _WARNING: Final = b"warning: "
 
 
 class Child:
-    """One service as a process of its own session, so that Ctrl-C reaches the parent alone.
+    """One service as a process group of its own, so that Ctrl-C reaches the parent alone.
 
     What it writes to standard error is read all the while: it never waits for a reader.
     """
@@ -67,8 +67,8 @@ class Child:
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE,
             limit=_LONGEST_LINE,
-            # Ctrl-C is for this process. Services and what they start share a session, by which
-            # Linux divides the processor: a small group beside others waits for long.
+            # not a session of its own: Linux divides the processor among sessions first, and a
+            # small one beside others waits for long
             process_group=0 if os.name == "posix" else None,
             env=environment,
         )

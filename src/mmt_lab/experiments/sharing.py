@@ -12,7 +12,6 @@ listeners join and leave, vanish, stall, and send what makes no sense.
 
 import asyncio
 import os
-import sys
 from statistics import median
 from typing import Annotated, Any, Literal
 
@@ -26,7 +25,13 @@ from mmt_lab.harness.demo_services import run_demo_services
 from mmt_lab.harness.experiment import Duration, Experiment, Seed
 from mmt_lab.harness.findings import Findings
 from mmt_lab.sharing.hubs import findings
-from mmt_lab.sharing.lasting import LAST_S, behind_network, lasting, printed_by
+from mmt_lab.sharing.lasting import (
+    LAST_S,
+    behind_network,
+    lasting,
+    printed_by,
+    start_listeners,
+)
 
 
 class _Crowd:
@@ -38,11 +43,7 @@ class _Crowd:
 
     async def open(self, url: str) -> str:
         """Start the process; return that it waits."""
-        self._process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "mmt_lab.sharing.crowd", url, *self._arguments),
-            stdout=asyncio.subprocess.PIPE,
-            start_new_session=os.name == "posix",
-        )
+        self._process = await start_listeners("mmt_lab.sharing.crowd", url, *self._arguments)
         return f"listeners who wait for the model: {self._arguments[0]}"
 
     async def found(self) -> list[dict[str, Any]]:

@@ -79,9 +79,9 @@ async def listen(url: str, after_s: float, ended: asyncio.Event, building: async
         if ready.is_set():
             waited_s = time.monotonic() - begun_s
             async with building:  # each would have a processor of its own
-                building_s = time.monotonic()
+                started_s = time.monotonic()
                 await asyncio.to_thread(client.replica.build)
-                found.building_s = time.monotonic() - building_s
+                found.building_s = time.monotonic() - started_s
             found.first_s = waited_s + found.building_s
         await over
         waiting.cancel()

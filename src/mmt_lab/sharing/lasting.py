@@ -69,10 +69,7 @@ async def _session(
                 url = event.removeprefix("shared at ")
             if url and listening is None:
                 module, *arguments = crowd
-                listening = await asyncio.create_subprocess_exec(
-                    *(sys.executable, "-m", module, url, *arguments),
-                    stdout=asyncio.subprocess.PIPE,
-                )
+                listening = await start_listeners(module, url, *arguments)
         if listening is None or not summary:
             raise MmtError(f"no session was shared: {leader.messages}")
         return summary, await printed_by(listening)
@@ -81,6 +78,15 @@ async def _session(
             listening.kill()
             await listening.wait()
         await asyncio.gather(*(child.kill() for child in children))
+
+
+async def start_listeners(module: str, *arguments: str) -> asyncio.subprocess.Process:
+    """Start a process of listeners in a session of its own, so that it may step back."""
+    return await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", module, *arguments),
+        stdout=asyncio.subprocess.PIPE,
+        start_new_session=os.name == "posix",
+    )
 
 
 async def printed_by(listeners: asyncio.subprocess.Process) -> Any:
