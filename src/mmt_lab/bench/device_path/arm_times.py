@@ -1,8 +1,6 @@
 """How late positions and commands of one arm or handle are: measured, and judged."""
 
-import json
 import tempfile
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Self
@@ -14,7 +12,7 @@ from mmt.core.errors import MmtError
 from mmt.core.extras import require
 from mmt.devices.drivers import Role
 from mmt.devices.source import PERIOD_NS as TICK_NS
-from mmt_lab.bench.device_path.children import Child
+from mmt_lab.bench.device_path.children import ANSWER_S, START_S, Child, keep_for
 from mmt_lab.bench.device_path.frame_times import (
     PERIOD_NS,
     pauses_of_ticks,
@@ -22,8 +20,6 @@ from mmt_lab.bench.device_path.frame_times import (
     within,
 )
 
-_START_S: Final = 60.0
-_ANSWER_S: Final = 20.0
 _SETTLE_S: Final = 1.0
 _MS: Final = 1e6
 _CHANGE: Final = 1e-3
@@ -158,7 +154,7 @@ def measure_arm(arm: str, duration_s: float, *, realtime: bool = False) -> ArmTi
     scheduling = "realtime" if realtime else "ordinary"
     lab = Child("mmt_lab.bench.device_path.arms", arm, scheduling)
     try:
-        options = lab.receive(_START_S)
+        options = lab.receive(START_S)
         with tempfile.TemporaryDirectory() as folder:
             job = {
                 "driver": wanted.driver,
@@ -175,17 +171,12 @@ def measure_arm(arm: str, duration_s: float, *, realtime: bool = False) -> ArmTi
 def _measure(job: dict[str, Any], lab: Child, duration_s: float) -> ArmTimes:
     reader = Child("mmt_lab.bench.device_path.arm_reader")
     try:
-        reader.send(json.dumps(job))
-        reader.receive_where("ready", True, _START_S)
-        lab.ask("begin", _ANSWER_S)
-        time.sleep(min(_SETTLE_S, duration_s))
-        reader.send("begin")
-        time.sleep(duration_s)
+        keep_for(duration_s, job, lab=lab, reader=reader, settle_s=_SETTLE_S)
         reader.finish()
-        reader.receive_where("written", True, _ANSWER_S)
+        reader.receive_where("written", True, ANSWER_S)
     finally:
         reader.close()
-    heard = lab.ask("commands", _ANSWER_S)
+    heard = lab.ask("commands", ANSWER_S)
     with np.load(job["file"]) as reads:
         return judge(
             dict(reads),

@@ -6,9 +6,14 @@ import subprocess
 import sys
 import threading
 import time
-from typing import Any
+from typing import Any, Final
 
 from mmt.core.errors import MmtError
+
+START_S: Final = 60.0
+"""How long a child may take until it is ready."""
+ANSWER_S: Final = 20.0
+"""How long it may take to answer."""
 
 
 def say(content: dict[str, Any]) -> None:
@@ -116,3 +121,21 @@ class Child:
         complaint = self._process.stderr
         lines = complaint.read().strip().splitlines() if complaint is not None else []
         return MmtError(f"{self._module} has ended: {lines[-1] if lines else 'no message'}")
+
+
+def keep_for(
+    duration_s: float, job: dict[str, Any], *, lab: Child, reader: Child, settle_s: float
+) -> None:
+    """Give a reader its job, and let it keep for so long what it reads of a lab that has settled.
+
+    Raises
+    ------
+    MmtError
+        One of them has ended, or does not answer.
+    """
+    reader.send(json.dumps(job))
+    reader.receive_where("ready", True, START_S)
+    lab.ask("begin", ANSWER_S)
+    time.sleep(min(settle_s, duration_s))
+    reader.send("begin")
+    time.sleep(duration_s)

@@ -1,6 +1,5 @@
 """One set-up of devices: start it, measure it, stop its sensors one after the other."""
 
-import json
 import tempfile
 import time
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ import numpy as np
 from mmt.core.arrays import IntArray
 from mmt.core.errors import MmtError
 from mmt.devices.source import PERIOD_NS as TICK_NS
-from mmt_lab.bench.device_path.children import Child
+from mmt_lab.bench.device_path.children import ANSWER_S, START_S, Child, keep_for
 from mmt_lab.bench.device_path.emulated import ACCELERATION_PPM, FORCE_PPM
 from mmt_lab.bench.device_path.frame_times import FrameTimes, frame_times, pauses_of_ticks, within
 
@@ -26,8 +25,6 @@ DRIVERS: Final = {
 }
 """By the names of the lab."""
 
-_START_S: Final = 60.0
-_ANSWER_S: Final = 20.0
 _BARE_S: Final = 2.0
 _SETTLE_S: Final = 2.0
 _PAUSE_S: Final = 0.3
@@ -100,7 +97,7 @@ def measure_set_up(
     scheduling = "realtime" if realtime else "ordinary"
     lab = Child("mmt_lab.bench.device_path.emulated", set_up.force, set_up.acceleration, scheduling)
     try:
-        addresses = lab.receive(_START_S)
+        addresses = lab.receive(START_S)
         with tempfile.TemporaryDirectory() as folder:
             job = {
                 **_job(set_up, addresses),
@@ -116,24 +113,19 @@ def measure_set_up(
 def _measure(job: dict[str, Any], lab: Child, duration_s: float, stops: int) -> Measured:
     reader = Child("mmt_lab.bench.device_path.reader")
     try:
-        reader.send(json.dumps(job))
-        reader.receive_where("ready", True, _START_S)
-        lab.ask("begin", _ANSWER_S)
-        time.sleep(min(_SETTLE_S, duration_s))
-        reader.send("begin")
-        time.sleep(duration_s)
+        keep_for(duration_s, job, lab=lab, reader=reader, settle_s=_SETTLE_S)
         reader.send("end")
-        reader.receive_where("ended", True, _ANSWER_S)
-        pauses_ns = lab.ask("pauses", _ANSWER_S)["pauses_ns"]
+        reader.receive_where("ended", True, ANSWER_S)
+        pauses_ns = lab.ask("pauses", ANSWER_S)["pauses_ns"]
         seen_after_ms = [
             _stop(lab, reader, sensor)
             for _ in range(stops)
             for sensor in ("force_sensor", "accelerometer")
         ]
         reader.finish()
-        found = reader.receive(_ANSWER_S)
+        found = reader.receive(ANSWER_S)
         while "devices" not in found:
-            found = reader.receive(_ANSWER_S)
+            found = reader.receive(ANSWER_S)
     finally:
         reader.close()
     device_pauses_ns = np.array(pauses_ns, dtype=np.int64).reshape(-1, 2)
@@ -154,14 +146,14 @@ def _job(set_up: SetUp, addresses: dict[str, Any]) -> dict[str, Any]:
 
 def _stop(lab: Child, reader: Child, sensor: str) -> float:
     """Stop a sensor until that is seen; return after how many ms it was."""
-    stopped_ns = lab.ask(f"stall {sensor}", _ANSWER_S)["done_ns"]
+    stopped_ns = lab.ask(f"stall {sensor}", ANSWER_S)["done_ns"]
     role = f"the {sensor.replace('_', ' ')} "
     while True:  # on a busy machine one may have been lost and found before
-        event = reader.receive_where("lost", True, _ANSWER_S)
+        event = reader.receive_where("lost", True, ANSWER_S)
         if event["at_ns"] > stopped_ns and event["sentence"].startswith(role):
             break
-    lab.ask(f"resume {sensor}", _ANSWER_S)
-    reader.receive_where("lost", False, _ANSWER_S)
+    lab.ask(f"resume {sensor}", ANSWER_S)
+    reader.receive_where("lost", False, ANSWER_S)
     time.sleep(_PAUSE_S)
     return float(event["at_ns"] - stopped_ns) / 1e6
 
