@@ -114,8 +114,8 @@ class Running:
         self.part = part
         self.session.parts.add("ros", part)
         part.connect()
-        assert part._process is not None
-        self.process = part._process._process
+        assert part._outlet is not None
+        self.process = part._outlet._process
 
     def send(self, frames: Any) -> None:
         self.remote.follower_time_ns = int(frames["time_ns"][-1])

@@ -6,7 +6,6 @@ of 10 ms, and what comes of a block is played 20 ms after the motion: 10 ms to g
 fades out, run backwards, and the next one fades in.
 """
 
-import math
 from contextlib import suppress
 from typing import Final, NamedTuple, Protocol
 
@@ -14,7 +13,7 @@ import numpy as np
 
 from mmt.core.arrays import FloatArray
 from mmt.core.ticking import TimeHistogram
-from mmt.leader.model_crossfade import Renderer
+from mmt.leader.model_crossfade import Renderer, crossfaded
 
 BLOCK_SAMPLES: Final = 10
 
@@ -66,7 +65,7 @@ class GeneratedVibration:
     model
         Renders from our model.
     crossfade_samples
-        Length of the fade between the two, which keeps the power; 0 switches at once.
+        Length of the fade between the two; 0 switches at once.
 
     Attributes
     ----------
@@ -132,9 +131,7 @@ class GeneratedVibration:
         steps = self._step * np.arange(1, len(ours) + 1)
         share = np.clip(self._share + (steps if goal else -steps), 0.0, 1.0)
         self._share = float(share[-1])
-        angle = 0.5 * math.pi * share
-        faded: FloatArray = np.cos(angle) * ours + np.sin(angle) * generated
-        return faded
+        return crossfaded(share, ours, generated)
 
     def follow(self, *motion: FloatArray) -> FloatArray:
         """Return the generator's next n samples; so it also knows motion that is not rendered."""

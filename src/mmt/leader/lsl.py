@@ -13,7 +13,7 @@ _LINGER_S: Final = 0.5
 """Time in which recipients fetch the last samples: liblsl drops them with the outlet."""
 
 
-class LslPart(PublishingPart):
+class LslPart(PublishingPart[Streams]):
     """Pass frames and events on; stamps are by LSL's clock.
 
     Parameters
@@ -30,7 +30,6 @@ class LslPart(PublishingPart):
     def __init__(self, session: Session, table: Lsl) -> None:
         super().__init__(session, table.chunk_ms)
         self._stream_name = table.name
-        self._streams: Streams | None = None
 
     @classmethod
     def build(cls, session: Session) -> "LslPart | None":
@@ -55,7 +54,7 @@ class LslPart(PublishingPart):
             liblsl is not installed.
         """
         scene = self._session.scene
-        self._outlet = self._streams = Streams(
+        self._outlet = Streams(
             self._stream_name,
             scene.channels(),
             self._session.rate_hz,
@@ -64,16 +63,11 @@ class LslPart(PublishingPart):
 
     def clock_s(self) -> float:
         """Return the time by LSL's clock on this machine."""
-        assert self._streams is not None  # noqa: S101 - it was connected
-        return self._streams.clock_s()
+        assert self._outlet is not None  # noqa: S101 - it was connected
+        return self._outlet.clock_s()
 
     async def stop(self) -> None:
         """Pass on what waits, and give recipients time to fetch it."""
         await super().stop()
-        if self._streams is not None and self.error is None and self._streams.have_recipients:
+        if self._outlet is not None and self.error is None and self._outlet.have_recipients:
             await asyncio.sleep(_LINGER_S)
-
-    def close(self) -> None:
-        """Take the outlets from the network."""
-        super().close()
-        self._streams = None

@@ -8,6 +8,21 @@ import numpy as np
 from mmt.core.arrays import FloatArray
 
 
+def crossfaded(share: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
+    """Return the mix of two uncorrelated signals that keeps their power (gains cosine and sine).
+
+    Parameters
+    ----------
+    share
+        How much of `after`, 0 to 1; all of shape (n,).
+    before, after
+        The signals.
+    """
+    angle = 0.5 * math.pi * share
+    mixed: FloatArray = np.cos(angle) * before + np.sin(angle) * after
+    return mixed
+
+
 class Renderer(Protocol):
     """What renders from one model: a `Synthesizer`, or what is used like one."""
 
@@ -27,8 +42,7 @@ class Renderer(Protocol):
 class ModelCrossfade:
     """Two synthesizers used like one, with a crossfade from one surface's model to another's.
 
-    The crossfade keeps the power of two uncorrelated signals (gains cosine and sine). A fade
-    that has begun is completed; the next one follows it.
+    A fade that has begun is completed; the next one follows it.
 
     Parameters
     ----------
@@ -78,10 +92,9 @@ class ModelCrossfade:
             return now
         before = self._other.render(*inputs)
         passed = self._length - self._left + 1 + np.arange(len(now))
-        angle = 0.5 * math.pi * np.minimum(passed / self._length, 1.0)
+        share = np.minimum(passed / self._length, 1.0)
         self._left = max(0, self._left - len(now))
         if not self._left and self._next is not None:
             following, self._next = self._next, None
             self.cross_to(following)
-        faded: FloatArray = np.cos(angle) * before + np.sin(angle) * now
-        return faded
+        return crossfaded(share, before, now)

@@ -11,7 +11,7 @@ import time
 from abc import abstractmethod
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar, Final, NamedTuple, Protocol
+from typing import Any, ClassVar, Final, Generic, NamedTuple, Protocol, TypeVar
 
 from mmt.core.arrays import RecordArray
 from mmt.core.errors import brief
@@ -50,7 +50,10 @@ class Outlet(Protocol):
         """Push an event."""
 
 
-class PublishingPart(Part):
+AnyOutlet = TypeVar("AnyOutlet", bound=Outlet)
+
+
+class PublishingPart(Part, Generic[AnyOutlet]):
     """Pass frames and events on, from a thread of its own; what finds no room is counted.
 
     Where the other side fails, that is told; the session goes on without it.
@@ -71,7 +74,7 @@ class PublishingPart(Part):
     def __init__(self, session: Session, chunk_ms: int) -> None:
         self._session = session
         self._chunk_s = chunk_ms / 1e3
-        self._outlet: Outlet | None = None
+        self._outlet: AnyOutlet | None = None
         self._thread: threading.Thread | None = None
         self._closing = threading.Event()
         self._frames: deque[Block] = deque(maxlen=QUEUE_LIMIT)

@@ -32,7 +32,7 @@ _LEAVE_S: Final = 3.0
 """How long what waits may take to be passed on at the end."""
 
 
-class RosPart(PublishingPart):
+class RosPart(PublishingPart["RosProcess"]):
     """Pass frames, events and the model on to the process that publishes them.
 
     Parameters
@@ -53,7 +53,6 @@ class RosPart(PublishingPart):
         self._model: TextureModel | None = None
         self._models: deque[TextureModel] = deque(maxlen=1)
         self._pushed["models"] = 0
-        self._process: RosProcess | None = None
 
     @classmethod
     def build(cls, session: Session) -> "RosPart | None":
@@ -84,7 +83,7 @@ class RosPart(PublishingPart):
             It cannot make them, such as for a domain that is none.
         """
         scene = self._session.scene
-        self._outlet = self._process = RosProcess(
+        self._outlet = RosProcess(
             {
                 "namespace": self._namespace,
                 "channels": scene.channels(),
@@ -107,7 +106,7 @@ class RosPart(PublishingPart):
     async def stop(self) -> None:
         """Pass on what waits, as long as that takes no longer than it may."""
         self.look()
-        process = self._process
+        process = self._outlet
         ending = asyncio.create_task(asyncio.to_thread(self._leave))
         done, _ = await asyncio.wait([ending], timeout=_LEAVE_S)
         if process is not None and not done:
@@ -116,21 +115,22 @@ class RosPart(PublishingPart):
 
     def close(self) -> None:
         """End the process."""
-        if self._process is not None:
-            self._process.kill()
+        process = self._outlet
+        if process is not None:
+            process.kill()
         super().close()
-        if self._process is not None:
-            self._process.release()
+        if process is not None:
+            process.release()
 
     def _leave(self) -> None:
         self._end()
-        if self._process is not None:
-            self._process.end()
+        if self._outlet is not None:
+            self._outlet.end()
 
     def _push(self) -> None:
         super()._push()
-        while self._models and self._process is not None:
-            self._process.push_model(self._models.popleft().to_bytes())
+        while self._models and self._outlet is not None:
+            self._outlet.push_model(self._models.popleft().to_bytes())
             self._pushed["models"] += 1
 
 
