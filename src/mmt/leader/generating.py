@@ -287,13 +287,16 @@ class GeneratingPart(Part):
 
 
 def _start(role: str, *connections: Connection) -> "subprocess.Popen[bytes]":
-    """Start a process that imports what this one can, and that Ctrl-C does not reach."""
+    """Start a process that imports what this one can, and that Ctrl-C does not reach.
+
+    It is of this one's session: a niceness counts only within one where Linux groups by them.
+    """
     descriptors = [connection.fileno() for connection in connections]
     return subprocess.Popen(  # noqa: S603 - our own module
         [sys.executable, "-P", "-m", "mmt.leader.generator_process", role, *map(str, descriptors)],
         stdin=subprocess.DEVNULL,
         stdout=2,  # the leader's own may be read by a program
         pass_fds=descriptors,
-        start_new_session=True,
+        process_group=0,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(path or "." for path in sys.path)},
     )
