@@ -34,44 +34,18 @@ def _told_to_lerobot() -> Iterator[None]:
         raise DeviceNotConnectedError(f"mmt: {error}") from None
 
 
-class _Use:
-    """Whether a device of LeRobot uses the session, and its checks."""
-
-    def __init__(self, session: SharedSession, name: str) -> None:
-        self.session = session
-        self._name = name
-        self._used = False
-
-    @property
-    def connected(self) -> bool:
-        return self._used and self.session.running
-
-    def connect(self) -> None:
-        if self.connected:
-            raise DeviceAlreadyConnectedError(f"{self._name} is already connected")
-        with _told_to_lerobot():
-            self.session.acquire(self)
-        self._used = True
-
-    def require(self) -> None:
-        if not self._used:
-            raise DeviceNotConnectedError(f"{self._name} is not connected: call connect() first")
-
-    def disconnect(self) -> None:
-        self.require()
-        self._used = False
-        self.session.release(self)
-
-
 class _SessionDevice:
-    """A device of LeRobot that uses the session of leader and follower; its class sets `_use`."""
+    """A device of LeRobot that uses the session of leader and follower."""
 
-    _use: _Use
+    _session: SharedSession
+    _title: str
+    """What messages call it."""
+    _used = False
 
     @property
     def is_connected(self) -> bool:
         """Whether the session runs, and this device uses it."""
-        return self._use.connected
+        return self._used and self._session.running
 
     def connect(self, calibrate: bool = True) -> None:  # noqa: ARG002 - the session does it
         """Start the session unless the other device has, and wait for the first frame.
@@ -81,7 +55,11 @@ class _SessionDevice:
         DeviceNotConnectedError
             It cannot begin; the message says why.
         """
-        self._use.connect()
+        if self.is_connected:
+            raise DeviceAlreadyConnectedError(f"{self._title} is already connected")
+        with _told_to_lerobot():
+            self._session.acquire(self)
+        self._used = True
 
     @property
     def is_calibrated(self) -> bool:
@@ -102,7 +80,13 @@ class _SessionDevice:
         DeviceNotConnectedError
             The device is not connected.
         """
-        self._use.disconnect()
+        self._require()
+        self._used = False
+        self._session.release(self)
+
+    def _require(self) -> None:
+        if not self._used:
+            raise DeviceNotConnectedError(f"{self._title} is not connected: call connect() first")
 
 
 class MmtRobot(_SessionDevice, Robot):
@@ -125,6 +109,7 @@ class MmtRobot(_SessionDevice, Robot):
 
     config_class = MmtRobotConfig
     name = "mmt"
+    _title = "the robot"
 
     def __init__(self, config: MmtRobotConfig) -> None:
         super().__init__(config)
@@ -133,8 +118,8 @@ class MmtRobot(_SessionDevice, Robot):
         """None: LeRobot asks how many there are."""
         moved_by = cast("MovedBy", config.moved_by)  # the settings check it
         settings = Settings(config.scene, config.follower, moved_by, config.wait_s)
-        self._use = _Use(shared_session(config.scene, settings), "the robot")
-        self._names = state_names(self._use.session.scene.channels())
+        self._session = shared_session(config.scene, settings)
+        self._names = state_names(self._session.scene.channels())
 
     @property
     def observation_features(self) -> dict[str, type]:
@@ -154,9 +139,9 @@ class MmtRobot(_SessionDevice, Robot):
         DeviceNotConnectedError
             The robot is not connected, or the follower was lost.
         """
-        self._use.require()
+        self._require()
         with _told_to_lerobot():
-            return dict(zip(self._names, self._use.session.observe(), strict=True))
+            return dict(zip(self._names, self._session.observe(), strict=True))
 
     def send_action(self, action: Mapping[str, Any]) -> dict[str, float]:
         """Return the command that is in force, or with ``moved_by="actions"`` set it.
@@ -168,8 +153,8 @@ class MmtRobot(_SessionDevice, Robot):
         DeviceNotConnectedError
             The robot is not connected, or the follower was lost.
         """
-        self._use.require()
-        session, wanted = self._use.session, _position(action)
+        self._require()
+        session, wanted = self._session, _position(action)
         with _told_to_lerobot():
             if session.settings.moved_by == "actions":
                 return _action(session.follow(wanted))
@@ -198,11 +183,12 @@ class MmtTeleoperator(_SessionDevice, Teleoperator):
 
     config_class = MmtTeleoperatorConfig
     name = "mmt"
+    _title = "the teleoperator"
 
     def __init__(self, config: MmtTeleoperatorConfig) -> None:
         super().__init__(config)
         self.config = config
-        self._use = _Use(shared_session(config.scene), "the teleoperator")
+        self._session = shared_session(config.scene)
 
     @property
     def action_features(self) -> dict[str, type]:
@@ -224,7 +210,7 @@ class MmtTeleoperator(_SessionDevice, Teleoperator):
         DeviceNotConnectedError
             It cannot begin; the message says why.
         """
-        if self._use.session.settings.moved_by == "actions":
+        if self._session.settings.moved_by == "actions":
             raise ValueError(
                 "with --robot.moved_by=actions there is no hand for --teleop.type=mmt: leave one "
                 "of them out"
@@ -239,9 +225,9 @@ class MmtTeleoperator(_SessionDevice, Teleoperator):
         DeviceNotConnectedError
             The teleoperator is not connected, or the follower was lost.
         """
-        self._use.require()
+        self._require()
         with _told_to_lerobot():
-            given = self._use.session.given = self._use.session.command()
+            given = self._session.given = self._session.command()
         return _action(given)
 
     def send_feedback(self, feedback: Mapping[str, Any]) -> None:
@@ -254,7 +240,7 @@ class MmtTeleoperator(_SessionDevice, Teleoperator):
         DeviceNotConnectedError
             The teleoperator is not connected.
         """
-        self._use.require()
+        self._require()
         if feedback:
             raise ValueError(
                 f"{', '.join(feedback)}: the hand feels what [force_feedback] of the scene gives, "
