@@ -2,6 +2,8 @@
 
 import asyncio
 from collections import Counter
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 
 import aiohttp
 import msgpack
@@ -27,6 +29,7 @@ import mmt.link.socket_client
 import mmt.link.websocket
 from mmt.link.protocol import MAX_MESSAGE_BYTES, encode_event
 from mmt.link.rate_limit import HANDSHAKE_MESSAGES, HandshakeLimit, RateLimit
+from mmt.link.server import LeaderServer
 from mmt.link.websocket import (
     _receive_rest,
     binary_event,
@@ -112,20 +115,23 @@ async def test_frames_that_ask_for_an_acknowledgement_get_one() -> None:
     assert notes.sequences == [0, 1, 2, 3]
 
 
+JOIN = MsgPackPacket(socketio.packet.CONNECT, data=hello().to_auth(), namespace="/").encode()
+
+
+@asynccontextmanager
+async def plain_websocket(server: LeaderServer) -> AsyncIterator[aiohttp.ClientWebSocketResponse]:
+    url = f"http://127.0.0.1:{server.port}/socket.io/?EIO=4&transport=websocket"
+    async with aiohttp.ClientSession() as session, session.ws_connect(url) as websocket:
+        yield websocket
+
+
 async def test_a_client_that_joins_again_on_the_same_websocket_is_a_new_follower() -> None:
     notes = LeaderNotes()
-    join = MsgPackPacket(socketio.packet.CONNECT, data=hello().to_auth(), namespace="/").encode()
     leave = MsgPackPacket(socketio.packet.DISCONNECT, namespace="/").encode()
-    async with (
-        leader(notes) as server,
-        aiohttp.ClientSession() as session,
-        session.ws_connect(
-            f"http://127.0.0.1:{server.port}/socket.io/?EIO=4&transport=websocket"
-        ) as websocket,
-    ):
+    async with leader(notes) as server, plain_websocket(server) as websocket:
         await websocket.send_bytes(encode_event("frames", frames(7).tobytes()))
         for _visit in range(2):
-            await websocket.send_bytes(join)
+            await websocket.send_bytes(JOIN)
             await websocket.send_bytes(encode_event("frames", frames(0).tobytes()))
             await websocket.send_bytes(leave)
             await websocket.send_bytes(encode_event("frames", frames(1).tobytes()))
@@ -138,15 +144,8 @@ async def test_a_client_that_joins_again_on_the_same_websocket_is_a_new_follower
 @pytest.mark.parametrize("text", ["", ">", "b!", "\N{SUPERSCRIPT TWO}"])
 async def test_a_text_that_is_no_packet_is_dropped_and_the_link_goes_on(text: str) -> None:
     notes = LeaderNotes()
-    join = MsgPackPacket(socketio.packet.CONNECT, data=hello().to_auth(), namespace="/").encode()
-    async with (
-        leader(notes) as server,
-        aiohttp.ClientSession() as session,
-        session.ws_connect(
-            f"http://127.0.0.1:{server.port}/socket.io/?EIO=4&transport=websocket"
-        ) as websocket,
-    ):
-        await websocket.send_bytes(join)
+    async with leader(notes) as server, plain_websocket(server) as websocket:
+        await websocket.send_bytes(JOIN)
         await until(lambda: notes.hellos)
         await websocket.send_str(text)
         await websocket.send_bytes(encode_event("frames", frames(0).tobytes()))
