@@ -280,6 +280,7 @@ class SharingServer:
 
 async def _release() -> None:
     """Give back what those who have left took; it would add up over hours."""
+    await asyncio.sleep(_RELEASE_PERIOD_S)
     while release_freed_memory():
         await asyncio.sleep(_RELEASE_PERIOD_S)
 
