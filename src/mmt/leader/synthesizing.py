@@ -72,7 +72,10 @@ class SynthesizingPart(Part):
 
         def made(seed: int, limit_m_s2: float = scene.actuator.limit_m_s2) -> Synthesizer:
             return Synthesizer(
-                seed=seed, renewal_samples=table.renewal_samples, limit_m_s2=limit_m_s2
+                seed=seed,
+                renewal_samples=table.renewal_samples,
+                limit_m_s2=limit_m_s2,
+                fade_samples=round(table.update_fade_ms * session.rate_hz / 1000),
             )
 
         first = made(scene.session.seed)

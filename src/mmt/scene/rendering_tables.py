@@ -17,6 +17,7 @@ class Rendering(PartTable):
     generator: str | None = Field(None, min_length=1)
     renewal_samples: int = Field(1, ge=1, le=1000)
     crossfade_ms: float = Field(50.0, ge=0, le=1000)
+    update_fade_ms: float = Field(1000.0, ge=0, le=10_000)
 
 
 class Playout(PartTable):

@@ -18,6 +18,7 @@ from mmt.core.compiled import kernel
 from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
 from mmt.texture.model.texture_model import TextureModel
+from mmt.texture.synthesis.update_fade import MixedModel
 
 _RELEASE_S: Final = 0.004
 _NOISE_BLOCK: Final = 2048
@@ -50,13 +51,13 @@ class VibrationFilter:
     amplitude_m_s2: float
 
 
-def estimate(model: TextureModel, *inputs: float) -> VibrationFilter:
+def estimate(model: TextureModel | MixedModel, *inputs: float) -> VibrationFilter:
     """Return the filter of a model at one moment's inputs.
 
     Parameters
     ----------
     model
-        Texture model.
+        Texture model, or the mean of two.
     *inputs
         Scalar inputs as in `TextureModel.at`.
 

@@ -4,13 +4,16 @@ Awan et al., section VI: white Gaussian noise of the interpolated variance drive
 at the present speed and force, whose memory is carried over every change of filter. Here the
 filter is a normalised lattice of unit power (`mmt.texture.autoregression.lattice`), and its output
 is multiplied by the interpolated amplitude: the same spectrum, but the power is the model's at
-every sample, also while speed and force change.
+every sample, also while speed and force change. The next state of a model that grows is faded in
+(`mmt.texture.synthesis.update_fade`).
 
 Stability: an interpolated filter is a convex combination of ordered LSF and hence stable, and
 the lattice stays bounded for every course of stable filters, also one that changes at every
 sample; see `mmt.texture.synthesis.generation`. Cost: O(order^2) for a renewal of the filter,
-O(order) for a sample.
+O(order) for a sample; a renewal in mid-fade costs three times as much.
 """
+
+import math
 
 import numpy as np
 
@@ -19,6 +22,7 @@ from mmt.core.compiled import kernel
 from mmt.core.errors import InputError
 from mmt.texture.autoregression.lattice import lattice_step, lsf_to_lattice_into
 from mmt.texture.autoregression.order_limit import LARGEST_ORDER
+from mmt.texture.autoregression.split import separate
 from mmt.texture.field.level_table import TABLE_SIZES, tabulated_level
 from mmt.texture.field.trend import trend_at
 from mmt.texture.interpolation.interpolator import SCRATCH, evaluate_into
@@ -43,12 +47,14 @@ from mmt.texture.synthesis.generation import (
     Generator,
     scaled,
 )
+from mmt.texture.synthesis.update_fade import UpdateFade, can_be_mixed
 
-_COUNTER = SCRATCH  # scratch: that of the evaluator, samples, where it found the point,
-_HINT = _COUNTER + 1  # then point, level and LSF, work
-_POINT = _HINT + 1
+_COUNTER = SCRATCH  # scratch: that of the evaluator, samples, where it found the point in each
+_HINTS = _COUNTER + 1  # of two models, then point, level and LSF of each, work
+_POINT = _HINTS + 2
 _VALUES = _POINT + 3
-_WORK = _VALUES + 1 + LARGEST_ORDER
+_OLD_VALUES = _VALUES + 1 + LARGEST_ORDER
+_WORK = _OLD_VALUES + 1 + LARGEST_ORDER
 
 
 class Synthesizer:
@@ -57,13 +63,17 @@ class Synthesizer:
     Parameters
     ----------
     model
-        Model to render, None for silence. Assigning `model` later keeps the filter's memory.
+        Model to render, None for silence. Assigning `model` later keeps the filter's memory, and
+        fades to a model of the same order, rate and number of inputs.
     seed
         Seed of the excitation.
     renewal_samples
         Number of samples between updates of the filter to speed and force.
     limit_m_s2
         Bound on the output.
+    fade_samples
+        Length of the longest fade from one model to the next; 0 changes at once. No fade is
+        longer than the model before was rendered.
     """
 
     def __init__(
@@ -73,11 +83,21 @@ class Synthesizer:
         seed: int = 0,
         renewal_samples: int = 1,
         limit_m_s2: float = 60.0,
+        fade_samples: int = 0,
     ) -> None:
-        self.model = model
+        self._fade = UpdateFade(model, fade_samples)
         self._renewal = renewal_samples
         self._generator = Generator(seed=seed, limit_m_s2=limit_m_s2)
         self._scratch = np.zeros(_WORK + 5 * LARGEST_ORDER)
+
+    @property
+    def model(self) -> TextureModel | None:
+        """The model that is rendered, or is being faded in."""
+        return self._fade.now
+
+    @model.setter
+    def model(self, model: TextureModel | None) -> None:
+        self._fade.use(model, at_once=not can_be_mixed(self._fade.now, model))
 
     @property
     def directed(self) -> bool:
@@ -115,14 +135,13 @@ class Synthesizer:
             )
         if generator.rate_hz != model.rate_hz:
             generator.set_rate(model.rate_hz)
-        by, output = model.interpolant, np.empty(count)
+        fade, output = self._fade, np.empty(count)
         try:
             is_rendered = _render(
-                by.evaluator.address,
-                by.rows,
-                by.links,
-                by.tail,
-                model.kernel_parameters,
+                *_for_kernel(model),
+                *_for_kernel(fade.before or model),
+                fade.passed,
+                fade.length,
                 inputs[0],
                 inputs[1],
                 inputs[-1],
@@ -138,11 +157,18 @@ class Synthesizer:
             raise InputError(_unfit(inputs)) from error
         if not is_rendered:
             raise InputError(_unfit(inputs))
+        fade.advance(count)
         return output
 
     def reset(self) -> None:
-        """Silence the output at once; the excitation goes on."""
+        """Silence the output at once, and end a fade; the excitation goes on."""
+        self._fade.finish()
         self._generator.reset()
+
+
+def _for_kernel(model: TextureModel) -> tuple[int, FloatArray, IntArray, FloatArray, FloatArray]:
+    by = model.interpolant
+    return by.evaluator.address, by.rows, by.links, by.tail, model.kernel_parameters
 
 
 def _unfit(inputs: tuple[FloatArray, ...]) -> str:
@@ -163,8 +189,46 @@ def _amplitude(level: float, level_kind: int, complement: FloatArray) -> float:
 
 
 @kernel(
-    "b1(i8, f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[::1], f8[:], f8[:], f8[:], i8, f8, f8,"
-    " f8[::1], f8[::1], f8[::1], f8[::1])"
+    "f8(i8, f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[::1], f8, f8, f8, i8, f8[::1], f8[::1],"
+    " f8[::1], f8[::1])"
+)
+def _filter_into(
+    evaluator: int,
+    rows: FloatArray,
+    links: IntArray,
+    tail: FloatArray,
+    parameters: FloatArray,
+    first: float,
+    second: float,
+    third: float,
+    place: int,
+    values: FloatArray,
+    reflection: FloatArray,
+    complement: FloatArray,
+    scratch: FloatArray,
+) -> float:
+    """Write a model's LSF and lattice at one motion; return the amplitude.
+
+    The LSF come after a number in `values`; `place` is that of the hint in `scratch`.
+    """
+    point = scratch[_POINT : _POINT + int(parameters[DIMENSIONS])]
+    normalise_into(first, second, third, parameters[PER_SPEED], parameters[PER_FORCE], point)
+    hint = int(scratch[place])
+    hint = evaluate_into(evaluator, rows, links, tail, hint, point, values, scratch)
+    scratch[place] = hint
+    lsf_to_lattice_into(values[1:], reflection, complement, scratch[_WORK:])
+    level = values[0]
+    if parameters[TABLE_SIZES] > 0.0:
+        across = point[1] if len(point) == 3 else 0.0
+        level = tabulated_level(parameters, point[0], across, point[len(point) - 1])
+    elif parameters[SPEED_EXPONENT] > 0.0:
+        level *= trend_at(parameters[SPEED_EXPONENT], parameters[FORCE_EXPONENT], point)
+    return float(_amplitude(level, int(parameters[LEVEL_KIND]), complement))
+
+
+@kernel(
+    "b1(i8, f8[:, ::1], i8[:, ::1], f8[:, ::1], f8[::1], i8, f8[:, ::1], i8[:, ::1], f8[:, ::1],"
+    " f8[::1], i8, i8, f8[:], f8[:], f8[:], i8, f8, f8, f8[::1], f8[::1], f8[::1], f8[::1])"
 )
 def _render(
     evaluator: int,
@@ -172,6 +236,13 @@ def _render(
     links: IntArray,
     tail: FloatArray,
     parameters: FloatArray,
+    old_evaluator: int,
+    old_rows: FloatArray,
+    old_links: IntArray,
+    old_tail: FloatArray,
+    old_parameters: FloatArray,
+    passed: int,
+    length: int,
     first: FloatArray,
     second: FloatArray,
     third: FloatArray,
@@ -183,36 +254,40 @@ def _render(
     scratch: FloatArray,
     output: FloatArray,
 ) -> bool:
-    """Write vibration (n,); false, and nothing, where the inputs are not all of shape (n,)."""
+    """Write vibration (n,); false, and nothing, where the inputs are not all of shape (n,).
+
+    `passed` samples of a fade of so many (`length`) from the old model are over.
+    """
     count = len(output)
     if len(first) != count or len(second) != count or len(third) != count:
         return False
-    level_kind, order = int(parameters[LEVEL_KIND]), int(parameters[MODEL_ORDER])
-    per_speed, per_force = parameters[PER_SPEED], parameters[PER_FORCE]
-    speed_exponent = parameters[SPEED_EXPONENT]
-    tabulated = parameters[TABLE_SIZES] > 0.0
-    point = scratch[_POINT : _POINT + int(parameters[DIMENSIONS])]
-    values, work = scratch[_VALUES : _VALUES + 1 + order], scratch[_WORK:]
-    lsf = values[1:]
+    order = int(parameters[MODEL_ORDER])
+    values = scratch[_VALUES : _VALUES + 1 + order]
+    old = scratch[_OLD_VALUES : _OLD_VALUES + 1 + order]
     reflection = state[REFLECTION : REFLECTION + order]
     complement = state[COMPLEMENT : COMPLEMENT + order]
     past = state[PAST:]
     for index in range(count):
         if int(scratch[_COUNTER]) % renewal == 0:
-            now = first[index], second[index], third[index]
-            normalise_into(now[0], now[1], now[2], per_speed, per_force, point)
-            hint = int(scratch[_HINT])
-            hint = evaluate_into(evaluator, rows, links, tail, hint, point, values, scratch)
-            scratch[_HINT] = hint
-            lsf_to_lattice_into(lsf, reflection, complement, work)
+            x, y, z = first[index], second[index], third[index]
+            amplitude = _filter_into(
+                *(evaluator, rows, links, tail, parameters, x, y, z),
+                *(_HINTS, values, reflection, complement, scratch),
+            )
+            if passed + index < length:
+                share = (passed + index) / length
+                old_amplitude = _filter_into(
+                    *(old_evaluator, old_rows, old_links, old_tail, old_parameters, x, y, z),
+                    *(_HINTS + 1, old, reflection, complement, scratch),
+                )
+                for k in range(1, order + 1):
+                    old[k] = (1.0 - share) * old[k] + share * values[k]
+                separate(old[1:])  # rounding may have let frequencies meet
+                lsf_to_lattice_into(old[1:], reflection, complement, scratch[_WORK:])
+                power = (1.0 - share) * old_amplitude**2 + share * amplitude**2
+                amplitude = math.sqrt(power)
             state[ORDER] = order
-            level = values[0]
-            if tabulated:
-                across = point[1] if len(point) == 3 else 0.0
-                level = tabulated_level(parameters, point[0], across, point[len(point) - 1])
-            elif speed_exponent > 0.0:
-                level *= trend_at(speed_exponent, parameters[FORCE_EXPONENT], point)
-            state[WANTED] = _amplitude(level, level_kind, complement)
+            state[WANTED] = amplitude
         scratch[_COUNTER] += 1.0
         value = lattice_step(reflection, complement, past, int(state[ORDER]), noise[index])
         output[index] = scaled(state, value, release, limit)

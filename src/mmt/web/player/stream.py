@@ -112,7 +112,7 @@ class Stream:
         return Block(sound, vibration)
 
     def use(self, models: Sequence[TextureModel]) -> None:
-        """Go on with other models, as many and of the same rates as before."""
+        """Fade to other states of the models, as many and of the same rates as before."""
         self._textures.use(models)
 
     def close(self) -> None:
