@@ -136,7 +136,10 @@ class Heard:
 
 @asynccontextmanager
 async def listening(
-    url: str, operator: OperatorClient | None = None, **settings: object
+    url: str,
+    operator: OperatorClient | None = None,
+    states_hz: float | None = None,
+    **settings: object,
 ) -> AsyncIterator[Heard]:
     """Listen there until the end of the block."""
     said: list[str] = []
@@ -149,6 +152,7 @@ async def listening(
         on_state=lambda state: states.append(float(state["time_s"])),
         on_event=said.append,
         operator=operator,
+        states_hz=states_hz,
     )
     await client.connect()
     try:

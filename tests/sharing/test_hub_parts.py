@@ -10,10 +10,11 @@ import pytest
 from sharing_samples import about, model_of
 
 from mmt.core.errors import InputError
+from mmt.link.rate_limit import PeriodLimit
 from mmt.scene.files import load_hub_scene, load_scene
 from mmt.scene.sharing_tables import Listening
 from mmt.sharing.client import ListenerClient
-from mmt.sharing.hub.copy import HubCopy, PeriodLimit
+from mmt.sharing.hub.copy import HubCopy
 from mmt.sharing.hub.descriptors import make_room
 from mmt.sharing.hub.peers import FIRST_S, LOST_S, Beat, Peers
 from mmt.sharing.messages import CHANGE, MODEL, WELCOME

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from mmt.core.errors import InputError, MmtError
 from mmt.link.protocol import encode_event
 from mmt.link.socket_client import SocketClient
 from mmt.sharing import relay as relay_module
-from mmt.sharing.messages import SHARING_VERSION, STATE
+from mmt.sharing.messages import SHARING_VERSION, STATE, Hello
 from mmt.sharing.publishing import ModelPublisher
 from mmt.sharing.relay import Listener, Relay
 from mmt.texture.synthesis.synthesizer import Synthesizer
@@ -183,6 +184,42 @@ async def test_one_that_waits_gets_what_is_newest_by_then_and_the_others_all() -
     assert got["quick"] == [*states, relay.end]
     assert got["slow"] == [states[0], states[-1], relay.end]
     assert relay.sent["skipped"] == 3
+
+
+async def test_a_listener_gets_as_many_states_as_it_wants(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = [100.0]
+    monkeypatch.setattr(relay_module, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
+    relay = Relay()
+    got: dict[float | None, list[bytes]] = {None: [], 1.0: [], 5.0: []}
+    serving = []
+    for states_hz, taken in got.items():
+
+        async def take(message: bytes, taken: list[bytes] = taken) -> None:
+            taken.append(message)
+
+        listener = relay.listeners[str(states_hz)] = Listener(relay, states_hz)
+        serving.append(asyncio.create_task(listener.serve(take)))
+    await asyncio.sleep(0)
+    for number in range(8 + 200):
+        relay.offer_state(b"%d" % number, float(number), 0)
+        await until(lambda number=number: len(got[None]) == number + 1)
+        now_s[0] += 0.05
+    relay.offer_model(1, b"whole", None)
+    relay.finish("completed")
+    await asyncio.gather(*serving)
+    for states_hz, expected in ((1.0, 8 + 10), (5.0, 8 + 50)):
+        *states, whole, end = got[states_hz]
+        assert states[:8] == got[None][:8]
+        assert len(states) == pytest.approx(expected, abs=1)
+        assert (whole, end) == (b"whole", relay.end)
+    assert relay.sent["skipped"] == 0
+
+
+@pytest.mark.parametrize("states_hz", [0.0, -1.0, 1e9, float("nan"), "often", [1.0]])
+def test_a_rate_of_states_that_makes_no_sense_is_refused(states_hz: object) -> None:
+    auth = {"sharing": SHARING_VERSION, "role": "listener", "states_hz": states_hz}
+    with pytest.raises(InputError, match=r"states_hz must be absent, or a number from 0\.01"):
+        Hello.from_auth(auth)
 
 
 async def test_one_that_has_gone_is_served_no_more() -> None:

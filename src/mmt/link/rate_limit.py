@@ -1,4 +1,4 @@
-"""Bound the rate at which a peer may send, by a bucket of time."""
+"""Bound the rate at which a peer may send, by a bucket of time, and thin out what is sent to it."""
 
 from collections.abc import Callable
 from typing import Final
@@ -97,3 +97,24 @@ class HandshakeLimit:
 
     def drop(self, reason: str) -> None:
         """Ignore a message of a stranger."""
+
+
+class PeriodLimit:
+    """Let something happen once in a period on average, however unevenly it is asked for.
+
+    Parameters
+    ----------
+    period_s
+        The period.
+    """
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._due_s = 0.0
+
+    def passes(self, now_s: float) -> bool:
+        """Whether it may happen now; half a period early is soon enough."""
+        if now_s < self._due_s - 0.5 * self._period_s:
+            return False
+        self._due_s = max(self._due_s, now_s - 0.5 * self._period_s) + self._period_s
+        return True

@@ -14,10 +14,10 @@ from mmt.core.errors import InputError
 from mmt.link.access import Access
 from mmt.link.connection import Connection, check_url
 from mmt.link.protocol import peer_text
-from mmt.link.rate_limit import RateLimit
+from mmt.link.rate_limit import PeriodLimit, RateLimit
 from mmt.link.websocket import Send
 from mmt.scene.sharing_tables import Listening
-from mmt.sharing.lag import Have
+from mmt.sharing.lag import FIRST_ANSWERS, Have
 from mmt.sharing.messages import (
     AGAIN,
     CHANGE,
@@ -46,8 +46,6 @@ LOG: Final = logging.getLogger("mmt.sharing")
 
 _MESSAGES_HZ: Final = 50.0
 """500 messages a second may come, and 1 MB: more than any leader sends."""
-FIRST_ANSWERS: Final = 8
-"""As many as the leader needs to tell the clocks apart."""
 ANSWER_PERIOD_S: Final = 1.0
 
 
@@ -75,6 +73,9 @@ class ListenerClient:
         Asks for control over the same connection; None for a listener that does not.
     on_message
         Called with the event and the argument of each message that was taken.
+    states_hz
+        How many states of the hand are wanted in a second at most, None for all, 20. One is enough
+        for the leader to know how far this listener is behind; a picture needs more.
 
     Raises
     ------
@@ -91,6 +92,7 @@ class ListenerClient:
         on_event: Callable[[str], None] = lambda _: None,
         operator: "OperatorClient | None" = None,
         on_message: Callable[[str, Any], None] = lambda _, __: None,
+        states_hz: float | None = 1.0,
     ) -> None:
         self.replica = ModelReplica()
         self.session: dict[str, Any] = {}
@@ -105,12 +107,12 @@ class ListenerClient:
         self._hubs: list[str] = []
         self._news = asyncio.Event()
         self._asked = False
-        self._answers, self._answered_s = 0, 0.0
+        self._answers, self._answering = 0, PeriodLimit(ANSWER_PERIOD_S)
         self._emitting: set[asyncio.Task[None]] = set()
         self._connection = Connection(
             settings.url,
             {
-                **Hello(settings.name or "", operator is not None).as_auth(),
+                **Hello(settings.name or "", operator is not None, states_hz).as_auth(),
                 **({} if operator is None else operator.auth),
             },
             Access.of(settings, variable=TOKEN_VARIABLE, table="listening"),
@@ -269,10 +271,9 @@ class ListenerClient:
 
     def _answer(self, time_s: float, now_ns: int) -> None:
         """Say what is here, at a low rate."""
-        now_s = 1e-9 * now_ns
-        if self._answers >= FIRST_ANSWERS and now_s - self._answered_s < ANSWER_PERIOD_S:
+        if self._answers >= FIRST_ANSWERS and not self._answering.passes(1e-9 * now_ns):
             return
-        self._answers, self._answered_s = self._answers + 1, now_s
+        self._answers += 1
         self._emit(HAVE, Have(self.replica.number % 2**32, now_ns, time_s).pack())
 
     def _emit(self, event: str, argument: object) -> asyncio.Task[None] | None:

@@ -7,6 +7,9 @@ from mmt.core.errors import InputError
 from mmt.core.ticking import TimeHistogram
 from mmt.link.clock_offset import ClockOffset
 
+FIRST_ANSWERS: Final = 8
+"""As many as are needed to tell the clocks apart."""
+
 _HAVE: Final = struct.Struct("<Iqd")
 _LATEST_NS: Final = 2**61
 

@@ -26,7 +26,7 @@ MODEL: Final = "model"
 CHANGE: Final = "change"
 """To a listener: a map of ``number``, ``since``, `About`, and `mmt.texture.model.difference`."""
 STATE: Final = "state"
-"""To a listener, 20 times a second: where the tool is, `STATE_DTYPE`."""
+"""To a listener, 20 times a second or as often as it wants: where the tool is, `STATE_DTYPE`."""
 END: Final = "end"
 """To a listener: ``{"outcome": str}``; the session is over."""
 AGAIN: Final = "again"
@@ -72,15 +72,23 @@ class Hello:
         What a person calls it, at most 64 characters; may be empty.
     operates
         Whether it may ask for control, and so has shown the token for that.
+    states_hz
+        How many states of the hand it wants in a second at most, None for all.
     """
 
     name: str = ""
     operates: bool = False
+    states_hz: float | None = None
 
     def as_auth(self) -> dict[str, Any]:
         """Return the ``auth`` of its connection, without a token."""
         role = "operator" if self.operates else "listener"
-        return {"sharing": SHARING_VERSION, "role": role, "name": self.name}
+        return {
+            "sharing": SHARING_VERSION,
+            "role": role,
+            "name": self.name,
+            "states_hz": self.states_hz,
+        }
 
     @classmethod
     def from_auth(cls, auth: object) -> Self:
@@ -103,7 +111,12 @@ class Hello:
             )
         name = auth.get("name", "")
         text = printable(name[:LONGEST_NAME]) if isinstance(name, str) else ""
-        return cls(text, role == "operator")
+        states_hz = auth.get("states_hz")
+        if states_hz is not None and not (
+            isinstance(states_hz, int | float) and 0.01 <= states_hz <= 1000.0
+        ):
+            raise InputError("states_hz must be absent, or a number from 0.01 to 1000")
+        return cls(text, role == "operator", states_hz)
 
 
 @dataclass(frozen=True)

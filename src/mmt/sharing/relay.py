@@ -7,13 +7,15 @@ nobody waits for anybody.
 """
 
 import asyncio
+import time
 from collections import OrderedDict, deque
 from collections.abc import Callable
 from typing import Any, Final
 
 from mmt.link.protocol import encode_event
 from mmt.link.queue import Sending, SuspendedSend, begin_send
-from mmt.sharing.lag import Have, Lag
+from mmt.link.rate_limit import PeriodLimit
+from mmt.sharing.lag import FIRST_ANSWERS, Have, Lag
 from mmt.sharing.messages import END
 
 _KINDS: Final = ("wholes", "changes", "states")
@@ -130,10 +132,14 @@ class Listener:
     ----------
     relay
         Has the messages.
+    states_hz
+        How many states of the hand it wants in a second at most, None for all. The first come
+        as they are made, so that its lag is soon known.
     """
 
-    def __init__(self, relay: Relay) -> None:
+    def __init__(self, relay: Relay, states_hz: float | None = None) -> None:
         self._relay = relay
+        self._thinning = None if states_hz is None else PeriodLimit(1.0 / states_hz)
         self._number = self._states = 0
         self._ended = False
         self.sent = dict.fromkeys(relay.sent, 0)
@@ -177,13 +183,20 @@ class Listener:
                 return self._given("changes", relay.change)
             return self._given("wholes", relay.whole)
         if relay.states != self._states:
-            self._count("skipped", relay.states - self._states - 1)
-            self._states = relay.states
-            return self._given("states", relay.state)
+            skipped, self._states = relay.states - self._states - 1, relay.states
+            if self._wants_state():
+                self._count("skipped", skipped)
+                return self._given("states", relay.state)
         if relay.end is not None and not self._ended:
             self._ended = True
             return relay.end
         return None
+
+    def _wants_state(self) -> bool:
+        """Whether a state is due, at the rate that it wants."""
+        if self._thinning is None or self.sent["states"] < FIRST_ANSWERS:
+            return True
+        return self._thinning.passes(time.monotonic())
 
     def _given(self, kind: str, message: bytes | None) -> bytes | None:
         """Count a message that is given to it."""

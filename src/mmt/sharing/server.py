@@ -205,7 +205,10 @@ class SharingServer:
             raise socketio.exceptions.ConnectionRefusedError(str(error), *data) from error
         self._joined += 1
         guest = self._guests[sid] = Guest(
-            self._joined, hello.name, self._host.sockets.send(sid, environ), Listener(self._relay)
+            self._joined,
+            hello.name,
+            self._host.sockets.send(sid, environ),
+            Listener(self._relay, hello.states_hz),
         )
 
         def let_go(error: MmtError) -> None:

@@ -18,8 +18,8 @@ import numpy as np
 from mmt.core.errors import InputError
 from mmt.link.access import Access
 from mmt.scene.sharing_tables import Listening
-from mmt.sharing.client import ANSWER_PERIOD_S, FIRST_ANSWERS
-from mmt.sharing.lag import Have
+from mmt.sharing.client import ANSWER_PERIOD_S
+from mmt.sharing.lag import FIRST_ANSWERS, Have
 from mmt.sharing.messages import (
     AGAIN,
     CHANGE,

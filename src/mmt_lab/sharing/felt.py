@@ -130,6 +130,7 @@ class Ear:
             on_model=self._take,
             on_state=self._see,
             on_event=self._hear,
+            states_hz=None if keeps else 1.0,
         )
 
     async def models(self) -> dict[int, TextureModel]:

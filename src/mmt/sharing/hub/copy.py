@@ -7,33 +7,13 @@ from typing import Any, Final
 
 from mmt.core.errors import InputError
 from mmt.link.protocol import encode_event
+from mmt.link.rate_limit import PeriodLimit
 from mmt.sharing.messages import CHANGE, END, MODEL, STATE, STATE_DTYPE, WELCOME
 from mmt.sharing.relay import Relay
 from mmt.sharing.replica import ModelReplica
 
 _TIME_S: Final = struct.Struct("<d")
 """How a state of the hand begins."""
-
-
-class PeriodLimit:
-    """Let something happen once in a period on average, however unevenly it is asked for.
-
-    Parameters
-    ----------
-    period_s
-        The period.
-    """
-
-    def __init__(self, period_s: float) -> None:
-        self._period_s = period_s
-        self._due_s = 0.0
-
-    def passes(self, now_s: float) -> bool:
-        """Whether it may happen now; half a period early is soon enough."""
-        if now_s < self._due_s - 0.5 * self._period_s:
-            return False
-        self._due_s = max(self._due_s, now_s - 0.5 * self._period_s) + self._period_s
-        return True
 
 
 class HubCopy:

@@ -216,6 +216,7 @@ class Hub:
             self._scene.listening,
             on_event=self._on_event,
             on_message=self._hand_on,
+            states_hz=None,
         )
 
     async def _connect(self) -> None:
