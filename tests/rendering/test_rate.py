@@ -1,11 +1,13 @@
 """A stream changes its sampling rate without changing what is heard."""
 
+import math
 from functools import cache
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.signal import firwin
 
 from mmt.core.errors import InputError
 from mmt.rendering.rate import RateConverter
@@ -55,6 +57,18 @@ def test_what_the_device_cannot_play_does_not_fold_back(from_hz: int, to_hz: int
     high = np.sin(2 * np.pi * 0.62 * to_hz * np.arange(from_hz) / from_hz)
     found = RateConverter(from_hz, to_hz).convert(high)
     assert np.abs(found[len(found) // 4 :]).max() < 10 ** (-50 / 20)
+
+
+@pytest.mark.parametrize(("from_hz", "to_hz"), PAIRS)
+def test_the_filter_is_the_window_methods(from_hz: int, to_hz: int) -> None:
+    """Each phase has the taps of scipy's Kaiser-windowed sinc, scaled to pass what is constant."""
+    common = math.gcd(from_hz, to_hz)
+    up, down = to_hz // common, from_hz // common
+    taps = math.ceil(16 * max(1.0, down / up))
+    prototype = firwin(up * taps, 1.0 / max(up, down), window=("kaiser", 5.4), scale=False)
+    wanted = prototype.reshape(taps, up).T
+    found = RateConverter(from_hz, to_hz)._phases[:, ::-1]
+    np.testing.assert_allclose(found, wanted / wanted.sum(axis=1, keepdims=True), atol=1e-15)
 
 
 def test_equal_rates_pass_samples_through() -> None:

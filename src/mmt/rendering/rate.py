@@ -11,7 +11,6 @@ from fractions import Fraction
 from typing import Final
 
 import numpy as np
-from scipy.signal import firwin
 
 from mmt.core.arrays import FloatArray
 from mmt.core.errors import InputError
@@ -101,7 +100,10 @@ def _polyphase(up: int, down: int) -> FloatArray:
         return np.ones((1, 1))
     slower = max(1.0, down / up)  # in samples of the first rate
     taps = int(np.ceil(_TAPS * slower))
-    prototype = firwin(up * taps, 1.0 / max(up, down), window=("kaiser", _KAISER_BETA), scale=False)
+    cutoff = 1.0 / max(up, down)
+    offsets = np.arange(up * taps) - (up * taps - 1) / 2
+    # as scipy.signal.firwin, which takes as long to import as a player's whole start
+    prototype = np.sinc(cutoff * offsets) * np.kaiser(up * taps, _KAISER_BETA)
     phases = prototype.reshape(taps, up).T
     normalised: FloatArray = (phases / phases.sum(axis=1, keepdims=True))[:, ::-1]
     return np.ascontiguousarray(normalised)
