@@ -32,10 +32,13 @@ PLUGIN = '''
 import os
 import time
 
-import numpy as np
-from scipy.signal import butter, sosfilt
+import cmath
+import math
 
-BAND = butter(4, (380.0, 420.0), btype="bandpass", fs=1000.0, output="sos")
+import numpy as np
+
+POLE = 0.985 * cmath.exp(2j * math.pi * 400.0 / 1000.0)
+"""Of a resonance 5 Hz wide."""
 
 
 class BandNoise:
@@ -48,15 +51,17 @@ class BandNoise:
 
     def reset(self, seed):
         self._random = np.random.default_rng(seed)
-        self._state = np.zeros((len(BAND), 2))
+        self._state = 0j
         self._done = 0
 
     def generate(self, speed_mm_s, force_n):
         self._done += len(force_n)
         if self._fault is not None and self._done > 300:
             return self._fault(force_n)
-        noise = self._random.standard_normal(len(force_n)) * np.sqrt(500.0 / 40.0)
-        output, self._state = sosfilt(BAND, noise, zi=self._state)
+        output = np.empty(len(force_n))
+        for index, noise in enumerate(self._random.standard_normal(len(force_n))):
+            self._state = POLE * self._state + noise * math.sqrt(2.0 - 2.0 * abs(POLE) ** 2)
+            output[index] = self._state.real
         here = np.stack([speed_mm_s / 300.0, force_n / 3.0], axis=1)
         near = np.exp(-20.0 * np.square(here[:, None] - self._points).sum(axis=2)) + 1e-9
         return output * (near @ self._rms) / near.sum(axis=1)

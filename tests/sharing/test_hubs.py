@@ -13,6 +13,7 @@ from hub_samples import RedisServer, free_port, hub_process, needs_redis, redis_
 from sharing_samples import Heard, about, listening, model_of, shared, until
 
 from mmt.core.errors import InputError, MmtError
+from mmt.sharing.hub import peers
 from mmt.sharing.messages import SHARING_VERSION, About
 from mmt.texture.model.difference import apply, digest
 from mmt.texture.model.file import arrays_of
@@ -25,6 +26,13 @@ pytestmark = needs_redis
 def redis() -> Iterator[RedisServer]:
     with redis_server() as server:
         yield server
+
+
+@pytest.fixture
+def alone(redis: RedisServer, monkeypatch: pytest.MonkeyPatch) -> RedisServer:
+    """A Redis server for one hub, which has no beats of others to wait for."""
+    monkeypatch.setattr(peers, "FIRST_S", 0.0)
+    return redis
 
 
 def other_about(count: int) -> About:
@@ -42,8 +50,8 @@ def is_model_of(heard: Heard, count: int) -> bool:
     )
 
 
-async def test_a_hub_gives_its_listeners_what_the_leader_shares(redis: RedisServer) -> None:
-    async with shared() as leader, serving(leader.url, redis.url) as hub:
+async def test_a_hub_gives_its_listeners_what_the_leader_shares(alone: RedisServer) -> None:
+    async with shared() as leader, serving(leader.url, alone.url) as hub:
         leader.publish(10)
         await until(lambda: hub.hub.copy.number)
         async with listening(hub.url) as heard:
@@ -119,12 +127,12 @@ async def test_a_feeder_that_is_killed_is_replaced_and_its_listeners_find_anothe
         assert len(leader.server._guests) == 1
 
 
-async def test_any_socket_io_client_can_listen_at_a_hub(redis: RedisServer) -> None:
+async def test_any_socket_io_client_can_listen_at_a_hub(alone: RedisServer) -> None:
     heard: dict[str, object] = {}
     stock = socketio.AsyncClient(serializer="msgpack", reconnection=False)
     for event in ("welcome", "hubs", "model", "change", "state", "end"):
         stock.on(event, lambda argument, event=event: heard.update({event: argument}))
-    async with shared() as leader, serving(leader.url, redis.url) as hub:
+    async with shared() as leader, serving(leader.url, alone.url) as hub:
         leader.publish(10)
         await until(lambda: hub.hub.copy.number)
         hello = {"sharing": SHARING_VERSION, "role": "listener"}
@@ -214,18 +222,18 @@ async def test_without_redis_the_hub_says_how_to_start_it(redis: RedisServer) ->
             pass
 
 
-async def test_a_leader_that_never_answers_ends_the_hub(redis: RedisServer) -> None:
-    async with serving("http://127.0.0.1:9", redis.url, listening={"patience_s": 0.5}) as hub:
+async def test_a_leader_that_never_answers_ends_the_hub(alone: RedisServer) -> None:
+    async with serving("http://127.0.0.1:9", alone.url, listening={"patience_s": 0.5}) as hub:
         await hub.ends_by("no leader answered")
 
 
 async def test_a_hub_that_is_refused_says_why(
-    redis: RedisServer, monkeypatch: pytest.MonkeyPatch
+    alone: RedisServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("MMT_SHARING_TOKEN", "0123456789abcdef0123")
     async with shared() as leader:
         monkeypatch.setenv("MMT_SHARING_TOKEN", "another0123456789abcd")
-        async with serving(leader.url, redis.url) as hub:
+        async with serving(leader.url, alone.url) as hub:
             await hub.ends_by("give the listener the leader's token")
 
 
@@ -258,8 +266,8 @@ async def test_a_hub_is_open_to_others_only_where_it_says_so(redis: RedisServer)
             pass
 
 
-async def test_a_slow_listener_holds_up_nobody_and_gets_what_is_newest(redis: RedisServer) -> None:
-    async with shared() as leader, serving(leader.url, redis.url) as hub:
+async def test_a_slow_listener_holds_up_nobody_and_gets_what_is_newest(alone: RedisServer) -> None:
+    async with shared() as leader, serving(leader.url, alone.url) as hub:
         leader.publish(10)
         await until(lambda: hub.hub.copy.number)
         async with listening(hub.url) as slow, listening(hub.url) as quick:

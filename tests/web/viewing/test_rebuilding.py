@@ -1,11 +1,13 @@
 """The model that a recording's page shows is the one that the leader had."""
 
 import time
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from mmt.core.arrays import RecordArray
 from mmt.scene import Scene
 from mmt.session.data import JsonObject, RecordedSession
 from mmt.session.windows import MemoryWindows
@@ -16,13 +18,19 @@ from mmt.texture.online.history import build, update_blocks
 from mmt.texture.settings import ModellingSettings, SurfaceSettings
 from mmt.web.viewing.rebuilding import ModelRebuild, frozen_spans
 
-FRAMES, _ = simulate_session(Scene(), "plastic", 14.0)
 NEVER = ModellingSettings(criterion="distance", start_distance=12.0, stop_distance=1e-6)
+
+
+@cache
+def stroked() -> RecordArray:
+    """Return the frames of a session, shape (14_000,)."""
+    frames, _ = simulate_session(Scene(), "plastic", 14.0)
+    return frames
 
 
 def rebuilt(settings: ModellingSettings, events: list[JsonObject] | None = None) -> ModelRebuild:
     """Return the finished building of a session's model."""
-    windows = MemoryWindows(RecordedSession(FRAMES, events=events or []))
+    windows = MemoryWindows(RecordedSession(stroked(), events=events or []))
     rebuilding = ModelRebuild(windows, settings, 1.0)
     rebuilding.start()
     deadline = time.monotonic() + 120
@@ -35,7 +43,7 @@ def rebuilt(settings: ModellingSettings, events: list[JsonObject] | None = None)
 
 def test_every_state_is_that_of_the_live_leader() -> None:
     rebuilding = rebuilt(NEVER)
-    history = build(list(update_blocks(FRAMES, 1000)), NEVER)
+    history = build(list(update_blocks(stroked(), 1000)), NEVER)
     assert [s.progress for s in rebuilding.states] == [u.progress for u in history.updates]
     assert [s.time_s for s in rebuilding.states] == pytest.approx(
         [u.time_s for u in history.updates], abs=0.01
@@ -72,7 +80,7 @@ def test_a_reset_begins_a_new_model() -> None:
     rebuilding = rebuilt(NEVER, [{"time_s": 7.5, "event": "model reset"}])
     after = [state for state in rebuilding.states if state.time_s >= 7.5]
     assert (after[0].time_s, after[0].number, after[0].start_s) == (7.5, None, None)
-    begun = FRAMES[FRAMES["sequence"] >= 7500]
+    begun = stroked()[7500:]
     history = build(list(update_blocks(begun, 1000)), NEVER)
     assert [s.progress.value for s in after[1:]] == pytest.approx(
         [u.distance for u in history.updates]
@@ -133,7 +141,7 @@ def test_each_surface_has_its_own_model_and_criteria() -> None:
 
 
 def test_building_can_be_left_at_any_time() -> None:
-    windows = MemoryWindows(RecordedSession(FRAMES))
+    windows = MemoryWindows(RecordedSession(stroked()))
     rebuilding = ModelRebuild(windows, NEVER, 1.0)
     rebuilding.start()
     rebuilding.close()
