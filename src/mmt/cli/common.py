@@ -17,6 +17,7 @@ from rich.text import Text
 from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import requiring
 from mmt.core.inventory import Inventory
+from mmt.core.labels import label
 from mmt.core.printable import printable
 from mmt.core.version import __version__
 from mmt.scene import Scene, Service
@@ -220,8 +221,8 @@ def flatten(content: object, prefix: str = "") -> list[tuple[str, str]]:
         return [] if content in (None, "", [], {}) else [(prefix, as_text(content))]
     rows: list[tuple[str, str]] = []
     for name, value in content.items():
-        label = str(name).replace("_", " ")
-        rows += flatten(value, f"{prefix}, {label}" if prefix else label)
+        words = label(name)
+        rows += flatten(value, f"{prefix}, {words}" if prefix else words)
     return rows
 
 

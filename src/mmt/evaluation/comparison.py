@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from mmt.core.errors import InputError
+from mmt.core.labels import label
 from mmt.evaluation.document import Block, Heading, Paragraph, Picture, SideBySide, Table
 from mmt.evaluation.report_files import FIGURES, write_report_files
 
@@ -36,7 +37,7 @@ class Difference:
     @property
     def row(self) -> tuple[str, ...]:
         """Return `COLUMNS`."""
-        texts = self.name, _text(self.left), _text(self.right)
+        texts = label(self.name), _text(self.left), _text(self.right)
         if not (_is_number(self.left) and _is_number(self.right)):
             return (*texts, "", "")
         left, right = float(self.left), float(self.right)  # type: ignore[arg-type]
@@ -208,8 +209,8 @@ def _walk(
         if isinstance(value, Mapping):
             yield from _walk(value, (*path, name))
         elif isinstance(value, list) and value and all(isinstance(v, Mapping) for v in value):
-            for label, item in zip(_labels(value), value, strict=True):
-                yield from _walk(item, (*path, f"{name} {label}"))
+            for which, item in zip(_labels(value), value, strict=True):
+                yield from _walk(item, (*path, f"{name} {which}"))
         else:
             yield (section, name), value
 

@@ -3,10 +3,11 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from mmt.core.labels import label
 from mmt.evaluation.document import Block, Heading, SmallTables, Table
 from mmt.evaluation.grid_errors import SECTOR_DEG, SectorErrors
 from mmt.evaluation.results import Evaluation, Score
-from mmt.evaluation.texts import label, number, plain, seconds, share
+from mmt.evaluation.texts import number, plain, seconds, share
 
 
 def overview(evaluations: Sequence[Evaluation]) -> Table:

@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 
+from mmt.core.labels import label
+
 
 def number(value: float | None, digits: int) -> str:
     """Return a number with this many decimals."""
@@ -31,8 +33,3 @@ def plain(value: object) -> str:
     if isinstance(value, Sequence) and not isinstance(value, str):
         return "; ".join(plain(item) for item in value)
     return str(value)
-
-
-def label(name: object) -> str:
-    """Return a key as words."""
-    return str(name).replace("_", " ")
