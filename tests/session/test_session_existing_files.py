@@ -6,6 +6,7 @@ from session_samples import made_frames
 from mmt.core.errors import InputError
 from mmt.core.frames import CHANNELS
 from mmt.session import read_session
+from mmt.session.mcap_windows import McapWindows
 from mmt.session.recorder import McapRecorder
 
 
@@ -23,6 +24,15 @@ def test_a_recorder_refuses_a_file_that_holds_something(tmp_path):
     assert path.read_bytes() == before
     record(path, 10, existing="replace")
     assert len(read_session(path).frames) == 10
+
+
+def test_a_recording_that_replaced_another_has_an_index_that_counts_from_its_beginning(tmp_path):
+    path = record(tmp_path / "run.mcap", 3000, scene={"session": {"name": "first"}})
+    record(path, 10, existing="replace", scene={"session": {"name": "second"}})
+    windows = McapWindows.open(path)
+    assert windows is not None
+    assert windows.scene == {"session": {"name": "second"}}
+    windows.close()
 
 
 def test_a_recorder_that_numbers_takes_the_next_name(tmp_path):

@@ -340,6 +340,7 @@ def _claim(path: Path, *, replace: bool) -> BinaryIO:
         raise _TakenError(exists_error(path) if locked else busy)
     if regular:
         stream.truncate(0)
+        stream.seek(0)  # the index counts from here, not from the end of what was there
     return stream
 
 
