@@ -87,6 +87,8 @@ class Listing:
 Block = Heading | Paragraph | Table | Picture | SideBySide | SmallTables | Listing
 
 _WIDE: Final = 2.6
+_LONG: Final = 40
+"""Characters from which a cell is a sentence: kept broad enough to be read on a phone."""
 
 _STYLE: Final = """
 :root { color-scheme: light dark; --line: #c9ced6; --soft: #f3f5f8; --text: #1b1f24;
@@ -103,14 +105,17 @@ h3 { font-size: 1.05rem; margin: 1.6rem 0 .4rem; }
 p { max-width: 46rem; }
 .scroll { overflow-x: auto; margin: 1rem 0; }
 table { border-collapse: collapse; font-size: .92rem; font-variant-numeric: tabular-nums; }
-caption { text-align: left; color: var(--quiet); padding-bottom: .35rem; }
+caption { text-align: left; color: var(--quiet); padding-bottom: .35rem;
+  max-width: calc(100vw - 2.4rem); }
 th, td { padding: .3rem .75rem; border-bottom: 1px solid var(--line); text-align: left;
   vertical-align: top; }
 th { background: var(--soft); font-weight: 600; vertical-align: bottom; }
 .number { text-align: right; }
 td.number { white-space: nowrap; }
+td.sentence { min-width: 13rem; }
 .tables { columns: 19rem; column-gap: 2rem; }
 .tables td { overflow-wrap: anywhere; }
+.tables td:not(.number) { min-width: 7.5rem; }
 .tables .scroll { break-inside: avoid; margin-top: 0; }
 figure { margin: 1.2rem 0; }
 figure img { max-width: 100%; height: auto; background: #ffffff; border-radius: 6px;
@@ -214,7 +219,7 @@ def _html_table(table: Table) -> str:
 
     def cells(tag: str, texts: Sequence[str]) -> str:
         return "".join(
-            f"<{tag}{' class=number' if right else ''}>{html.escape(text)}</{tag}>"
+            f"<{tag}{_class(tag, text, right)}>{html.escape(text)}</{tag}>"
             for text, right in zip(texts, numeric, strict=True)
         )
 
@@ -224,6 +229,12 @@ def _html_table(table: Table) -> str:
         f'<div class="scroll"><table>{caption}<thead><tr>{cells("th", table.columns)}</tr>'
         f"</thead><tbody>\n{rows}\n</tbody></table></div>"
     )
+
+
+def _class(tag: str, text: str, right: bool) -> str:
+    if right:
+        return " class=number"
+    return " class=sentence" if tag == "td" and len(text) > _LONG else ""
 
 
 def numeric_columns(table: Table) -> list[bool]:
