@@ -161,7 +161,7 @@ class _Mapping:
             raise InputError(
                 f"{self._origin}: it holds none of {', '.join(FIELD_OF_CHANNEL.values())}, and "
                 f"nothing is mapped to them (--map force_z=NAME); "
-                f"{listed(self._columns.names)}"
+                f"{listed(self._columns.names)}; mmt session inspect proposes a command"
             )
         sequence = self._columns.values.get("sequence")
         return Samples(self._origin, values, times, sequence, self._columns.row_name)
