@@ -20,7 +20,9 @@ reports = typer.Typer(no_args_is_help=True, help="Compare reports.")
 
 
 def evaluate(
-    sessions: Annotated[list[Path], typer.Argument(metavar="SESSION...")],
+    sessions: Annotated[
+        list[Path], typer.Argument(metavar="SESSION...", help="Recorded sessions.")
+    ],
     scene_file: Annotated[
         Path | None, typer.Option("--scene", help="Take \\[texture] from this scene.")
     ] = None,

@@ -19,8 +19,10 @@ class DataSet(StrEnum):
 
 
 def export_file(
-    sources: Annotated[list[Path], typer.Argument(metavar="FILE...")],
-    target: Annotated[Path, typer.Argument(metavar="OUT")],
+    sources: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Recorded sessions.")],
+    target: Annotated[
+        Path, typer.Argument(metavar="OUT", help="A file, or a folder for a bag or data set.")
+    ],
     data_set: Annotated[
         DataSet | None,
         typer.Option("--to", help="Make the folder OUT a data set, with an episode of each FILE."),

@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 
 _SHOWN_NAMES = 40
 
-SourceFile = Annotated[Path, typer.Argument(metavar="FILE")]
+SourceFile = Annotated[
+    Path, typer.Argument(metavar="FILE", help="A file, bag or data set of another program.")
+]
 
 
 class Stamps(StrEnum):
@@ -60,7 +62,9 @@ def inspect_file(source: SourceFile) -> None:
 
 def import_file(
     source: SourceFile,
-    target: Annotated[Path, typer.Argument(metavar="OUT")],
+    target: Annotated[
+        Path, typer.Argument(metavar="OUT", help="The session's file, such as mine.mcap.")
+    ],
     columns: Annotated[
         list[str] | None,
         typer.Option(
@@ -128,12 +132,10 @@ def import_file(
 
 def print_report(title: str, report: "ImportReport") -> None:
     """Print what was found in a recording, and what looks wrong."""
-    table = Table(
-        title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0)
-    )
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, padding=0)
     table.add_column("column", no_wrap=True)
     for name in ("rows", "Hz", "jitter ms", "missing", "mean", "lowest", "highest"):
-        table.add_column(name, justify="right", no_wrap="jitter" not in name)
+        table.add_column(name, justify="right", no_wrap="jitter" not in name, min_width=6)
     for channel in report.channels:
         clock = (f"{channel.rate_hz:.1f}", f"{channel.jitter_ms:.2f}", str(channel.missing_rows))
         for axis, name in enumerate(axis_columns(channel.channel)):

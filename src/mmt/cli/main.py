@@ -73,7 +73,7 @@ DEFAULT_SCENE = Path("demo")
 @app.callback()
 def main(
     _: Annotated[
-        bool, typer.Option("--version", callback=version, is_eager=True, help="Print it.")
+        bool, typer.Option("--version", callback=version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
     """Handle the options that precede a command."""

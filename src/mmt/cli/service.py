@@ -55,7 +55,7 @@ RealTime: TypeAlias = Annotated[
     bool, typer.Option("--realtime", help="Tick by real-time scheduling (Linux).")
 ]
 Version: TypeAlias = Annotated[
-    bool, typer.Option("--version", callback=version, is_eager=True, help="Print it.")
+    bool, typer.Option("--version", callback=version, is_eager=True, help="Print the version.")
 ]
 
 

@@ -36,8 +36,10 @@ app.command("inspect")(inspect_file)
 app.command("import")(import_file)
 app.command("export")(export_file)
 
-SourceFile = Annotated[Path, typer.Argument(metavar="FILE")]
-TargetFile = Annotated[Path, typer.Argument(metavar="OUT")]
+SourceFile = Annotated[Path, typer.Argument(metavar="FILE", help="A recorded session.")]
+TargetFile = Annotated[
+    Path, typer.Argument(metavar="OUT", help="The session's file, such as wood.mcap.")
+]
 
 
 @app.command()
