@@ -234,7 +234,8 @@ def selection_plane(samples: TextureSamples, selection: "Selection") -> Figure:
     if directed:
         _scatter(axes[1], samples.inputs[:, :2], selection)
         axes[1].set(xlabel="velocity x (mm/s)", ylabel="velocity y (mm/s)", aspect="equal")
-    axes[0].legend(loc="best", fontsize=8, framealpha=0.9)
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=3, frameon=False, fontsize=8)
     return figure
 
 
