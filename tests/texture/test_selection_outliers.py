@@ -1,5 +1,6 @@
 """Outliers among fitted segments: the rate of false alarms, and what is found."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -87,6 +88,8 @@ def test_knocks_on_a_texture_of_the_prior_are_found(dimensions):
         np.testing.assert_array_equal(found.outlier, found.score > found.limit)
         np.testing.assert_allclose(found.score, found.parts.sum(axis=1))
         assert [bool(words) for words in reasons(found)] == found.outlier.tolist()
+        told = [float(re.search(r"score ([\d.]+),", words)[1]) for words in reasons(found) if words]
+        np.testing.assert_allclose(told, found.score[found.outlier], atol=0.051)
 
 
 def test_more_false_alarms_that_are_allowed_are_more_found():

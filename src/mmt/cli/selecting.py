@@ -121,7 +121,7 @@ def _print(pool: "Pool", result: "Selection", errors: dict[str, Any]) -> None:
     output.print(
         f"{len(result.kept)} samples: {result.kept.sum()} kept, of these "
         f"{result.minimal.sum()} corners of the hull; {result.redundant.sum()} redundant; "
-        f"{result.outlier.sum()} outliers",
+        f"{result.outlier.sum()} outlier{'' if result.outlier.sum() == 1 else 's'}",
         highlight=False,
     )
     if pool.data.segments is None:

@@ -174,11 +174,11 @@ def _above(score: FloatArray, false_alarms: float) -> tuple[float, BoolArray]:
 
 
 def reasons(outliers: Outliers) -> list[str]:
-    """Return a sentence for each point: the strongest evidence against it, "" for good ones."""
+    """Return a sentence for each point: what counts most against it, "" for good ones."""
     over = outliers.parts - np.median(outliers.parts[~outliers.outlier], axis=0)
     result = []
-    for parts, bad in zip(over, outliers.outlier, strict=True):
+    for parts, score, bad in zip(over, outliers.score, outliers.outlier, strict=True):
         strongest = int(np.argmax(parts))
-        words = f"{_WORDS[strongest]} (evidence {parts[strongest]:.0f}, limit {outliers.limit:.0f})"
+        words = f"{_WORDS[strongest]} (score {score:.1f}, limit {outliers.limit:.1f})"
         result.append(words if bad else "")
     return result
