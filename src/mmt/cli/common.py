@@ -74,9 +74,6 @@ def run_app(app: typer.Typer, program: str) -> None:
     except MmtError as error:
         print_error(str(error))
         sys.exit(error.exit_code)
-    except KeyboardInterrupt:
-        messages.print("stopped")
-        sys.exit(130)
 
 
 def print_error(sentence: str) -> None:

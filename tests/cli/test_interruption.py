@@ -1,0 +1,87 @@
+"""Ctrl-C ends a command with 130, whatever its library makes of it."""
+
+import io
+import os
+import signal
+import sys
+import types
+from collections.abc import Callable, Iterator
+
+import pytest
+import typer
+
+from mmt.cli import entry
+from mmt.cli.common import run_app
+from mmt.core.errors import MmtError
+
+
+@pytest.fixture(autouse=True)
+def usual_handler() -> Iterator[None]:
+    usual = signal.getsignal(signal.SIGINT)
+    yield
+    signal.signal(signal.SIGINT, usual)
+
+
+def ctrl_c() -> None:
+    os.kill(os.getpid(), signal.SIGINT)
+    raise AssertionError("not interrupted")
+
+
+class InterruptedInput(io.StringIO):
+    def readline(self, *_: object) -> str:
+        ctrl_c()
+        return ""
+
+
+def at_a_prompt() -> None:
+    typer.prompt("x points up", default="", err=True)
+
+
+def as_an_old_typer_translates_it() -> None:
+    try:
+        ctrl_c()
+    except KeyboardInterrupt as error:
+        raise typer.Abort from error
+
+
+def told_by_the_command() -> None:
+    try:
+        ctrl_c()
+    except KeyboardInterrupt as error:
+        raise MmtError("interrupted: 3 results are kept") from error
+
+
+def fails() -> None:
+    raise MmtError("no answer")
+
+
+def exit_code(command: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> object:
+    """Run a command as an installed program does, and return its exit code."""
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    app.command()(command)
+    module = types.ModuleType("mmt.cli.tried")
+    vars(module)["run"] = lambda: run_app(app, "tried")
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setattr(sys, "argv", ["tried"])
+    with pytest.raises(SystemExit) as ended:
+        entry.start("tried")
+    return ended.value.code
+
+
+@pytest.mark.parametrize(
+    "command", [ctrl_c, at_a_prompt, as_an_old_typer_translates_it, told_by_the_command]
+)
+def test_an_interrupted_command_ends_with_130(
+    command: Callable[[], object],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(sys, "stdin", InterruptedInput())
+    assert exit_code(command, monkeypatch) == entry.INTERRUPTED == 130
+    told = capsys.readouterr().err
+    assert told.endswith("stopped\n")
+    assert "Traceback" not in told
+
+
+def test_another_failure_keeps_its_exit_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert exit_code(fails, monkeypatch) == 1
