@@ -46,12 +46,14 @@ class Arm:
 class Bench:
     """A source in simulated time, ticked by hand."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, on_lost: str = "hold") -> None:
+    def __init__(
+        self, monkeypatch: pytest.MonkeyPatch, on_lost: str = "hold", rate_hz: float = 2000
+    ) -> None:
         self.time = Time()
         monkeypatch.setattr(source_module, "time", self.time)
         monkeypatch.setattr(ports_module, "time", self.time.still)
         self.arm = Arm()
-        self.sensor = SyntheticSensor(2000, time=self.time)
+        self.sensor = SyntheticSensor(rate_hz, time=self.time)
         self.told: list[tuple[bool, str]] = []
         self.source = DeviceSource(
             self.arm,
@@ -94,6 +96,24 @@ def test_a_sensor_that_stops_is_seen_within_20_ms_and_frames_cease(
     assert "cable" in bench.told[0][1]
     assert len(bench.run(50)) == 0
     assert len(bench.arm.written) == 170  # the robot is commanded all the while
+
+
+@pytest.mark.parametrize("rate_hz", [30.0, 2.0])
+def test_a_sensor_with_a_slow_rate_is_lost_by_its_own_period(
+    monkeypatch: pytest.MonkeyPatch, rate_hz: float
+) -> None:
+    bench = Bench(monkeypatch, rate_hz=rate_hz)
+    period_ms = round(1000 / rate_hz)
+    assert len(bench.run(10 * period_ms)) >= 8 * period_ms
+    assert bench.told == []
+    bench.sensor.stalled = True
+    bench.run(3 * period_ms + 3)
+    assert [lost for lost, _ in bench.told] == [True]
+    bench.sensor.stalled = False
+    bench.run(2 * period_ms)
+    assert not bench.told[-1][0]
+    assert bench.sensor.calls == ["connect", "calibrate"]  # it was merely silent
+    bench.source.close()
 
 
 def test_a_latency_that_is_known_once_connected_is_taken(

@@ -41,7 +41,8 @@ class Lane:
         """How many have come."""
         self.newest: SensorReading | None = None
         self._kept: deque[SensorReading] = deque(maxlen=_KEPT)
-        self._spacing_ns = 0.0  # usual time between readings, 0 before there are two
+        self.period_ns = 0.0
+        """Usual time between readings, 0 before there are two."""
 
     def reset(self) -> None:
         """Discard all readings: the device has restarted."""
@@ -60,11 +61,11 @@ class Lane:
                 step = reading.time_ns - kept[-1].time_ns
                 if step <= 0:
                     self.reset()
-                elif not self._spacing_ns:
-                    self._spacing_ns = float(step)
+                elif not self.period_ns:
+                    self.period_ns = float(step)
                 else:
-                    limited = min(step, 3.0 * self._spacing_ns)  # a gap is not the usual spacing
-                    self._spacing_ns += 0.01 * (limited - self._spacing_ns)
+                    limited = min(step, 3.0 * self.period_ns)  # a gap is not the usual spacing
+                    self.period_ns += 0.01 * (limited - self.period_ns)
             kept.append(reading)
         if readings:
             self.readings += len(readings)
@@ -93,7 +94,7 @@ class Lane:
             return WAITING
         return self._interpolate(
             self.clock.sensor_time(host_ns) + self.latency_ns,
-            max(LONGEST_GAP_NS, 1.5 * self._spacing_ns),
+            max(LONGEST_GAP_NS, 1.5 * self.period_ns),
         )
 
     def _interpolate(self, time_ns: int, longest_ns: float) -> "Vector | Waiting | None":

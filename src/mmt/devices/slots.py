@@ -22,8 +22,9 @@ from mmt.devices.reconnection import Reasons, Reconnection
 from mmt.devices.vibration_lane import VibrationLane
 
 SILENT_NS: Final = 15_000_000
-"""Time without a reading after which a sampled sensor is lost."""
+"""Time without a reading after which a sampled sensor is lost, where it is no slow one."""
 
+_SILENT_PERIODS: Final = 3.0  # of a slow one, instead
 _EMPTY_READS: Final = 8
 """Empty reads in a row that a loss takes too: a host that was held up is no lost sensor."""
 _MOST_DISCARDED: Final = 64
@@ -218,13 +219,16 @@ class SampledSlot(Slot):
             return
         self._empty += 1
         silent_ns = now_ns - self._last_ns
-        if self._empty >= _EMPTY_READS and silent_ns >= SILENT_NS:
+        if self._empty >= _EMPTY_READS and silent_ns >= self._silence_ns(SILENT_NS):
             complaint = self.device.complaint() if isinstance(self.device, FaultExplaining) else ""
             raise DeviceLost(
                 complaint
                 or f"no reading for {silent_ns / 1e6:.0f} ms; check its cable, its power, "
                 "and whether this machine has time for it"
             )
+
+    def _silence_ns(self, least_ns: int) -> float:
+        return max(least_ns, _SILENT_PERIODS * self.lane.period_ns)
 
     def poll(self) -> bool:
         """Take what has come; return whether anything has.
@@ -263,7 +267,7 @@ class SampledSlot(Slot):
                 self._heard_ns = now_ns
             return not self._settles or now_ns - self._heard_ns >= _SETTLE_NS
         since_ns = self._listening_ns if self._heard_ns is None else self._last_ns
-        if now_ns - since_ns >= _PATIENCE_NS:
+        if now_ns - since_ns >= self._silence_ns(_PATIENCE_NS):
             raise DeviceLost("")  # which is no news
         return False
 

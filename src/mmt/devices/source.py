@@ -27,7 +27,7 @@ from mmt.devices.slots import RobotSlot, SampledSlot, Slot, failure, slot_of, su
 PERIOD_NS: Final = 1_000_000
 
 _WARM_UP_NS: Final = 100_000_000
-_FIRST_READING_NS: Final = 1_500_000_000
+_FIRST_READINGS_NS: Final = 1_500_000_000
 _KEY_OF_CHANNEL: Final[dict[Channel, str]] = {
     "position": "robot",
     "force": "force_sensor",
@@ -160,21 +160,21 @@ class DeviceSource:
         """
         ages = ReadingAges(slot.lane for slot in self._sampled)
         start_ns = time.monotonic_ns()
-        while (passed_ns := time.monotonic_ns() - start_ns) < _WARM_UP_NS or any(
-            not slot.lane.clock.known for slot in self._sampled
+        while (passed_ns := time.monotonic_ns() - start_ns) < _WARM_UP_NS or (
+            passed_ns <= _FIRST_READINGS_NS
+            and not all(slot.lane.period_ns for slot in self._sampled)
         ):
             for slot in self._sampled:
                 try:
                     slot.poll()
-                    if passed_ns > _FIRST_READING_NS and not slot.lane.clock.known:
-                        raise DeviceLost(  # noqa: TRY301 - reported like an exception of a driver
-                            "it is connected but gives no reading; check its cable and settings"
-                        )
                 except Exception as error:
                     raise failure(slot, error) from error
             ages.look(time.monotonic_ns())
             time.sleep(5e-5)
         for slot in self._sampled:
+            if not slot.lane.clock.known:
+                why = "it is connected but gives no reading; check its cable and settings"
+                raise failure(slot, DeviceLost(why))
             slot.begin(time.monotonic_ns())
         return ages.hold_back_ns()
 

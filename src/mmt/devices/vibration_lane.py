@@ -101,9 +101,9 @@ class VibrationLane(Lane):
         uneven_ns = abs(end.time_ns - kept[0].time_ns - BEFORE * span)
         if span > longest_ns or uneven_ns > _UNEVEN * span:
             return on_line(start, end, time_ns, longest_ns)
-        if abs(self._spacing_ns - self._made_for_ns) > _OTHER_RATE * self._spacing_ns:
-            self._made_for_ns = self._spacing_ns
-            self._weights = weights(band_of(1e9 / self._spacing_ns))
+        if abs(self.period_ns - self._made_for_ns) > _OTHER_RATE * self.period_ns:
+            self._made_for_ns = self.period_ns
+            self._weights = weights(band_of(1e9 / self.period_ns))
         x = y = z = 0.0
         row = self._weights[round((time_ns - start.time_ns) / span * PHASES)]
         for weight, (_, (u, v, w)) in zip(row, kept, strict=False):  # what comes later has no part
