@@ -125,6 +125,7 @@ def test_where_the_texture_is_not_known_the_error_is_of_held_out_segments() -> N
             "the recording failed: disk full; 5 frames are not in it",
         ),
         ("handle__losses", 1, "1 loss of the handle"),
+        ("handle__faults", {"stale commands": 2}, "2 faults of the handle (stale commands)"),
     ],
 )
 def test_what_is_unusual_is_named(key: str, value: Any, sentence: str) -> None:

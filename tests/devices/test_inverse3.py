@@ -215,12 +215,13 @@ def test_a_device_that_gives_nothing_usable_is_lost_and_comes_back(
 ) -> None:
     service.fail(fault)
     lost(device, sentence)
-    assert sum(device.faults.values()) >= 20
+    counted = device.faults
+    assert sum(counted.values()) >= 20
     assert service.look().motor_n == (0.0, 0.0, 0.0)
     service.fail(fault, on=False)
     device.connect()
     assert device.position() == pytest.approx((0.0, 0.0, 0.0))
-    assert device.faults == {}
+    assert all(device.faults[fault] >= count for fault, count in counted.items())
 
 
 def test_a_service_that_is_stuck_is_lost_and_comes_back(make, service) -> None:

@@ -73,6 +73,8 @@ def test_the_displayed_force_is_cut_to_the_devices_limit(make, emulated) -> None
     for force in ((math.nan, 0.0, 0.0), (0.0, math.inf, 0.0)):
         handle.write(force)
     assert handle.faults["commands that are not finite"] == 2
+    handle.connect()
+    assert handle.faults["commands that are not finite"] == 2
     assert emulated.look().motor_n[1] <= 1.2 + 1e-9
 
 

@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from mmt.devices.protocols import InterfaceState, Vector
 from mmt.leader.feedback import StreamedForce
 from mmt.leader.feedback_model import ModelForce
 from mmt.leader.feedback_passive import PassiveForce
-from mmt.leader.hand import OperatorHandle
+from mmt.leader.hand import HandPart, OperatorHandle
 
 RECOVERY_MM = 0.05
 
@@ -27,6 +28,7 @@ class Handle:
     """A handle that can be unplugged."""
 
     def __init__(self) -> None:
+        self.faults: dict[str, int] = {}
         self.place: Vector = (0.0, 0.0, 0.0)
         self.unplugged: str | None = None
         self.shown: Vector = (0.0, 0.0, 0.0)
@@ -92,6 +94,18 @@ def test_the_robot_is_held_while_the_handle_is_lost_and_then_moved_without_a_jum
     assert "the handle (Handle) is lost: the cable is out" in told[0][0]
     assert handle.losses_summary["losses"] == 1
     assert handle.losses_summary["lost_s"] > 0.0
+
+
+@pytest.mark.parametrize("comes_back", [True, False])
+def test_what_its_driver_has_survived_is_in_the_summary(comes_back: bool) -> None:
+    device, handle, _ = made()
+    session: Any = SimpleNamespace(journal=SimpleNamespace(event=lambda *_, **__: None))
+    part = HandPart(session, handle, handle) if comes_back else HandPart(session, device)
+    losses = {"device": "Handle", "losses": 0, "lost_s": 0.0}
+    assert part.summary(1.0) == ({"handle": losses} if comes_back else {})
+    device.faults = {"stale commands": 2}
+    table = part.summary(1.0)["handle"]
+    assert (table["device"], table["faults"]) == ("Handle", {"stale commands": 2})
 
 
 def test_the_hands_own_motion_comes_on_top_of_the_recovery() -> None:

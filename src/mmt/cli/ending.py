@@ -40,6 +40,7 @@ _FAULTS: Final = (
     _Fault("commands.clipped_commands", "command", "commands", "outside the workspace"),
     _Fault("commands.halts", "halt of the robot", "halts of the robot"),
     _Fault("handle.losses", "loss of the handle", "losses of the handle"),
+    _Fault("handle.faults", "fault of the handle", "faults of the handle"),
     _Fault("devices.*.losses", "loss of the {name}", "losses of the {name}"),
     _Fault("devices.*.faults", "fault of the {name}", "faults of the {name}"),
     _Fault("devices.*.clock_jumps", "jump of the {name}'s clock", "jumps of the {name}'s clock"),

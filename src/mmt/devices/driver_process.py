@@ -49,14 +49,17 @@ class DriverProcess:
         For it, as JSON has them.
     lost
         What to say where it ends without a word.
+    counts
+        What it survives is added here, by what it was; they outlast it.
     """
 
-    def __init__(self, module: str, arguments: dict[str, Any], lost: str) -> None:
+    def __init__(
+        self, module: str, arguments: dict[str, Any], lost: str, counts: Counter[str]
+    ) -> None:
         self._module, self._arguments, self._lost = module, arguments, lost
+        self._counts = counts
         self.ended: str | None = None
         """Why it has ended, None while it runs."""
-        self.counts: Counter[str] = Counter()
-        """What was survived, by what it was."""
         self.child: subprocess.Popen[bytes] | None = None
         self._files = (-1, -1)
         self._received = bytearray()
@@ -82,7 +85,7 @@ class DriverProcess:
         self._arrival_ns = time.monotonic_ns()
 
     def take(self) -> list[Message]:
-        """Return the messages that have come, but those that `ended` and `counts` tell."""
+        """Return the messages that have come, but those that `ended` and the counts tell."""
         with self._lock:
             if self.child is None:
                 return []
@@ -100,16 +103,10 @@ class DriverProcess:
 
     def _keep(self, kind: bytes, body: bytes) -> bool:
         if kind == COUNT:
-            self.counts[text_of(body)] += 1
+            self._counts[text_of(body)] += 1
         elif kind == ENDED:
             self.ended = self.ended or text_of(body)
         return kind in (COUNT, ENDED)
-
-    def take_counts(self) -> Counter[str]:
-        """Return what was survived since the last call, by what it was."""
-        with self._lock:
-            counts, self.counts = self.counts, Counter()
-        return counts
 
     @property
     def silent_ns(self) -> int:

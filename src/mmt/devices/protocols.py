@@ -127,6 +127,15 @@ class PositionKeeping(Protocol):
         """
 
 
+def survived(device: Device) -> dict[str, Any]:
+    """Return the table ``faults`` of a summary with what a driver has counted, empty for nothing.
+
+    Drivers of polled sensors, robots and handles may have counts, and need not.
+    """
+    faults = getattr(device, "faults", None)
+    return {"faults": dict(faults)} if faults and isinstance(faults, Mapping) else {}
+
+
 @runtime_checkable
 class FaultExplaining(Protocol):
     """A sensor that can report why it gives no readings; optional for a driver."""

@@ -17,6 +17,7 @@ from mmt.devices.protocols import (
     Robot,
     SampledSensor,
     Vector,
+    survived,
 )
 from mmt.devices.reconnection import Reasons, Reconnection
 from mmt.devices.vibration_lane import VibrationLane
@@ -126,11 +127,8 @@ class Slot(ABC):
     @property
     def summary(self) -> dict[str, Any]:
         """What it gave and what its driver survived, for a program."""
-        summary: dict[str, Any] = {"device": type(self.device).__name__, "losses": self.losses}
-        faults = getattr(self.device, "faults", None)
-        if faults and isinstance(faults, Mapping):
-            summary["faults"] = dict(faults)
-        return summary
+        name = type(self.device).__name__
+        return {"device": name, "losses": self.losses, **survived(self.device)}
 
     def _connect(self) -> None:
         self._reconnection = Reconnection(self.device)

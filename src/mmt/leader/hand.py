@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from mmt.core.arrays import difference, towards
-from mmt.devices.protocols import InterfaceState, LeaderInterface, Vector
+from mmt.devices.protocols import InterfaceState, LeaderInterface, Vector, survived
 from mmt.devices.reconnection import ReconnectingHandle
 from mmt.leader.part import Part, Session, Tick
 from mmt.scene import Link, Simulated
@@ -166,11 +166,13 @@ class HandPart(Part):
         return [self.handle.problem] if self.handle is not None and self.handle.problem else []
 
     def summary(self, duration_s: float) -> dict[str, Any]:
-        """Return how often and how long a handle was lost."""
+        """Return how often and how long a handle was lost, and what its driver has survived."""
         _ = duration_s
         if self.handle is None:
-            return {}
-        return {"handle": {"device": self.handle.name, **self.handle.losses_summary}}
+            found = survived(self.device)
+        else:
+            found = self.handle.losses_summary | survived(self.handle.device)
+        return {"handle": {"device": self.name, **found}} if found else {}
 
     def metrics(self) -> "Iterable[Metric]":
         """Return losses of a handle."""

@@ -5,6 +5,7 @@ import logging
 import math
 import time
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Final
 
@@ -37,7 +38,7 @@ class InverseDriver(ABC):
         self._options = options
         self._axes = Axes(options.axes, options.origin_mm)
         self._link: ServiceLink | None = None
-        self._newest: ServiceLink | None = None  # closed perhaps, for its counts
+        self._counts: Counter[str] = Counter()  # of all its connections
         self._calibrated = False
         self.name = f"Inverse3 {options.device or ''}".rstrip() + f" at {options.address}"
 
@@ -54,7 +55,7 @@ class InverseDriver(ABC):
             The service or the device is not there, or which of several is meant is not said.
         """
         self.close()
-        self._link = self._newest = link = self._make_link()
+        self._link = link = self._make_link()
         try:
             link.start()
             self.name = link.name
@@ -95,8 +96,10 @@ class InverseDriver(ABC):
 
     @property
     def faults(self) -> Mapping[str, int]:
-        """Counts by what went wrong and was survived, of the newest connection."""
-        return {} if self._newest is None else dict(self._newest.counts)
+        """Counts by what went wrong and was survived."""
+        if self._link is not None:
+            self._link.poll()
+        return dict(self._counts)
 
     def remarks(self) -> Sequence[str]:
         """Return a sentence for each thing that is doubtful about the device."""
@@ -140,4 +143,4 @@ class InverseDriver(ABC):
         if math.isfinite(sum(numbers)):
             link.move(numbers)
         else:
-            link.counts["commands that are not finite"] += 1
+            self._counts["commands that are not finite"] += 1

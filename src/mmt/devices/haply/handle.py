@@ -37,7 +37,7 @@ class Inverse3Handle(InverseDriver):
         options = self._of_handle
         self._hand = HandForce(options.apparent_mass_kg)
         servo = {"stale_ms": options.stale_ms, "ramp_ms": options.ramp_ms}
-        return ServiceLink("handle", options, servo)
+        return ServiceLink("handle", options, servo, self._counts)
 
     def read(self, elapsed_ticks: int) -> InterfaceState:  # noqa: ARG002 - it has its own clock
         """Return the handle's newest state.

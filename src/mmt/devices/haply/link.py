@@ -34,10 +34,16 @@ class ServiceLink:
         Of the driver, checked already.
     servo
         What its servo takes beside the device.
+    counts
+        What it survives is added here.
     """
 
     def __init__(
-        self, role: Literal["handle", "robot"], options: InverseOptions, servo: dict[str, float]
+        self,
+        role: Literal["handle", "robot"],
+        options: InverseOptions,
+        servo: dict[str, float],
+        counts: Counter[str],
     ) -> None:
         self._address, self._timeout_ms = options.address, options.timeout_ms
         self._process = DriverProcess(
@@ -53,6 +59,7 @@ class ServiceLink:
                 "servo": servo,
             },
             f"the process that talks with {options.address} has ended: connect the device again",
+            counts,
         )
         self.name = f"Inverse3 at {options.address}"
         """What the device says that it is, and where."""
@@ -63,12 +70,6 @@ class ServiceLink:
         self.kept: deque[Measured] = deque(maxlen=_KEPT)
         """The newest that make sense."""
         self._problem = ""
-
-    @property
-    def counts(self) -> Counter[str]:
-        """What was survived up to now, by what it was."""
-        self._poll()
-        return self._process.counts
 
     def start(self) -> None:
         """Start the process, and wait for the first answer of the service.
@@ -84,7 +85,7 @@ class ServiceLink:
             if time.monotonic() > deadline:
                 raise MmtError(f"the Haply Inverse Service at {self._address} does not get ready")
             time.sleep(_SHORT_AT_START_S)
-            self._poll()
+            self.poll()
             if self._process.ended is not None:
                 raise MmtError(self._process.ended)
 
@@ -96,7 +97,7 @@ class ServiceLink:
         DeviceLost
             The device, the service or the process has gone or is stuck.
         """
-        self._poll()
+        self.poll()
         if self._process.ended is not None:
             raise DeviceLost(self._process.ended)
         if self._problem == ABSENT:
@@ -123,11 +124,11 @@ class ServiceLink:
 
     def await_answer(self, longest_s: float) -> None:
         """Return soon after the service's next answer."""
-        self._poll()
+        self.poll()
         answers, deadline = self.answers, time.monotonic() + longest_s
         while self.answers == answers and time.monotonic() < deadline:
             time.sleep(_SHORT_S)
-            self._poll()
+            self.poll()
 
     def end(self) -> None:
         """Take the force away and end the process; calling it twice is harmless.
@@ -136,7 +137,8 @@ class ServiceLink:
         """
         self._process.end(f"{self.name} is not connected: connect it first")
 
-    def _poll(self) -> None:
+    def poll(self) -> None:
+        """Take what has come."""
         for kind, body in self._process.take():
             if kind == to.STATE:
                 self.state = state = to.unpack_state(body)

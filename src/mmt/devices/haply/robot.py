@@ -37,7 +37,7 @@ class Inverse3Robot(InverseDriver):
             "speed_limit_mm_s": options.speed_limit_mm_s,
             "lead_limit_mm": options.lead_limit_mm,
         }
-        return ServiceLink("robot", options, servo)
+        return ServiceLink("robot", options, servo, self._counts)
 
     def await_turn(self) -> None:
         """Return soon after the service's next answer, or after 20 ms."""

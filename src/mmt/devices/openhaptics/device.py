@@ -4,6 +4,7 @@ import atexit
 import ctypes
 import logging
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Final, Generic, TypeVar
@@ -60,7 +61,7 @@ class HdDevice(Generic[AnyServo]):
         self._servo: AnyServo | None = None
         self._callback: object = None
         self._scheduled: int | None = None
-        self._counts: Mapping[str, int] = {}
+        self._counts: Counter[str] = Counter()  # of all its connections
         self._said: HdError | None = None
         self._calibrated = False
         self.name = f"OpenHaptics device {options.device or '(default)'}"
@@ -108,6 +109,7 @@ class HdDevice(Generic[AnyServo]):
             stack.hd.hdEnable(hd.MAX_FORCE_CLAMPING)
             stiffness_n_mm = _double(stack, hd.NOMINAL_MAX_STIFFNESS)
             servo = self._make_servo(stack, handle, self._force_limit_n(stack), stiffness_n_mm)
+            servo.counts = self._counts
             self._callback = CALLBACK(servo.tick)
             self._scheduled = stack.hd.hdScheduleAsynchronous(
                 self._callback, None, hd.DEFAULT_PRIORITY
@@ -206,8 +208,6 @@ class HdDevice(Generic[AnyServo]):
         atexit.unregister(self.close)
         if stack is None:
             return
-        if self._servo is not None:
-            self._counts = dict(self._servo.counts)
         with stack.rearranged(devices=-1):
             self._release(stack)
         self._servo = None
@@ -237,8 +237,8 @@ class HdDevice(Generic[AnyServo]):
 
     @property
     def counts(self) -> Mapping[str, int]:
-        """What went wrong and was survived, of the newest connection."""
-        return self._counts if self._servo is None else dict(self._servo.counts)
+        """What went wrong and was survived."""
+        return dict(self._counts)
 
     def check(self) -> AnyServo:
         """Return the callback of a device that works.

@@ -29,6 +29,8 @@ class ArmLink:
         Of the controller.
     servo
         How the arm is moved; None where it is read alone.
+    counts
+        What it survives is added here.
 
     Attributes
     ----------
@@ -38,7 +40,9 @@ class ArmLink:
         The newest ones.
     """
 
-    def __init__(self, host: str, frequency_hz: float, servo: ServoSettings | None) -> None:
+    def __init__(
+        self, host: str, frequency_hz: float, servo: ServoSettings | None, counts: Counter[str]
+    ) -> None:
         self._host, self._controls = host, servo is not None
         settings = None if servo is None else asdict(servo)
         self._process = DriverProcess(
@@ -46,6 +50,7 @@ class ArmLink:
             {"host": host, "frequency_hz": frequency_hz, "servo": settings},
             f"the process that talks to the UR arm at {host} has ended, as the library may when "
             "its connection breaks: check the arm's cable, and that it is switched on",
+            counts,
         )
         self.state: State | None = None
         self.kept: deque[State] = deque(maxlen=_KEPT)
@@ -120,10 +125,6 @@ class ArmLink:
         Where it must be killed, its connection ends, and the controller's watchdog stops the arm.
         """
         self._process.end(f"the UR arm at {self._host} is not connected")
-
-    def take_counts(self) -> Counter[str]:
-        """Return what was survived since the last call, by what it was."""
-        return self._process.take_counts()
 
     def _poll(self) -> None:
         """Take what has come."""

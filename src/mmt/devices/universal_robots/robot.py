@@ -1,7 +1,6 @@
 """The follower's arm: an arm by Universal Robots that is sent to commanded positions."""
 
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -47,7 +46,6 @@ class UrRobot:
         self._member = sharing.Member(given, servo)
         self._arm: sharing.SharedArm | None = None
         self._frame: SceneFrame | None = None
-        self._counts: Counter[str] = Counter()
 
     def connect(self) -> None:
         """Take the arm under control where it stands; it does not move until the first command.
@@ -112,7 +110,7 @@ class UrRobot:
         arm.read()  # a scene that needs no position asks for none, and a loss must show
         link = arm.check_control()
         if not all(map(math.isfinite, position_mm)):
-            self._counts["commands that are not finite"] += 1
+            self._member.counts["commands that are not finite"] += 1
             return
         x, y, z = (
             min(max(part, least), most)
@@ -121,22 +119,19 @@ class UrRobot:
             )
         )
         if (x, y, z) != tuple(position_mm):
-            self._counts["commands outside of least_mm and most_mm"] += 1
+            self._member.counts["commands outside of least_mm and most_mm"] += 1
         link.move(frame.place_in_base((x, y, z)))
 
     def close(self) -> None:
         """Stop the arm, end its program and let it go; calling it twice is harmless."""
         arm, self._arm = self._arm, None
         if arm is not None:
-            self._counts.update(arm.take_counts())
             sharing.disconnect(arm, self._member)
 
     @property
     def faults(self) -> Mapping[str, int]:
         """Counts by what was survived."""
-        if self._arm is not None:
-            self._counts.update(self._arm.take_counts())
-        return dict(self._counts)
+        return dict(self._member.counts)
 
     def _connected(self) -> tuple[sharing.SharedArm, SceneFrame]:
         if self._arm is None or self._frame is None:

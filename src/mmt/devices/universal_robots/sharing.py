@@ -7,7 +7,7 @@ process is started anew, since a control interface of ur_rtde that was lost is n
 import threading
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from mmt.core.errors import DeviceLost, InputError
@@ -25,6 +25,8 @@ class Member:
     options: UrOptions
     servo: ServoSettings | None = None
     """How it moves the arm; None where it reads alone."""
+    counts: Counter[str] = field(default_factory=Counter)
+    """What was survived, of all its connections."""
 
 
 _CONNECTING: Final = threading.Lock()
@@ -99,7 +101,8 @@ class SharedArm:
             if old is not None:
                 self._last = old.state
                 old.end()
-            link = ArmLink(member.options.host, member.options.frequency_hz, member.servo)
+            options = member.options
+            link = ArmLink(options.host, options.frequency_hz, member.servo, member.counts)
             link.start()
             self._link = link
         finally:
@@ -136,11 +139,6 @@ class SharedArm:
         """Return the newest states, the oldest first."""
         link = self._link
         return () if link is None else tuple(link.kept)
-
-    def take_counts(self) -> Counter[str]:
-        """Return what was survived since the last call, by what it was."""
-        link = self._link
-        return Counter() if link is None else link.take_counts()
 
     def check_control(self) -> ArmLink:
         """Return the link of an arm that takes commands.
