@@ -1,12 +1,13 @@
 """Listeners with the right to ask for control, as the process that serves them knows them."""
 
+import asyncio
 from collections.abc import Callable
 from functools import partial
 from typing import Final
 
 import socketio
 
-from mmt.core.logs import RepeatLimit
+from mmt.core.logs import REPEAT_PERIOD_S, RepeatLimit
 from mmt.link.access import Access
 from mmt.sharing.control_messages import ASK, MOTION, MOTION_HZ, RELEASE
 from mmt.sharing.relay import Listener
@@ -42,6 +43,7 @@ class Operators:
         self._names: dict[str, str] = {}
         self._listeners: dict[int, Listener] = {}
         self._asks = RepeatLimit()
+        self._waiting: dict[str, asyncio.TimerHandle] = {}  # who has asked again within a second
         self._admitted: int | None = None
         self.refused = 0
         """Messages of motion that were not handed on."""
@@ -60,6 +62,7 @@ class Operators:
         """Forget a connection, which may be that of an operator."""
         number = self._numbers.pop(sid, None)
         self._names.pop(sid, None)
+        self._forget_ask(sid)
         if number is not None:
             del self._listeners[number]
             self._tell(control="gone", who=number)
@@ -75,10 +78,24 @@ class Operators:
             listener.tell(message)
 
     def _on_ask(self, sid: str, *_: object) -> None:
-        if sid in self._numbers and self._asks.allow(sid):
+        if sid not in self._numbers or sid in self._waiting:
+            return
+        if self._asks.allow(sid):
             self._tell(control="ask", who=self._numbers[sid], name=self._names[sid])
+        else:
+            loop = asyncio.get_running_loop()
+            self._waiting[sid] = loop.call_later(REPEAT_PERIOD_S, self._ask_late, sid)
+
+    def _ask_late(self, sid: str) -> None:
+        del self._waiting[sid]
+        self._on_ask(sid)
+
+    def _forget_ask(self, sid: str) -> None:
+        if (waiting := self._waiting.pop(sid, None)) is not None:
+            waiting.cancel()
 
     def _on_release(self, sid: str, *_: object) -> None:
+        self._forget_ask(sid)
         if sid in self._numbers:
             self._tell(control="release", who=self._numbers[sid])
 
