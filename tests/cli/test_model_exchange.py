@@ -95,6 +95,13 @@ def test_a_stroke_becomes_a_pattern_with_its_sound(tmp_path: Path) -> None:
         (("export", "none.npz", "out.wav"), "No such file"),
         (("export", MODEL, "out.hjif", "--rate", "44100"), "can have 1000, 2000"),
         (("export", MODEL, "out.wav", "--with-sound"), "--with-sound is for .ahap"),
+        (("export", MODEL, "out.ahap", "--friction", 0.3), "--friction is for .xml, not "),
+        (("export", MODEL, "out.xml", "--normal-force", 1), "--normal-force is for vibration"),
+        (("export", MODEL, "out.xml", "--seed", 0), "--seed is for vibration"),
+        (
+            ("export", MODEL, "out.wav", "--motion", "a.mcap", "--speed", 100),
+            "--speed does not go with --motion",
+        ),
         (("export", MODEL, "/proc/none/out.ahap"), "effect /proc/none/out.ahap"),
         (("import", MODEL, "out.npz"), "no XML"),
         (("import", MODEL, "out.xml"), "must end in .npz"),

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from mmt.core.errors import MmtError
+from mmt.core.errors import InputError, MmtError
 from mmt_lab.experiments import sharing
 
 
@@ -63,6 +63,23 @@ def test_the_ticks_are_compared_within_pairs_and_over_them_by_the_median(
     figures = sharing.run(18.0, listeners=2, pairs=3).figures
     names = ("tick_p99_ratio_least", "tick_p99_ratio", "tick_p99_ratio_most")
     assert [figures[name] for name in names] == pytest.approx([1.1, 1.2, 1.5])
+
+
+@pytest.mark.parametrize(
+    ("options", "refusal"),
+    [
+        ({"network": "wan", "hubs": 2}, "--hubs does not go with --network: give one of them"),
+        ({"network": "wan", "minutes": 2.0}, "--minutes does not go with --network: give one"),
+        ({"network": "wan", "pairs": 3}, "does not go with --network: .* the plain experiment"),
+        ({"minutes": 2.0, "listeners": 9}, "with --minutes: it goes with --hubs or the plain"),
+        ({"minutes": 2.0, "duration": 9.0}, "--duration does not go with --minutes"),
+        ({"hubs": 2, "seed": 0}, "--seed does not go with --hubs: it goes with --minutes$"),
+        ({"seed": 1}, "--seed does not go with the plain experiment: it goes with --minutes$"),
+    ],
+)
+def test_an_option_of_another_form_is_refused(options: dict[str, Any], refusal: str) -> None:
+    with pytest.raises(InputError, match=refusal):
+        sharing.run(**options)
 
 
 def test_a_crowd_without_a_model_says_why(monkeypatch: pytest.MonkeyPatch) -> None:

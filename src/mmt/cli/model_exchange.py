@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 _LONGEST_S = 3600.0
 _VIBRATION = {".wav": 44_100, ".hjif": 8_000, ".ahap": 44_100}
 """Files of vibration, and their samples a second by default."""
+_OF_XML = ("material", "friction")
+_OF_A_STEADY_MOTION = ("speed", "heading", "normal_force", "seconds")
+_OF_VIBRATION = ("motion", *_OF_A_STEADY_MOTION, "rate", "full_scale", "seed")
 
 
 def import_model(
@@ -52,6 +55,7 @@ def import_model(
 
 
 def export_model(
+    context: typer.Context,
     source: Annotated[
         Path, typer.Argument(metavar="MODEL", help="A .npz file, or a shipped model.")
     ],
@@ -113,6 +117,12 @@ def export_model(
         )
     if with_sound and sound is None:
         raise InputError(f"{target}: --with-sound is for .ahap")
+    if suffix == ".xml":
+        _refuse(context, _OF_VIBRATION, f"is for vibration ({', '.join(_VIBRATION)}), not {target}")
+    else:
+        _refuse(context, _OF_XML, f"is for .xml, not {target}")
+    if motion is not None:
+        _refuse(context, _OF_A_STEADY_MOTION, "does not go with --motion, which says it already")
     model = TextureModel.load(find_model(source))
     if suffix == ".xml":
         _write_xml(model, target, material if material is not None else source.stem, friction)
@@ -125,6 +135,14 @@ def export_model(
     rate = rate if rate is not None else _VIBRATION[suffix]
     samples = effect(model, velocity_mm_s, force_n, motion_hz=motion_hz, output_hz=rate, seed=seed)
     _write_vibration(target, samples, rate, full_scale, source.stem, sound)
+
+
+def _refuse(context: typer.Context, options: tuple[str, ...], why: str) -> None:
+    """Raise `InputError` for an option that was given in vain."""
+    for name in options:
+        source = context.get_parameter_source(name)
+        if source is not None and source.name == "COMMANDLINE":
+            raise InputError(f"--{name.replace('_', '-')} {why}")
 
 
 def _write_vibration(

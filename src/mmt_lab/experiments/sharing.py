@@ -13,16 +13,16 @@ listeners join and leave, vanish, stall, and send what makes no sense.
 import asyncio
 import os
 from statistics import median
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 import typer
 
-from mmt.core.errors import MmtError
+from mmt.core.errors import InputError, MmtError
 from mmt.core.extras import require
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.demo_services import run_demo_services
-from mmt_lab.harness.experiment import Duration, Experiment, Seed
+from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import Findings
 from mmt_lab.sharing.hubs import findings
 from mmt_lab.sharing.lasting import (
@@ -71,12 +71,40 @@ async def _session(duration_s: float, count: int) -> tuple[dict[str, Any], list[
         await crowd.close()
 
 
+_FORMS: Final = {
+    "network": ("duration",),
+    "minutes": ("seed",),
+    "hubs": ("duration", "listeners"),
+    "": ("duration", "listeners", "pairs"),
+}
+"""The options that go with each form of the experiment, the last of which has none of its own."""
+
+
+def _check_form(**given: object) -> None:
+    """Raise `InputError` for an option that would be left out; None is one that is not given."""
+    form = next(name for name in _FORMS if given.get(name) is not None or not name)
+    for name, value in given.items():
+        if value is not None and name not in (form, *_FORMS[form]):
+            fit = [_name(other) for other, options in _FORMS.items() if name in options]
+            goes = f"it goes with {' or '.join(fit)}" if fit else "give one of them"
+            raise InputError(f"--{name} does not go with {_name(form)}: {goes}")
+
+
+def _name(form: str) -> str:
+    return f"--{form}" if form else "the plain experiment"
+
+
 def run(
-    duration: Duration = 18.0,
-    listeners: Annotated[int, typer.Option(min=2, help="How many join at once.")] = 100,
+    duration: Annotated[
+        float | None, typer.Option(help="Seconds of each session; 18 if absent.")
+    ] = None,
+    listeners: Annotated[
+        int | None, typer.Option(min=2, help="How many join at once; 100 if absent.")
+    ] = None,
     pairs: Annotated[
-        int, typer.Option(min=1, max=99, help="Sessions with one and with many, by turns.")
-    ] = 3,
+        int | None,
+        typer.Option(min=1, max=99, help="Sessions with one and with many, by turns; 3 if absent."),
+    ] = None,
     network: Annotated[
         Literal["lan", "wifi", "wan", "bad"] | None,
         typer.Option(help="Listeners behind this emulated network: what they feel."),
@@ -85,20 +113,35 @@ def run(
         float | None,
         typer.Option(min=1.0, max=1400.0, help="So long, with listeners that make trouble."),
     ] = None,
-    seed: Seed = 1,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="The first seed of the trouble; 1 if absent.")
+    ] = None,
     hubs: Annotated[
-        int, typer.Option(min=0, max=64, help="Share through so many hubs; needs redis-server.")
-    ] = 0,
+        int | None,
+        typer.Option(min=1, max=64, help="Share through so many hubs; needs redis-server."),
+    ] = None,
 ) -> Findings:
     """Share the demo's model with one listener, and with many who join at once."""
+    _check_form(
+        network=network,
+        minutes=minutes,
+        hubs=hubs,
+        duration=duration,
+        listeners=listeners,
+        pairs=pairs,
+        seed=seed,
+    )
+    duration = 18.0 if duration is None else duration
+    listeners = 100 if listeners is None else listeners
     if network is not None:
         return behind_network(network, duration)
     if minutes is not None:
-        return lasting(60.0 * minutes, seed)
-    if hubs:
+        return lasting(60.0 * minutes, 1 if seed is None else seed)
+    if hubs is not None:
         require("redis")
         return findings(hubs, listeners, duration)
     ratios: list[float] = []
+    pairs = 3 if pairs is None else pairs
     for _ in range(pairs):
         one, _ = asyncio.run(_session(duration, 1))
         leader, found = asyncio.run(_session(duration, listeners))
