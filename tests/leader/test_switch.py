@@ -91,6 +91,22 @@ def test_without_a_model_it_stays_with_the_stream() -> None:
     assert switch.mode == "streamed"
 
 
+def test_what_follows_the_motion_is_told_of_it_while_it_is_not_heard() -> None:
+    class Following(Constant):
+        directed = False
+        unheard = 0
+
+        def follow(self, speed_mm_s: np.ndarray, force_n: np.ndarray) -> None:
+            self.unheard += len(speed_mm_s)
+
+    following = Following(2.0)
+    switch = VibrationSwitch(None, following, crossfade_samples=10, limit_m_s2=10.0)
+    run(switch, 7)
+    switch.use_model(True)
+    run(switch, 30)
+    assert following.unheard == 7
+
+
 def test_no_crossfade_switches_at_once() -> None:
     switch = make(fade=0)
     switch.use_model(True)

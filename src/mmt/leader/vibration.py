@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, Final, Literal, Protocol, get_args
+from typing import TYPE_CHECKING, Any, Final, Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 
@@ -34,6 +34,14 @@ class SynthesizedVibration(Protocol):
 
     def render(self, *inputs: FloatArray) -> FloatArray:
         """Return one sample for each moment of the inputs, shape (n,)."""
+
+
+@runtime_checkable
+class MotionFollowing(SynthesizedVibration, Protocol):
+    """One that wants to know the motion also while it is not heard."""
+
+    def follow(self, *inputs: FloatArray) -> object:
+        """Take note of the motion, as `render` does."""
 
 
 class VibrationSwitch:
@@ -68,7 +76,7 @@ class VibrationSwitch:
     ) -> None:
         self._streamed = streamed
         self._synthesized = synthesized
-        self._follow = getattr(synthesized, "follow", None)  # what it wants to know unheard
+        self._unheard = synthesized if isinstance(synthesized, MotionFollowing) else None
         self._step = 1.0 / crossfade_samples if crossfade_samples > 0 else 1.0
         self._limit = limit_m_s2
         self._period_ns = period_ns
@@ -105,8 +113,8 @@ class VibrationSwitch:
             synthesized = model.render(*inputs) if model is not None else output
         else:
             synthesized = output
-            if self._follow is not None:
-                self._follow(*inputs)
+            if self._unheard is not None:
+                self._unheard.follow(*inputs)
         for index in range(count):
             tick_ns = now_ns - (count - 1 - index) * self._period_ns
             streamed = self._streamed(tick_ns) if self._streamed is not None else 0.0
@@ -115,7 +123,7 @@ class VibrationSwitch:
                 value = streamed
             elif self._share == 1.0:
                 value = float(synthesized[index])
-            else:
+            else:  # in plain numbers, of which a tick has one: arrays take six times as long
                 angle = 0.5 * math.pi * self._share
                 value = math.cos(angle) * streamed + math.sin(angle) * float(synthesized[index])
             output[index] = min(max(value, -self._limit), self._limit)
