@@ -1,6 +1,7 @@
 """A child process is heard all the while, whatever it prints."""
 
 import asyncio
+import signal
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ PROGRAMS = {
         "sys.stderr.flush()\n"
         "sys.stderr.write('oaded\\nwarning: half a line')\n"
     ),
+    "short_program": "raise SystemExit(3)\n",
     "lasting_program": (
         "import signal, sys, time\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's job may ignore it\n"
@@ -91,3 +93,12 @@ async def test_a_child_can_be_killed(lasting: Child) -> None:
     async with asyncio.timeout(20):
         await lasting.kill()
         assert await lasting.wait() < 0
+
+
+async def test_a_child_that_is_killed_as_it_ends_keeps_its_exit_code(directory: Path) -> None:
+    async with asyncio.timeout(60):
+        for _ in range(25):
+            child = await started(directory, "short_program")
+            assert [line async for line in child.lines()] == []
+            await child.kill()
+            assert await child.wait() in {3, -signal.SIGKILL}  # not 255, which stands for unknown

@@ -1,6 +1,8 @@
 """Listeners behind a network, and those that make trouble, as the experiment has them."""
 
 import asyncio
+import gc
+import socket
 import time
 from collections import Counter
 
@@ -150,3 +152,11 @@ def test_memory_that_grows_is_told(slope_mb_h: float) -> None:
     assert grown.least_mb is not None
     assert (grown.least_mb > 1.0) == (slope_mb_h > 0.0)
     assert memory.growth("sharing").typical_mb is None
+
+
+async def test_trouble_for_nobody_leaves_no_session_open(caplog: pytest.LogCaptureFixture) -> None:
+    with socket.socket() as nobody:
+        nobody.bind(("127.0.0.1", 0))
+        await Troubled(f"http://127.0.0.1:{nobody.getsockname()[1]}", 1).make("rubbish")
+    gc.collect()
+    assert "Unclosed" not in caplog.text

@@ -7,11 +7,13 @@ import signal
 import sys
 import time
 from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import suppress
 from typing import Any, Final
 
 _LONGEST_LINE: Final = 2**20
 _KEPT_MESSAGES: Final = 2**16
 """Bytes of what a child writes to standard error that are kept, the newest."""
+_KILL: Final = signal.SIGKILL if sys.platform != "win32" else signal.SIGTERM
 _WARNING: Final = b"warning: "
 """How the line of one begins; see `mmt.core.logs`."""
 
@@ -108,14 +110,18 @@ class Child:
         self.send(signal.SIGINT)
 
     def send(self, number: signal.Signals) -> None:
-        """Send it a signal; nothing happens to one that has ended."""
+        """Send it a signal; nothing happens to one that has ended.
+
+        Not by `subprocess`, which looks first whether it has ended: then asyncio, which waits for
+        that too, misses its exit code, and says so on standard error.
+        """
         if self._process.returncode is None:
-            self._process.send_signal(number)
+            with suppress(ProcessLookupError):
+                os.kill(self._process.pid, number)
 
     async def kill(self) -> None:
         """End it at once; nothing happens to one that has ended."""
-        if self._process.returncode is None:
-            self._process.kill()
+        self.send(_KILL)
         await self.wait()
 
     async def _read_messages(self) -> None:

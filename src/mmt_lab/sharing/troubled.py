@@ -12,6 +12,7 @@ from collections import Counter
 from contextlib import suppress
 from typing import Any, Final
 
+import aiohttp
 import socketio
 
 from mmt.core.errors import MmtError
@@ -92,7 +93,11 @@ class Troubled:
 
     async def _joined(self, url: str) -> ListenerClient:
         client = ListenerClient(Listening(url=url), on_event=self._hear)
-        await client.connect()
+        try:
+            await client.connect()
+        except BaseException:
+            await client.close()
+            raise
         return client
 
     async def _visit(self) -> None:
@@ -122,7 +127,13 @@ class Troubled:
                 await client.close()
 
     async def _send_rubbish(self) -> None:
-        client = socketio.AsyncClient(serializer="msgpack", reconnection=False)
+        # the library leaves its own open where connecting fails or leaving is cut short
+        async with aiohttp.ClientSession() as http:
+            await self._rave(
+                socketio.AsyncClient(serializer="msgpack", reconnection=False, http_session=http)
+            )
+
+    async def _rave(self, client: socketio.AsyncClient) -> None:
         hello = {"sharing": SHARING_VERSION, "role": "listener", "name": "rubbish"}
         await client.connect(self._url, auth=hello, transports=["websocket"])
         try:
