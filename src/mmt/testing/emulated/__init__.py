@@ -1,5 +1,6 @@
 """Devices in software that use the protocols of the real ones, to test drivers and scenes."""
 
+import random
 from collections.abc import Callable
 
 from mmt.devices.protocols import Vector
@@ -7,3 +8,11 @@ from mmt.devices.protocols import Vector
 Truth = Callable[[int], Vector]
 """What an emulated device measures: a vector in the channel's unit, at a time (ns) of the host's
 monotonic clock."""
+
+
+def with_flipped_bit(wire: bytes, generator: random.Random) -> bytes:
+    """Return bytes of which one bit, any, has been turned over on the way."""
+    bit = generator.randrange(8 * len(wire))
+    broken = bytearray(wire)
+    broken[bit // 8] ^= 1 << bit % 8
+    return bytes(broken)

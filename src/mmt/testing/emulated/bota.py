@@ -6,7 +6,7 @@ import time
 from typing import Any, Final
 
 from mmt.devices.bota.frames import HEADER, RAW, SIZE, Frame, frame_rate_hz, pack_frame
-from mmt.testing.emulated import Truth
+from mmt.testing.emulated import Truth, with_flipped_bit
 from mmt.testing.emulated.clockwork import Clockwork
 from mmt.testing.emulated.serial_port import EmulatedPort
 
@@ -207,8 +207,5 @@ class EmulatedBota:
     def _spoil(self, wire: bytes) -> bytes:
         if self._flips:
             self._flips -= 1
-            bit = self._random.randrange(8 * len(wire))
-            broken = bytearray(wire)
-            broken[bit // 8] ^= 1 << bit % 8
-            wire = bytes(broken)
+            wire = with_flipped_bit(wire, self._random)
         return wire[: self._cuts.pop(0)] if self._cuts else wire

@@ -23,7 +23,7 @@ from mmt.devices.ati.digital_wire import (
     frame,
     pack_record,
 )
-from mmt.testing.emulated import Truth
+from mmt.testing.emulated import Truth, with_flipped_bit
 from mmt.testing.emulated.serial_port import EmulatedPort
 
 _COUNTS: Final = 1_000_000
@@ -223,10 +223,7 @@ class EmulatedDigitalFt:
         record = pack_record(self._gauges, error=self.error)
         if self._flips:
             self._flips -= 1
-            bit = self._random.randrange(8 * len(record))
-            broken = bytearray(record)
-            broken[bit // 8] ^= 1 << bit % 8
-            record = bytes(broken)
+            record = with_flipped_bit(record, self._random)
         return record[: self._cuts.pop(0)] if self._cuts else record
 
 

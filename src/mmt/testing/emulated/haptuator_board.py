@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Final
 
 from mmt.devices.haptuator.framing import Decoder, Report, Reset, Samples, encode
+from mmt.testing.emulated import with_flipped_bit
 from mmt.testing.emulated.serial_port import EmulatedPort
 
 _PERIOD_NS: Final = 1_000_000
@@ -157,7 +158,4 @@ class EmulatedHaptuatorBoard:
             content = content[: len(content) // 2]
         if not content or self._random.random() >= self.garbled:
             return content
-        bits = bytearray(content)
-        at = self._random.randrange(8 * len(bits))
-        bits[at // 8] ^= 1 << at % 8
-        return bytes(bits)
+        return with_flipped_bit(content, self._random)

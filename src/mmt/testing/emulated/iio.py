@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 from typing import Any, Final
 
-from mmt.testing.emulated import Truth
+from mmt.testing.emulated import Truth, with_flipped_bit
 from mmt.testing.emulated.clockwork import Clockwork
 from mmt.testing.emulated.iio_chips import ADXL355, Chip, attributes, pack
 
@@ -234,10 +234,7 @@ class EmulatedIio:
         if not self._flips:
             return scan
         self._flips -= 1
-        bit = self._random.randrange(8 * len(scan))
-        broken = bytearray(scan)
-        broken[bit // 8] ^= 1 << bit % 8
-        return bytes(broken)
+        return with_flipped_bit(scan, self._random)
 
     def _measure(self, time_ns: int) -> tuple[int, ...]:
         felt = self._truth(time_ns - self._delay_ns)

@@ -9,7 +9,7 @@ from typing import Any, Final
 from urllib.parse import parse_qsl, urlsplit
 
 from mmt.devices.ati.net_wire import START, STOP, Record, pack_record, parse_request
-from mmt.testing.emulated import Truth
+from mmt.testing.emulated import Truth, with_flipped_bit
 
 _BOX_RATE_HZ: Final = 7000
 _PAUSE_S: Final = 0.02
@@ -218,10 +218,7 @@ class EmulatedNetFt:
         packet = pack_record(Record(self._sequence, measurement, self.status, self._counts))
         if self._bits_to_flip:
             self._bits_to_flip -= 1
-            bit = self._random.randrange(8 * len(packet))
-            broken = bytearray(packet)
-            broken[bit // 8] ^= 1 << bit % 8
-            packet = bytes(broken)
+            packet = with_flipped_bit(packet, self._random)
         return packet
 
     def _serve(self) -> None:
