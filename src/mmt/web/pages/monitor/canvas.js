@@ -24,13 +24,12 @@ export function worstOf(cells, { rises }) {
   return cells.indexOf(rises ? Math.min(...cells) : Math.max(...cells));
 }
 
-/** Where to stroke next, in words; nothing where there is no advice. */
+/** Which stroke gains most, in words. */
 export function advise(advice) {
-  if (!advice) return "";
   const force = `${advice.at(-1).toFixed(1)} N`, speed = Math.hypot(...advice.slice(0, -1));
-  if (advice.length === 2) return ` Stroke next at about ${speed.toFixed(0)} mm/s and ${force}.`;
+  if (advice.length === 2) return ` A stroke at about ${speed.toFixed(0)} mm/s and ${force} gains most.`;
   const towards = speed < 1 ? "" : ` towards ${headingOf(advice)}°`;
-  return ` Stroke next at about ${speed.toFixed(0)} mm/s${towards} with ${force}.`;
+  return ` A stroke at about ${speed.toFixed(0)} mm/s${towards} with ${force} gains most.`;
 }
 
 /** The heading of a velocity, 0 to 359 degrees. */

@@ -24,7 +24,7 @@ export class Plane {
   }
 
   #describe() {
-    this.text.textContent = describe(this.model, this.cells, this.limits) + advise(this.advice);
+    this.text.textContent = describe(this);
   }
 
   draw(trail) {
@@ -115,10 +115,11 @@ export class Plane {
   }
 }
 
-/** Say in words where the model lacks most. */
-function describe(model, cells, limits) {
+/** Say in words which stroke gains most; without advice, where the model lacks most. */
+function describe({ model, cells, advice, limits }) {
   if (!model || model.samples === 0) return "No model yet.";
   const count = `${model.samples} samples, order ${model.order}.`;
+  if (advice) return count + advise(advice);
   if (!cells) return count;
   const worst = worstOf(cells, limits);
   return `${count} Lacks most: ${CELLS[worst % 3]} strokes with ${FORCES[Math.floor(worst / 3)]} force.`;

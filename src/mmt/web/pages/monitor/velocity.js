@@ -179,7 +179,7 @@ export class VelocityPlane {
     return `${(band * step).toFixed(0)} to ${((band + 1) * step).toFixed(0)} N`;
   }
 
-  /** Say in words what is shown, and where the model lacks samples most. */
+  /** Say in words what is shown, and which stroke gains most; without advice, where the model lacks most. */
   #describe() {
     const model = this.model;
     if (!model || model.samples === 0) {
@@ -190,7 +190,7 @@ export class VelocityPlane {
     const forces = model.arrays.points.filter((_, i) => i % 3 === 2);
     const here = forces.filter((force) => bandOf(force) === shown).length;
     this.text.textContent = `${model.samples} samples, order ${model.order}; ${here} with ${BANDS[shown]} force `
-      + `(${this.#range(shown)}), which is shown.${lacking(this.cells, this.limits)}${advise(this.advice)}`;
+      + `(${this.#range(shown)}), which is shown.${this.advice ? advise(this.advice) : lacking(this.cells, this.limits)}`;
   }
 }
 
