@@ -1,5 +1,6 @@
 """One surface, several hands: leader, follower and listeners as processes."""
 
+import json
 import signal
 import time
 from dataclasses import dataclass
@@ -151,6 +152,21 @@ def test_nobody_there_is_said_in_a_sentence(tmp_path: Path, url: str, said: str)
         assert listener.end() in (1, 2)
         assert said in listener.stderr
         assert "Traceback" not in listener.stderr
+
+
+@pytest.mark.parametrize("options", [(), ("--json", "found.json")])
+def test_a_listener_whose_time_is_over_says_that_it_heard_nobody(
+    tmp_path: Path, options: tuple[str, ...]
+) -> None:
+    url = "http://127.0.0.1:9"
+    with Service("listener", url, "--duration", 0.2, *options, cwd=tmp_path) as listener:
+        assert listener.end() == 1
+        assert f"no leader was heard at {url}" in listener.stderr
+        assert "Traceback" not in listener.stderr
+    if options:
+        found = json.loads((tmp_path / "found.json").read_text())
+        assert found["outcome"] == f"failed: no leader was heard at {url}"
+        assert found["listening"]["session_id"] is None
 
 
 def test_the_process_for_listeners_ends_with_its_leader(tmp_path: Path, pair: Pair) -> None:

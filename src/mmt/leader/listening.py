@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Coroutine
 from typing import TYPE_CHECKING, Any
 
+from mmt.core.errors import FAILED
 from mmt.leader.part import Part, Session
 from mmt.scene.sharing_tables import Listening
 from mmt.sharing.client import ListenerClient
@@ -30,6 +31,7 @@ class ListeningPart(Part):
 
     def __init__(self, session: Session, table: Listening) -> None:
         self._session = session
+        self._url = table.url
         operating = session.find("operating")
         self.client = ListenerClient(
             table,
@@ -54,6 +56,12 @@ class ListeningPart(Part):
     def tasks(self) -> dict[str, Coroutine[Any, Any, None]]:
         """Return the task that listens."""
         return {"listening": self._run()}
+
+    async def finish(self) -> None:
+        """Let a session that took its whole time and never heard a leader have failed."""
+        ending = self._session.ending
+        if ending.outcome == "completed" and not self.client.session:
+            ending.outcome = f"{FAILED}no leader was heard at {self._url}"
 
     async def stop(self) -> None:
         """Leave."""
