@@ -72,6 +72,27 @@ def test_what_only_one_has_is_shown(tmp_path: Path) -> None:
     ]
 
 
+def test_a_part_that_only_one_has_is_a_sentence(tmp_path: Path) -> None:
+    run = {"leader": {"ticks": {"late": 1}, "link": {"frames": 9}}}
+    a = report(tmp_path / "a", {**evaluation(), "run": run})
+    other = {"leader": {"ticks": {"late": 2}, "texture": {"samples": 3}}}
+    b = report(tmp_path / "b", {"sessions": [], "run": other})
+    found = compare_reports(a, b)
+    assert found.alone == [
+        "Only A has session, environment, run / leader / link: 8 figures and settings.",
+        "Only B has run / leader / texture: 1 figures and settings.",
+    ]
+    assert list(found.sections) == ["run / leader / ticks"]
+    assert found.verdict == "10 figures and settings differ, 0 are equal."
+    result = CliRunner().invoke(app, ["report", "compare", str(a), str(b)])
+    assert result.output.count("B / A") == 1
+    assert " ".join(result.output.split()).count("Only ") == 2
+    assert "<h2>run / leader / link" not in write_comparison(found, tmp_path / "both").read_text()
+    assert {"section": "run / leader / link", "name": "frames", "a": 9, "b": None} in (
+        found.as_dict()["differences"]
+    )
+
+
 def test_items_without_names_are_numbered() -> None:
     assert list(figures({"cells": [{"far": True}, {"far": False}]})) == [
         (("cells 1", "far"), True),

@@ -107,7 +107,8 @@ def compare(
         for difference in differences:
             table.add_row(*difference.row)
         output.print(table)
-    output.print(found.verdict, highlight=False)
+    for sentence in [*found.alone, found.verdict]:
+        output.print(sentence, highlight=False)
     write_json(json_file, found.as_dict())
     if report is not None:
         messages.print(f"report: {write_comparison(found, report)}", highlight=False)

@@ -18,6 +18,7 @@ DATA_NAMES: Final = ("summary.json", "bench.json")
 
 _NAMES: Final = ("session", "surface", "name", "method", "case", "title", "part", "knob", "time_s")
 """What tells the items of a list from each other, by the first that all have."""
+_WITHIN: Final = " / "
 _LARGEST_BYTES: Final = 1 << 28
 
 
@@ -26,13 +27,15 @@ class Difference:
     """One figure or setting.
 
     ``section`` and ``name`` say which it is; ``left`` and ``right`` are None where a report
-    does not have it.
+    does not have it. ``part`` is the outermost table around it that only one report has, empty
+    where both have all.
     """
 
     section: str
     name: str
     left: object
     right: object
+    part: str = ""
 
     @property
     def row(self) -> tuple[str, ...]:
@@ -61,11 +64,25 @@ class Comparison:
 
     @property
     def sections(self) -> dict[str, list[Difference]]:
-        """Return the differences by section."""
+        """Return the differences in what both have, by section."""
         sections: dict[str, list[Difference]] = {}
         for difference in self.differences:
-            sections.setdefault(difference.section, []).append(difference)
+            if not difference.part:
+                sections.setdefault(difference.section, []).append(difference)
         return sections
+
+    @property
+    def alone(self) -> list[str]:
+        """Return a sentence for each report that has parts which the other lacks."""
+        parts: dict[str, list[str]] = {"A": [], "B": []}
+        for each in self.differences:
+            if each.part:
+                parts["A" if each.right is None else "B"].append(each.part)
+        return [
+            f"Only {letter} has {', '.join(dict.fromkeys(lone))}: {len(lone)} figures and settings."
+            for letter, lone in parts.items()
+            if lone
+        ]
 
     @property
     def verdict(self) -> str:
@@ -106,8 +123,16 @@ def compare_reports(left: Path, right: Path) -> Comparison:
         )
     first, second = dict(figures(one[1])), dict(figures(other[1]))
     both = [*first, *(key for key in second if key not in first)]
+    tables = [
+        {table for section, _ in each for table in _around(section)} for each in (first, second)
+    ]
+    common = set.intersection(*tables)
+
+    def lone(section: str) -> str:
+        return next((table for table in _around(section) if table not in common), "")
+
     differences = tuple(
-        Difference(*key, first.get(key), second.get(key))
+        Difference(*key, first.get(key), second.get(key), lone(key[0]))
         for key in both
         if not _same(first.get(key), second.get(key))
     )
@@ -142,6 +167,7 @@ def write_comparison(comparison: Comparison, directory: Path) -> Path:
     blocks: list[Block] = [
         Heading(title, 1),
         Paragraph(f"A is {comparison.left}, B is {comparison.right}. {comparison.verdict}"),
+        *map(Paragraph, comparison.alone),
     ]
     if comparison.pictures:
         blocks.append(Heading("Figures"))
@@ -203,7 +229,7 @@ def _load(folder: Path) -> tuple[str, Mapping[str, Any]]:
 def _walk(
     content: Mapping[str, Any], path: tuple[str, ...]
 ) -> Iterator[tuple[tuple[str, str], object]]:
-    section = " / ".join(path)
+    section = _WITHIN.join(path)
     for key, value in content.items():
         name = str(key).replace("_", " ")
         if isinstance(value, Mapping):
@@ -211,8 +237,14 @@ def _walk(
         elif isinstance(value, list) and value and all(isinstance(v, Mapping) for v in value):
             for which, item in zip(_labels(value), value, strict=True):
                 yield from _walk(item, (*path, f"{name} {which}"))
-        else:
+        elif value != []:  # a list of tables that there are none of has no figures
             yield (section, name), value
+
+
+def _around(section: str) -> list[str]:
+    """Return the tables that a section is in, from the outermost to itself; none of the whole."""
+    names = section.split(_WITHIN) if section else []
+    return [_WITHIN.join(names[: number + 1]) for number in range(len(names))]
 
 
 def _labels(items: list[Mapping[str, Any]]) -> list[str]:
