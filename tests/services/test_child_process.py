@@ -2,13 +2,14 @@
 
 import asyncio
 import signal
+import sys
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from mmt.cli.child import Child
+from mmt.cli.child import KILL, Child, send
 
 PROGRAMS = {
     "noisy_program": (
@@ -102,3 +103,18 @@ async def test_a_child_that_is_killed_as_it_ends_keeps_its_exit_code(directory: 
             assert [line async for line in child.lines()] == []
             await child.kill()
             assert await child.wait() in {3, -signal.SIGKILL}  # not 255, which stands for unknown
+
+
+async def test_a_process_that_is_no_service_keeps_its_exit_code_as_well() -> None:
+    async with asyncio.timeout(60):
+        for _ in range(25):
+            process = await asyncio.create_subprocess_exec(
+                *(sys.executable, "-S", "-c", "raise SystemExit(3)"),
+                stdout=asyncio.subprocess.PIPE,
+                stderr=asyncio.subprocess.PIPE,
+            )
+            assert process.stdout is not None
+            assert await process.stdout.read() == b""
+            send(process, KILL)
+            assert await process.wait() in {3, -KILL}
+        send(process, KILL)  # harmless once it has ended

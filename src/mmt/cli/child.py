@@ -13,7 +13,8 @@ from typing import Any, Final
 _LONGEST_LINE: Final = 2**20
 _KEPT_MESSAGES: Final = 2**16
 """Bytes of what a child writes to standard error that are kept, the newest."""
-_KILL: Final = signal.SIGKILL if sys.platform != "win32" else signal.SIGTERM
+KILL: Final = signal.SIGKILL if sys.platform != "win32" else signal.SIGTERM
+"""Ends a process at once, on every system."""
 _WARNING: Final = b"warning: "
 """How the line of one begins; see `mmt.core.logs`."""
 
@@ -110,18 +111,12 @@ class Child:
         self.send(signal.SIGINT)
 
     def send(self, number: signal.Signals) -> None:
-        """Send it a signal; nothing happens to one that has ended.
-
-        Not by `subprocess`, which looks first whether it has ended: then asyncio, which waits for
-        that too, misses its exit code, and says so on standard error.
-        """
-        if self._process.returncode is None:
-            with suppress(ProcessLookupError):
-                os.kill(self._process.pid, number)
+        """Send it a signal; nothing happens to one that has ended."""
+        send(self._process, number)
 
     async def kill(self) -> None:
         """End it at once; nothing happens to one that has ended."""
-        self.send(_KILL)
+        self.send(KILL)
         await self.wait()
 
     async def _read_messages(self) -> None:
@@ -134,6 +129,17 @@ class Child:
             for line in lines:
                 if line.startswith(_WARNING):
                     self._on_warning(line.decode(errors="replace"))
+
+
+def send(process: asyncio.subprocess.Process, number: signal.Signals) -> None:
+    """Send a process a signal; nothing happens to one that has ended.
+
+    Not by `subprocess`, which looks first whether it has ended: then asyncio, which waits for
+    that too, misses its exit code, and says so on standard error.
+    """
+    if process.returncode is None:
+        with suppress(ProcessLookupError):
+            os.kill(process.pid, number)
 
 
 def _parsed(raw: bytes) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 import psutil
 
-from mmt.cli.child import Child
+from mmt.cli.child import KILL, Child, send
 from mmt.core.errors import InputError, MmtError
 from mmt_lab.bench.measuring import Figure, single_figures
 from mmt_lab.harness.findings import Findings
@@ -178,7 +178,7 @@ async def _redis() -> AsyncIterator[str]:
                 await asyncio.sleep(0.05)
         yield f"redis://127.0.0.1:{port}"
     finally:
-        process.kill()
+        send(process, KILL)
         await process.wait()
 
 
@@ -226,7 +226,7 @@ async def _join(
                 stdout=asyncio.subprocess.PIPE,
                 limit=1 << 26,
             )
-            stack.callback(_end, crowd)
+            stack.callback(send, crowd, KILL)
             crowds.append(crowd)
     joined = [await _printed(crowd) for crowd in crowds]
     return crowds, max(each["joined_s"] for each in joined)
@@ -238,11 +238,6 @@ async def _printed(crowd: asyncio.subprocess.Process) -> Any:
     if not line:
         raise MmtError("the listeners' process has ended")
     return json.loads(line)
-
-
-def _end(process: asyncio.subprocess.Process) -> None:
-    if process.returncode is None:
-        process.kill()
 
 
 def _use(child: Child) -> tuple[float, float]:
