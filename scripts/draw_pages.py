@@ -26,7 +26,6 @@ LONGEST_MS: Final = 120_000
 TOO_BUSY: Final = "the run went on before its picture was taken: the machine is too busy"
 SAMPLES: Final = "parseInt(document.querySelector('#plane-text').textContent) >= {}"
 MODE: Final = "document.querySelector('#mode').textContent === '{}'"
-COMPLETE: Final = "document.querySelector('#completion-text').textContent.includes('stop met')"
 
 
 async def main() -> None:
@@ -78,7 +77,7 @@ async def serving(*command: str) -> AsyncIterator[tuple[asyncio.subprocess.Proce
 
 
 async def watch(desk: Any, tablet: Any) -> None:
-    """Take the monitor while the model is stroked, after the switch, and when it is complete."""
+    """Take the monitor while the model is stroked, after the switch, and of 19 samples."""
     await desk.wait_for_function(SAMPLES.format(2))
     if not await desk.evaluate(MODE.format("streamed")):
         raise SystemExit(TOO_BUSY)
@@ -86,7 +85,7 @@ async def watch(desk: Any, tablet: Any) -> None:
     await tablet.wait_for_function(MODE.format("synthesized"))
     await tablet.wait_for_function(SAMPLES.format(14))
     await take("monitor-tablet", tablet)
-    await desk.wait_for_function(COMPLETE)
+    await desk.wait_for_function(SAMPLES.format(19))
     await take("monitor", desk)
     if await desk.locator("body.lost").count():
         raise SystemExit(TOO_BUSY)
