@@ -407,7 +407,8 @@ def test_a_file_whose_blocks_are_spoilt_is_refused_in_words(tmp_path: Path):
     model = model_of(points, measured(points))
     felt = FieldCells.of(points, measured(points), nowhere(10))
     TextureModel(model.samples, level="gaussian_process", field=felt).save(tmp_path / "a.npz")
-    content = dict(np.load(tmp_path / "a.npz"))
+    with np.load(tmp_path / "a.npz") as file:
+        content = dict(file)
     for name, value in (
         ("field_sums", content["field_sums"][:2]),
         ("field_cells", content["field_cells"][:, :3]),

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
 from mmt.core.errors import InputError
@@ -95,6 +96,7 @@ def test_the_pages_code_gives_the_models_own_values(name, monkeypatch) -> None:
     for block in re.findall(r"^```python\n(.*?)^```$", PAGE.read_text(), re.MULTILINE | re.DOTALL):
         assert "mmt" not in block
         exec(compile(block, str(PAGE), "exec"), names)
+    assert str(path) not in {file.path for file in psutil.Process().open_files()}
     model = TextureModel.load(path)
     inputs = inputs_of(model.space, 300, 5)
     points = model.space.normalise(inputs)
