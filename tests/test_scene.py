@@ -294,6 +294,23 @@ def test_a_variable_that_is_wrong_is_named_and_not_the_file(
     assert load_scene(Path("demo"), {"link.port": 9000}).link.port == 9000, "a flag overrides it"
 
 
+def test_an_option_that_is_wrong_is_named_and_not_the_file(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    wrong = {"session.duration_s": -3.0}
+    with pytest.raises(InputError, match=r"^--duration: session.duration_s is -3.0"):
+        load_scene(Path("demo"), wrong, options={"session.duration_s": "--duration"})
+    with pytest.raises(InputError, match=r"^overrides: session.duration_s is -3.0"):
+        load_scene(Path("demo"), wrong)
+    monkeypatch.setenv("MMT_SESSION__NAME", "a/b")
+    file = tmp_path / "scene.toml"
+    file.write_text("[link]\nport = 70000\n[simulated]\n[hand]\n[recording]\n")
+    with pytest.raises(InputError) as caught:
+        load_scene(file, {"session.duration_s": 3.0})
+    origin = f"{file} and environment variable MMT_SESSION__NAME: "
+    assert str(caught.value).startswith(origin), "and not the option, which is right"
+
+
 def test_the_robots_limits_are_off_only_where_the_scene_says_so() -> None:
     limits = scene_from_tables(SIMULATED).describe_motion_limits()
     assert limits is not None

@@ -215,8 +215,10 @@ def test_tables_of_a_hub_come_from_file_environment_and_flags(
     monkeypatch.setenv("MMT_SHARING__MOST", "0")
     with pytest.raises(InputError, match=r"environment variable MMT_SHARING__MOST: sharing\.most"):
         load_hub_scene(None, {})
-    file.write_text("[texture]\n")
     monkeypatch.delenv("MMT_SHARING__MOST")
+    with pytest.raises(InputError, match=r"^--port: sharing\.port is 70000"):
+        load_hub_scene(file, {"sharing.port": 70000}, {"sharing.port": "--port"})
+    file.write_text("[texture]\n")
     with pytest.raises(InputError, match="texture is not a key; allowed are hub, sharing, list"):
         load_hub_scene(file, {})
     load_scene("demo")  # which a hub's variables do not concern

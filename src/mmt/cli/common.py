@@ -33,6 +33,19 @@ ALL_ADDRESSES: Final = {"", "0.0.0.0", "::"}  # noqa: S104 - compared with, not 
 Force: TypeAlias = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
 """Without it no command replaces a file, see `mmt.core.existing_files`."""
 
+OPTIONS: Final = {
+    "session.duration_s": "--duration",
+    "link.port": "--port",
+    "rendering.model": "--model",
+    "replay.speed": "--speed",
+    "listening.url": "URL",
+    "listening.name": "--name",
+    "hub.redis": "--redis",
+    "hub.address": "--address",
+    "sharing.port": "--port",
+}
+"""The option, or argument, by which a command takes a key of a scene: what messages call it."""
+
 _KEPT: Final = "\n\t"
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from mmt.cli.common import (
+    OPTIONS,
     messages,
     noting,
     output,
@@ -58,7 +59,9 @@ def run_demo(
     wanted = directory / "session.mcap"
     recording = wanted if force else free_path(wanted)
     overrides: dict[str, Any] = {"session.duration_s": duration_s}
-    scene = load_scene(scene_file, overrides, replay=replay, monitor=monitor, share=share)
+    scene = load_scene(
+        scene_file, overrides, replay=replay, monitor=monitor, share=share, options=OPTIONS
+    )
     if scene.link is not None:
         scene = load_scene(
             scene_file,
@@ -68,6 +71,7 @@ def run_demo(
             force=force,
             monitor=monitor,
             share=share,
+            options=OPTIONS,
         )
     if scene.numerics:
         require("numba")

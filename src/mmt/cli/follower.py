@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from mmt.cli.common import run_app, write_line
+from mmt.cli.common import OPTIONS, run_app, write_line
 from mmt.cli.service import (
     JsonFile,
     JsonLines,
@@ -50,7 +50,8 @@ def follower(
     if speed is not None:
         if scene.replay is None:
             raise InputError("--speed is for a replay: give --replay FILE, or a scene of one")
-        scene = load_scene(scene_file, {"replay.speed": speed}, replay=replay)
+        overrides = {"replay.speed": speed}
+        scene = load_scene(scene_file, overrides, replay=replay, options=OPTIONS)
     options = ServiceOptions(json_file, json_lines, log, log_level, realtime, verbose)
     FollowerRun(scene, options, leader).run()
 

@@ -10,6 +10,7 @@ import psutil
 
 from mmt.cli.common import (
     ALL_ADDRESSES,
+    OPTIONS,
     messages,
     output,
     require_one_output,
@@ -51,7 +52,7 @@ def run_hub(
     """
     require("redis")
     require_one_output(json_file, json_lines=json_lines)
-    scene = load_hub_scene(scene_file, overrides)
+    scene = load_hub_scene(scene_file, overrides, OPTIONS)
     with Logs("hub", None, None):
         summary = asyncio.run(_run(scene, duration_s, json_lines=json_lines))
     if json_lines:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from mmt.cli.common import Force, messages, run_app, shared_at, write_line
+from mmt.cli.common import OPTIONS, Force, messages, run_app, shared_at, write_line
 from mmt.cli.service import (
     JsonFile,
     JsonLines,
@@ -93,6 +93,7 @@ def leader(
         monitor=monitor,
         share=share or control or page,
         control=control,
+        options=OPTIONS,
     )
     visitors: VisitorsPage | None = None
     if page and scene.sharing is not None:

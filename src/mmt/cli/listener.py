@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from mmt.cli.common import run_app
+from mmt.cli.common import OPTIONS, run_app
 from mmt.cli.leader import LeaderRun
 from mmt.cli.service import (
     JsonFile,
@@ -47,7 +47,7 @@ def listen(
 ) -> None:
     """Feel the surface that a leader shares: its model, rendered here from this hand's motion."""
     overrides = {"listening.url": url, "listening.name": name, "session.duration_s": duration}
-    scene = load_scene(scene_file, overrides, operate=control)
+    scene = load_scene(scene_file, overrides, operate=control, options=OPTIONS)
     if scene.link is not None:
         raise InputError("a listener has no follower: leave [link] out of the scene")
     from mmt.link.connection import check_url

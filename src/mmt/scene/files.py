@@ -2,7 +2,7 @@
 
 import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -42,6 +42,7 @@ def load_scene(
     share: bool = False,
     control: bool = False,
     operate: bool = False,
+    options: Mapping[str, str] | None = None,
 ) -> Scene:
     """Read and validate a scene; the environment, then `overrides`, take precedence.
 
@@ -69,6 +70,8 @@ def load_scene(
         Whether control may be handed to a listener, also where the scene does not say so.
     operate
         Whether a listener asks for control, also where its scene does not say so.
+    options
+        What messages call an override, by ``"table.key"``, such as ``--port``.
 
     Raises
     ------
@@ -96,20 +99,21 @@ def load_scene(
     try:
         return Scene.model_validate(_resolved(tables, merged))
     except ValidationError as error:
-        added = set(variables) - set(flags)
-        origin = _origin(error, str(path), tables, added)
+        origin = _origin(error, str(path), tables, _named(variables, flags, options))
         raise InputError(f"{origin}: {explain_problems(error, Scene)}") from error
 
 
-def load_hub_scene(path: Path | None, overrides: Mapping[str, Any]) -> HubScene:
+def load_hub_scene(
+    path: Path | None, overrides: Mapping[str, Any], options: Mapping[str, str] | None = None
+) -> HubScene:
     """Read and validate the tables of a hub; the environment, then `overrides`, take precedence.
 
     Parameters
     ----------
     path
         A TOML file, None for the defaults.
-    overrides
-        Values by ``"table.key"``; a value of None changes nothing.
+    overrides, options
+        See `load_scene`.
 
     Raises
     ------
@@ -130,8 +134,7 @@ def load_hub_scene(path: Path | None, overrides: Mapping[str, Any]) -> HubScene:
     try:
         return HubScene.model_validate(_resolved(tables, {**variables, **flags}))
     except ValidationError as error:
-        added = set(variables) - set(flags)
-        origin = _origin(error, str(path or "mmt hub"), tables, added)
+        origin = _origin(error, str(path or "mmt hub"), tables, _named(variables, flags, options))
         raise InputError(f"{origin}: {explain_problems(error, HubScene)}") from error
 
 
@@ -164,20 +167,29 @@ def _change_parts(
             table["file"], table["existing"] = str(record), "refuse"
 
 
-def _origin(error: ValidationError, path: str, tables: Mapping[str, Any], keys: set[str]) -> str:
-    """Return what the problems come from: the file, or variables of the environment.
+def _named(
+    variables: Iterable[str], flags: Iterable[str], options: Mapping[str, str] | None
+) -> dict[str, str]:
+    """Return what a message calls each override, by ``table.key``."""
+    names = {
+        key: f"environment variable {ENVIRONMENT_PREFIX}{key.replace('.', '__').upper()}"
+        for key in variables
+    }
+    return names | {key: (options or {}).get(key, "overrides") for key in flags}
 
-    `tables` are those of the file, `keys` what the environment gave, as ``table.key``.
-    """
+
+def _origin(
+    error: ValidationError, path: str, tables: Mapping[str, Any], names: Mapping[str, str]
+) -> str:
+    """Return what the problems come from: the file with these tables, or overrides by name."""
     found: set[str] = set()
     for problem in error.errors():
         place = ".".join(map(str, problem["loc"][:2]))
-        whole = problem["loc"] and problem["loc"][0] not in tables  # a table of the environment
-        given = {key for key in keys if whole and key.startswith(f"{problem['loc'][0]}.")}
-        given |= keys & {place}
-        found |= {f"{ENVIRONMENT_PREFIX}{key.replace('.', '__').upper()}" for key in given} or {""}
-    variables = [f"environment variable {name}" for name in sorted(found - {""})]
-    return " and ".join([path] * ("" in found) + variables)
+        whole = problem["loc"] and problem["loc"][0] not in tables
+        added = {key for key in names if whole and key.startswith(f"{problem['loc'][0]}.")}
+        given = names.keys() & {place} or added
+        found |= {names[key] for key in given} or {""}
+    return " and ".join([path] * ("" in found) + sorted(found - {""}))
 
 
 def example_scenes() -> dict[str, Path]:
