@@ -308,6 +308,8 @@ def test_what_is_not_connected_is_lost_and_what_is_not_installed_is_told(lab: La
             options = {} if driver == "virtual-ur" else {"host": lab.controller.host}
             with pytest.raises(InputError, match=r"need ur-rtde, which is not installed.*\[ur\]"):
                 load_device(driver, options)
+    with pytest.raises(InputError, match=r"^virtual-ur: device 'ur': foo is not a key; allowed"):
+        load_device("virtual-ur", {"foo": 1})
 
 
 def test_frames_cease_in_a_protective_stop_and_go_on_after_it(lab: Lab) -> None:

@@ -142,6 +142,26 @@ def test_a_follower_on_devices_imports_neither_scipy_nor_numba() -> None:
     assert ran.stdout.strip() == b"[]"
 
 
+@pytest.mark.parametrize(
+    ("name", "driver"),
+    [
+        ("virtual-net-ft", "ati-net-ft"),
+        ("virtual-bota", "bota-serial"),
+        ("virtual-adxl335", "adxl335-serial"),
+        ("virtual-handle-adxl335", "adxl335-serial"),
+        ("virtual-iio", "iio-accelerometer"),
+        ("virtual-haptuator", "haptuator-serial"),
+        ("virtual-inverse3", "inverse3"),
+    ],
+)
+def test_a_wrong_option_is_told_before_the_lab_starts(name: str, driver: str) -> None:
+    message = f"^{name}: device '{driver}': foo is not a key; allowed are "
+    with pytest.raises(InputError, match=message):
+        load_device(name, {"foo": 1, "seed": 3})
+    level = {"volts_per_m_s2": 0.1} if driver == "haptuator-serial" else {}
+    load_device(name, {"seed": 3, **level}).close()
+
+
 def test_further_sensors_of_the_lab_measure_the_same_world() -> None:
     robot = load_device("virtual-robot", {"surface": "wood"})
     force = load_device("virtual-bota", {"sinc_length": 64})

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, Final
 from pydantic import BaseModel, ConfigDict, Field
 
 from mmt.core.arrays import FloatArray
-from mmt.core.errors import DeviceLost
-from mmt.devices.drivers import load_device, read_options
+from mmt.core.errors import DeviceLost, InputError
+from mmt.devices.drivers import Role, load_device, read_options
 from mmt.devices.protocols import (
     ActuatorStatistics,
     SampledSensor,
@@ -55,6 +55,22 @@ class HandleLabOptions(BaseModel):
 LAB: Final = LabProcess("mmt.testing.emulated.lab")
 """The world and what measures it; the handle's lab is another one."""
 _HANDLE_LAB: Final = LabProcess("mmt.testing.emulated.handle_lab")
+
+
+def check_options(
+    name: str, driver: str, options: Mapping[str, Any], role: Role | None = None
+) -> None:
+    """Make the real driver, at any address, so that a wrong option is told before the lab starts.
+
+    Raises
+    ------
+    InputError
+        An option is not allowed; the message begins with `name`, as a scene calls the device.
+    """
+    try:
+        load_device(driver, options, role=role)
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from error
 
 
 class VirtualRobot:
@@ -110,6 +126,13 @@ class VirtualSensor:
         Options of the driver; those of the lab are removed from them.
     lab, lab_options
         Its process, and what that takes.
+    **needed
+        Options without which the driver cannot be made, any values: the lab gives them.
+
+    Raises
+    ------
+    InputError
+        An option is not allowed.
     """
 
     def __init__(
@@ -120,12 +143,14 @@ class VirtualSensor:
         options: Mapping[str, Any],
         lab: LabProcess = LAB,
         lab_options: type[LabOptions | HandleLabOptions] = LabOptions,
+        **needed: str,
     ) -> None:
         lab_keys = set(lab_options.model_fields)
         own = {key: value for key, value in options.items() if key in lab_keys}
         self._lab = lab
         self._lab_options = read_options(lab_options, name, own)
         self._options = {key: value for key, value in options.items() if key not in lab_keys}
+        check_options(name, driver, {**needed, **self._options})
         self._driver, self._address = driver, address
         self._device: SampledSensor | None = None
         self._connected_to: dict[str, Any] = {}
@@ -183,14 +208,14 @@ class VirtualAdxl335(VirtualSensor):
     """The accelerometer of the virtual lab; it takes those of ``adxl335-serial`` too."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__("virtual-adxl335", "adxl335-serial", "adxl335", options)
+        super().__init__("virtual-adxl335", "adxl335-serial", "adxl335", options, port="lab")
 
 
 class VirtualBota(VirtualSensor):
     """Another force sensor of the virtual lab; it takes the options of ``bota-serial`` too."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__("virtual-bota", "bota-serial", "bota", options)
+        super().__init__("virtual-bota", "bota-serial", "bota", options, port="lab")
 
 
 class VirtualIio(VirtualSensor):
@@ -205,7 +230,8 @@ class VirtualHandleAdxl335(VirtualSensor):
 
     def __init__(self, **options: Any) -> None:
         name = "virtual-handle-adxl335"
-        super().__init__(name, "adxl335-serial", "adxl335", options, _HANDLE_LAB, HandleLabOptions)
+        lab = (_HANDLE_LAB, HandleLabOptions)
+        super().__init__(name, "adxl335-serial", "adxl335", options, *lab, port="lab")
 
 
 class VirtualHaptuator:
@@ -221,6 +247,8 @@ class VirtualHaptuator:
         own = {key: options.pop(key) for key in HandleLabOptions.model_fields if key in options}
         self._lab_options = read_options(HandleLabOptions, "virtual-haptuator", own)
         self._options = options
+        needed = {"port": "lab", "full_scale_v": 1.0}
+        check_options("virtual-haptuator", "haptuator-serial", {**needed, **options})
         self._device: SerialHaptuator | None = None
 
     def connect(self) -> None:

@@ -8,7 +8,7 @@ from mmt.devices.drivers import Role, load_device, read_options
 from mmt.devices.haply.handle import Inverse3Handle
 from mmt.devices.haply.robot import Inverse3Robot
 from mmt.devices.protocols import InterfaceState, Vector
-from mmt.testing.emulated.drivers import HandleLabOptions
+from mmt.testing.emulated.drivers import HandleLabOptions, check_options
 from mmt.testing.emulated.lab_process import LabProcess
 
 AnyDriver = TypeVar("AnyDriver", Inverse3Handle, Inverse3Robot)
@@ -36,7 +36,7 @@ class VirtualInverse3(Generic[AnyDriver]):
         self._lab = _LABS[role]
         self._lab_options = read_options(HandleLabOptions, "virtual-inverse3", own)
         self._options = {key: value for key, value in options.items() if key not in lab_keys}
-        load_device("inverse3", self._options, role=role)  # so that a mistake is told at once
+        check_options("virtual-inverse3", "inverse3", self._options, role)
         self._device: AnyDriver | None = None
         self._connected_to: dict[str, Any] = {}
 

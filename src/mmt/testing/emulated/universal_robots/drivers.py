@@ -9,7 +9,7 @@ from mmt.devices.drivers import Role, load_device, read_options
 from mmt.devices.protocols import Vector
 from mmt.devices.universal_robots.force import UrForceSensor
 from mmt.devices.universal_robots.robot import UrRobot
-from mmt.testing.emulated.drivers import LAB, LabOptions
+from mmt.testing.emulated.drivers import LAB, LabOptions, check_options
 
 AnyDriver = TypeVar("AnyDriver", UrRobot, UrForceSensor)
 
@@ -32,6 +32,7 @@ class _VirtualUr(Generic[AnyDriver]):
         self._lab_options = read_options(LabOptions, "virtual-ur", own)
         self._options = {key: value for key, value in options.items() if key not in own}
         require("rtde_control")  # before a lab is begun in vain
+        check_options("virtual-ur", "ur", {"host": "lab", **self._options}, role)
         self._role: Role = role
         self._keys = keys
         self._device: AnyDriver | None = None
