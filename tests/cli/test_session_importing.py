@@ -46,6 +46,17 @@ def test_the_proposed_command_imports_the_file(tmp_path, monkeypatch, name):
     np.testing.assert_allclose(frames["acceleration_m_s2"][:, 2], ACCELERATION_M_S2, atol=1e-3)
 
 
+@pytest.mark.parametrize(("unit", "in_unit"), [("g", 9.80665), ("mg", 9.80665e-3), (None, 1.0)])
+def test_the_proposed_command_has_the_unit_that_is_asked_about(tmp_path, unit, in_unit):
+    values = [TIME_S, *POSITION_MM.T, FORCE_N, ACCELERATION_M_S2 / in_unit]
+    rows = [",".join(f"{value:.6f}" for value in row) for row in np.column_stack(values)]
+    (tmp_path / "a.csv").write_text("t,x,y,Fz,az\n" + "\n".join(rows))
+    told = run("inspect", str(tmp_path / "a.csv"))
+    command = told.stdout.splitlines()[-1]
+    assert ("is it in" in told.output) == ("--unit" in command) == bool(unit)
+    assert unit is None or command.endswith(f"--unit acceleration={unit}")
+
+
 def test_a_file_of_which_nothing_is_known_is_listed(tmp_path):
     (tmp_path / "odd.csv").write_text("alpha,beta\n1,2\n2,3\n")
     told = run("inspect", str(tmp_path / "odd.csv"))

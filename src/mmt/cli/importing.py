@@ -56,6 +56,7 @@ def inspect_file(source: SourceFile) -> None:
         messages.print(f"as proposed it cannot be imported: {error}", highlight=False)
     else:
         print_report(source.name, report)
+        proposal = proposal.weighed(report)
     output.print("proposed:", highlight=False)
     output.print(proposal.command(source), highlight=False, soft_wrap=True)
 

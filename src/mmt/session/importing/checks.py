@@ -196,10 +196,8 @@ def _of_acceleration(
     mean = float(np.linalg.norm(np.mean(acceleration_m_s2, axis=0)))
     spread = float(np.sqrt(np.sum(np.var(acceleration_m_s2, axis=0))))
     about = f"acceleration: its mean is {mean:.3g} m/s2 long; gravity is 9.81, and none is 0"
-    if 0.8 < mean < 1.2:
-        sentences.append(f"{about}: {_other_unit('acceleration', 'g', options)}")
-    elif 800.0 < mean < 1200.0:
-        sentences.append(f"{about}: {_other_unit('acceleration', 'mg', options)}")
+    if unit := unit_by_gravity(mean):
+        sentences.append(f"{about}: {_other_unit('acceleration', unit, options)}")
     elif mean > 2.0 and not 0.8 < mean / _GRAVITY_M_S2 < 1.2:
         sentences.append(
             f"{about}: its offset or its scale is wrong; counts become m/s2 by a factor, as in "
@@ -214,6 +212,13 @@ def _of_acceleration(
             "texture is felt up to 500 Hz"
         )
     return sentences
+
+
+def unit_by_gravity(mean_m_s2: float) -> str | None:
+    """Return the unit in which a mean of this length, read as m/s2, is gravity; None for none."""
+    if 0.8 < mean_m_s2 < 1.2:
+        return "g"
+    return "mg" if 800.0 < mean_m_s2 < 1200.0 else None
 
 
 def _other_unit(quantity: str, unit: str, options: ImportOptions) -> str:

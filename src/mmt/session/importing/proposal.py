@@ -3,13 +3,14 @@
 import re
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from mmt.core.frames import CHANNELS
+from mmt.session.importing.checks import ImportReport, unit_by_gravity
 from mmt.session.importing.columns import (
     MESSAGE_PARTS,
     STANDARD_NAMES,
@@ -40,6 +41,15 @@ class Proposal:
     """What the names say of them."""
     lacking: tuple[str, ...]
     """Targets for which no column was found: "time" or channels."""
+
+    def weighed(self, report: ImportReport) -> "Proposal":
+        """Return it with the unit of acceleration that a report of it asks about by gravity."""
+        means = [each.mean for each in report.channels if each.channel == "acceleration"]
+        unit = unit_by_gravity(float(np.linalg.norm(means)))
+        if unit is None or "acceleration" in self.options.units:
+            return self
+        units = {**self.options.units, "acceleration": unit}
+        return replace(self, options=replace(self.options, units=units))
 
     def command(self, path: Path) -> str:
         """Return the command that imports the file by these options."""
