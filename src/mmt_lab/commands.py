@@ -19,7 +19,7 @@ from mmt_lab.harness.command import (
     run,
 )
 from mmt_lab.harness.experiment import listed, load
-from mmt_lab.stability.families import family_names
+from mmt_lab.stability.families import Families
 
 lab = typer.Typer(
     cls=Laboratory, add_completion=False, help="Run an experiment; without a name, list them."
@@ -39,7 +39,10 @@ def _lab(context: typer.Context) -> None:
 def _bench(
     what: Annotated[
         list[str] | None,
-        typer.Argument(metavar=" ".join(f"[{each.name}]" for each in listed("bench"))),
+        typer.Argument(
+            metavar="STAGE",
+            help=f"{', '.join(each.name for each in listed('bench'))}; all if none is named.",
+        ),
     ] = None,
     duration: Annotated[
         float, typer.Option(help="Seconds for each measurement of link and services.")
@@ -66,10 +69,7 @@ def _bench(
 
 @stability.command("stability")
 def _stability(
-    families: Annotated[
-        list[str] | None,
-        typer.Argument(metavar=" ".join(f"[{name}]" for name in family_names())),
-    ] = None,
+    families: Families = None,
     json_file: JsonFile = None,
     report: ReportFolder = None,
 ) -> None:

@@ -134,6 +134,7 @@ CASES = [
     ("mmt model build whole.mcap x.pdf", "the name of a model file must end in .npz"),
     ("mmt model build cut.mcap x.npz", CUT_OFF),
     ("mmt bench nothing", "bench nothing: allowed are burg, conceal"),
+    ("mmt lab nothing", "lab nothing: allowed are "),
     ("mmt burn", "No such command 'burn'"),
     ("mmt", "Usage: mmt"),
 ]
@@ -235,6 +236,28 @@ def test_every_command_has_help(
     assert (code, stderr) == (0, "")
     assert f"Usage: {command}" in stdout
     assert "\\[" not in stdout, "markup that was not resolved"
+
+
+@pytest.mark.parametrize(
+    ("command", "usage", "names"),
+    [
+        ("mmt bench", "[OPTIONS] [STAGE]...", "burg, conceal, contact"),
+        ("mmt stability", "[OPTIONS] [FAMILY]...", "loop, lsf, model"),
+        ("mmt lab stability", "[OPTIONS] [FAMILY]...", "loop, lsf, model"),
+    ],
+)
+def test_help_lists_what_can_be_named(
+    command: str,
+    usage: str,
+    names: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    stdout = run(f"{command} --help", monkeypatch, capsys)[1]
+    words = " ".join(stdout.replace("│", " ").split())
+    assert f"Usage: {command} {usage} " in words
+    assert names in words
+    assert "; all if none is named." in words
 
 
 def test_help_keeps_the_names_of_tables(

@@ -5,9 +5,7 @@ The cases come in families. A family is a module of `mmt_lab.stability.families`
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Annotated, Any, Final
-
-import typer
+from typing import Any, Final
 
 from mmt.core.errors import InputError
 from mmt.evaluation.document import Block, Heading, Table
@@ -16,14 +14,9 @@ from mmt_lab.harness.experiment import Experiment
 from mmt_lab.harness.findings import Findings
 from mmt_lab.harness.processes import counting
 from mmt_lab.stability.cases import Family, Row, broken, run_case
-from mmt_lab.stability.families import family_names, load_family
+from mmt_lab.stability.families import Families, family_names, load_family
 
 COLUMNS: Final = ("case", "expected", "got", "held")
-
-
-Families = Annotated[
-    list[str] | None, typer.Argument(metavar=" ".join(f"[{name}]" for name in family_names()))
-]
 
 
 def run(families: Families = None) -> Findings:

@@ -11,6 +11,7 @@ from rich.table import Table
 from typer.core import TyperGroup
 
 from mmt.cli.common import json_option, messages, output, print_error, write_json
+from mmt.core.errors import InputError
 from mmt_lab.harness.experiment import Experiment, listed, load
 from mmt_lab.harness.findings import Findings
 
@@ -29,9 +30,10 @@ class Laboratory(TyperGroup):
         return [one.name for one in listed()]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Return an experiment as a command, None where there is none of that name."""
-        if cmd_name not in self.list_commands(ctx):
-            return None
+        """Return an experiment as a command; raises `InputError` where none has that name."""
+        names = self.list_commands(ctx)
+        if cmd_name not in names:
+            raise InputError(f"lab {cmd_name}: allowed are {', '.join(names)}")
         return command(cmd_name, load(cmd_name))
 
     def format_help(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002 - as Typer calls it
