@@ -93,6 +93,9 @@ def test_the_command_line_knows_the_names(tmp_path):
     listed = json.loads((tmp_path / "all.json").read_text())
     assert set(listed) == set(ISOTROPIC)
     assert listed["felt"]["inputs"] == "isotropic"
+    for name, figures in listed.items():
+        row = r"[^\w\n]+".join([name, *map(str, figures.values())])
+        assert re.search(row, result.output), "one row a model"
     result = CliRunner().invoke(app, ["model", "info", "oak", "--json", str(tmp_path / "o.json")])
     assert result.exit_code == 0, result.output
     assert json.loads((tmp_path / "o.json").read_text())["samples"] == listed["oak"]["samples"]

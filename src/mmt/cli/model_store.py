@@ -11,7 +11,6 @@ from mmt.cli.common import (
     json_option,
     messages,
     output,
-    summary_table,
     write_json,
 )
 from mmt.cli.models import SUFFIX
@@ -44,6 +43,7 @@ def list_models(
         _list_store(store, json_file)
         return
     figures = {}
+    table = Table("name", "inputs", "samples", "order", "bytes")
     for name, path in shipped_models().items():
         samples = unpack(path.read_bytes()).samples
         figures[name] = {
@@ -52,7 +52,8 @@ def list_models(
             "order": int(samples.lsf.shape[1]),
             "file_bytes": path.stat().st_size,
         }
-    output.print(summary_table("shipped models", figures))
+        table.add_row(name, *map(str, figures[name].values()))
+    output.print(table)
     write_json(json_file, figures)
 
 
