@@ -103,7 +103,9 @@ def test_the_list_needs_no_numerics() -> None:
 def test_an_unknown_experiment_is_explained() -> None:
     with pytest.raises(InputError, match=r"allowed are .*felt"):
         load("nothing")
-    assert CliRunner().invoke(app, ["lab", "nothing"]).exit_code == 2
+    told = CliRunner().invoke(app, ["lab", "nothing"]).exception
+    assert isinstance(told, InputError)
+    assert "lab nothing: allowed are burg, compare" in str(told)
 
 
 def test_textures_are_names_between_commas() -> None:
