@@ -17,20 +17,16 @@ from mmt.core.process import ask_for_short_turns
 
 SLOWEST_FIRST = (
     "test_first_start.py",
-    "test_stability_services.py",
-    "test_lean_scenes.py",
-    "test_inverse3.py",
     "test_service_interruption.py",
-    "test_demo_shared.py",
-    "test_monitor_page.py",
-    "test_generator_services.py",
+    "test_stability_services.py",
+    "test_sharing_services.py",
     "test_service_processes.py",
     "test_hubs.py",
     "test_control_services.py",
-    "test_sharing_services.py",
-    "test_compare_generators.py",
     "test_service_soak.py",
-    "test_lean_installs.py",
+    "test_demo_shared.py",
+    "test_monitor_page.py",
+    "test_lean_scenes.py",
     "test_player_page.py",
     "test_report_pages.py",
     "test_backfill.py",
@@ -41,8 +37,7 @@ SLOWEST_FIRST = (
     "test_service_namespaces.py",
     "test_surface_evaluation.py",
     "test_device_bench.py",
-    "test_recording_page.py",
-    "test_bench_stages.py",
+    "test_compare_generators.py",
     "test_sweep.py",
     "test_altered_surface.py",
     "test_fuzz_leader.py",
@@ -52,9 +47,6 @@ SLOWEST_FIRST = (
 
 Those that wait for clocks alternate with those that compute.
 """
-
-# No test trusts the system's certificates, which every process with an HTTP client would read.
-os.environ.setdefault("SSL_CERT_FILE", os.devnull)
 
 SWITCH_INTERVAL_S = sys.getswitchinterval()
 
