@@ -2,6 +2,7 @@
 
 import json
 import signal
+import socket
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,12 @@ def share(directory: Path, duration_s: float, **variables: str) -> Service:
 
 def listen(directory: Path, url: str, *arguments: object, **variables: str) -> Service:
     return Service("listener", url, "--json-lines", *arguments, cwd=directory, **variables)
+
+
+def nobody_listens(port: int) -> bool:
+    """Whether a port of this machine is free to be listened on."""
+    with socket.socket() as client:
+        return client.connect_ex(("127.0.0.1", port)) != 0
 
 
 def shared_at(leader: Service) -> str:
@@ -94,6 +101,7 @@ def test_a_leader_that_returns_is_followed(tmp_path: Path) -> None:
             leader.signal(signal.SIGKILL)
             listener.wait_for(lambda: any("cut off" in e for e in listener.events()))
             port = url.rpartition(":")[2]
+            listener.wait_for(lambda: nobody_listens(int(port)))  # it is closed after the lines
             with Service(
                 *("leader", SCENE, "--share", "--json-lines", "--port", 0),
                 cwd=tmp_path,
