@@ -17,7 +17,8 @@ from mmt.core.errors import MmtError
 
 @pytest.fixture(autouse=True)
 def usual_handler() -> Iterator[None]:
-    usual = signal.getsignal(signal.SIGINT)
+    # a shell lets what it starts in the background ignore Ctrl-C
+    usual = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, usual)
 
