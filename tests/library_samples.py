@@ -4,7 +4,12 @@ from pathlib import Path
 
 import numpy as np
 
-from mmt.texture.autoregression.forms import lsf_to_ar, lsf_to_reflection, output_power
+from mmt.texture.autoregression.forms import (
+    lsf_to_ar,
+    lsf_to_reflection,
+    output_power,
+    reflection_to_lsf,
+)
 from mmt.texture.model.inputs import ANISOTROPIC, ISOTROPIC, InputSpace
 from mmt.texture.model.texture_model import TextureModel, TextureSamples
 
@@ -24,6 +29,22 @@ def model(
     power = output_power(variance, lsf_to_reflection(lsf))
     samples = TextureSamples(inputs, lsf, variance, power, space)
     return TextureModel(samples, interpolate="variance", rate_hz=rate_hz)
+
+
+def stiff(seed: int, interpolate: str = "power", scale: float = 1.0) -> TextureModel:
+    """Return a model with poles at the unit circle; each sample's order of them is another."""
+    generator = np.random.default_rng(seed)
+    poles = np.array([0.9999999, -0.9999999, 0.99, -0.99, 0.9, -0.9, 0.5, 0.1])
+    reflection = np.array([generator.permutation(poles) for _ in range(20)])
+    variance = scale * generator.uniform(0.0, 5.0, 20)
+    samples = TextureSamples.isotropic(
+        generator.uniform(10, 300, 20),
+        generator.uniform(0.1, 3, 20),
+        reflection_to_lsf(reflection),
+        variance,
+        output_power(variance, reflection),
+    )
+    return TextureModel(samples, interpolate=interpolate)  # type: ignore[arg-type]
 
 
 def directed(seed: int = 0) -> TextureModel:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from library_samples import stiff
 from scipy.signal import welch
 
 from mmt.core.errors import InputError
@@ -275,18 +276,8 @@ def test_without_a_model_it_is_silent() -> None:
 
 
 def test_bounded_while_filters_and_models_are_swapped() -> None:
-    stiff = np.array([0.9999, -0.9999, 0.99, -0.99, 0.9, -0.9, 0.5, 0.1])
     generator = np.random.default_rng(9)
-    reflection = np.array([generator.permutation(stiff) for _ in range(40)])
-    variance = generator.uniform(0, 5, 40)
-    samples = TextureSamples.isotropic(
-        generator.uniform(10, 300, 40),
-        generator.uniform(0.1, 3, 40),
-        reflection_to_lsf(reflection),
-        variance,
-        output_power(variance, reflection),
-    )
-    models = [TextureModel(samples), TextureModel(scattered(9, order=3))]
+    models = [stiff(9), TextureModel(scattered(9, order=3))]
     synthesizer = Synthesizer(models[0], seed=2, limit_m_s2=40.0)
     for block in range(200):
         synthesizer.model = models[block % 2]

@@ -6,32 +6,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from library_samples import directed, model
+from library_samples import directed, model, stiff
 
 from mmt.rendering import open_textures, render, touch
-from mmt.texture.autoregression.forms import output_power, reflection_to_lsf
-from mmt.texture.model.texture_model import LEVELS, TextureModel, TextureSamples
+from mmt.texture.model.texture_model import LEVELS, TextureModel
 from mmt.texture.synthesis.generation import Generator, estimate
 from mmt.texture.synthesis.synthesizer import Synthesizer
 from mmt.texture.synthesis.update_fade import MixedModel, UpdateFade, can_be_mixed
 
 FREQUENCIES_HZ = np.linspace(1.0, 499.0, 200)
-
-
-def stiff(seed: int, interpolate: str = "power", scale: float = 1.0) -> TextureModel:
-    """Return a model with poles at the unit circle; each sample's order of them is another."""
-    generator = np.random.default_rng(seed)
-    poles = np.array([0.9999999, -0.9999999, 0.99, -0.99, 0.9, -0.9, 0.5, 0.1])
-    reflection = np.array([generator.permutation(poles) for _ in range(20)])
-    variance = scale * generator.uniform(0.0, 5.0, 20)
-    samples = TextureSamples.isotropic(
-        generator.uniform(10, 300, 20),
-        generator.uniform(0.1, 3, 20),
-        reflection_to_lsf(reflection),
-        variance,
-        output_power(variance, reflection),
-    )
-    return TextureModel(samples, interpolate=interpolate)  # type: ignore[arg-type]
 
 
 def test_a_state_is_faded_in_over_the_time_that_the_last_was_in_use() -> None:
