@@ -47,6 +47,8 @@ LOG: Final = logging.getLogger("mmt.sharing")
 _MESSAGES_HZ: Final = 50.0
 """500 messages a second may come, and 1 MB: more than any leader sends."""
 ANSWER_PERIOD_S: Final = 1.0
+STATES_HZ: Final = 1.0
+"""As many states of the hand as are answered, by which the leader knows how far behind this is."""
 
 
 class SharedState(NamedTuple):
@@ -74,8 +76,8 @@ class ListenerClient:
     on_message
         Called with the event and the argument of each message that was taken.
     states_hz
-        How many states of the hand are wanted in a second at most, None for all, 20. One is enough
-        for the leader to know how far this listener is behind; a picture needs more.
+        How many states of the hand are wanted in a second at most, None for all, which a picture
+        needs.
 
     Raises
     ------
@@ -92,7 +94,7 @@ class ListenerClient:
         on_event: Callable[[str], None] = lambda _: None,
         operator: "OperatorClient | None" = None,
         on_message: Callable[[str, Any], None] = lambda _, __: None,
-        states_hz: float | None = 1.0,
+        states_hz: float | None = STATES_HZ,
     ) -> None:
         self.replica = ModelReplica()
         self.session: dict[str, Any] = {}

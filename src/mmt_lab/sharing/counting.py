@@ -17,6 +17,7 @@ import numpy as np
 
 from mmt.core.errors import InputError
 from mmt.link.access import Access
+from mmt.link.rate_limit import PeriodLimit
 from mmt.scene.sharing_tables import Listening
 from mmt.sharing.client import ANSWER_PERIOD_S
 from mmt.sharing.lag import FIRST_ANSWERS, Have
@@ -126,7 +127,7 @@ class Counter:
         """When its first model was there, by the monotonic clock, None before."""
         self._url, self._auth = url, auth
         self._asked = False
-        self._answers, self._answered_s = 0, 0.0
+        self._answers, self._answering = 0, PeriodLimit(ANSWER_PERIOD_S)
         self._socket = PlainSocket(self._hear, self._lose)
 
     async def join(self) -> None:
@@ -186,14 +187,21 @@ class Counter:
     def _answer(self, state: bytes) -> None:
         """Say what is here, as often as a listener does."""
         now_ns = time.monotonic_ns()
-        if self._answers < FIRST_ANSWERS or 1e-9 * now_ns - self._answered_s >= ANSWER_PERIOD_S:
-            self._answers, self._answered_s = self._answers + 1, 1e-9 * now_ns
+        if self._answers < FIRST_ANSWERS or self._answering.passes(1e-9 * now_ns):
+            self._answers += 1
             time_s = float(np.frombuffer(state, STATE_DTYPE)[0]["time_s"])
             self._socket.emit(HAVE, Have(self.replica.number, now_ns, time_s).pack())
 
 
-def auth_of(url: str) -> dict[str, Any]:
+def auth_of(url: str, states_hz: float | None = None) -> dict[str, Any]:
     """Return what a listener shows there: its hello, and the token where there is one.
+
+    Parameters
+    ----------
+    url
+        Where the model is shared.
+    states_hz
+        How many states of the hand it wants in a second at most, None for all.
 
     Raises
     ------
@@ -201,7 +209,7 @@ def auth_of(url: str) -> dict[str, Any]:
         The token in `TOKEN_VARIABLE` is too short.
     """
     token = Access.of(Listening(url=url), variable=TOKEN_VARIABLE).token
-    return Hello().as_auth() | ({} if token is None else {"token": token})
+    return Hello(states_hz=states_hz).as_auth() | ({} if token is None else {"token": token})
 
 
 async def count(url: str, listeners: int, longest_s: float) -> list[Count]:

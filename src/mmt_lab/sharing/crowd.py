@@ -20,7 +20,7 @@ from typing import Final
 from mmt.core.errors import MmtError
 from mmt.core.process import step_back
 from mmt.scene.sharing_tables import Listening
-from mmt.sharing.client import ListenerClient
+from mmt.sharing.client import STATES_HZ, ListenerClient
 from mmt_lab.sharing.counting import Counter, auth_of
 
 _BUILDERS: Final = 10
@@ -94,7 +94,7 @@ async def listen(url: str, after_s: float, ended: asyncio.Event, building: async
 
 async def _count(url: str, after_s: float, ended: asyncio.Event) -> Found:
     """Join after some seconds, and count what comes until the end."""
-    counter = Counter(url, auth_of(url))
+    counter = Counter(url, auth_of(url, STATES_HZ))
     await asyncio.sleep(after_s)
     begun_s = time.monotonic()
     await counter.join()

@@ -22,7 +22,7 @@ from mmt.core.arrays import FloatArray, RecordArray
 from mmt.evaluation.levels import BAND_EDGES_HZ, band_errors_db
 from mmt.scene import Network, Rendering
 from mmt.scene.sharing_tables import Listening
-from mmt.sharing.client import ListenerClient
+from mmt.sharing.client import STATES_HZ, ListenerClient
 from mmt.texture.model.texture_model import TextureModel
 from mmt.texture.synthesis.update_fade import MixedModel, UpdateFade
 from mmt_lab.sharing.distant import DistantProxy
@@ -130,7 +130,7 @@ class Ear:
             on_model=self._take,
             on_state=self._see,
             on_event=self._hear,
-            states_hz=None if keeps else 1.0,
+            states_hz=None if keeps else STATES_HZ,
         )
 
     async def models(self) -> dict[int, TextureModel]:
