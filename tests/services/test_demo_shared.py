@@ -15,8 +15,12 @@ from sharing_samples import LONGEST_S, shared, until
 
 from mmt.cli.visiting import VisitorsPage, qr_code
 
-SOON = {"MMT_SHARING__PORT": "0", "MMT_TEXTURE__METHOD": "published"}
-"""By the sum of distances a model is ready after 4 s, whatever the surface."""
+SOON = {
+    "MMT_SHARING__PORT": "0",
+    "MMT_TEXTURE__METHOD": "published",
+    "MMT_TEXTURE__START_DISTANCE": "30",
+}
+"""A model is ready with a few samples, whatever the surface, and also where load leaves few."""
 
 
 def page_of(service: Service) -> str:
